@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Optional
 
 LONGEST_STEP_S = 0.5
-"""Most that one step counts: in a longer gap, as while the machine stalls, nothing was seen, and nobody could act."""
+"""Largest step that counts, s: in a longer gap, such as a stall of the machine, nothing is seen and nobody can act."""
 
 
 class ElapsedTime:
     """Time that passed by the times of messages.
 
-    Messages of different topics come out of order, and those of a stale stream are old. Only a message that is later
-    than all before it lets time pass.
+    Messages of different topics arrive out of order, and those of a stale stream are old. Time advances only with a
+    message that is newer than all before it.
 
     Attributes:
-        passed_s: Time since the first message, s.
+        passed_s: Time since the first message, s, with every step cut to ``LONGEST_STEP_S``.
     """
 
     def __init__(self) -> None:

@@ -130,9 +130,3 @@ def check_seconds(name: str, value: Any, example: float) -> None:
     """
     if not isinstance(value, (int, float)) or not 0 < value < math.inf:
         raise CallError(f"{name} must be a positive time in seconds, e.g. {example:g}, got {value!r:.60}")
-
-
-def hint_for(endpoint: str) -> str:
-    """Return the question to ask where nobody answers at an endpoint."""
-    over_network = endpoint.startswith("tcp:")
-    return "Is slipd running, and are the keys right?" if over_network else "Is slipd running?"

@@ -6,10 +6,11 @@ import re
 import time
 from collections.abc import Sequence
 
-from slipd_client.errors import CallError, MessageError, Silence, check_seconds, hint_for
+from slipd_client.errors import CallError, MessageError, Silence, check_seconds
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.reader import read, typed_message
 from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
+from slipd_client.silence_hint import hint_for
 
 SILENCE_S = 3.0
 """The daemon publishes ``status`` once a second: after so long without a message it is gone or cut off."""

@@ -1,4 +1,4 @@
-"""What a program's output can show: whether it is a screen, its size, colours, and characters beyond ASCII."""
+"""Properties of an output stream: whether it is a screen, its size, colours, and characters beyond ASCII."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def size_of(stream: TextIO) -> os.terminal_size:
 def ascii_only(stream: TextIO) -> bool:
     """Return whether a stream can take ASCII only: it is not UTF-8, or the locale is not.
 
-    Where LANG is C or missing, Python itself sets LC_CTYPE to C.UTF-8; that says nothing of the terminal.
+    Where LANG is C or missing, Python itself sets LC_CTYPE to C.UTF-8, which does not describe the terminal.
     """
     if stream.encoding.lower().replace("-", "") != "utf8":
         return True

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import re
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.argument_types import Add, finite
 from slipd_client.fleet.fleet_arguments import add_bridge, add_fleet
 from slipd_client.friction_samples import MOST_SAMPLES
 from slipd_client.listen_address import add_listen
@@ -19,9 +19,6 @@ from slipd_client.messages.schema.ops import OPS
 from slipd_client.paths import publish_endpoint, requests_endpoint
 from slipd_client.ros2.ros2_arguments import add_ros2
 from slipd_client.viewers.viewers_arguments import add_viewers
-
-Add = Callable[[str, str], argparse.ArgumentParser]
-"""Adds a command, given its name and help text."""
 
 SAMPLES = 3
 PATIENCE_S = 60.0
@@ -270,12 +267,7 @@ def _type(field: Field) -> Callable[[str], str | float]:
         return str
 
     def number(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
-        if not math.isfinite(value):
-            raise argparse.ArgumentTypeError(f"must be finite, got {text}")
+        value = finite(text)
         if not field.allows(value):
             raise argparse.ArgumentTypeError(f"must be {field.number_range}, got {text}")
         return value

@@ -9,11 +9,12 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from slipd_client.errors import Silence, hint_for
+from slipd_client.errors import Silence
 from slipd_client.live_view import UNCUT, LiveView, change_line
 from slipd_client.live_view_format import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.output_terminal import ascii_only, is_screen, size_of, terminal_of
+from slipd_client.silence_hint import hint_for
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal_screen import TerminalScreen
 

@@ -1,7 +1,7 @@
 """``slipctl bridge``: the messages of this robot's daemon for its fleet, until interrupted.
 
-The daemon has two connections to the bridge: one for warnings alone, in a thread of their own, so that they neither
-wait for other messages nor are dropped in their place. No connection accepts requests.
+The bridge has two connections to the daemon. Warnings have one to themselves, which a thread of its own reads: other
+messages neither delay them nor push them out of a queue. Neither connection carries requests.
 """
 
 from __future__ import annotations
@@ -13,15 +13,17 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+import zenoh
 import zmq
 
-from slipd_client.errors import CallError, ConnectionClosed, hint_for
+from slipd_client.errors import CallError, ConnectionClosed
 from slipd_client.fleet.bridge_publisher import BridgePublisher
 from slipd_client.fleet.topic_limit import TopicLimit
 from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.paths import publish_endpoint
+from slipd_client.silence_hint import hint_for
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -30,16 +32,16 @@ SILENCE_S = 1.5
 """Time without a message after which the fleet learns that the daemon is silent, s: 1.5 periods of ``status``."""
 
 WAKE_S = 0.2
-"""How often the thread of the warnings looks whether to end."""
+"""Longest time until the thread of the warnings notices the end, s."""
 
 END_S = 1.0
-"""How long a warning that waits for the network may hold up the end."""
+"""Longest wait at the end for a warning that the network has not accepted yet, s."""
 
 WARNINGS_QUEUED = 10_000
 """Warnings that wait in this process while the network is congested."""
 
 MOST_TAKEN = 1000
-"""Messages that one look at the daemon's other topics takes; only the newest of each topic goes on."""
+"""Most messages of the other topics that are read at once; only the newest of each topic is published."""
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
@@ -48,6 +50,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     Raises:
         CallError: An endpoint is wrong, or Zenoh cannot start.
     """
+    zenoh.try_init_log_from_env()  # RUST_LOG=zenoh=warn: why a router turns this bridge away
     endpoint = publish_endpoint() if chosen.publish is None else chosen.publish
     reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
     config = configuration(reach, "peer")
@@ -66,7 +69,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
 
 
 class Bridge:
-    """Takes messages of the daemon from two connections, and publishes them.
+    """Publishes the messages that arrive over two connections to the daemon.
 
     Args:
         warnings: Connection for warnings.
@@ -111,7 +114,7 @@ class Bridge:
                     for each in (frames, *self._others.newest(MOST_TAKEN)):
                         self._forward(each, now_s)
                 for topic, payload in self._limit.due(now_s):
-                    self._publisher.put(topic, payload)
+                    self._put(topic, payload)
                 if now_s - heard_s >= SILENCE_S and not self._silent:
                     self._report_silence()
         finally:
@@ -123,10 +126,15 @@ class Bridge:
     def _forward(self, frames: list[bytes], now_s: float) -> None:
         """Publish a message of any topic but ``warning``, unless its topic comes too often."""
         topic = frames[0].decode("ascii", "replace")
-        if len(frames) != 2 or topic == WARNING_TOPIC or not self._limit.passes(topic, frames[1], now_s):
+        if len(frames) != 2 or topic == WARNING_TOPIC:
             return
+        if self._limit.passes(topic, frames[1], now_s):
+            self._put(topic, frames[1])
+
+    def _put(self, topic: str, payload: bytes) -> None:
+        """Publish a message, unless its topic does not fit into a key."""
         try:
-            self._publisher.put(topic, frames[1])
+            self._publisher.put(topic, payload)
         except CallError as error:
             if not self._refused:
                 print(f"slipctl: left out: {error}", file=sys.stderr, flush=True)

@@ -1,7 +1,7 @@
-"""Puts the messages of one robot into its fleet: a Zenoh publisher for each topic, and the robot's signs of life.
+"""Publishes the messages of one robot to its fleet: a Zenoh publisher for each topic, and the robot's signs of life.
 
-Warnings wait for a congested network, are kept for recovery, and go before all else. Messages of other topics are
-dropped where the network is congested; only the last one of each is kept. Payloads are the daemon's bytes, unchanged.
+Warnings have the highest priority, wait while the network is congested, and are kept for recovery. Messages of other
+topics are dropped then; only the last one of each is kept. Payloads are the daemon's bytes, unchanged.
 """
 
 from __future__ import annotations
@@ -64,11 +64,6 @@ class BridgePublisher:
             publisher.put(payload)
         except zenoh.ZError as error:
             raise ConnectionClosed(f"the Zenoh session was closed: {error}") from error
-
-    @property
-    def daemon_alive(self) -> bool:
-        """Whether the fleet is to know that the daemon publishes."""
-        return self._daemon is not None
 
     def set_daemon_alive(self, alive: bool) -> None:
         """Declare or take back the token of the daemon."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import math
+import re
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.argument_types import Add, rate_hz
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_keys import check_name
 from slipd_client.listen_address import DEFAULT_LISTEN, parse_listen
@@ -21,7 +21,8 @@ RATE_HZ = 10.0
 
 ENDPOINT = "tcp/10.0.0.1:7447"
 
-Add = Callable[[str, str], argparse.ArgumentParser]
+_ON_NETWORK = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[0-9A-Fa-f:.%]+\]|[^/:\[\]\s]+):(?P<port>\d{1,5})([?#]\S*)?")
+_ON_MACHINE = re.compile(r"unixsock-stream/\S+")
 
 
 def add_bridge(add: Add) -> None:
@@ -33,10 +34,10 @@ def add_bridge(add: Add) -> None:
     _add_reach(bridge, "accept connections there, instead of a router's")
     bridge.add_argument(
         "--rate",
-        type=_rate,
+        type=_rate_or_all,
         default=RATE_HZ,
         metavar="HZ",
-        help='most messages per second of each topic; those between are left out, warnings never; "all" for no bound '
+        help='most messages per second of each topic but warning, of which all are sent; "all" for no bound '
         "(default: %(default)g)",
     )
     bridge.add_argument(
@@ -71,13 +72,19 @@ def _add_reach(command: argparse.ArgumentParser, listening: str) -> None:
     )
     command.add_argument(
         "--connect",
+        type=_endpoint,
         action="append",
         default=[],
         metavar="ENDPOINT",
         help=f"connect to a Zenoh router there, e.g. {ENDPOINT}; may be repeated",
     )
     command.add_argument(
-        "--listen", action="append", default=[], metavar="ENDPOINT", help=f"{listening}, e.g. tcp/0.0.0.0:7447"
+        "--listen",
+        type=_endpoint,
+        action="append",
+        default=[],
+        metavar="ENDPOINT",
+        help=f"{listening}, e.g. tcp/0.0.0.0:7447",
     )
     command.add_argument(
         "--zenoh-config",
@@ -99,13 +106,21 @@ def _name(text: str) -> str:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _rate(text: str) -> float | None:
+def _endpoint(text: str) -> str:
+    """Return an endpoint of Zenoh, which itself waits for ever for one that can never be reached."""
+    found = _ON_NETWORK.fullmatch(text)
+    if not (found and int(found["port"]) <= 65535) and not _ON_MACHINE.fullmatch(text):
+        raise argparse.ArgumentTypeError(
+            f"must be like {ENDPOINT}, with one of tcp, udp, tls, quic and ws, or like unixsock-stream/PATH, "
+            f"got {text!r:.80}"
+        )
+    return text
+
+
+def _rate_or_all(text: str) -> float | None:
     if text == "all":
         return None
     try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f'must be a number or "all", got {text!r:.80}') from None
-    if not (math.isfinite(value) and 0.001 <= value <= 1e6):
-        raise argparse.ArgumentTypeError(f"must be from 0.001 to 1e6 Hz, got {text}")
-    return value
+        return rate_hz(text)
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f'{error}; "all" sets no bound') from None

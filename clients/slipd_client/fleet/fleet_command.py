@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -21,7 +22,10 @@ from slipd_client.terminal_screen import TerminalScreen
 from slipd_client.terminal_text import spelled
 
 GATHER_S = 2.5
-"""How long ``--once`` gathers: every robot that answers at all has sent its last values, or a new ``status``."""
+"""How long ``--once`` gathers, s: by then every robot that can has sent its last values or a new ``status``."""
+
+ROUTER_S = 10.0
+"""How long ``--once`` waits for a router, s: a script must not hang."""
 
 REDRAW_S = 0.2
 LINE_S = 1.0
@@ -32,6 +36,7 @@ def run(chosen: argparse.Namespace) -> None:
 
     Raises:
         CallError: An argument is wrong, or Zenoh or the page cannot start.
+        ClientError: With ``--once``, there was no router for ``ROUTER_S``.
     """
     with _listening(chosen) as listener:
         if chosen.page is not None:
@@ -55,7 +60,8 @@ def run(chosen: argparse.Namespace) -> None:
 def _listening(chosen: argparse.Namespace) -> Iterator[FleetListener]:
     """Listen to the fleet while the block runs."""
     reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
-    with opened(configuration(reach, "router"), described(reach)) as session:
+    wait_s = ROUTER_S if chosen.once else math.inf
+    with opened(configuration(reach, "router"), described(reach), wait_s) as session:
         yield FleetListener(session, chosen.fleet)
 
 

@@ -1,4 +1,4 @@
-"""Names in a fleet: the key of every message and of every sign of life. Pure."""
+"""Keys of a fleet: those of every message and of every liveliness token. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hears a fleet over Zenoh: warnings, ``status`` and signs of life of every robot, put into a `FleetState`.
+"""Receives warnings, ``status`` and signs of life of a fleet over Zenoh, and updates a `FleetState` with them.
 
 What arrives waits in queues of Zenoh's own threads until it is taken. Callbacks into Python would each wait for the
 interpreter: a view that computes for a moment would hold up the network of a thousand robots.
@@ -17,10 +17,10 @@ from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.schema.topics import Message
 
 WARNINGS_QUEUED = 400_000
-"""Warnings that wait to be taken: the kept ones of two thousand robots. Beyond them the network has to wait."""
+"""Length of the queue of warnings: the kept ones of two thousand robots. While it is full, the network waits."""
 
 STATUSES_QUEUED = 20_000
-"""Messages ``status`` that wait, two of each of ten thousand robots. Beyond them the oldest are dropped."""
+"""Length of the queue of ``status``: two of each of ten thousand robots. When it is full, the oldest are dropped."""
 
 TOKENS_QUEUED = 100_000
 
@@ -31,15 +31,15 @@ POLL_S = 0.02
 class FleetListener:
     """Subscribes to a fleet.
 
-    Late joiners receive the last ``status`` and the kept warnings of every robot. A warning that was lost on the way is
-    asked for again.
+    A listener that joins late receives the last ``status`` and the kept warnings of every robot. It asks again for a
+    warning that was lost on the way.
 
     Args:
         session: Of Zenoh; it ends the subscriptions when it is closed.
         fleet: Name of the fleet.
 
     Attributes:
-        state: The state of the robots, by what `take` has taken.
+        state: The state of the robots as of the last `take`.
     """
 
     def __init__(self, session: zenoh.Session, fleet: str) -> None:
@@ -59,7 +59,7 @@ class FleetListener:
         )
 
     def take(self, wait_s: float) -> list[Message]:
-        """Put what has arrived into the state, and return the messages of it.
+        """Update the state with what has arrived, and return the messages.
 
         Args:
             wait_s: How long to wait for the first arrival.
@@ -73,7 +73,7 @@ class FleetListener:
             time.sleep(min(POLL_S, left_s))
 
     def _take_now(self, now_s: float) -> tuple[list[Message], bool]:
-        """Take what has arrived; return the messages, and whether there was anything."""
+        """Update the state with what has arrived; return the messages, and whether anything arrived."""
         messages: list[Message] = []
         arrived = False
         while (sample := self._tokens.try_recv()) is not None:

@@ -14,7 +14,7 @@ from slipd_client.page.page_server import PageServer
 from slipd_client.page.site import Site, json_answer
 
 TAKE_S = 0.1
-"""How often what has arrived is put into the state."""
+"""Time between two updates of the state, s."""
 
 FLEET_DATA = "/data/fleet.json"
 
@@ -24,7 +24,7 @@ def serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
 
     Args:
         fleet: Name of the fleet.
-        listener: Hears it.
+        listener: Receives its messages.
         address: Where to serve.
 
     Raises:

@@ -7,20 +7,17 @@ from typing import Any
 
 from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
 from slipd_client.message_tracker import MessageTracker
-from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC, Health
+from slipd_client.messages.names import SEVERITY, STATUS_TOPIC, WARNING_TOPIC, Health
 from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 
 SILENT_AFTER_S = 1.8
 """A robot whose ``status``, once a second, is older is silent, whatever its signs of life."""
 
 LIVE, SILENT, GONE = "live", "silent", "gone"
-"""State of a robot: its daemon publishes; only its bridge is there; not even that."""
+"""States of a robot: its daemon publishes; its bridge runs, but the daemon is silent; the bridge is gone as well."""
 
 MOST_ROBOTS = 10_000
-"""Robots that are listed; others are counted only."""
-
-_ALARM = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
-"""Rank of a level; that of a robot is that of its worst finger, as in `grasp`."""
+"""Most robots that are listed; messages of further ones only count as `FleetState.bad`."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class RobotRow:
         fingers: Finger → its level, when the robot was last heard.
         reasons: Reasons of that level.
         health: Worst health of its streams; None before the first ``status``, and unless the robot is live.
-        complaint: Which stream that is, and what it reports; "" where all are well.
+        complaint: The stream with that health and its message; "" where all are well.
         age_s: Time since the last message, s; None where it is not known.
         missed_warnings: Warnings that did not arrive, by the daemon's own numbers.
         restarts: Times that the daemon was restarted.
@@ -57,7 +54,7 @@ class RobotRow:
 
 
 class FleetState:
-    """Takes messages and signs of life; `rows` is the state of every robot.
+    """Keeps the state of every robot by its messages and signs of life.
 
     Attributes:
         bad: Messages that could not be read, and those of robots beyond ``MOST_ROBOTS``.
@@ -68,20 +65,23 @@ class FleetState:
         self._robots: dict[str, _Robot] = {}
 
     def message(self, robot: str, topic: str, payload: bytes, now_s: float) -> Message | None:
-        """Take a message; return it, or None where it could not be read, is a repeat, or is of another topic."""
+        """Update with a message; return it, or None where it cannot be read, is a repeat, or is of another topic."""
         known = self._robot(robot)
         if known is None:
             self.bad += 1
             return None
-        bad = known.tracker.bad
-        message = known.tracker.accept([topic.encode(), payload])
-        self.bad += known.tracker.bad - bad
+        tracker = known.trackers.get(topic)
+        if tracker is None:
+            return None
+        bad = tracker.bad
+        message = tracker.accept([topic.encode(), payload])
+        self.bad += tracker.bad - bad
         if message is not None:
             known.take(message, now_s)
         return message
 
     def token(self, robot: str, what: str, *, alive: bool) -> None:
-        """Take a sign of life: a liveliness token of this robot was declared, or ended."""
+        """Update with a sign of life: a liveliness token of this robot was declared or has ended."""
         known = self._robot(robot)
         if known is not None and what == BRIDGE:
             known.bridge = alive
@@ -90,7 +90,7 @@ class FleetState:
             known.was_alive |= alive
 
     def rows(self, now_s: float) -> list[RobotRow]:
-        """Return every robot that was ever heard of, by name."""
+        """Return the state of every robot that was ever seen, sorted by name."""
         return [self._robots[name].row(name, now_s) for name in sorted(self._robots)]
 
     def _robot(self, name: str) -> _Robot | None:
@@ -100,21 +100,28 @@ class FleetState:
         return known
 
 
+def _trackers() -> dict[str, MessageTracker]:
+    """Return a tracker for each topic: one that is behind the other must not look like a restart."""
+    return {topic: MessageTracker((topic,), None) for topic in (STATUS_TOPIC, WARNING_TOPIC)}
+
+
 @dataclass
 class _Robot:
-    tracker: MessageTracker = field(default_factory=lambda: MessageTracker((STATUS_TOPIC, WARNING_TOPIC), None))
+    trackers: dict[str, MessageTracker] = field(default_factory=_trackers)
     bridge: bool = False
     daemon: bool = False
     was_alive: bool = False
     heard_s: float | None = None
+    boot: str = ""
+    boots: set[str] = field(default_factory=set)
     status: Status | None = None
     fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
     missed: int = 0
-    restarts: int = 0
 
     def take(self, message: Message, now_s: float) -> None:
-        if message.restarted:
-            self.restarts += 1
+        if message.boot != self.boot:
+            self.boot = message.boot
+            self.boots.add(message.boot)
             self.fingers.clear()
             self.status = None
         self.heard_s = now_s
@@ -132,7 +139,7 @@ class _Robot:
             self.fingers[finger] = (t_ns, level, reasons)
 
     def row(self, name: str, now_s: float) -> RobotRow:
-        # what a bridge has kept of a daemon that was silent all the time is of unknown age
+        # a kept message of a daemon that has been silent since this view began is of unknown age
         age_s = None if self.heard_s is None or not self.was_alive else now_s - self.heard_s
         state = GONE if not self.bridge else SILENT
         if self.bridge and self.daemon and age_s is not None and age_s <= SILENT_AFTER_S:
@@ -150,14 +157,14 @@ class _Robot:
             complaint=complaint,
             age_s=age_s,
             missed_warnings=self.missed,
-            restarts=self.restarts,
+            restarts=max(len(self.boots) - 1, 0),
             version=_text(self.status and self.status.version),
             object_name=_text(self.status and self.status.object_name),
         )
 
     def _worst(self) -> tuple[str, tuple[str, ...]]:
         levels = [(level, reasons) for _, level, reasons in self.fingers.values()]
-        return max(levels, key=lambda each: _ALARM[each[0]], default=("unknown", ()))
+        return max(levels, key=lambda each: SEVERITY[each[0]], default=("unknown", ()))
 
     def _health(self) -> tuple[Health | None, str]:
         if self.status is None:

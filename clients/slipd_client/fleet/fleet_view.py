@@ -39,7 +39,7 @@ def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Ter
     lines = [*head, *map(_robot_line, by_urgency(rows))]
     if len(lines) > terminal.lines:
         left_out = len(lines) - terminal.lines + 1
-        lines = [*lines[: terminal.lines - 1], [(f"{left_out} more robots, all less urgent", "2")]]
+        lines = [*lines[: terminal.lines - 1], [(f"{left_out} more, all less urgent", "2")]]
     spoken = [[(spelled(text, ascii_only=terminal.ascii_only), code) for text, code in line] for line in lines]
     return [paint(line, terminal.columns, colour=terminal.colour) for line in spoken]
 
@@ -66,7 +66,7 @@ def change_text(before: RobotRow | None, row: RobotRow) -> str:
 def _summary(fleet: str, rows: Sequence[RobotRow], unread: int) -> Line:
     states = Counter(row.state for row in rows)
     levels = Counter(row.level for row in rows if row.state == LIVE)
-    text = f"fleet {fleet}  {len(rows)} robots"
+    text = f"fleet {fleet}  {len(rows)} {'robot' if len(rows) == 1 else 'robots'}"
     counts = [f"{states[state]} {state}" for state in sorted(states)]
     alarms = [f"{levels[level]} {level}" for level in ("slipping", "warning", "caution") if levels[level]]
     lost = sum(row.missed_warnings for row in rows)

@@ -1,8 +1,10 @@
-"""A Zenoh session of this process: nothing is searched for, and a peer that vanishes is noticed within a second."""
+"""Opens a Zenoh session: discovery is off, and a peer that vanishes is noticed within a second."""
 
 from __future__ import annotations
 
 import json
+import math
+import re
 import sys
 import time
 from pathlib import Path
@@ -10,11 +12,11 @@ from typing import Any, NamedTuple
 
 import zenoh
 
-from slipd_client.errors import CallError
+from slipd_client.errors import CallError, ClientError
 
 LEASE_MS = 1000
-"""The other end drops a silent connection, and with it the tokens of this process, after so long. Keep-alives are sent
-four times as often."""
+"""The other end drops a connection that is silent for so long, and with it the tokens of this process. Keep-alives are
+sent four times as often."""
 
 QUERY_MS = 2000
 """How long a subscriber waits for the last values of a robot that does not answer: meanwhile it delivers nothing."""
@@ -32,10 +34,13 @@ _SETTINGS: dict[str, Any] = {
     "transport/unicast/max_sessions": MOST_SESSIONS,
     "transport/shared_memory/enabled": False,
     "queries_default_timeout": QUERY_MS,
-    "connect/timeout_ms": 0,
+    "connect/timeout_ms": {"router": -1, "peer": -1, "client": 0},
     "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
 }
-"""What is set where no configuration file is given."""
+"""Settings that hold where no configuration file is given."""
+
+
+_PLACE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
 
 
 class Reach(NamedTuple):
@@ -63,7 +68,7 @@ def configuration(reach: Reach, listening_mode: str) -> zenoh.Config:
         CallError: No endpoint and no file is given, or Zenoh does not accept one of them.
     """
     if not (reach.connect or reach.listen or reach.file):
-        raise CallError("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE: nothing is searched for")
+        raise CallError("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE: there is no discovery")
     if reach.file is None:
         config = zenoh.Config()
         settings = _SETTINGS | {"mode": listening_mode if reach.listen else "client"}
@@ -78,30 +83,35 @@ def configuration(reach: Reach, listening_mode: str) -> zenoh.Config:
         try:
             config.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
-            raise CallError(f"Zenoh does not accept {key} {json.dumps(value)}: {error}") from error
+            raise CallError(f"Zenoh does not accept {key} {json.dumps(value)}: {_why(error)}") from error
     return config
 
 
-def opened(config: zenoh.Config, where: str) -> zenoh.Session:
-    """Return a session; wait for the first connection as long as it takes.
+def opened(config: zenoh.Config, where: str, wait_s: float = math.inf) -> zenoh.Session:
+    """Return a session, once it is connected.
 
     Args:
         config: Its configuration.
         where: What it connects to or listens on, for messages.
+        wait_s: Longest wait for a router; by default as long as it takes.
 
     Raises:
         CallError: It cannot listen.
+        ClientError: No router was there for ``wait_s``.
     """
     reported = False
+    until_s = time.monotonic() + wait_s
     while True:
         try:
             return zenoh.open(config)
         except zenoh.ZError as error:
             if config.get_json("mode").strip('"') != "client":
-                raise CallError(f"Zenoh cannot start at {where}: {error}") from error
+                raise CallError(f"Zenoh cannot start at {where}: {_why(error)}") from error
             if not reported:
                 print(f"slipctl: no Zenoh router at {where} yet; trying again", file=sys.stderr, flush=True)
             reported = True
+            if time.monotonic() >= until_s:
+                raise ClientError(f"no Zenoh router at {where} for {wait_s:g} s: is it running?") from error
         time.sleep(RETRY_S)
 
 
@@ -114,4 +124,9 @@ def _from_file(path: Path) -> zenoh.Config:
     try:
         return zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
-        raise CallError(f"{path}: not a configuration of Zenoh: {error}") from error
+        raise CallError(f"{path}: not a configuration of Zenoh: {_why(error)}") from error
+
+
+def _why(error: zenoh.ZError) -> str:
+    """Return the text of an error without the places in the source code of Zenoh."""
+    return _PLACE.sub("", str(error))

@@ -12,6 +12,9 @@ Level = Literal["no_contact", "stable", "caution", "warning", "slipping", "unkno
 LEVELS: tuple[Level, ...] = get_args(Level)
 """Every level in the order of ``level_code``, 0 to 5. "unknown" is not "no slip"."""
 
+SEVERITY: dict[str, int] = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
+"""Severity of each level; "unknown" is worse than any level at which the grip holds."""
+
 LEVEL_MEANINGS: dict[Level, str] = {
     "no_contact": "nothing presses on the pad",
     "stable": "the contact holds",

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.argument_types import Add, finite, rate_hz
 from slipd_client.errors import CallError
 from slipd_client.ros.topic_names import NAMESPACE, TRANSFORMS_TOPIC
 from slipd_client.ros2.ros_environment import check_domain
@@ -15,7 +14,7 @@ from slipd_client.ros2.ros_environment import check_domain
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
-def add_ros2(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
+def add_ros2(add: Add) -> None:
     """Add the command; ``add`` adds a command, given its name and help text."""
     ros2 = add("ros2", "publish the messages as ROS 2 topics, and take the arm's orientation from ROS (docs/ros2.md)")
     ros2.add_argument(
@@ -33,7 +32,7 @@ def add_ros2(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     )
     ros2.add_argument(
         "--wrench-rate",
-        type=_rate,
+        type=rate_hz,
         metavar="HZ",
         help="publish at most so many wrenches per second of each finger; those between are left out (default: all)",
     )
@@ -60,7 +59,7 @@ def add_ros2(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     ros2.add_argument(
         "--imu-mount",
         nargs=4,
-        type=_number,
+        type=finite,
         metavar=("X", "Y", "Z", "W"),
         help="orientation of the IMU in the gripper's frame, unit quaternion (default: 0 0 0 1)",
     )
@@ -90,20 +89,3 @@ def _frame(text: str) -> str:
     if not text or text.startswith("/"):
         raise argparse.ArgumentTypeError(f"must be the name of a frame, without a leading slash, got {text!r:.80}")
     return text
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r:.80}") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"must be finite, got {text}")
-    return value
-
-
-def _rate(text: str) -> float:
-    value = _number(text)
-    if not 0.001 <= value <= 1e6:
-        raise argparse.ArgumentTypeError(f"must be from 0.001 to 1e6 Hz, got {text}")
-    return value

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
 
-from slipd_client.errors import CallError, hint_for
+from slipd_client.errors import CallError
 from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.grip import GripClient
 from slipd_client.message_tracker import SILENCE_S
@@ -24,6 +24,7 @@ from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, Orien
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
 from slipd_client.ros2.ros_forwarder import RosForwarder, hand_transform
 from slipd_client.ros2.ros_publisher import RosPublisher
+from slipd_client.silence_hint import hint_for
 from slipd_client.subscriber import Subscriber
 from slipd_client.viewers.viewers_command import pads_of
 

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 
 import zmq
 
-from slipd_client.errors import CallError, hint_for
+from slipd_client.errors import CallError
 from slipd_client.link import Link
 from slipd_client.message_tracker import SILENCE_S
 from slipd_client.messages import MessageError
 from slipd_client.messages.reader import read
 from slipd_client.paths import publish_endpoint
+from slipd_client.silence_hint import hint_for
 from slipd_client.viewers.viewers_arguments import RELAY_LISTEN
 
 if TYPE_CHECKING:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.argument_types import Add
 from slipd_client.listen_address import parse_listen
 
 VIEWERS_LISTEN = "127.0.0.1:8765"
@@ -16,7 +16,7 @@ RELAY_LISTEN = "tcp://127.0.0.1:9872"
 """The port that PlotJuggler proposes."""
 
 
-def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
+def add_viewers(add: Add) -> None:
     """Add both commands; ``add`` adds a command, given its name and help text."""
     viewers = add("viewers", "serve live messages to Foxglove, Lichtblick and PlotJuggler (docs/viewers.md)")
     viewers.add_argument(

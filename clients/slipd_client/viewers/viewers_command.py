@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slipd_client.errors import CallError, hint_for
+from slipd_client.errors import CallError
 from slipd_client.message_tracker import SILENCE_S
 from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.silence_hint import hint_for
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.viewers import layouts
 from slipd_client.viewers.layouts import Levels

@@ -1,24 +1,19 @@
+"""Requests of a client and what the daemon hears of them: greeting, deadlines, refusals, silence, keys."""
+
 from __future__ import annotations
 
-import dataclasses
-import json
 import threading
 import time
-import typing
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import zmq
 
-from slipd_client import client_base
-from slipd_client.errors import NoAnswer, RequestRefused, TareGivenUp
+from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
-from slipd_client.messages import Health, MessageError, encode
-from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.replies import TareResult
-from slipd_client.request_protocol import Steps
+from slipd_client.messages import MessageError, encode
 
 if TYPE_CHECKING:
     from conftest import Daemon
@@ -249,86 +244,6 @@ def test_each_call_sends_its_op_and_fields(
     assert asked == {"op": op, **fields}
 
 
-def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
-    looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
-    daemon.handlers["tare.get"] = lambda _: next(looks)
-    with GripClient(daemon.endpoint) as client:
-        assert client.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
-    assert daemon.ops == ["hello", "tare", *["tare.get"] * 3]
-    assert daemon.requests[1]["seconds"] == 0.4
-
-
-def test_a_tare_of_one_stream_is_waited_for_by_its_name(daemon: Daemon) -> None:
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 0, "tare_ids": {"pad": 0}}
-    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 1, "stream": request["stream"]}
-    with GripClient(daemon.endpoint) as client:
-        assert client.tare("left", 0.1, "pad")["stream"] == "pad"
-    assert [request.get("stream") for request in daemon.requests] == [None, "pad", "pad"]
-
-
-def test_a_tare_of_all_streams_is_waited_for_in_each(daemon: Daemon) -> None:
-    ids = iter([4, 2])
-    daemon.handlers["tare"] = lambda _: {"verified": False, "tare_id": 3, "tare_ids": {"wrench": 3, "pad": 1}}
-    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": next(ids), "stream": request["stream"]}
-    with GripClient(daemon.endpoint) as client:
-        taken = client.tare("left", 0.1, "all")
-    assert taken == {
-        "finger": "left",
-        "verified": False,
-        "streams": {
-            "wrench": {"busy": False, "tare_id": 4, "stream": "wrench"},
-            "pad": {"busy": False, "tare_id": 2, "stream": "pad"},
-        },
-    }
-    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": {"wrench": 4, "pad": 1}[request["stream"]]}
-    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="tare of left pad was given up"):
-        client.tare("left", 0.1, "all")
-
-
-@pytest.mark.parametrize(
-    ("given_up", "reason", "code"),
-    [
-        ("a contact began", "contact", "in_contact"),
-        ("the stream fell silent", "silent", "not_ready"),
-        ("the finger was turned", "turned", "not_ready"),
-        ("the readings moved: hold still", "later_reason", "not_ready"),
-        ("of an older daemon", None, "not_ready"),
-    ],
-)
-def test_a_tare_that_was_given_up_is_reported_as_what_it_was(
-    daemon: Daemon, given_up: str, reason: str | None, code: str
-) -> None:
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
-    state = {"busy": False, "tare_id": 1, "given_up": given_up, "given_up_reason": reason}
-    daemon.handlers["tare.get"] = lambda _: state
-    with GripClient(daemon.endpoint) as client, pytest.raises(TareGivenUp) as caught:
-        client.tare("left", 0.1)
-    assert isinstance(caught.value, RequestRefused)
-    assert (caught.value.code, caught.value.reason) == (code, reason or "")
-    assert str(caught.value) == f"{code}: the tare of left was given up: {given_up}"
-
-
-def test_a_tare_that_was_taken_and_undone_at_once_is_reported_as_undone(daemon: Daemon) -> None:
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
-    daemon.handlers["tare.get"] = lambda _: {"busy": False, "tare_id": 1, "given_up": None, "given_up_reason": None}
-    with GripClient(daemon.endpoint) as client, pytest.raises(TareGivenUp, match=r"tare\.undo") as caught:
-        client.tare("left", 0.1)
-    assert (caught.value.code, caught.value.reason) == ("not_ready", "undone")
-
-
-def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:
-    daemon.handlers["tare.get"] = lambda _: {"busy": True, "tare_id": 1}
-    with GripClient(daemon.endpoint, timeout_s=0.3) as client, pytest.raises(NoAnswer, match="too few readings"):
-        client.tare("left", 0.1)
-
-
-@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_tare_over_no_time_is_a_bad_call(requests: str, seconds: float) -> None:
-    with GripClient(requests) as client, pytest.raises(ValueError, match="positive time"):
-        client.tare("left", seconds)
-
-
 def test_a_client_with_keys_is_answered_by_the_daemon_that_it_trusts_and_by_no_other(
     start_daemon: Callable[..., Daemon],
 ) -> None:
@@ -361,47 +276,3 @@ def test_a_request_that_waits_too_long_for_its_turn_is_not_sent(daemon: Daemon) 
 def test_an_endpoint_that_is_none_is_a_bad_call() -> None:
     with pytest.raises(ValueError, match="'tcp://robot'"):
         GripClient("tcp://robot")
-
-
-def test_a_reply_is_its_map_and_has_its_fields_as_attributes(daemon: Daemon) -> None:
-    daemon.handlers["grip.set"] = lambda _: {"applied_n": 5, "later": [1]}
-    daemon.handlers["status"] = lambda _: {"version": "0.1.0", "streams": {"left.wrench": {"health": 1}}}
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 0}, "tare_id": 0}
-    daemon.handlers["tare.get"] = lambda _: {"busy": False, "tare_id": 1, "stream": "wrench", "std": [0.1]}
-    with GripClient(daemon.endpoint) as client:
-        grip = client.grip_set(5.0)
-        assert (grip.applied_n, grip["applied_n"], grip.get("later"), "later" in grip) == (5.0, 5, [1], True)
-        assert json.loads(json.dumps(grip)) == grip == {"applied_n": 5, "later": [1]}
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            grip.applied_n = 7.0  # type: ignore[misc]
-        status = client.status()
-        assert (status.version, status.streams["left.wrench"].health, status.gripper) == ("0.1.0", Health.WARN, None)
-        assert status["streams"]["left.wrench"]["health"] == 1
-        tare = client.tare("left", 0.1)
-        assert (tare.verified, tare.tares["wrench"].std, tare["std"]) == (True, (0.1,), [0.1])
-        assert client.request("grip.set", force_n=5.0).applied_n == 5.0
-        assert client.request("later.op") == {}
-
-
-@pytest.mark.parametrize("applied_n", ["5", True, [5.0]])
-def test_a_reply_of_another_kind_is_an_error_that_says_that_the_request_was_carried_out(
-    daemon: Daemon, applied_n: object
-) -> None:
-    daemon.handlers["grip.set"] = lambda _: {"applied_n": applied_n}
-    with (
-        GripClient(daemon.endpoint) as client,
-        pytest.raises(NoAnswer, match=r"carried out grip\.set.*applied_n must be"),
-    ):
-        client.grip_set(5.0)
-
-
-@pytest.mark.parametrize("op", OPS)
-def test_every_op_has_a_method_that_returns_its_reply(op: str) -> None:
-    """The lease has its blocks instead."""
-    if op.startswith("lease."):
-        assert callable(GripClient.lease)
-        return
-    method = getattr(GripClient, op.replace(".", "_"))
-    returned = typing.get_type_hints(method, vars(client_base))["return"]
-    wanted = TareResult if op == "tare" else OPS[op].reply
-    assert returned == Steps[wanted]

@@ -5,6 +5,7 @@ import pytest
 from slipd_client.messages import (
     HEALTH,
     LEVELS,
+    SEVERITY,
     Health,
     decode,
     encode,
@@ -24,6 +25,12 @@ def test_levels_count_from_no_contact_to_unknown() -> None:
         "slipping": 4,
         "unknown": 5,
     }
+
+
+def test_every_level_has_a_severity() -> None:
+    assert set(SEVERITY) == set(LEVELS)
+    assert len(set(SEVERITY.values())) == len(LEVELS)
+    assert SEVERITY["stable"] < SEVERITY["unknown"] < SEVERITY["caution"], "unknown is not no slip"
 
 
 def test_a_level_that_is_none_is_refused_with_those_that_are() -> None:

@@ -15,7 +15,7 @@ from slipd_client.slipctl import main
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
-from zenoh_peers import Router, session
+from zenoh_peers import Router, free_endpoint, session
 
 from slipd_client.fleet.fleet_listener import FleetListener
 
@@ -170,6 +170,22 @@ def test_a_topic_that_comes_often_is_bounded_and_a_warning_is_not(robot: Robot, 
         assert len(heard["slip.left"]) < 200
 
 
+def test_a_topic_that_fits_no_key_is_left_out_and_the_bridge_goes_on(robot: Robot, router: Router) -> None:
+    with session(router.endpoint) as here:
+        heard: list[bytes] = []
+        here.declare_subscriber("plant/arm3/grasp", lambda sample: heard.append(sample.payload.to_bytes()))
+        until(lambda: robot.sends("grasp") and heard)
+        payloads = [b"%d" % n for n in range(30)]
+        for payload in payloads:  # more often than the rate, so that some are held back
+            robot.publisher.send_frames(b"New-Topic", payload)
+            robot.publisher.send_frames(b"grasp", payload)
+            time.sleep(0.01)
+        until(lambda: heard[-1] == payloads[-1])
+    assert robot.process.stderr is not None
+    until(lambda: "left out: topic must be a word" in robot.process.stderr.readline())
+    assert robot.process.poll() is None
+
+
 def test_nothing_that_the_fleet_sends_reaches_the_daemon(
     robot: Robot, router: Router, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -210,6 +226,18 @@ def test_a_bridge_waits_for_a_router_that_is_not_there_yet(publisher: Publisher,
         assert process.stdout.readline() == f"bridge: slipd/arm3 at {endpoint}\n"
 
 
+def test_a_bridge_that_listens_itself_joins_a_router_that_comes_later(publisher: Publisher, slipctl: Start) -> None:
+    here, there = free_endpoint(), free_endpoint()
+    bridge = ("bridge", "--robot", "arm3", "--listen", here, "--connect", there)
+    process = slipctl("--publish", publisher.endpoint, *bridge)
+    assert process.stdout is not None
+    assert process.stdout.readline() == f"bridge: slipd/arm3 at {there}, {here}\n"
+    with Router(there), session(there) as far, session(here) as near:
+        listeners = [FleetListener(each, "slipd") for each in (far, near)]
+        for listener in listeners:
+            until(lambda listener=listener: state_of(listener) == "silent")
+
+
 def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     """Return what slipctl says of arguments that it refuses."""
     with pytest.raises(SystemExit, match="2"):
@@ -221,9 +249,18 @@ def test_wrong_arguments_are_refused(capsys: pytest.CaptureFixture[str], tmp_pat
     assert refused(["bridge"], capsys).startswith("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE")
     assert "argument --robot: the name must be 1 to 64" in refused(["bridge", "--robot", "a/b"], capsys)
     assert "argument --fleet: the name must be 1 to 64" in refused(["fleet", "--fleet", "*"], capsys)
-    assert 'must be a number or "all", got' in refused(["bridge", "--rate", "fast"], capsys)
+    assert """must be a number, got 'fast'; "all" sets no bound""" in refused(["bridge", "--rate", "fast"], capsys)
     assert "must be from 0.001 to 1e6 Hz" in refused(["bridge", "--rate", "0"], capsys)
-    assert 'Zenoh does not accept connect/endpoints ["nowhere"]' in refused(["bridge", "--connect", "nowhere"], capsys)
+    for endpoint in ("nowhere", "tpc/10.0.0.1:7447", "tcp/10.0.0.1", "tcp/10.0.0.1:70000", "tcp/::1:7447", "tcp/:7447"):
+        said = refused(["bridge", "--connect", endpoint], capsys)
+        assert said.startswith("argument --connect: must be like tcp/10.0.0.1:7447")
+        assert said.endswith(f"got {endpoint!r}")
+    assert 'Zenoh does not accept listen/endpoints ["tcp/h:1#"]' in refused(["fleet", "--listen", "tcp/h:1#"], capsys)
+    with Router() as router:
+        said = refused(["fleet", "--listen", router.endpoint], capsys)
+    assert said.startswith(f"Zenoh cannot start at {router.endpoint}: ")
+    assert "Address already in use" in said
+    assert ".rs:" not in said
     missing = str(tmp_path / "none.json5")
     assert f"{missing}: not a configuration of Zenoh" in refused(["fleet", "--zenoh-config", missing], capsys)
 

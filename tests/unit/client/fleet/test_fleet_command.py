@@ -16,11 +16,13 @@ import pytest
 from terminals import PseudoTerminal
 
 from slipd_client.messages import encode
+from slipd_client.slipctl import main
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
 from zenoh_peers import Router, free_endpoint, session
 
+from slipd_client.fleet import fleet_command
 from slipd_client.fleet.bridge_publisher import BridgePublisher
 
 PATIENCE_S = 60.0
@@ -80,6 +82,15 @@ def test_one_look_shows_every_robot_also_those_that_spoke_before(
         "arm1": {"left": "stable"},
         "arm2": {"left": "caution"},
     }
+
+
+def test_one_look_without_a_router_ends_with_an_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(fleet_command, "ROUTER_S", 0.0)
+    endpoint = free_endpoint()
+    assert main(["fleet", "--connect", endpoint, "--once"]) == 1
+    assert capsys.readouterr().err.endswith(f"slipctl: no Zenoh router at {endpoint} for 0 s: is it running?\n")
 
 
 def test_a_pipe_gets_a_line_for_each_change(slipctl: Start, router: Router, robots: dict[str, Robot]) -> None:

@@ -117,3 +117,32 @@ def test_robots_beyond_the_bound_are_counted_and_not_kept(monkeypatch: pytest.Mo
     Robot(state, "arm2").joins()
     Robot(state, "arm2").sends("status", 1.0, fingers={}, streams={})
     assert ([row.robot for row in state.rows(1.0)], state.bad) == (["arm1"], 1)
+
+
+def test_a_status_that_lags_behind_a_warning_of_the_next_run_is_no_second_restart(robot: Robot) -> None:
+    """The listener takes all warnings first, and only then each status."""
+    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
+    before, robot.seq = dict(robot.seq), {"status": 0, "warning": 0}
+    robot.boot = "boot-2"
+    robot.warns(11.0, "caution")
+    new, robot.seq, robot.boot = dict(robot.seq), before, "boot-1"
+    robot.sends("status", 11.0, fingers=levels(left="stable"), streams={})
+    robot.seq, robot.boot = new, "boot-2"
+    robot.sends("status", 12.0, fingers=levels(left="caution"), streams={})
+    assert (robot.row(12.0).restarts, robot.row(12.0).level) == (1, "caution")
+
+
+def test_warnings_kept_from_an_earlier_run_are_no_further_restart_and_hide_no_loss() -> None:
+    """A view that joins late may get the newest status before the kept warnings."""
+    robot = Robot(FleetState(), boot="boot-2")
+    robot.joins()
+    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
+    robot.boot = "boot-1"
+    robot.warns(10.1, "warning")
+    robot.boot, robot.seq["warning"] = "boot-2", 0
+    robot.warns(10.1, "caution")
+    robot.sends("status", 11.0, fingers=levels(left="caution"), streams={})
+    robot.seq["warning"] += 2
+    robot.warns(11.1, "warning")
+    row = robot.row(11.1)
+    assert (row.restarts, row.missed_warnings, row.level) == (1, 2, "warning")

@@ -53,7 +53,7 @@ def test_the_most_urgent_robot_comes_first_and_the_head_counts() -> None:
 def test_robots_without_room_are_counted() -> None:
     lines = fleet_lines("plant", [row(f"arm{n}") for n in range(10)], 3, Terminal(columns=60, lines=5))
     assert lines[0].endswith("3 messages not read")
-    assert lines[-1] == "8 more robots, all less urgent"
+    assert lines[-1] == "8 more, all less urgent"
     assert len(lines) == 5
     assert max(map(len, lines)) <= 60
 
@@ -64,6 +64,7 @@ def test_a_terminal_without_unicode_gets_ascii() -> None:
 
 def test_a_fleet_without_robots_is_one_line() -> None:
     assert fleet_lines("plant", [], 0, Terminal()) == ["fleet plant  0 robots"]
+    assert fleet_lines("plant", [GONE], 0, Terminal())[0] == "fleet plant  1 robot  1 gone"
 
 
 def test_a_log_has_a_line_for_each_change_and_none_without() -> None:

@@ -28,6 +28,14 @@ def test_the_last_message_of_a_burst_follows_when_nothing_else_does() -> None:
     assert played(TopicLimit(10.0), [0.0, 0.01, 0.02], 5.0) == [(0.0, b"0"), (0.2, b"2")]
 
 
+def test_the_rate_is_reached_by_messages_that_do_not_come_in_step_with_it() -> None:
+    assert len(played(TopicLimit(10.0), [0.07 * n for n in range(101)], 7.0)) == 71
+
+
+def test_a_message_soon_after_one_that_was_held_back_waits_too() -> None:
+    assert played(TopicLimit(10.0), [0.0, 0.01, 0.21], 5.0) == [(0.0, b"0"), (0.2, b"1"), (0.4, b"2")]
+
+
 def test_topics_do_not_wait_for_each_other() -> None:
     limit = TopicLimit(10.0)
     assert limit.passes("slip.left", b"", 0.0)

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from slipd_client import silence_hint
+from slipd_client.silence_hint import hint_for
+
+NOBODY = 65534
+root_alone = pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+"""Root may enter every directory, so another user has to ask."""
+
+
+@pytest.fixture
+def directory() -> Iterator[Path]:
+    """A directory in a folder that every user may enter, which those of pytest are not."""
+    with tempfile.TemporaryDirectory() as name:
+        Path(name).chmod(0o755)
+        made = Path(name) / "slipd"
+        made.mkdir()
+        yield made
+
+
+def test_of_an_endpoint_over_the_network_the_keys_may_be_wrong() -> None:
+    assert hint_for("tcp://10.0.0.5:7777") == "Is slipd running, and are the keys right?"
+
+
+def test_a_directory_that_may_be_entered_leaves_one_question(directory: Path) -> None:
+    assert hint_for(f"ipc://{directory}/publish") == "Is slipd running?"
+
+
+def test_a_user_whose_variable_is_not_set_is_told_where_the_service_is(
+    directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(silence_hint, "SERVICE_DIR", tmp_path / "no service")
+    missing = f"ipc://{tmp_path}/missing/publish"
+    assert hint_for(missing) == "Is slipd running?"
+    monkeypatch.setattr(silence_hint, "SERVICE_DIR", directory)
+    assert hint_for(missing).endswith(f"A service uses {directory}: for that one set SLIPD_RUNTIME_DIR={directory}")
+
+
+@root_alone
+def test_a_user_outside_the_group_is_told_to_join_it(directory: Path) -> None:
+    os.chown(directory, 0, 1)
+    directory.chmod(0o750)
+    want = f"Only the group daemon may enter {directory}: sudo usermod -aG daemon $USER, then log in again"
+    assert asked_by_nobody(directory) == want
+
+
+@root_alone
+def test_numbers_without_a_name_are_shown_as_numbers(directory: Path) -> None:
+    os.chown(directory, 54321, 54322)
+    directory.chmod(0o750)
+    assert asked_by_nobody(directory).startswith(f"Only the group 54322 may enter {directory}")
+    directory.chmod(0o700)
+    assert asked_by_nobody(directory) == f"Only user 54321 may enter {directory}"
+
+
+def asked_by_nobody(directory: Path) -> str:
+    """Return the hint for the user ``nobody``. Modules are imported first, because it may not read those of Python."""
+    code = (
+        "import grp, os, pwd, sys; from slipd_client.silence_hint import hint_for;"
+        f" os.setgroups([]); os.setgid({NOBODY}); os.setuid({NOBODY}); print(hint_for(sys.argv[1]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, f"ipc://{directory}/publish"], capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
