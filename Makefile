@@ -14,6 +14,9 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
+# Rooms that guide a person, likewise. They are measured apart, without the engine behind them, which coverage slows most.
+GUIDES := $(addprefix tests/unit/,discovery commission)
+NO_CONFIG := /dev/null
 # Whole daemons as processes, in real time: two files at a time, each file in order.
 DAEMONS := tests/system
 # Programs of long runs: their targets test them first.
@@ -36,8 +39,12 @@ test: $(READY)
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
+	@echo "== tests of the rooms that guide a person: every branch of them is tested"
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov-config=$(NO_CONFIG) --cov-branch --cov-report= \
+		--cov=slipd.discovery --cov=slipd.commission $(GUIDES)
+	@$(BIN)/coverage report --rcfile=$(NO_CONFIG) --fail-under=100 --precision=2 --skip-covered --show-missing
 	@echo "== the other tests that can share the machine"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" $(addprefix --ignore=,$(ROOMS) $(DAEMONS) $(LONG))
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" $(addprefix --ignore=,$(ROOMS) $(GUIDES) $(DAEMONS) $(LONG))
 	@echo "== tests of whole daemons"
 	@$(BIN)/pytest --numprocesses=2 --dist loadfile -m "not long" $(DAEMONS)
 	@PYTHONPATH=tests/support $(BIN)/python -m browser

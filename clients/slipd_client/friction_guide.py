@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Optional
 
-from slipd_client.errors import FrictionNotMeasured, RequestRefused, Silence, hint_for
+from slipd_client.errors import FrictionNotMeasured, RequestRefused, Silence
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_samples import config_lines, median_of, spread
 from slipd_client.friction_session import OBSTACLE_S, FrictionSession
@@ -17,6 +17,7 @@ from slipd_client.message_tracker import SILENCE_S
 from slipd_client.messages import Health
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Slip
+from slipd_client.silence_hint import hint_for
 from slipd_client.subscriber import Subscriber
 
 LISTEN_S = 0.2

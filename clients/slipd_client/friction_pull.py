@@ -40,7 +40,7 @@ FLAT = 0.2
 """Largest spread of the plateau, between its quartiles and relative to its median."""
 
 PULLED = 2.0
-"""Load, as a multiple of that at rest, from which on somebody pulls: what ends before is not worth a word."""
+"""Load, as a multiple of that at rest, from which on a pull counts: one that ends below is not reported."""
 
 LET_GO = 0.7
 """Share of the peak below which the pull has ended."""
@@ -73,7 +73,7 @@ NOISE_STD = 3.0
 NOT_A_FAULT = frozenset(
     {"translation", "rotation", "tipping", "slip_detected", "no_mu", "unsupportable", "rotation_unobserved"}
 )
-"""Reasons that do not say that a reading is wrong."""
+"""Reasons of a verdict with correct readings."""
 
 Phase = Literal["grip", "pull", "slide", "release"]
 
@@ -195,9 +195,9 @@ class PullWatch:
         return self._stop(f"its verdicts were missing for {gap_s:.1f} s")
 
     def _stop(self, obstacle: str) -> Union[PullSample, PullRejected, None]:
-        """End the pull because of a verdict that says nothing of friction, or a missing one.
+        """End the pull at a verdict that cannot be used, or at a missing one.
 
-        What happens meanwhile is not seen. The next pull begins once the load is known to be let go.
+        An object may slip unseen meanwhile. The next pull begins once the load has fallen below ``LET_GO``.
         """
         phase, self.obstacle = self.phase, obstacle
         judged: Union[PullSample, PullRejected, None] = None
@@ -252,7 +252,7 @@ class PullWatch:
 
 
 def _obstacle(slip: Slip) -> str:
-    """Return why a verdict says nothing of friction; "" where it does."""
+    """Return why a verdict cannot be used to measure friction; "" where it can."""
     faults = [reason for reason in slip.reasons if reason not in NOT_A_FAULT]
     if slip.level == SlipLevel.NO_CONTACT:
         return NO_CONTACT

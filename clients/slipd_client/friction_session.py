@@ -13,12 +13,18 @@ from slipd_client.messages import slip_topic
 from slipd_client.messages.schema.topics import Slip
 
 OBSTACLE_S = 3.0
-"""An obstacle that was seen for so long without a break is not going to vanish by itself."""
+"""An obstacle that lasts for so long without a break does not vanish by itself, s."""
 
 GRIP_IT = "Grip a sample of the object, for example with: slipctl grip close 10"
 
 MOST_PULLS = 4
 """Pulls for each sample that is wanted: beyond it the samples do not agree, and something else is wrong."""
+
+MOST_REJECTED = 8
+"""Pulls in a row that do not count: beyond it a person would pull for ever."""
+
+LONGEST = 3.0
+"""Times the patience without a sample: where disturbances come again and again, it ends with their reason."""
 
 
 class FrictionSession:
@@ -45,7 +51,9 @@ class FrictionSession:
         self._samples: dict[str, list[PullSample]] = {finger: [] for finger in fingers}
         self._asked = ""
         self._time = ElapsedTime()
-        self._since_s = self._blocked_s = 0.0
+        self._since_s = self._sample_s = self._blocked_s = 0.0
+        self._rejected = dict.fromkeys(fingers, 0)
+        self._disturbed = ""
 
     @property
     def topics(self) -> list[str]:
@@ -58,21 +66,29 @@ class FrictionSession:
         return all(len(agreeing(samples)) >= self._wanted for samples in self._samples.values())
 
     @property
+    def counted(self) -> int:
+        """Number of samples so far."""
+        return sum(map(len, self._samples.values()))
+
+    @property
     def results(self) -> dict[str, list[PullSample]]:
         """Samples that agree, of each finger that has enough."""
         groups = {finger: agreeing(samples) for finger, samples in self._samples.items()}
         return {finger: group for finger, group in groups.items() if len(group) >= self._wanted}
 
     def resume(self) -> None:
-        """Go on after a FrictionNotMeasured whose cause is gone; samples that do not agree are forgotten."""
+        """Continue after a FrictionNotMeasured whose cause is removed; samples that do not agree are dropped."""
         self._asked = ""
-        self._since_s, self._blocked_s = self._time.passed_s, 0.0
+        self._since_s = self._sample_s = self._time.passed_s
+        self._blocked_s, self._rejected, self._disturbed = 0.0, dict.fromkeys(self._rejected, 0), ""
         for samples in self._samples.values():
-            if len(samples) >= MOST_PULLS * self._wanted and len(agreeing(samples)) < self._wanted:
-                samples.clear()
+            if len(samples) >= MOST_PULLS * self._wanted:
+                group = agreeing(samples)
+                first = (len(group) - self._wanted) // 2
+                samples[:] = group[first : first + self._wanted] if first >= 0 else []
 
     def advance(self, slip: Optional[Slip], now_s: float) -> None:
-        """Take a verdict, or None where there is none, and say what to do next.
+        """Take the next verdict, None if none came, and say what to do next.
 
         Args:
             slip: The verdict.
@@ -95,8 +111,9 @@ class FrictionSession:
             return
         self._since_s = now_s
         if isinstance(found, PullRejected):
-            self._say_line(f"  {finger}: not counted, {found.reason}")
+            self._reject(finger, f"{finger}: not counted, {found.reason}")
             return
+        self._sample_s, self._rejected[finger] = now_s, 0
         samples = self._samples[finger]
         samples.append(found)
         dynamic = "no even slide" if found.mu_d is None else f"{found.mu_d:.3f} while it slides"
@@ -105,8 +122,27 @@ class FrictionSession:
             if why := disagreement(sample, agreeing(samples)):
                 self._say_line(f"  {finger}: not counted, {why}")
         if len(samples) >= MOST_PULLS * self._wanted and not self.done:
+            self._give_up(finger)
+
+    def _give_up(self, finger: str) -> None:
+        """Give up after too many samples of a finger."""
+        samples = self._samples[finger]
+        if len(agreeing(samples)) < self._wanted:
             seen = ", ".join(f"{sample.mu_s:.3f}" for sample in samples)
             raise FrictionNotMeasured(f"the samples of finger {finger} do not agree: {seen}")
+        others = ", ".join(name for name in self._samples if name not in self.results)
+        raise FrictionNotMeasured(
+            f"{len(samples)} pulls slipped on finger {finger}, and too few on finger {others}: pull at the middle of "
+            "the pads"
+        )
+
+    def _reject(self, finger: str, line: str) -> None:
+        """Say why a pull does not count; give up after many in a row."""
+        self._say_line(f"  {line}")
+        self._disturbed = line
+        self._rejected[finger] += 1
+        if self._rejected[finger] >= MOST_REJECTED:
+            raise FrictionNotMeasured(f"{MOST_REJECTED} pulls in a row gave nothing. The last, {line}")
 
     def _ask(self, now_s: float) -> None:
         """Say what to do next, once."""
@@ -134,6 +170,13 @@ class FrictionSession:
         if self._blocked_s > OBSTACLE_S:
             finger, why = next(iter(real.items()))
             raise FrictionNotMeasured(f"finger {finger}: {why}")
+        if real:
+            self._disturbed = "; ".join(f"finger {finger}: {why}" for finger, why in real.items())
+        if now_s - self._sample_s > LONGEST * self._patience_s and self._disturbed:
+            raise FrictionNotMeasured(
+                f"no pull counted for {LONGEST * self._patience_s:g} s, because the readings were disturbed again and "
+                f"again. The last time, {self._disturbed}"
+            )
         if now_s - self._since_s > self._patience_s:
             why = "; ".join(f"finger {finger}: {each}" for finger, each in obstacles.items()) or "it did not slip"
             raise FrictionNotMeasured(f"nothing more was measured for {self._patience_s:g} s: {why}")

@@ -137,6 +137,7 @@ def unbiased(runtime: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
 
 
+@pytest.mark.long
 async def test_a_dry_run_and_ctrl_c_half_way_leave_the_config_as_it_was(tmp_path: Path) -> None:
     async with rig(tmp_path) as (file, touch, daemon):
         before, listed = file.read_text(), listing(tmp_path)

@@ -5,6 +5,7 @@ Each repair has an id that stays, and a section of ``docs/health.md`` under that
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -28,10 +29,10 @@ FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
 
 
 READ_ONLY = "Read-only file system"
-"""Text of the system where a disk is mounted so, or became so after an error."""
+"""Text of the error EROFS: the disk is mounted read-only, on purpose or by the kernel after a fault."""
 
 DISK_ERROR = "Input/output error"
-"""Text of the system where a disk fails; it may be the first sign of one that becomes read-only."""
+"""Text of the error EIO: the disk fails. Often the kernel mounts it read-only soon after."""
 
 LATE_S = 0.1
 """Shorter stalls need no repair: the readings are only judged a little later, and the status shows them anyway."""
@@ -164,7 +165,7 @@ def _recordings(status: Mapping[str, Any]) -> Iterator[Repair]:
 def _look_at_disk(failure: str, path: str | None) -> str:
     """Return the command that shows what is wrong with the disk of a file."""
     if path and READ_ONLY in failure:
-        return f"findmnt --target {path}"
+        return f"findmnt --target {shlex.quote(path)}"
     return "dmesg --level err" if DISK_ERROR in failure else "df -h"
 
 

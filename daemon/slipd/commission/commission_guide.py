@@ -12,6 +12,7 @@ from slipd import config
 from slipd.commission.config_update import changes
 from slipd.commission.dialogue import (
     AGAIN,
+    GO_ON,
     SKIP,
     Change,
     Choice,
@@ -29,6 +30,7 @@ from slipd.commission.grip_step import gentle_force
 from slipd.commission.readings import SILENCE_S, ReadingListener, read_status
 from slipd.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
+from slipd.commission.weighing_search import WeightFindings
 from slipd.commission.weight_step import READY, weigh
 from slipd.commission.zero_step import take_zero
 from slipd.errors import SlipdError
@@ -44,10 +46,16 @@ RESTARTS = 5.0
 
 TIPS_DOWN_MPS2 = (STANDARD_GRAVITY_MPS2, 0.0, 0.0)
 
+MOST_WEIGHINGS = 3
+"""How often the pads are touched and weighed again where the two contradict each other."""
+
+CONTRADICTED = "The weight and the mounting contradict each other. Touch the pads again, then weigh again."
+
+MOST_ZEROS = 5
+"""How often a zero that is needed is asked for again, each time with three tries, before the step is left out."""
+
 FRESH_S = 0.5
 """Readings for so long before a zero is taken: links come up one after the other."""
-
-GO_ON = "go on"
 
 Values = dict[tuple[str, ...], str]
 
@@ -85,7 +93,7 @@ class Commission:
         self._rig, self._fingers, self._patience_s = rig, fingers, patience_s
         self._restart, self._manner = restart, manner
         self._mounts: dict[str, Mount] = {}
-        self._pending = False
+        self._pending = self._contradicted = False
         self._zeroed = False
         self._take_mounts()
 
@@ -149,16 +157,30 @@ class Commission:
             return True
         if (yield from self._left_behind()):
             return False
-        findings = yield from weigh(self._rig, self._mounts, names)
+        findings = yield from self._weigh_until_it_fits(names)
         found: Values = {}
         for name, each in findings.items():
-            yield from _report(name, each.notes, each.problems)
             if each.found is not None:
                 com_m = [round(float(part), 5) + 0.0 for part in each.found.com_m]
                 found["finger", name, "wrench", "mass_kg"] = f"{each.found.mass_kg:.5f}"
                 found["finger", name, "wrench", "com_m"] = str(com_m)
         yield from self._change(found)
         return not any(each.problems for each in findings.values())
+
+    def _weigh_until_it_fits(self, names: Sequence[str]) -> Steps[dict[str, WeightFindings]]:
+        """Weigh, and touch and weigh again where the weight contradicts the mounting and the person agrees."""
+        tries = 0
+        while True:
+            findings = yield from weigh(self._rig, self._mounts, names)
+            tries += 1
+            for name, each in findings.items():
+                yield from _report(name, each.notes, each.problems)
+            self._contradicted = any(each.contradicts for each in findings.values())
+            if not self._contradicted or tries == MOST_WEIGHINGS:
+                return findings
+            if (yield from choose(Prompt("mounting_again", CONTRADICTED, choices=(AGAIN, GO_ON, SKIP)))) != AGAIN:
+                return findings
+            yield from self._find_mounting()
 
     def _measure_friction(self) -> Steps[bool]:
         if not (yield from self._ready()):
@@ -199,18 +221,29 @@ class Commission:
         if down or not self._zeroed:
             yield from ReadingListener(self._rig.finger, self._rig.config_id).collect(FRESH_S)
             for name in self._fingers:
-                while not (yield from take_zero(name, self._rig.finger[name])):
-                    text = f"Without its zero, finger {name} shows other forces than act on it. See to the cause."
-                    if (yield from choose(Prompt("zero_again", text, name, (AGAIN, GO_ON, SKIP)))) == GO_ON:
-                        break
+                yield from self._take_needed_zero(name)
             self._zeroed = True
         return True
 
+    def _take_needed_zero(self, name: str) -> Steps[None]:
+        for _ in range(MOST_ZEROS):
+            if (yield from take_zero(name, self._rig.finger[name])):
+                return
+            text = f"Without its zero, finger {name} shows other forces than act on it. See to the cause."
+            if (yield from choose(Prompt("zero_again", text, name, (AGAIN, GO_ON, SKIP)))) == GO_ON:
+                return
+        yield Say(f"  given up: the zero was refused {MOST_ZEROS} times")
+        raise Skipped
+
     def _left_behind(self) -> Steps[bool]:
-        """Return whether the daemon runs less than was found, and say that the step is left out then."""
+        """Return whether the daemon runs another config than it should, and say that the step is left out then."""
         if self._pending:
             yield Say("  left out: what was found is not written, so the daemon does not run it")
-        return self._pending
+        elif self._contradicted:
+            yield Say(
+                "  left out: with a wrong mounting, its result would be wrong too; slipd commission --from mounting"
+            )
+        return self._pending or self._contradicted
 
     def _down(self) -> Steps[dict[str, tuple[float, float, float]]]:
         """Return gravity with the fingertips down, of each finger whose weight the daemon cannot subtract yet."""

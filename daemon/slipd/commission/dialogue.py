@@ -20,6 +20,9 @@ SKIP = "skip"
 AGAIN = "again"
 """The choice that tries again what did not succeed."""
 
+GO_ON = "go on"
+"""The choice that goes on with what there is."""
+
 
 class Skipped(Exception):  # noqa: N818 - it names what happened
     """The person left the present step out."""

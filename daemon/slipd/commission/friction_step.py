@@ -14,6 +14,9 @@ from slipd_client.friction_session import FrictionSession
 from slipd_client.messages.schema.topics import Message, Slip
 
 SAMPLES = 3
+MOST_TRIES = 10
+"""How often in a row nothing may be measured before the step is left out."""
+
 GRIPPED = "gripped already"
 NOT_PRESSED = "Nothing presses on the pads yet."
 ON = "Let go of the sample, and see to the cause. What was measured so far counts."
@@ -69,13 +72,17 @@ def _pulls(fingers: Sequence[str], patience_s: float, force_n: float | None) -> 
     )
     lines: list[str] = []
     session = FrictionSession(fingers, SAMPLES, patience_s, lines.append, NOT_PRESSED)
+    tries = 0
     while not session.done:
+        before = session.counted
         try:
             yield from _follow(session, lines)
         except FrictionNotMeasured as error:
             yield from _show(lines)
             yield Say(f"  not measured: {error}")
+            tries = tries + 1 if session.counted == before else 1
             try:
+                yield from _check_tries(tries)
                 word = yield from choose(Prompt("friction_again", text, choices=choices))
                 if force_n is not None and word == CLOSE and (yield from activate()):
                     yield from close(force_n)
@@ -85,6 +92,13 @@ def _pulls(fingers: Sequence[str], patience_s: float, force_n: float | None) -> 
                 break
             session.resume()
     return session.results
+
+
+def _check_tries(tries: int) -> Steps[None]:
+    """Leave the step out after too many tries without a sample."""
+    if tries >= MOST_TRIES:
+        yield Say(f"  given up: {tries} times in a row nothing was measured")
+        raise Skipped
 
 
 def _follow(session: FrictionSession, lines: list[str]) -> Steps[None]:

@@ -13,8 +13,8 @@ from slipd_client.messages.schema.topics import Message, Slip
 
 SHOW_S = 1.0
 HOLD_S = 5.0
-SETTLE_S = 5.0
-"""Longer than HOLD_S by at most this, until every finger has a verdict: one may be stale just then."""
+SETTLE_S = 15.0
+"""Extra time after HOLD_S for a finger that has no verdict just then, because a reading is stale."""
 
 HOLDING = (SlipLevel.STABLE, SlipLevel.CAUTION)
 
@@ -83,4 +83,5 @@ def _watch(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, Slip]]:
 def _line(name: str, verdict: Slip) -> str:
     normal = "" if verdict.normal_n is None else f" {verdict.normal_n:.1f} N"
     used = "" if verdict.utilisation is None else f" λ {verdict.utilisation:.2f}"
-    return f"{name} {verdict.level}{normal}{used}"
+    why = f" ({', '.join(verdict.reasons)})" if verdict.level == SlipLevel.UNKNOWN else ""
+    return f"{name} {verdict.level}{why}{normal}{used}"

@@ -1,19 +1,22 @@
-"""What the last two steps share: the gripper closes gently and opens again, each after the person agreed.
+"""Motions of the gripper in the last two steps: it closes gently and opens again, each time after the person agreed.
 
-Every motion is a request of its own with a lease of its own, so the daemon's rules and limits judge it, and whatever
-ends the guide leaves the gripper with its force.
+Every motion is one request with its own lease, so the daemon applies its rules and limits to it. However the guide
+ends, the gripper keeps its force.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from slipd.commission.dialogue import AGAIN, SKIP, Prompt, Refusal, Say, Steps, ask, choose
+from slipd.commission.dialogue import AGAIN, SKIP, Prompt, Refusal, Say, Skipped, Steps, ask, choose
 from slipd.commission.readings import pause, read_status
 from slipd.config import Gripper
 
 GENTLE_N = 5.0
 """Force on one pad with which the guide grips, N, unless the gripper's least force is larger."""
+
+MOST_TRIES = 20
+"""How often a motion is asked for again before the step is left out."""
 
 ACTIVE_S = 15.0
 POLL_S = 0.5
@@ -34,17 +37,13 @@ def gentle_force(gripper: Gripper | None) -> float | str:
         return "[gripper] has no max_force_n, so nothing may be moved: state the largest force on one pad there"
     least = gripper.force_table[0][1] if gripper.force_table else 0.0
     force_n = max(GENTLE_N, least, gripper.min_force_n or 0.0)
-    if force_n > gripper.max_force_n:
-        if max(least, gripper.min_force_n or 0.0) > gripper.max_force_n:
-            return f"the least force is {force_n:g} N, and max_force_n is {gripper.max_force_n:g} N"
-        return gripper.max_force_n
-    return float(force_n)
+    return float(min(force_n, gripper.max_force_n))
 
 
 def activate() -> Steps[bool]:
     """Activate the gripper if it is not active, after the person agreed; return whether it is.
 
-    The person states that nothing is gripped, because fingers whose weight is not followed may look pressed.
+    The person confirms that nothing is gripped: a finger whose weight is not compensated may look pressed.
 
     Raises:
         Skipped: The person left the step out.
@@ -93,11 +92,15 @@ def _insist(again: Prompt, done: str, method: str, **fields: Any) -> Steps[None]
     """Send a request that moves the gripper, and again while it fails and the person agrees.
 
     Raises:
-        Skipped: The person left it out.
+        Skipped: The person left it out, or it failed MOST_TRIES times.
     """
-    while why := (yield from _send(method, **fields)):
+    for _ in range(MOST_TRIES):
+        if not (why := (yield from _send(method, **fields))):
+            return
         yield Say(f"  not {done}: {why}")
         yield from choose(again)
+    yield Say(f"  given up after {MOST_TRIES} tries")
+    raise Skipped
 
 
 def _send(method: str, **fields: Any) -> Steps[str]:

@@ -12,19 +12,24 @@ contradicts the pushes leaves the sign open.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.arrays import Array
 from slipd.commission.known_rotations import nearest_known
+from slipd.commission.sensor_position import cross_matrix, find_position
 from slipd.commission.touches import (
     CENTRE,
+    CORNER,
+    END,
     LEAST_TRAVEL_M,
+    NAMES,
     PRESSES,
     PUSH_X,
     PUSH_Y,
+    PUSHES,
     STEPS,
     SYMMETRIES,
     Findings,
@@ -72,14 +77,16 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
     images = _image_travels(touches)
     yaw_rad = 0.0
     if has_pad and images is None:
-        found.problems.append(
+        missing = [step for step in PRESSES if touches[step].scan_m is None]
+        found.add_problem(
             "the pad showed no image at some of the presses, so its orientation is not known; begin again once the "
-            "daemon runs what was found of the force sensor"
+            "daemon runs what was found of the force sensor",
+            *(missing if len(missing) < len(PRESSES) else ()),
         )
     elif images is not None:
         scale = sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images)
         if not SCALES[0] <= scale <= SCALES[1]:
-            found.problems.append(_wrong_scale(scale))
+            _add_wrong_scale(scale, found)
             return found
         symmetry, yaw_rad = _find_symmetry(images, travels, found)
         if symmetry is None:
@@ -87,18 +94,22 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
     turn = Rotation.from_euler("z", yaw_rad)
     if not _places_fit(travels @ turn.as_matrix()[:2, :2].T, found):
         return found
-    found.symmetry = symmetry if images is not None else None
+    oriented = symmetry if images is not None else None
     rotation = turn * coarse
     quaternion, how = nearest_known(rotation, present)
     loads = _turned(touches, sign, Rotation.from_quat(quaternion))
-    xyz_m, residual_m = _position(touches, loads, found.symmetry)
-    kept = math.dist(xyz_m, present.xyz_m) <= KEEP_M
-    place = present.xyz_m if kept else (float(xyz_m[0]), float(xyz_m[1]), float(xyz_m[2]))
-    found.mount = Mount(sign, place, quaternion)
+    position = find_position(touches, loads, oriented)
+    if not position.fits:
+        found.add_problem(_misfit_text(position.misfit_m, NAMES[position.worst]), position.worst)
+        return found
+    kept = math.dist(position.xyz_m, present.xyz_m) <= KEEP_M
+    x_m, y_m, z_m = map(float, position.xyz_m)
+    found.mount = Mount(sign, present.xyz_m if kept else (x_m, y_m, z_m), quaternion)
+    found.symmetry = oriented
     away = math.degrees((rotation * Rotation.from_quat(quaternion).inv()).magnitude())
     found.notes.append(f"sign {sign:+d}; rotation {how}, {away:.0f}° from that of the touches")
     found.notes.append(
-        f"sensor at {_mm(xyz_m)} mm in the pad frame, residual {1e3 * residual_m:.1f} mm"
+        f"sensor at {_mm(position.xyz_m)} mm in the pad frame, residual {1e3 * position.residual_m:.1f} mm"
         f"{'; the position of the config is kept' if kept else ''}"
     )
     return found
@@ -113,14 +124,16 @@ def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
     presses = [_unit(touches[step].force) for step in PRESSES]
     into = _unit(np.sum(presses, axis=0))
     if max(_angle(into, press) for press in presses) > SAME_DIRECTION_RAD:
-        found.problems.append("the presses had different directions: press at right angles to the pad, at each place")
+        text = "the presses had different directions: press at right angles to the pad, at each place"
+        found.add_problem(text, _slanted(presses))
         return None
     pushes = [touches[step].force - into * (into @ touches[step].force) for step in (PUSH_X, PUSH_Y)]
     along_x, along_y = map(_unit, pushes)
     if abs(_angle(along_x, along_y) - math.pi / 2) > SQUARE_RAD:
-        found.problems.append(
+        found.add_problem(
             f"the pushes along +X and +Y are {math.degrees(_angle(along_x, along_y)):.0f}° apart, not 90°: "
-            "push along the longer side of the pad, then across it"
+            "push along the longer side of the pad, then across it",
+            *PUSHES,
         )
         return None
     left, _, right = np.linalg.svd(np.column_stack((along_x, along_y, -into)))
@@ -130,7 +143,7 @@ def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
 def _depth(loads: Mapping[str, tuple[Array, Array]]) -> float:
     """Return how far the pad is from the origin of the sensor along Z, m: M = q × F at one place."""
     forces, torques = zip(*(loads[step] for step in (CENTRE, PUSH_X, PUSH_Y)), strict=True)
-    matrix = np.vstack([-_cross(force) for force in forces])
+    matrix = np.vstack([-cross_matrix(force) for force in forces])
     return float(np.linalg.lstsq(matrix, np.concatenate(torques), rcond=None)[0][2])
 
 
@@ -161,19 +174,21 @@ def _image_travels(touches: Mapping[str, Touch]) -> Array | None:
     return np.asarray(travels, dtype=np.float64) if np.abs(travels).max() > LEAST_TRAVEL_M else None
 
 
-def _wrong_scale(scale: float) -> str:
-    """Return what a wrong travel means."""
+def _add_wrong_scale(scale: float, found: Findings) -> None:
+    """Add what a wrong travel means."""
     for factor, meaning in (
         (1000.0, "its torques are in N·mm, not N·m"),
         (0.001, "its torques are in kN·m, or its forces in mN"),
     ):
         if 0.5 < scale / factor < 2.0:
-            return (
+            found.add_problem(
                 f"the force sensor moves {scale:.3g} times as far as the image: {meaning}; correct it and begin again"
             )
-    return (
+            return
+    found.add_problem(
         f"the force sensor moves {scale:.2f} times as far as the image: pitch_m, a gain of the sensor, or the place of "
-        "a press is wrong; nothing follows from these presses"
+        "a press is wrong; nothing follows from these presses",
+        *PRESSES,
     )
 
 
@@ -181,11 +196,15 @@ def _places_fit(travels: Array, found: Findings) -> bool:
     """Return whether the places by torque are those that were asked for."""
     end, corner = travels
     if np.hypot(*travels.T).max() < LEAST_TRAVEL_M:
-        found.problems.append("all presses were at one place: press the middle of the +X end, and the +X +Y corner")
+        text = "all presses were at one place: press the middle of the +X end, and the +X +Y corner"
+        found.add_problem(text, END, CORNER)
     elif not (goes_to_end(end) and goes_to_corner(corner)):
-        found.problems.append(
+        found.add_problem(
             f"by the pushes, the end was pressed at {_mm(end)} mm and the corner at {_mm(corner)} mm from the centre: "
-            "a press or a push was on the other side; begin again"
+            "a press or a push was on the other side",
+            *(() if goes_to_end(end) else (END,)),
+            CORNER,
+            *PUSHES,
         )
     else:
         return True
@@ -199,9 +218,11 @@ def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symm
     )
     (best_m, yaw_rad, best), (second_m, _, _) = fits[:2]
     if second_m < max(CLEAR * best_m, LEAST_TRAVEL_M):
-        found.problems.append(
+        found.add_problem(
             f"the orientation of the image is open: two of the eight fit to {1e3 * best_m:.1f} and "
-            f"{1e3 * second_m:.1f} mm; press further from the centre"
+            f"{1e3 * second_m:.1f} mm; press further from the centre",
+            END,
+            CORNER,
         )
         return None, 0.0
     found.notes.append(
@@ -218,34 +239,17 @@ def _misfit(image: Array, travels: Array) -> tuple[float, float]:
     return float(np.hypot(*(travels @ turn.T - image).T).max()), yaw_rad
 
 
-def _position(
-    touches: Mapping[str, Touch], loads: Mapping[str, tuple[Array, Array]], symmetry: Symmetry | None
-) -> tuple[Array, float]:
-    """Return the origin of the sensor in the pad frame, and the residual of the places, m.
-
-    Least squares over M = (p − r) × F, with the place p of the image; without an image, of the presses at the centre.
-    """
-    rows, sides = [], []
-    for step, (force, torque) in loads.items():
-        scan_m = touches[step].scan_m
-        if symmetry is not None and scan_m is not None:
-            place = np.append(symmetry.place(scan_m), 0.0)
-        elif step in (CENTRE, PUSH_X, PUSH_Y):
-            place = np.zeros(3)
-        else:
-            continue
-        size = float(np.linalg.norm(force))
-        rows.append(_cross(force) / size)  # r × F = −F × r, so M − p × F = F × r
-        sides.append((torque - np.cross(place, force)) / size)
-    matrix, side = np.vstack(rows), np.concatenate(sides)
-    xyz_m = np.linalg.lstsq(matrix, side, rcond=None)[0]
-    residual = float(np.sqrt(np.mean((matrix @ xyz_m - side) ** 2)))
-    return np.round(xyz_m, 4) + 0.0, residual
+def _slanted(presses: Sequence[Array]) -> str:
+    """Return the press whose direction differs most: the other two agree best."""
+    others = [np.delete(presses, number, axis=0) for number in range(len(PRESSES))]
+    return min(zip(PRESSES, others, strict=True), key=lambda each: _angle(*each[1]))[0]
 
 
-def _cross(vector: Array) -> Array:
-    x, y, z = vector
-    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+def _misfit_text(misfit_m: float, worst: str) -> str:
+    return (
+        f"the places by torque miss by up to {1e3 * misfit_m:.1f} mm, wherever the sensor is; {worst} fits the others "
+        "worst: was the finger touched beside the pad, or does a cable pull at it?"
+    )
 
 
 def _unit(vector: Array) -> Array:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from slipd.arrays import Array
-from slipd.commission.dialogue import SKIP, Choice, Refusal, Reply, Skipped, Steps, ask
+from slipd.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Reply, Skipped, Steps, ask, choose
 from slipd.errors import SlipdError
 from slipd_client.elapsed_time import ElapsedTime
-from slipd_client.messages.schema.replies import StatusReply
+from slipd_client.messages.schema.replies import HelloReply, StatusReply
 from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 
 LEAST_READINGS = 10
@@ -20,8 +23,8 @@ LEAST_READINGS = 10
 SILENCE_S = 10.0
 """Longest time without a message, s: the machine may be busy."""
 
-STATUS_ATTEMPTS, STATUS_PAUSE_S = 20, 0.5
-"""How often the daemon is asked for its status, and the time between, s."""
+ATTEMPTS, PAUSE_S = 20, 0.5
+"""How often a request that changes nothing is sent, and the time between, s."""
 
 
 @dataclass(slots=True)
@@ -62,26 +65,32 @@ class ReadingListener:
     def collect(self, seconds: float) -> Steps[dict[str, FingerReadings]]:
         """Return the readings of ``seconds``, or longer until every finger has some.
 
+        Where a finger has none, the guide says so, and goes on when the person has seen to it.
+
         Raises:
             Skipped: The person chose it.
-            SlipdError: The daemon runs another config or is silent, or a force is not known.
+            SlipdError: The daemon runs another config, or is silent.
         """
-        found = {name: FingerReadings() for name in self._fingers}
-
-        def enough(message: Wrench | Tactile, passed_s: float) -> bool:
-            _add(message, found)
-            return passed_s >= seconds and all(len(each.wrenches) >= LEAST_READINGS for each in found.values())
-
-        if (yield from self._readings(enough, seconds + SILENCE_S)):
-            return found
-        silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
-        raise SlipdError(f"finger {', '.join(silent)} has no force readings; see: slipctl status")
+        while True:
+            found = {name: FingerReadings() for name in self._fingers}
+            if (yield from self._readings(partial(_add, found, seconds), seconds + SILENCE_S)):
+                return found
+            silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
+            text = (
+                f"Finger {', '.join(silent)} had no force readings for {seconds + SILENCE_S:g} s. slipctl status says "
+                "why. Go on when they are back."
+            )
+            yield from choose(Prompt("readings_again", text, choices=(AGAIN, SKIP)))
 
     def leave_out_earlier(self) -> Steps[None]:
-        """Leave out readings from before now, by the daemon's clock: a busy machine delivers them later."""
-        answer = yield ask("hello")
-        if isinstance(answer, Reply):
-            self._newest_ns = max(self._newest_ns, answer.result.t_ns)
+        """Leave out readings from before now, by the daemon's clock: a busy machine delivers them later.
+
+        Raises:
+            Skipped: The person chose it.
+            SlipdError: The daemon does not answer.
+        """
+        hello: HelloReply = yield from _answer("hello")
+        self._newest_ns = max(self._newest_ns, hello.t_ns)
 
     def wait(self, condition: Callable[[dict[str, Array]], bool], seconds: float) -> Steps[bool]:
         """Wait until the newest wrenches fulfil a condition; return False if they do not within ``seconds``.
@@ -125,18 +134,25 @@ class ReadingListener:
 
 
 def pause(seconds: float) -> Steps[None]:
-    """Let time pass, by the times of the messages of one topic: those of a slow or stale stream lag behind others.
+    """Let time pass from now on by the daemon's clock; a busy machine delivers messages from before now later.
+
+    Without that clock, the times of the messages of one topic count: those of a slow or stale stream lag behind others.
 
     Raises:
         Skipped: The person chose it.
         SlipdError: The daemon is silent.
     """
+    answer = yield ask("hello")
+    until_ns = answer.result.t_ns + seconds * 1e9 if isinstance(answer, Reply) else math.inf
+    longest_ns = (seconds if math.isinf(until_ns) else seconds + SILENCE_S) * 1e9
     began_ns: dict[str, int] = {}
     while (event := (yield None)) is not None:
         if isinstance(event, Choice) and event.word == SKIP:
             raise Skipped
-        if isinstance(event, Message) and event.t_ns - began_ns.setdefault(event.topic, event.t_ns) >= seconds * 1e9:
-            return
+        if isinstance(event, Message):
+            passed_ns = event.t_ns - began_ns.setdefault(event.topic, event.t_ns)
+            if event.t_ns >= until_ns or passed_ns >= longest_ns:
+                return
     raise silence()
 
 
@@ -147,15 +163,20 @@ def read_status() -> Steps[StatusReply]:
         Skipped: The person chose it.
         SlipdError: The daemon does not report its status.
     """
+    status: StatusReply = yield from _answer("status")
+    return status
+
+
+def _answer(method: str) -> Steps[Any]:
+    """Return the answer to a request that changes nothing, which is repeated where it is refused."""
     reason = ""
-    for _ in range(STATUS_ATTEMPTS):
-        answer = yield ask("status")
+    for _ in range(ATTEMPTS):
+        answer = yield ask(method)
         if isinstance(answer, Reply):
-            status: StatusReply = answer.result
-            return status
+            return answer.result
         reason = answer.reason if isinstance(answer, Refusal) else reason
-        yield from pause(STATUS_PAUSE_S)
-    raise SlipdError(f"the daemon does not report its status: {reason}")
+        yield from pause(PAUSE_S)
+    raise SlipdError(f"the daemon does not answer: {reason}")
 
 
 def silence() -> SlipdError:
@@ -163,9 +184,11 @@ def silence() -> SlipdError:
     return SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
 
 
-def _add(message: Wrench | Tactile, found: dict[str, FingerReadings]) -> None:
+def _add(found: dict[str, FingerReadings], seconds: float, message: Wrench | Tactile, passed_s: float) -> bool:
+    """Add a reading; return whether there are enough."""
     if isinstance(message, Tactile):
         if message.loads_n is not None:
             found[message.finger].images.append(np.array(message.loads_n))
     elif message.force_n is not None and message.torque_nm is not None:
         found[message.finger].wrenches.append(np.array((*message.force_n, *message.torque_nm)))
+    return passed_s >= seconds and all(len(each.wrenches) >= LEAST_READINGS for each in found.values())

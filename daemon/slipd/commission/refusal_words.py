@@ -1,4 +1,4 @@
-"""Why a request of the guide was not carried out, and what to do, in words for people and not of the protocol."""
+"""Explains to the person why a request of the guide failed and what to do, without words of the protocol."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INSTEAD = {
     "no_lease": f"the right to move the gripper ended before the request arrived; {TOO_BUSY}",
     "lease_held": "another program controls the gripper: end that program, or wait until it lets go",
 }
-"""Code of a refusal and what to write in place of its message."""
+"""Text that replaces the message of a refusal, by its code."""
 
 BESIDE = {
     "in_contact": "take away whatever touches the finger",
@@ -25,7 +25,7 @@ BESIDE = {
     "gripper_fault": "look at the gripper; slipctl grip activate clears the fault of most",
     "not_active": "slipctl grip activate",
 }
-"""Code of a refusal and what to do, beside its message."""
+"""What to do, appended to the message of a refusal, by its code."""
 
 TARES = {
     "contact": "something touched the finger: touch nothing, and leave it free",
@@ -36,7 +36,7 @@ TARES = {
     "ended": f"the sensor was cut off: are its cable and its power in place? {STATUS}",
     "undone": "another program took the zero back: end that program",
 }
-"""Reason for which a tare was given up and what to do."""
+"""Cause and remedy of a tare that was given up, by its reason."""
 
 
 def reason_of(error: ClientError) -> str:

@@ -37,7 +37,7 @@ TOPICS = ("wrench", "tactile", "slip")
 LISTEN_S = 0.1
 
 MOST_EARLY = 1000
-"""Lines dropped before a question: a program that types without end must not hold the guide up."""
+"""Most lines that are dropped before a question: input without end must not block the guide."""
 
 
 class TerminalHost:
@@ -94,7 +94,7 @@ class TerminalHost:
         self._client.disconnect()
 
     def _next(self) -> Message | Choice | None:
-        """Return the next line that was typed, or the next message; None after a while without both."""
+        """Return the next typed line or message; None if neither comes for SILENCE_S."""
         until_s = time.monotonic() + SILENCE_S
         while time.monotonic() < until_s:
             if (line := self._line()) is not None:
@@ -107,7 +107,7 @@ class TerminalHost:
         return None
 
     def _expect(self, choices: tuple[str, ...]) -> None:
-        """Take choices among these from now on; what was typed before the question is no answer to it."""
+        """Accept these choices from now on, and drop what was typed before the question."""
         for _ in range(MOST_EARLY):
             if self._line() is None:
                 break
@@ -167,7 +167,7 @@ def _keys_of(prompt: Prompt) -> str:
 
 
 def _word(line: str, choices: tuple[str, ...]) -> str:
-    """Return the word that a line stands for; a line that stands for none is returned as it is."""
+    """Return the choice that a line abbreviates; any other line is returned unchanged."""
     if not line:
         return choices[0] if choices and choices[0] != SKIP else ""
     return next((word for word in choices if line.lower() in (word, word[0])), line)

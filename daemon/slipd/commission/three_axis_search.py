@@ -13,6 +13,7 @@ from slipd.commission.touches import (
     END,
     PUSH_X,
     PUSH_Y,
+    PUSHES,
     STEPS,
     SYMMETRIES,
     Findings,
@@ -35,13 +36,16 @@ def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, 
     places = {step: np.array(touch.scan_m) for step, touch in touches.items() if touch.scan_m is not None}
     missing = [step for step in STEPS if step not in places]
     if missing:
-        found.problems.append(f"the pad showed nothing at: {', '.join(missing)}")
+        found.add_problem(f"the pad showed nothing at: {', '.join(missing)}", *missing)
         return found, None
     end, corner = ((places[step] - places[CENTRE]).tolist() for step in (END, CORNER))
     fits = [one for one in SYMMETRIES if goes_to_end(one.place(end)) and goes_to_corner(one.place(corner))]
     if len(fits) != 1:
-        found.problems.append(
-            "the presses do not show the orientation of the image: press the middle of the +X end, and the +X +Y corner"
+        found.add_problem(
+            "the presses do not show the orientation of the image: press the middle of the +X end, and the +X +Y "
+            "corner",
+            END,
+            CORNER,
         )
         return found, None
     found.symmetry = fits[0]
@@ -50,7 +54,8 @@ def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, 
     share = push_x[2] / press[2], push_y[2] / press[2]
     push_x, push_y = push_x - share[0] * press, push_y - share[1] * press
     if abs(push_x[0]) < 2.0 * abs(push_x[1]) or abs(push_y[1]) < 2.0 * abs(push_y[0]):
-        found.problems.append("the pushes do not fit the presses: push along +X and along +Y, as the taxels lie")
+        text = "the pushes do not fit the presses: push along +X and along +Y, as the taxels lie"
+        found.add_problem(text, *PUSHES)
         return found, None
     signs = (int(math.copysign(1, push_x[0])), int(math.copysign(1, push_y[1])), -int(math.copysign(1, press[2])))
     found.notes.append(f"axes of the taxels: {'X' if signs[0] > 0 else '-X'}, {'Y' if signs[1] > 0 else '-Y'}, "

@@ -5,18 +5,19 @@ It only reads what the daemon publishes: nothing is set, and nothing moves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from slipd.arrays import Array
 from slipd.commission.config_update import FingerResult
-from slipd.commission.dialogue import Prompt, Say, Steps
+from slipd.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.commission.mounting_search import find_mounting
 from slipd.commission.readings import FingerReadings, ReadingListener
 from slipd.commission.three_axis_search import find_three_axis
-from slipd.commission.touches import CENTRE, CORNER, END, PUSH_X, PUSH_Y, Findings, Touch, mount_of
+from slipd.commission.touches import CENTRE, CORNER, END, NAMES, PUSH_X, PUSH_Y, PUSHES, Findings, Touch, mount_of
 from slipd.config import Config, Pad
 from slipd.errors import SlipdError
 from slipd.signals.mounting import Mounting
@@ -27,7 +28,17 @@ TOUCH_N = 1.5
 RELEASE_SHARE = 0.5
 REST_S, SETTLE_S, HOLD_S = 0.5, 0.3, 0.6
 STEADY = 0.3
-"""Largest relative change of the force within HOLD_S."""
+"""Largest relative change of the force and of the image within HOLD_S."""
+
+LEAST_IMAGES = 3
+NOISE_STD = 4.0
+"""Standard deviations by which the sum of an image that is held still may change."""
+
+MOST_TRIES = 20
+"""How often a touch may move before it is held still."""
+
+MOST_REPEATS = 3
+"""How often touches that do not fit may be repeated: then something else is wrong."""
 
 PUSH_SHARE = 0.2
 """Least tangential force of a push, as a share of the force of the press at the centre."""
@@ -85,23 +96,33 @@ class TouchGuide:
             Skipped: The person left the finger out.
             SlipdError: Nothing was touched in time, or the daemon fell silent.
         """
+        touches = dict(pushes or {})
+        streams: dict[str, str] = {}
+        asked: Sequence[str] = [step for step in TEXTS if step not in touches]
+        repeats = 0
+        while True:
+            yield from self._ask(finger, asked, touches, streams)
+            outcome = self._outcome(finger, streams, touches)
+            asked = outcome.findings.doubtful
+            if not asked or repeats == MOST_REPEATS or not (yield from _agree(finger, outcome.findings)):
+                return outcome
+            repeats += 1
+
+    def _ask(
+        self, finger: str, steps: Sequence[str], touches: dict[str, Touch], streams: dict[str, str]
+    ) -> Steps[None]:
+        """Ask for touches; add them to ``touches``, and the sensors that felt the first of all to ``streams``."""
         yield Say("Touch nothing.")
         self._rest = yield from self._listener.collect(REST_S)
-        streams: dict[str, str] = {}
-        touches: dict[str, Touch] = {}
-        for step, text in TEXTS.items():
-            if pushes is not None and step in pushes:
-                touches[step] = pushes[step]
-                continue
-            yield Prompt(step, text.format(finger=finger), finger)
+        for step in steps:
+            yield Prompt(step, TEXTS[step].format(finger=finger), finger)
             held = yield from self._hold(step, touches.get(CENTRE), streams.get("wrench", ""))
             if not streams:
-                streams = self._streams(finger, held)
+                streams.update(self._streams(finger, held))
             touches[step] = self._touch(held, streams)
-            yield Say(f"  {np.linalg.norm(touches[step].force):.1f} N. Let go.")
+            yield Say(f"  {NAMES[step]}: {np.linalg.norm(touches[step].force):.1f} N. Let go.")
             if not (yield from self._listener.wait(self._released, self._patience_s)):
                 raise SlipdError(f"the pads were not released within {self._patience_s:g} s; nothing is changed")
-        return self._outcome(finger, streams, touches)
 
     def _outcome(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> FingerOutcome:
         settings = self._rig.finger[finger]
@@ -122,28 +143,33 @@ class TouchGuide:
         def touched(newest: dict[str, Array]) -> bool:
             if self._most(newest) < TOUCH_N:
                 return False
-            if step not in (PUSH_X, PUSH_Y) or centre is None:
+            if step not in PUSHES or centre is None:
                 return True
             force = self._raw(stream, newest[stream])[:3] - self._raw(stream, self._rest[stream].wrench)[:3]
             into = centre.force / np.linalg.norm(centre.force)
             along = force - into * (into @ force)
             return bool(np.linalg.norm(along) > PUSH_SHARE * np.linalg.norm(force))
 
-        while True:
+        what = "push" if step in PUSHES else "press"
+        for _ in range(MOST_TRIES):
             if not (yield from self._listener.wait(touched, self._patience_s)):
-                what = "push" if step in (PUSH_X, PUSH_Y) else "press"
                 raise SlipdError(f"no {what} was felt within {self._patience_s:g} s; nothing is changed")
             yield from self._listener.collect(SETTLE_S)
             held = yield from self._listener.collect(HOLD_S)
-            if self._is_still(held):
+            if not (change := self._change(held)):
                 return held
-            yield Say("  hold it still")
+            yield Say(f"  {change}: hold it still")
+        raise SlipdError(f"the {what} was not held still in {MOST_TRIES} tries: {change}; nothing is changed")
 
-    def _is_still(self, held: dict[str, FingerReadings]) -> bool:
+    def _change(self, held: dict[str, FingerReadings]) -> str:
+        """Return how the force changed, for people; "" if it was held still."""
         pressed = max(held, key=lambda name: self._felt(name, held))
         forces = np.array(held[pressed].wrenches)[:, :3] - self._rest[pressed].wrench[:3]
         sizes = np.linalg.norm(forces, axis=1)
-        return bool(sizes.min() > TOUCH_N / 2 and np.ptp(sizes) < max(STEADY * sizes.mean(), TOUCH_N / 2))
+        if sizes.min() > TOUCH_N / 2 and np.ptp(sizes) < max(STEADY * sizes.mean(), TOUCH_N / 2):
+            changed = [name for name in held if _image_changed(self._rest[name], held[name])]
+            return f"the image of finger {', '.join(changed)} changed or had gaps" if changed else ""
+        return f"the force changed between {sizes.min():.1f} and {sizes.max():.1f} N"
 
     def _released(self, newest: dict[str, Array]) -> bool:
         return self._most(newest) < RELEASE_SHARE * TOUCH_N
@@ -187,10 +213,31 @@ class TouchGuide:
             matrix = Mounting(pose.xyz_m, pose.quat_xyzw, settings.wrench.sign).matrix
             return np.asarray(np.linalg.solve(matrix, wrench))
         pad = settings.pad
-        if pad is None:
-            return wrench
+        assert pad is not None  # noqa: S101 - a finger has a force sensor or a pad
         force = wrench[:3] * np.sign(pad.axis_scale)
         return np.concatenate((force[[1, 0, 2]] if pad.swap_xy else force, wrench[3:]))
+
+
+def _agree(finger: str, findings: Findings) -> Steps[bool]:
+    """Name the problems, and return whether the person makes the doubtful touches again."""
+    for problem in findings.problems:
+        yield Say(f"  {finger}: {problem}")
+    names = ", ".join(NAMES[step] for step in findings.doubtful)
+    text = f"The touches of finger {finger} do not fit together. Only {names} will be asked for again."
+    return (yield from choose(Prompt("touch_again", text, finger, (AGAIN, GO_ON, SKIP)))) == AGAIN
+
+
+def _image_changed(rest: FingerReadings, held: FingerReadings) -> bool:
+    """Return whether the image changed while a touch was held: on a busy machine it may lag behind the force."""
+    if not rest.images:
+        return False
+    if len(held.images) < LEAST_IMAGES:
+        return True
+    half = len(held.images) // 2
+    first, second = (np.mean(part, axis=0) for part in (held.images[:half], held.images[half:]))
+    size = max(float(np.abs(part - rest.image).sum()) for part in (first, second))
+    noise = NOISE_STD * float(np.std(rest.images, axis=0).sum()) / math.sqrt(half)
+    return float(np.abs(second - first).sum()) > STEADY * size + noise
 
 
 def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:

@@ -14,6 +14,16 @@ from slipd.config import Wrench
 CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
 STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
 PRESSES = (CENTRE, END, CORNER)
+PUSHES = (PUSH_X, PUSH_Y)
+
+NAMES = {
+    CENTRE: "the press at the centre",
+    END: "the press at the +X end",
+    CORNER: "the press at the +X +Y corner",
+    PUSH_X: "the push along +X",
+    PUSH_Y: "the push along +Y",
+}
+"""What each touch is, for people."""
 
 LEAST_TRAVEL_M = 0.003
 """Presses must be this far apart to show the orientation of the image, m."""
@@ -76,12 +86,19 @@ class Findings:
         symmetry: Orientation of the image; None where it does not follow.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
+        doubtful: Touches that fit the others worst: made again, they may solve the problems.
     """
 
     mount: Mount | None = None
     symmetry: Symmetry | None = None
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    doubtful: tuple[str, ...] = ()
+
+    def add_problem(self, text: str, *doubtful: str) -> None:
+        """Add a problem, and the touches that fit the others worst."""
+        self.problems.append(text)
+        self.doubtful += doubtful
 
 
 def goes_to_end(travel: Array) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,12 +19,10 @@ from scipy.spatial.transform import Rotation
 from slipd.arrays import Array
 from slipd.commission.known_rotations import STATED, nearest_known
 from slipd.commission.touches import Mount
+from slipd.commission.weighing_misfit import MOST_MISFIT, force_misfit, torque_misfit, worst_pose
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
 from slipd.signals.mounting import Mounting
 from slipd.signals.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
-
-MOST_MISFIT = 0.3
-"""Largest root-mean-square residual of the force, as a share of the weight; hands hold a pose to about 5° (0.1)."""
 
 MASSES_KG = (0.001, 20.0)
 MOST_LEVER_M = 0.25
@@ -60,11 +59,15 @@ class WeightFindings:
         found: Mass and centre of mass; None where they do not follow.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do.
+        contradicts: The mounting does not fit the poses, which fit another.
+        worst: Place in the list of the pose that fits the others worst; None where one pose does not explain it.
     """
 
     found: Identification | None = None
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    contradicts: bool = False
+    worst: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,26 +87,47 @@ def find_weight(poses: Sequence[Pose], present: Mount) -> WeightFindings:
     """
     findings = WeightFindings()
     gravities = _gravities(poses, findings)
+    matrix = Mounting(present.xyz_m, present.quat_xyzw, present.sign).matrix
+    wrenches = np.array([matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
+    _weigh(poses, wrenches, gravities, present, findings)
+    if findings.problems:
+        by_torque = partial(torque_misfit, sensor_m=math.hypot(*present.xyz_m))
+        misfit = force_misfit if force_misfit(wrenches, gravities) > MOST_MISFIT else by_torque
+        findings.worst = worst_pose(misfit, wrenches, gravities)
+    return findings
+
+
+def _weigh(poses: Sequence[Pose], wrenches: Array, gravities: Array, present: Mount, findings: WeightFindings) -> None:
+    """Add mass and centre of mass, or the problem.
+
+    Args:
+        poses: As read.
+        wrenches: The same in the pad frame, shape (poses, 6).
+        gravities: Shape (poses, 3), m/s².
+        present: Mounting by which they are in the pad frame.
+        findings: Where to add it.
+    """
     forces = np.array([pose.force for pose in poses])
     if (problem := _check_mounting(forces, gravities, present, findings)) is not None:
         findings.problems.append(problem)
-        return findings
-    matrix = Mounting(present.xyz_m, present.quat_xyzw, present.sign).matrix
-    wrenches = np.array([matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
+        return
     try:
         found = identify(wrenches[:, :3], wrenches[:, 3:], gravities)
     except ValueError as error:
         findings.problems.append(str(error))
-        return findings
-    weight_n = found.mass_kg * STANDARD_GRAVITY_MPS2
+        return
     if (problem := _implausible(found)) is not None:
         findings.problems.append(problem)
-    elif found.residual_n > MOST_MISFIT * weight_n:
-        findings.problems.append(_misfit_text(found.residual_n / weight_n))
+    elif (share := force_misfit(wrenches, gravities)) > MOST_MISFIT:
+        findings.problems.append(_misfit_text(share))
+    elif torque_misfit(wrenches, gravities, math.hypot(*present.xyz_m)) > MOST_MISFIT:
+        findings.problems.append(
+            f"the torques are {found.residual_nm:.2g} N·m from those of any centre of mass in these poses: the finger "
+            "was touched, or a cable pulls at it"
+        )
     else:
         findings.found = found
         findings.notes += _notes(found)
-    return findings
 
 
 def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: WeightFindings) -> str | None:
@@ -123,6 +147,7 @@ def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: W
     if (fit.sign, how) == (present.sign, STATED):
         findings.notes.append(f"sign {fit.sign:+d} and rotation of the config fit the weight, {away:.0f}° apart")
         return None
+    findings.contradicts = True
     return (
         f"the weight fits sign {fit.sign:+d} and a rotation that is {how}, not those of the config (sign "
         f"{present.sign:+d}): either the mounting is wrong, or the poses were others than asked for. Touches decide: "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
+from slipd.device_text import one_line
 from slipd.devices import DEVICES
 from slipd.discovery.port_probe import Found
 from slipd.discovery.serial_ports import SerialPort
@@ -85,7 +86,7 @@ def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[st
     rate_hz = found.rate_hz or RATES_HZ.get(found.device, 100.0)
     lines = [f"\n[{header}]", f'device = "{found.device}"']
     if found.identity:
-        lines.append(f"# it reports: {found.identity}")
+        lines.append(f"# it reports: {one_line(found.identity)}")
     if port.warning:
         lines.append(f"# {port.warning}")
     lines.append(f"port = {json.dumps(str(port.path))}")

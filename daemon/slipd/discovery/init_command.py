@@ -11,7 +11,11 @@ from slipd.device_text import one_line
 from slipd.discovery.config_draft import draft
 from slipd.discovery.port_probe import Found, identify_port
 from slipd.discovery.serial_ports import BY_ID, BY_PATH, DEV, SerialPort, list_ports
+from slipd.draft import Kind
+from slipd.draft import draft as whole_file
 from slipd.errors import SlipdError
+
+CONFIG = Kind("a config", lambda _: False)
 
 
 def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
@@ -40,17 +44,22 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
     except ValueError as error:
         raise SlipdError(f"{error}; nothing is written. `slipd config list` lists configs to start from") from None
     config.parse(text, str(file))
-    try:
-        with file.open("x", encoding="utf-8") as out:
-            out.write(text)
-    except OSError as error:
-        raise SlipdError(f"{file} cannot be written: {error.strerror}") from None
+    with whole_file(file, CONFIG, overwrite=False) as out:
+        out.write_text(text, encoding="utf-8")
     print(f"{file}: written; next: slipd check {file}, then docs/first_day.md")
+
+
+async def _identify_one(port: SerialPort) -> Found | OSError | None:
+    """Return the device on a port, or why the port cannot be opened."""
+    try:
+        return await identify_port(str(port.path))
+    except OSError as error:
+        return error
 
 
 async def _identify(ports: list[SerialPort]) -> tuple[list[tuple[SerialPort, Found]], list[SerialPort]]:
     """Identify the devices on all ports at once, and print what is found."""
-    results = await asyncio.gather(*(identify_port(str(port.path)) for port in ports), return_exceptions=True)
+    results = await asyncio.gather(*(_identify_one(port) for port in ports))
     found: list[tuple[SerialPort, Found]] = []
     unknown: list[SerialPort] = []
     for port, result in zip(ports, results, strict=True):
@@ -60,8 +69,6 @@ async def _identify(ports: list[SerialPort]) -> tuple[list[tuple[SerialPort, Fou
         elif isinstance(result, OSError):
             unknown.append(port)
             print(f"{port.path}: cannot be opened: {result.strerror or result}; is another program using it?")
-        elif isinstance(result, BaseException):
-            raise result
         else:
             unknown.append(port)
             print(f"{port.path}: no device that slipd knows answered")

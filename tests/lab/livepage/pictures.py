@@ -62,7 +62,7 @@ def take(path: Path, window: Browser) -> None:
 def take_emulated(into: Path) -> None:
     """Press an emulated pad by mouse, then commission it, and save both pages."""
     with tempfile.TemporaryDirectory(prefix="slipd-") as folder, EmulatedRig(Path(folder)) as rig:
-        with Browser(1000, 790) as browser:
+        with Browser(1000, 815) as browser:
             browser.open(rig.url)
             browser.until("slipd.cards.get('left')?.drawn.tactile && document.querySelector('.hand') !== null")
             browser.press(".tare", "left: zero taken of wrench")

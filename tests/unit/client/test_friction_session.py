@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import pytest
 from pulls import Hand, typed
 
 from slipd_client.errors import FrictionNotMeasured
-from slipd_client.friction_session import MOST_PULLS, OBSTACLE_S, FrictionSession
+from slipd_client.friction_session import MOST_PULLS, MOST_REJECTED, OBSTACLE_S, FrictionSession
 
 STALE: dict[str, Any] = {"level": "unknown", "reasons": ["stale"]}
 PULL = "Pull slowly along the pads until it slips, 1 of 1 (left 10.0 N)."
@@ -84,3 +84,55 @@ def test_release_is_asked_for_where_the_last_pull_still_acts() -> None:
     play(guided, hand.once())
     assert said.count(PULL) == 2
     assert guided.done
+
+
+def test_pulls_that_never_count_end_it_with_the_reason_of_the_last() -> None:
+    said: list[str] = []
+    hand, guided = Hand(), session(said)
+
+    def jerks() -> Iterator[dict[str, Any]]:
+        while True:
+            yield from (*hand.rest(), *hand.pull(seconds=0.05), *hand.rest())
+
+    with pytest.raises(
+        FrictionNotMeasured, match=r"8 pulls in a row gave nothing. The last, left: .* pull more slowly"
+    ):
+        play(guided, jerks())
+    assert sum("not counted" in line for line in said) == MOST_REJECTED
+    guided.resume()
+    play(guided, hand.once())
+    assert guided.done
+
+
+def test_disturbances_that_come_again_and_again_end_it_after_a_stated_time() -> None:
+    said: list[str] = []
+    hand, guided = Hand(), session(said)
+
+    def disturbed() -> Iterator[dict[str, Any]]:
+        """Somebody holds on whenever the readings were missing, and lets go when asked."""
+        while True:
+            yield from (*hand.rest(1.0), hand.body(0.05) | STALE, *hand.rest(0.2, 0.3))
+
+    with pytest.raises(FrictionNotMeasured, match=r"no pull counted for 180 s.* disturbed again and again.*\(stale\)"):
+        play(guided, disturbed())
+    assert not any("not counted" in line for line in said)
+    guided.resume()
+    play(guided, hand.once())
+    assert guided.done
+
+
+def test_a_finger_that_never_slips_beside_one_that_does_is_named() -> None:
+    said: list[str] = []
+    guided = FrictionSession(["left", "right"], 1, 60.0, said.append)
+    left, right = Hand(), Hand("right", mu_s=0.6)
+
+    def pulls() -> Iterator[dict[str, Any]]:
+        while True:
+            for body in left.once():
+                held = right.body(min(body["required_friction"], 0.3)) | {"t_ns": body["t_ns"]}
+                yield from (body, held)
+
+    with pytest.raises(FrictionNotMeasured, match="4 pulls slipped on finger left, and too few on finger right"):
+        play(guided, pulls())
+    guided.resume()
+    assert len(guided.results["left"]) == 1

@@ -19,7 +19,7 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A config without a daemon, and a standard input on which nobody types."""
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
     monkeypatch.setattr(terminal_host, "SILENCE_S", 0.2)
-    monkeypatch.setattr(readings, "STATUS_PAUSE_S", 0.0)
+    monkeypatch.setattr(readings, "PAUSE_S", 0.0)
     file = tmp_path / "rig.toml"
     file.write_text(config.shipped("demo.toml").read_text(encoding="utf-8"), encoding="utf-8")
     return file
@@ -59,3 +59,10 @@ def test_a_config_with_faults_is_not_begun_with(rig: Path) -> None:
     rig.write_text("[finger.left.wrench]\n", encoding="utf-8")
     with pytest.raises(ConfigError):
         commission_command(rig, options())
+
+
+def test_a_guide_whose_steps_all_follow_says_so(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert commission_command(rig, options(fingers=["right"], first="grasp", write=False))
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[-2:] == ["", "Done."]
+    assert "  left out: only slipd commission in a terminal moves the gripper, without --dry-run" in shown

@@ -6,16 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commission_person import POSES_OF_TWO, TOUCHES
+from commission_person import ANSWERS, POSES_OF_TWO, TOUCHES
 from commission_rig import FINGER, FINGERS, GRIPPER, LIMIT, PRESSES, TRUE, WRONG, commission_rig
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
 from slipd import config
-from slipd.commission import friction_step, grasp_step
+from slipd.commission import commission_guide, friction_step, grasp_step, weight_step, zero_step
 from slipd.commission.commission_guide import Commission, Manner
 from slipd.commission.config_update import changed_text
-from slipd.commission.dialogue import Ask, Change, Event, Output, Refusal, Say, Written, follow
+from slipd.commission.dialogue import Ask, Change, Choice, Event, Output, Prompt, Refusal, Say, Written, follow
+from slipd.commission.touches import mount_of
+from slipd.commission.weight_step import weigh
 from slipd.errors import SlipdError
 
 
@@ -115,7 +117,66 @@ def test_what_is_typed_and_is_no_gravity_says_what_would_be(tmp_path: Path) -> N
         return host.respond(output)
 
     assert not follow(steps, respond)
-    assert any("gravity must be about 9.81 m/s² in size" in line for line in host.printed)
+    (line,) = [line for line in host.printed if "gravity must be about 9.81 m/s² in size" in line]
+    assert line.endswith("got 3. Or choose: ready, not possible, skip")
+
+
+OTHER_POSE = ANSWERS | {"pad_down": ("tilt 0 0 -1", "ready"), "pose_again": ("", "again")}
+
+
+@pytest.mark.parametrize("word", ["again", "go on"])
+def test_a_pose_that_does_not_fit_the_others_is_named_and_repeated(tmp_path: Path, word: str) -> None:
+    read = commission_rig(mass=0.0, com_z=0.0)
+    host = guided(tmp_path, commission_rig(), read, answers=OTHER_POSE | {"pose_again": ("", word)})
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Prompt) and output.step == "pose_again":
+            host.answers = ANSWERS | {"pose_again": ("", word)}
+        elif isinstance(output, Say) and "Step 3" in output.text:
+            host.answers = {}
+        return host.respond(output)
+
+    follow(Commission(read, FINGERS, 20.0).run("weight"), respond)
+    named = "All poses fit a weight but one, in which the fingers lie level, and the left pad faces down."
+    assert sum(line.startswith(named) for line in host.printed) == 1
+    assert sum(line.startswith("Pose ") for line in host.printed) == (5 if word == "again" else 4)
+    wrench = config.parse(host.text, "found").finger["left"].wrench
+    assert wrench is not None
+    assert wrench.mass_kg == pytest.approx(TRUE["mass"] if word == "again" else 0.0, abs=0.002)
+
+
+def test_a_pose_that_never_fits_is_not_asked_for_without_end(tmp_path: Path) -> None:
+    read = commission_rig(mass=0.0, com_z=0.0)
+    host = guided(tmp_path, commission_rig(), read, answers=OTHER_POSE)
+    mounts = {"left": mount_of(wrench)} if (wrench := read.finger["left"].wrench) is not None else {}
+    findings = follow(weigh(read, mounts, FINGERS), host.respond)
+    assert findings["left"].problems
+    assert sum(line.startswith("Pose 3") for line in host.printed) == 1 + weight_step.MOST_REPEATS
+
+
+def test_a_finger_that_is_never_at_rest_is_named_with_the_noise_that_the_config_states(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(weight_step, "MOST_TRIES", 2)
+    quiet = commission_rig().text.replace("force_std_n = 0.03", "force_std_n = 0.0001")
+    read = config.parse(quiet, "rig")
+    host = guided(tmp_path, commission_rig(), read)
+    steps = Commission(read, FINGERS, 20.0).run("weight")
+    asked = 0
+
+    def respond(output: Output) -> Event:
+        nonlocal asked
+        if isinstance(output, Prompt) and output.step == "still_again":
+            asked += 1
+            host.answers = ANSWERS | {"still_again": ("", "again")} if asked == 1 else {}
+        return host.respond(output)
+
+    assert not follow(steps, respond)
+    assert asked == 2
+    moves = [line for line in host.printed if "hold it still" in line]
+    assert len(moves) == 4
+    assert "more than 0.0005 N" in moves[0]
+    assert "slipd commission --from weight" in "\n".join(host.printed)
 
 
 def test_a_daemon_that_does_not_run_the_new_config_ends_the_guide(tmp_path: Path) -> None:
@@ -126,7 +187,7 @@ def test_a_daemon_that_does_not_run_the_new_config_ends_the_guide(tmp_path: Path
         return Written(changed_text(read.text, output.values)) if isinstance(output, Change) else host.respond(output)
 
     with pytest.raises(SlipdError, match="does not run the new config; start it, and go on with --from"):
-        follow(Commission(read, FINGERS, 2.0, "restart").run(), respond)
+        follow(Commission(read, FINGERS, 1.0, "restart").run(), respond)
 
 
 def test_a_zero_that_friction_needs_is_asked_for_again(tmp_path: Path) -> None:
@@ -139,3 +200,74 @@ def test_a_zero_that_friction_needs_is_asked_for_again(tmp_path: Path) -> None:
 
     assert not follow(Commission(read, FINGERS, 20.0).run("grasp"), respond)
     assert any(line.startswith("Without its zero, finger left shows other forces") for line in host.printed)
+
+
+TURNED = [0.0, 0.0, 0.7071068, 0.7071068]
+"""A sensor that the config states as turned about the normal of the pad."""
+
+
+@pytest.mark.parametrize("word", ["again", "go on"])
+def test_a_weight_that_contradicts_the_mounting_leads_back_to_the_touches(tmp_path: Path, word: str) -> None:
+    read = commission_rig(quat=TURNED, mass=0.0, com_z=0.0)
+    host = guided(tmp_path, commission_rig(), read, answers=ANSWERS | {"mounting_again": ("", word)})
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Say) and "Step 3" in output.text:
+            host.answers = {}
+        return host.respond(output)
+
+    assert not follow(Commission(read, FINGERS, 20.0).run("weight"), respond)
+    wrench = config.parse(host.text, "found").finger["left"].wrench
+    assert wrench is not None
+    left_out = [line for line in host.printed if "left out: with a wrong mounting" in line]
+    if word == "again":
+        assert wrench.pad_from_sensor.quat_xyzw == TRUE["quat"]
+        assert wrench.mass_kg == pytest.approx(TRUE["mass"], abs=0.002)
+        assert left_out == []
+    else:
+        assert host.text == read.text
+        assert len(left_out) == 2, "friction and grasp"
+
+
+def test_what_is_found_and_not_written_is_not_gripped_with(tmp_path: Path) -> None:
+    read = commission_rig(**WRONG)
+    host = guided(tmp_path, commission_rig(), read, write=False)
+    assert not follow(Commission(read, FINGERS, 20.0).run(), host.respond)
+    left_out = "  left out: what was found is not written, so the daemon does not run it"
+    assert host.printed.count(left_out) == 3
+    assert not any(op.startswith("gripper") for op in host.asked)
+
+
+def test_a_zero_that_is_refused_again_and_again_leaves_the_step_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commission_guide, "MOST_ZEROS", 2)
+    monkeypatch.setattr(zero_step, "PAUSE_S", 0.1)
+    read = commission_rig(mass=0.0)
+    host = guided(tmp_path, read, read, answers={"zero_again": ("", "again")})
+
+    def respond(output: Output) -> Event:
+        refused = isinstance(output, Ask) and output.method == "tare"
+        return Refusal("it is touched") if refused else host.respond(output)
+
+    assert not follow(Commission(read, FINGERS, 20.0).run("grasp"), respond)
+    assert host.printed[-2:] == [
+        "  given up: the zero was refused 2 times",
+        "  left out; later: slipd commission --from grasp",
+    ]
+
+
+def test_the_wait_for_the_new_config_can_be_ended(tmp_path: Path) -> None:
+    read = commission_rig(**WRONG)
+    host = guided(tmp_path, commission_rig(), read)
+    events: list[Event] = [Choice("skip"), Choice("perhaps"), None]
+    waits = False
+
+    def respond(output: Output) -> Event:
+        nonlocal waits
+        waits = waits or (isinstance(output, Prompt) and output.step == "restart")
+        return events.pop() if waits and output is None else host.respond(output)
+
+    with pytest.raises(SlipdError, match="does not run the new config"):
+        follow(Commission(read, FINGERS, 20.0, "restart").run(), respond)
+    assert events == []

@@ -12,7 +12,7 @@ from slipd import config
 from slipd.commission.daemon_link import link_to
 from slipd.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, choose, follow
 from slipd.commission.grip_step import gentle_force
-from slipd.commission.readings import pause, read_status
+from slipd.commission.readings import ReadingListener, pause, read_status
 from slipd.commission.weight_step import POSES, weigh
 from slipd.commission.zero_step import take_zero
 from slipd.errors import SlipdError
@@ -40,6 +40,8 @@ def host(printed: list[str], answer: Callable[[Ask], Event], events: list[Event]
         if isinstance(output, (Say, Prompt)):
             printed.append(output.text)
             return None
+        if isinstance(output, Ask) and output.method == "hello":
+            return Refusal("no answer")
         return answer(output) if isinstance(output, Ask) else events.pop(0)
 
     return respond
@@ -64,15 +66,46 @@ def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
 def test_a_status_that_is_refused_is_asked_for_again() -> None:
     answers: list[Event] = [Refusal("no answer"), Reply("status")]
     assert follow(read_status(), host([], lambda _: answers.pop(0), messages())) == "status"  # type: ignore[comparison-overlap]
-    with pytest.raises(SlipdError, match="does not report its status: no answer"):
+    with pytest.raises(SlipdError, match="the daemon does not answer: no answer"):
         follow(read_status(), host([], lambda _: Refusal("no answer"), messages()))
+
+
+def test_the_readings_of_a_step_can_be_left_out() -> None:
+    with pytest.raises(Skipped):
+        follow(ReadingListener(["left"], "rig").collect(1.0), host([], Refusal, [Choice("perhaps"), Choice("skip")]))  # type: ignore[arg-type]
+
+
+def test_a_pause_can_be_left_out() -> None:
+    with pytest.raises(Skipped):
+        follow(pause(60.0), host([], Refusal, [Choice("perhaps"), *messages()[:2], Choice("skip")]))  # type: ignore[arg-type]
+
+
+def test_weighing_is_refused_while_another_program_sends_gravity() -> None:
+    streams = {"left.wrench": SimpleNamespace(gravity="compensated")}
+    with pytest.raises(SlipdError, match="another program sends the direction of gravity for finger left"):
+        follow(
+            weigh(config.parse(RIG, "rig"), {}, ["left"]),
+            host([], lambda _: Reply(SimpleNamespace(streams=streams)), []),
+        )
 
 
 def test_a_pause_is_as_long_where_one_stream_is_stale() -> None:
     stale = Message(topic="tactile.left", raw={}, seq=0, boot="b", t_ns=-60_000_000_000)
     events = [stale, *messages()]
-    follow(pause(2.0), lambda _: events.pop(0))
+    follow(pause(2.0), host([], Refusal, events))  # type: ignore[arg-type]
     assert len(events) == 57, "without those of 0, 1 and 2 s"
+
+
+def test_a_pause_waits_for_messages_from_after_it_and_not_for_ever() -> None:
+    def now_is(t_s: float) -> int:
+        """Return how many messages of 1 Hz a pause of 2 s takes, the first of which is from 0 s."""
+        events: list[Event] = [Reply(SimpleNamespace(t_ns=round(t_s * 1e9))), *messages()]
+        follow(pause(2.0), lambda _: events.pop(0))
+        return 60 - len(events)
+
+    assert now_is(0.0) == 3
+    assert now_is(7.0) == 10, "those from before the pause came late"
+    assert now_is(1000.0) == 13, "a clock that fits no message"
 
 
 def test_a_person_chooses_one_of_the_words() -> None:

@@ -17,6 +17,7 @@ from slipd.commission.touches import (
     CENTRE,
     CORNER,
     END,
+    NAMES,
     PUSH_X,
     PUSH_Y,
     SYMMETRIES,
@@ -169,6 +170,35 @@ def test_what_does_not_follow_is_reported_and_not_guessed(made: Change, words: s
         assert found.mount is None
         assert found.symmetry is None
         assert any(words in problem for problem in found.problems), found.problems
+
+
+@pytest.mark.parametrize("has_pad", [True, False])
+@pytest.mark.parametrize("step", [CENTRE, PUSH_X])
+def test_a_touch_that_no_position_of_the_sensor_explains_is_named(step: str, has_pad: bool) -> None:
+    made = touches(symmetry=SYMMETRIES[3] if has_pad else None, seed=1)
+    spin_nm = 0.1 * made[CENTRE].force / np.linalg.norm(made[CENTRE].force)
+    made[step] = replace(made[step], torque=made[step].torque + spin_nm)
+    found = find_mounting(made, TRUE, has_pad=has_pad)
+    assert (found.mount, found.symmetry) == (None, None)
+    assert f"{NAMES[step]} fits the others worst" in found.problems[0]
+    assert found.doubtful == (step,)
+
+
+@pytest.mark.parametrize(
+    ("made", "doubtful"),
+    [
+        (lambda: touches(places=ONE_PLACE), (END, CORNER)),
+        (lambda: touches(places=PLACES | {CORNER: (0.02, -0.009)}), (CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(pushes={PUSH_X: (-2.0, 0.0), PUSH_Y: (0.0, 2.0)}), (CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(places=PLACES | {END: (0.0, 0.009)}), (END, CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (2.0, 0.0)}), (PUSH_X, PUSH_Y)),
+        (lambda: touches(torque_gain=1.7), (CENTRE, END, CORNER)),
+        (lambda: touches(torque_gain=1000.0), ()),
+        (lambda: touches() | {END: replace(touches()[END], force=touches()[PUSH_X].force * (1, -1, -1))}, (END,)),
+    ],
+)  # fmt: skip
+def test_what_made_again_may_help_is_named(made: Change, doubtful: tuple[str, ...]) -> None:
+    assert find_mounting(made(), TRUE).doubtful == doubtful
 
 
 def test_an_image_that_fits_in_two_orientations_is_reported() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -13,8 +14,8 @@ from slipd.commission import friction_step, grasp_step
 from slipd.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, follow
 from slipd.commission.friction_step import measure_friction
 from slipd.commission.grasp_step import first_grasp
-from slipd.commission.grip_step import release
-from slipd.commission.readings import ReadingListener
+from slipd.commission.grip_step import MOST_TRIES, release
+from slipd.commission.readings import LEAST_READINGS, ReadingListener
 from slipd.errors import SlipdError
 from slipd_client.friction_session import OBSTACLE_S
 from slipd_client.messages.reader import typed_message
@@ -54,6 +55,8 @@ class Rig:
         return None
 
     def _answer(self, ask: Ask) -> Reply | Refusal:
+        if ask.method == "hello":
+            return Refusal("no answer")
         if ask.method == "status":
             return Reply(SimpleNamespace(gripper=SimpleNamespace(active=self.active, latched_fault=self.fault)))
         self.asked.append(ask.method)
@@ -185,16 +188,65 @@ def test_a_grasp_without_a_verdict_says_why(more: dict[str, Any], why: str) -> N
 
 def test_a_grasp_can_be_left_out_while_it_is_shown_and_is_opened() -> None:
     rig = Rig(course(), "close", "open")
-    steps, shown = first_grasp(["left"], 5.0, 60.0), 0
+    choices: list[Choice] = []
 
     def respond(output: Output) -> Event:
-        nonlocal shown
-        shown += isinstance(output, Say) and "stable" in output.text
-        return Choice("skip") if shown == 1 and output is None and not rig._choices else rig.respond(output)
+        if isinstance(output, Say) and "stable" in output.text:
+            choices.extend([Choice("skip"), Choice("perhaps")])
+        return choices.pop() if choices and output is None else rig.respond(output)
 
     with pytest.raises(Skipped):
-        follow(steps, respond)
+        follow(first_grasp(["left"], 5.0, 60.0), respond)
     assert rig.asked == ["gripper_close", "gripper_open"]
+
+
+def test_a_grasp_shows_both_fingers_and_ends_where_the_daemon_falls_silent() -> None:
+    both = (body for body in course() for body in (body, body | {"finger": "right"}))
+    rig = Rig(both, "close", "open")
+    assert follow(first_grasp(["left", "right"], 5.0, 60.0), rig.respond)
+    assert any("left stable 10.0 N; right stable 10.0 N" in line for line in rig.printed)
+    for step in (first_grasp(["left"], 5.0, 60.0), measure_friction(["left"], 5.0, 60.0)):
+        rig = Rig(Hand().rest(1.0), "close")
+        with pytest.raises(SlipdError, match="Is slipd running"):
+            follow(step, lambda output, rig=rig: silent(rig, output))
+
+
+def silent(rig: Rig, output: Output) -> Event:
+    """Answer as the rig until its messages end."""
+    try:
+        return rig.respond(output)
+    except StopIteration:
+        return None
+
+
+def test_a_sample_that_is_gripped_already_is_not_closed_on_and_the_step_can_be_left_out() -> None:
+    rig = Rig(course(), "gripped already")
+    choices: list[Choice] = []
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Prompt) and output.step == "pull":
+            choices.extend([Choice("skip"), Choice("perhaps")])
+        return choices.pop() if choices and output is None else rig.respond(output)
+
+    with pytest.raises(Skipped):
+        follow(measure_friction(["left"], 5.0, 60.0), respond)
+    assert rig.asked == []
+
+
+def test_friction_gives_up_after_some_tries_without_a_sample() -> None:
+    rig = Rig(endless(Hand(), **STALE), "close", *["again"] * (friction_step.MOST_TRIES - 1), "open")
+    with pytest.raises(Skipped):
+        follow(measure_friction(["left"], 5.0, 60.0), rig.respond)
+    assert f"  given up: {friction_step.MOST_TRIES} times in a row nothing was measured" in rig.printed
+    assert rig.asked == ["gripper_close", "gripper_open"]
+
+
+def test_a_motion_that_is_refused_again_and_again_is_given_up() -> None:
+    rig = Rig(course(), "close", *["again"] * 100, refusals=["lease_held"] * 100)
+    with pytest.raises(Skipped):
+        follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
+    assert rig.asked == ["gripper_close"] * MOST_TRIES
+    assert rig.printed[-1] == f"  given up after {MOST_TRIES} tries"
 
 
 def wrench(t_s: float, finger: str = "left", force_n: float = 0.0) -> Message:
@@ -215,8 +267,24 @@ def test_readings_that_are_older_than_the_begin_of_a_mean_do_not_count() -> None
     assert float(found["left"].wrench[2]) == 0.0
     events = [Reply(SimpleNamespace(t_ns=round(20.0e9))), *fresh]
     follow(listener.leave_out_earlier(), lambda _: events.pop(0))
-    with pytest.raises(SlipdError, match="has no force readings"):
-        follow(listener.collect(0.1), lambda _: events.pop(0) if events else wrench(next(clock)))
+    assert not follow(listener.wait(lambda newest: True, 0.4), lambda _: events.pop(0))
 
 
-clock = iter(15.0 + 0.1 * k for k in range(10_000))
+def test_a_finger_without_readings_is_named_and_waited_for() -> None:
+    printed: list[str] = []
+    fingers, choices, numbers = ["left"], list[Choice](), itertools.count()
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Prompt):
+            printed.append(output.text)
+            fingers.append("right")
+            choices.append(Choice("again"))
+            return None
+        number = next(numbers)
+        return choices.pop() if choices else wrench(15.0 + 0.02 * number, fingers[number % len(fingers)])
+
+    found = follow(ReadingListener(["left", "right"], "rig").collect(0.1), respond)
+    assert printed == [
+        "Finger right had no force readings for 10.1 s. slipctl status says why. Go on when they are back."
+    ]
+    assert len(found["right"].wrenches) >= LEAST_READINGS

@@ -107,3 +107,14 @@ def test_a_dry_run_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with hosted(tmp_path, monkeypatch, write=False) as (host, _):
         assert host.respond(CHANGE) == Written(None)
     assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == TEXT
+
+
+def test_a_program_that_types_without_end_does_not_hold_the_guide_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(terminal_host, "MOST_EARLY", 3)
+    with hosted(tmp_path, monkeypatch) as (host, person):
+        for _ in range(5):
+            type_line(person, "ready")
+        host.respond(QUESTION)
+        assert host.respond(None) is None

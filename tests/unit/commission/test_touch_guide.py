@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from emulated_engine import EmulatedEngine
 from scipy.spatial.transform import Rotation
 
 from slipd import config
+from slipd.commission import touch_guide
 from slipd.commission.config_update import changed_text, changes
-from slipd.commission.dialogue import Event, Output, Prompt, Say, follow
+from slipd.commission.dialogue import Choice, Event, Output, Prompt, Say, follow
 from slipd.commission.readings import ReadingListener
 from slipd.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.errors import SlipdError
@@ -61,17 +63,27 @@ def rig(**fingers: dict[str, Any]) -> config.Config:
 
 
 def commission(
-    true: config.Config, read: config.Config, folder: Path, touches: dict[str, str] = TOUCHES, finger: str = "left"
+    true: config.Config,
+    read: config.Config,
+    folder: Path,
+    touches: Mapping[str, str] = TOUCHES,
+    finger: str = "left",
+    then: Mapping[str, str] | None = None,
 ) -> tuple[FingerOutcome, list[str]]:
-    """Return what the guide finds, and what it prints."""
+    """Return what the guide finds, and what it prints; at its question, the person makes the touches of ``then``."""
     engine = EmulatedEngine(true, read, folder)
     printed: list[str] = []
+    chosen: list[Choice] = []
 
     def respond(output: Output) -> Event:
+        nonlocal touches
         if not isinstance(output, (Say, Prompt)):
-            return engine.receive()
+            return chosen.pop() if chosen else engine.receive()
         printed.append(output.text)
-        if (command := touch_for(output.text, touches)) is not None:
+        if isinstance(output, Prompt) and output.step == "touch_again":
+            chosen.append(Choice("go on" if then is None else "again"))
+            touches = touches if then is None else then
+        elif (command := touch_for(output.text, touches)) is not None:
             engine.touch(command)
         return None
 
@@ -180,6 +192,39 @@ def test_a_person_who_presses_the_wrong_place_is_told(touches: dict[str, str], w
     assert changes(rig(left={}), {"left": outcome.result}) == {}
 
 
+WRONG_CORNER = TOUCHES | {"Press the corner": "press {finger} 6 N at 16 -7 mm"}
+
+
+def test_only_touches_that_do_not_fit_are_asked_for_again(tmp_path: Path) -> None:
+    true, read = rig(left={}), rig(left={"sign": 1, "flip_y": "true"})
+    outcome, printed = commission(true, read, tmp_path, WRONG_CORNER, then=TOUCHES)
+    assert outcome.findings.problems == []
+    check_same(corrected(read, outcome), true)
+    (asked,) = [number for number, line in enumerate(printed) if "do not fit together" in line]
+    assert printed[asked].startswith(
+        "The touches of finger left do not fit together. Only the press at the +X +Y corner"
+    )
+    assert "on the other side" in printed[asked - 1]
+    assert [line for line in printed[asked + 1 :] if line.startswith("Press")] == [
+        line for line in printed[:asked] if ("corner" in line and line.startswith("Press")) or "without sliding" in line
+    ]
+
+
+def test_touches_that_never_fit_are_reported_after_some_repetitions(tmp_path: Path) -> None:
+    outcome, printed = commission(rig(left={}), rig(left={}), tmp_path, WRONG_CORNER, then=WRONG_CORNER)
+    assert outcome.findings.problems
+    assert sum("do not fit together" in line for line in printed) == touch_guide.MOST_REPEATS
+
+
+def test_a_touch_that_is_never_held_still_ends_with_how_it_moved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(touch_guide, "MOST_TRIES", 2)
+    grows = {"Press the centre": "press {finger} 200 N in 10 s"}
+    with pytest.raises(SlipdError, match=r"the press was not held still in 2 tries: the force changed between"):
+        commission(rig(left={}), rig(left={}), tmp_path, grows)
+
+
 def test_nothing_is_felt(tmp_path: Path) -> None:
     with pytest.raises(SlipdError, match="no press was felt within 5 s; nothing is changed"):
         commission(rig(left={}), rig(left={}), tmp_path, {})
@@ -195,3 +240,29 @@ def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
         follow(TouchGuide(other, listener, 1.0).run("left"), lambda output: None if output else engine.receive())
     with pytest.raises(SlipdError, match="Is slipd running"):
         follow(listener.collect(0.1), lambda output: None)
+
+
+SENSOR_ONLY = config.parse(rig(left={}).text.partition("[finger.left.pad]")[0], "sensor only")
+
+
+def test_a_finger_without_a_pad_has_its_mounting_alone(tmp_path: Path) -> None:
+    outcome, _ = commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path)
+    assert outcome.findings.problems == []
+    assert changes(SENSOR_ONLY, {"left": outcome.result}) == {}
+
+
+def test_a_pad_that_is_never_released_ends_the_guide(tmp_path: Path) -> None:
+    sticky = TOUCHES | {"Press the centre": "press {finger} 6 N at 0 0 mm"}
+    engine = EmulatedEngine(SENSOR_ONLY, SENSOR_ONLY, tmp_path)
+
+    def respond(output: Output) -> Event:
+        if output is None:
+            return engine.receive()
+        assert isinstance(output, (Say, Prompt))
+        if isinstance(output, Prompt) and (command := touch_for(output.text, sticky)) is not None:
+            engine.touch(command)
+        return None
+
+    guide = TouchGuide(SENSOR_ONLY, ReadingListener(SENSOR_ONLY.finger, SENSOR_ONLY.config_id), 2.0)
+    with pytest.raises(SlipdError, match="the pads were not released within 2 s; nothing is changed"):
+        follow(guide.run("left"), respond)

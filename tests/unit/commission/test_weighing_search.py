@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from slipd.commission.touches import Mount
+from slipd.commission.weighing_misfit import force_misfit, torque_misfit
 from slipd.commission.weighing_search import WXYZ, Pose, WeightFindings, find_weight
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import Mounting
@@ -94,10 +97,47 @@ def test_poses_that_are_not_those_asked_for_give_no_mass() -> None:
     findings = find_weight(mixed, TRUE)
     assert findings.found is None
     assert "of the weight from any weight in these poses" in findings.problems[0]
+    assert findings.worst == 2, "the pose that was another"
     plane = find_weight(mixed[:3], TRUE)
     assert plane.found is None
     assert plane.problems
     assert find_weight(poses(down=DOWN[:1] * 3), TRUE).problems[0].startswith("gravity is about")
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_pose_in_which_the_finger_was_touched_is_named(number: int) -> None:
+    for force, torque, words in (
+        ((0.0, 0.6, 0.0), (0.0, 0.0, 0.0), ""),
+        ((0.0, 0.0, 0.0), (0.08, 0.0, 0.0), "torques"),
+    ):
+        made = poses(held_deg=2.0)
+        made[number] = replace(made[number], force=made[number].force + force, torque=made[number].torque + torque)
+        findings = find_weight(made, TRUE)
+        assert findings.found is None
+        assert findings.worst == number, texts(findings)
+        assert words in findings.problems[0]
+
+
+def test_a_pose_in_which_the_finger_was_touched_is_named_of_three_in_a_plane() -> None:
+    made = poses(down=DOWN[:3])
+    made[0] = replace(made[0], force=made[0].force + np.array((0.0, 0.5, 0.0)))
+    findings = find_weight(made, TRUE)
+    assert findings.found is None
+    assert "of the weight from any weight in these poses" in findings.problems[0]
+    assert findings.worst == 0
+
+
+def test_no_single_pose_is_named_where_the_mounting_is_wrong() -> None:
+    for present in (Mount(1, TRUE.xyz_m, TILTED), Mount(-1, TRUE.xyz_m, (0.0, 0.0, 0.0, 1.0))):
+        assert find_weight(poses(held_deg=3.0), present).worst is None
+        assert find_weight(poses(down=DOWN[:3]), present).worst is None
+
+
+def test_no_weight_follows_from_one_direction_of_gravity() -> None:
+    made = poses(down=DOWN[:1] * 3)
+    wrenches = np.array([np.concatenate((pose.force, pose.torque)) for pose in made])
+    gravities = np.array([pose.gravity for pose in made])
+    assert force_misfit(wrenches, gravities) == torque_misfit(wrenches, gravities, 0.03) == math.inf
 
 
 def test_orientations_that_fit_are_kept() -> None:

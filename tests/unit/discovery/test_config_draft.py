@@ -62,3 +62,9 @@ def test_without_a_sensor_there_is_no_config() -> None:
     for device in (Found("robotiq_2f"), Found("wts", 100.0, taxels=84)):
         with pytest.raises(ValueError, match="no force sensor answered"):
             draft([(port("g"), device)], [], "rig.toml")
+
+
+def test_the_name_that_a_device_reports_stays_in_its_comment() -> None:
+    found = Found("bota", 800.0, identity="MiniONE\n[levels]\nwarning = 0.99")
+    rig = config.parse(draft([(port("a"), found)], [], "rig.toml"), "draft")
+    assert rig.levels.warning != 0.99

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,8 +12,10 @@ from pathlib import Path
 import pytest
 
 from slipd import config
+from slipd.discovery import init_command as init_command_module
 from slipd.discovery import port_probe
 from slipd.discovery.init_command import init_command
+from slipd.discovery.serial_ports import SAME_SOCKET, list_ports
 from slipd.errors import SlipdError
 from slipd.sim.emulate import emulated, emulator_for
 
@@ -70,3 +73,26 @@ def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest
     ):
         init_command(tmp_path / "rig.toml", tmp_path / "by-id", only_list=False)
     assert not (tmp_path / "rig.toml").exists()
+
+
+def test_a_port_that_is_silent_and_a_name_that_may_change_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("LISTEN_S", "ASK_S"):
+        monkeypatch.setattr(port_probe, name, 0.02)
+    by_path = tmp_path / "by-path"
+    by_path.mkdir()
+    monkeypatch.setattr(
+        init_command_module, "list_ports", lambda: list_ports(tmp_path / "none", by_path, tmp_path / "none")
+    )
+    master, slave = os.openpty()
+    try:
+        (by_path / "usb-1").symlink_to(os.ttyname(slave))
+        init_command(tmp_path / "rig.toml", None, only_list=True)
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert capsys.readouterr().out.splitlines() == [
+        f"{by_path}/usb-1: no device that slipd knows answered",
+        f"  {SAME_SOCKET}",
+    ]

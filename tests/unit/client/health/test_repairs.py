@@ -141,3 +141,9 @@ def test_the_command_shows_what_is_wrong_with_the_disk(failure: str, command: st
     assert repair.command == command
     [repair] = repairs({"incidents": {"failure": failure.replace("the recording stopped", "not saved")}})
     assert repair.command == command
+
+
+def test_a_path_with_a_space_is_one_word_of_the_command() -> None:
+    failure = "/r/my run.mcap: the recording stopped: Read-only file system"
+    [repair] = repairs({"recording": {"state": "failed", "failure": failure, "path": "/r/my run.mcap"}})
+    assert repair.command == "findmnt --target '/r/my run.mcap'"
