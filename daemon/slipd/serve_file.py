@@ -14,6 +14,7 @@ from pathlib import Path
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
 from slipd.host.config_reload import ConfigReload, kept_text
+from slipd.host.polling_selector import PollingSelector
 from slipd.host.run_signals import EndSignals, handled_signals
 from slipd.host.systemd_notify import SystemdNotifier
 from slipd.service import serve
@@ -22,7 +23,9 @@ from slipd.service_run import Endpoints
 _log = logging.getLogger(__name__)
 
 
-async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoints], None]) -> None:
+async def serve_file(
+    file: Path, record: Path | None, on_ready: Callable[[Endpoints], None], selector: PollingSelector
+) -> None:
     """Run the daemon until SIGINT or SIGTERM; a run that has begun always closes its recordings.
 
     SIGHUP reads the file again. A changed config starts a new run in this process, with a boot id of its own: as after
@@ -37,6 +40,7 @@ async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoi
         file: The config.
         record: As for `slipd.service.serve`; later runs record beside it, to files with a number.
         on_ready: Called with the endpoints of each run.
+        selector: That of the running loop; polls where ``[realtime] poll`` of the config in force says so.
 
     Raises:
         SlipdError: The first run cannot start, neither the changed config nor the one before can, or the recording of a
@@ -50,6 +54,7 @@ async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoi
         while not ends.received:
             reload = None if requested is None else ConfigReload(file, requested)
             ready = _Ready(on_ready)
+            selector.polls = config.realtime.poll
             for hint in hints(config, str(file)) if refused is None else ():
                 _log.warning("%s", hint)
             try:

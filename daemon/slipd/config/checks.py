@@ -27,7 +27,8 @@ def semantic_faults(config: Config) -> list[Fault]:
         faults += stream_faults("gripper", config.gripper, "gripper") + gripper_faults(config.gripper)
     if config.grasp is not None and config.grasp.object is not None:
         faults += stream_faults("grasp.object", config.grasp.object, "object")
-    return faults + grasp_faults(config) + reflex_faults(config) + _level_faults(config) + _recording_faults(config)
+    faults += grasp_faults(config) + reflex_faults(config) + _level_faults(config) + _recording_faults(config)
+    return faults + _realtime_faults(config)
 
 
 def _name_faults(config: Config) -> list[Fault]:
@@ -41,6 +42,13 @@ def _name_faults(config: Config) -> list[Fault]:
             rule = f"must not begin with the name of finger {a!r}: a subscription to that finger would match both"
             faults.append((f"finger.{b}", rule))
     return faults
+
+
+def _realtime_faults(config: Config) -> list[Fault]:
+    if not (config.realtime.poll and config.realtime.priority):
+        return []
+    rule = "must be false where realtime.priority is set: the kernel stops a real-time program that never sleeps"
+    return [("realtime.poll", rule)]
 
 
 def _level_faults(config: Config) -> list[Fault]:

@@ -7,6 +7,7 @@ and all faults are reported at once. A missing limit means that nothing is moved
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -17,7 +18,7 @@ from pydantic import ValidationError
 from slipd.config.checks import semantic_faults
 from slipd.config.fault_texts import explain
 from slipd.config.model import Config
-from slipd.config.path_trust import trust_faults
+from slipd.config.path_trust import trust_faults, user_name
 from slipd.config.toml_lines import key_lines, line_of
 from slipd.errors import ConfigError, ConfigFault
 
@@ -32,11 +33,16 @@ def load(path: Path) -> Config:
         text = path.read_text(encoding="utf-8")
         untrusted = trust_faults(path)
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {reason}")]) from None
+        raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {_reason(error)}")]) from None
     if untrusted:
         raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
     return parse(text, str(path))
+
+
+def _reason(error: OSError | UnicodeDecodeError) -> str:
+    if isinstance(error, PermissionError):
+        return f"{error.strerror} for user {user_name(os.geteuid())}; run chmod a+r on it, and a+x on its folders"
+    return str(error.strerror) if isinstance(error, OSError) else "it is not UTF-8 text"
 
 
 def parse(text: str, file: str) -> Config:

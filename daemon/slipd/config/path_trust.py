@@ -62,8 +62,8 @@ def _faults(path: Path, entry: os.stat_result) -> list[str]:
     is_folder = stat.S_ISDIR(entry.st_mode)
     what = f"the folder {path} on its path" if is_folder else str(path)
     if entry.st_uid not in (ROOT_UID, os.geteuid()):
-        mend = f"chown {_name(os.geteuid())} {path}"
-        return [f"{what} must belong to root or to {_name(os.geteuid())}, not to {_name(entry.st_uid)}: {mend}"]
+        mend = f"chown {user_name(os.geteuid())} {path}"
+        return [f"{what} must belong to root or to {user_name(os.geteuid())}, not to {user_name(entry.st_uid)}: {mend}"]
     if stat.S_ISLNK(entry.st_mode) or (is_folder and entry.st_mode & stat.S_ISVTX):
         return []
     by_group = entry.st_mode & stat.S_IWGRP and not _is_own_group(entry.st_gid)
@@ -83,7 +83,8 @@ def _is_own_group(gid: int) -> bool:
     return members | {user.pw_uid for user in pwd.getpwall() if user.pw_gid == gid} <= mine
 
 
-def _name(uid: int) -> str:
+def user_name(uid: int) -> str:
+    """Return the name of a user, or its number where this machine has none."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -155,6 +156,12 @@ def test_a_config_without_a_finger_is_refused(text: str) -> None:
     assert "finger" in [path for path, _, _ in faults(text)]
 
 
+def test_a_loop_that_never_sleeps_has_no_real_time_priority() -> None:
+    assert config.parse(GOOD + "[realtime]\npoll = true\n", "rig.toml").realtime.poll
+    [(path, _, text)] = faults(GOOD + "[realtime]\npoll = true\npriority = 10\n")
+    assert (path, "never sleeps" in text) == ("realtime.poll", True)
+
+
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     for name, expected in (("none.toml", "No such file"), (".", "Is a directory")):
         with pytest.raises(ConfigError, match=expected):
@@ -162,3 +169,17 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b"# \xe9\n")
     with pytest.raises(ConfigError, match=r"latin\.toml: cannot be read: it is not UTF-8 text"):
         config.load(tmp_path / "latin.toml")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_a_config_of_root_alone_is_refused_to_the_user_of_the_service_with_the_remedy(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text("", encoding="utf-8")
+    file.chmod(0o600)
+    nobody = 65534
+    os.seteuid(nobody)
+    try:
+        with pytest.raises(ConfigError, match=r"cannot be read: Permission denied for user \w+; run chmod a\+r"):
+            config.load(file)
+    finally:
+        os.seteuid(0)

@@ -85,7 +85,7 @@ def test_a_file_of_another_user_is_refused(rig: Path, monkeypatch: pytest.Monkey
     give_away(rig, monkeypatch)
     message = refusal(rig)
     assert f"{rig} must belong to root or to " in message
-    assert f"chown {path_trust._name(os.geteuid())} {rig}" in message
+    assert f"chown {path_trust.user_name(os.geteuid())} {rig}" in message
 
 
 def test_folder_owner_and_target_of_a_link_are_checked(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
