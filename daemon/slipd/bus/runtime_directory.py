@@ -69,8 +69,7 @@ class RuntimeDirectory:
         if socket.parent != self.path or not self.path.stat().st_mode & stat.S_IXGRP:
             return
         try:
-            os.chown(socket, -1, self.path.stat().st_gid)
-            socket.chmod(0o660)
+            _give_to_group(socket, self.path.stat().st_gid, 0o660)
         except OSError as error:
             raise LinkError(f"{endpoint}: cannot be shared with group {self._group_name}: {error}") from error
 
@@ -81,8 +80,7 @@ class RuntimeDirectory:
         except FileExistsError:
             return
         if self._group is not None:
-            os.chown(self.path, -1, self._group)
-            self.path.chmod(0o750)
+            _give_to_group(self.path, self._group, 0o750)
 
     def _check_private(self) -> None:
         found = self.path.lstat()
@@ -114,6 +112,13 @@ class RuntimeDirectory:
         os.ftruncate(lock, 0)
         os.write(lock, f"{os.getpid()}\n".encode())
         return lock
+
+
+def _give_to_group(path: Path, group: int, mode: int) -> None:
+    """Set group and mode; a path that belongs to the group already is not given, which the systemd unit forbids."""
+    if path.stat().st_gid != group:
+        os.chown(path, -1, group)
+    path.chmod(mode)
 
 
 def _group_id(name: str) -> int | None:

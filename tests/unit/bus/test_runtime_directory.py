@@ -63,6 +63,23 @@ def test_with_a_group_its_members_may_enter_and_use_the_sockets_and_nothing_else
         pass  # it is taken as it was left
 
 
+@needs_a_group
+def test_a_socket_of_the_group_is_shared_where_the_systemd_unit_forbids_to_give_files(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with RuntimeDirectory(path, group=GROUP) as home:
+        socket = path / "publish"
+        socket.touch(0o700)
+        os.chown(socket, -1, grp.getgrnam(GROUP).gr_gid)  # as every file of a service of that group
+        monkeypatch.setattr(os, "chown", refuse)
+        home.share(f"ipc://{socket}")
+        assert modes(path)["publish"] == (0o660, GROUP)
+
+
+def refuse(*_: object) -> None:
+    raise PermissionError
+
+
 def modes(path: Path) -> dict[str, tuple[int, str | None]]:
     """Return the modes of the directory and its files, and the group if it has any right."""
     found = {file.name: file.stat() for file in (path, *path.iterdir())}
