@@ -61,6 +61,11 @@ def grown(found: Found) -> Table:
     return table
 
 
+def overdrawn(table: Table) -> bool:
+    """Return whether something in the table of `grown` grew by more than wanted."""
+    return any(row[-1] == "no" for row in table.rows)
+
+
 def containers_grown(early: Sequence[ShiftHoldings], late: Sequence[ShiftHoldings]) -> list[tuple[str, int, int]]:
     """Return the containers that hold more at the end than behind the warm-up, those that grew most first."""
     places = {place for one in late for place in one.containers}

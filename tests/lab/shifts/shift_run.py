@@ -1,6 +1,6 @@
 """The service under a clock that only this program moves: hours of work need no waiting.
 
-`ServiceRun` is the daemon's own: engine, sockets, recordings, incidents. Only the links and the clock are not.
+`ServiceRun` is the daemon's own: engine, sockets, recordings, incidents. Only the links and the clock are simulated.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MOST_WAITING, MOST_QUEUED = 300, 8_000
 both have less time for a second than in a real run."""
 
 CATCH_UP_S = 0.002
-MOST_FAULTS_TOLD = 20
+MOST_FAULTS_LISTED = 20
 
 
 class LogCounter(logging.Handler):
@@ -54,7 +54,7 @@ class LogCounter(logging.Handler):
 
 
 class _Overheard:
-    """The engine, whose outputs are looked at."""
+    """The engine; a function sees each of its outputs."""
 
     def __init__(self, engine: Engine, look: Callable[[Output], None]) -> None:
         self._engine, self._look = engine, look
@@ -220,10 +220,10 @@ class ShiftRun:
         if body["level"] != self._newest.levels[body["finger"]]:
             self._blame(f"{body['finger']} is {body['level']} without a warning of the change")
         if any(value is not None and not math.isfinite(value) for value in (body["utilisation"], body["normal_n"])):
-            self._blame(f"{body['finger']}: a number that is none")
+            self._blame(f"{body['finger']}: a number that is not finite")
 
     def _blame(self, what: str) -> None:
-        if len(self.wrong) < MOST_FAULTS_TOLD:
+        if len(self.wrong) < MOST_FAULTS_LISTED:
             self.wrong.append(f"at {self._age_ns * 1e-9:.3f} s: {what}")
 
     async def _let_others_run(self) -> None:

@@ -1,7 +1,7 @@
 """A rig as slow as many are: force at 100 Hz, pads of 4 x 4 taxels at 12.5 Hz, a gripper; its devices and their loads.
 
-The devices are the emulators of `slipd.sim`, so the bytes are real. The box is not simulated: its load follows what the
-robot program orders, is held by friction, and slides while it is larger than friction carries.
+The devices are the emulators of `slipd.sim`, so the bytes are real. The box has no dynamics: its load follows the robot
+program, and while it exceeds what friction carries, the box slides.
 """
 
 from __future__ import annotations

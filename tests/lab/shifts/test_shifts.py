@@ -9,7 +9,7 @@ from random import Random
 import pytest
 from shifts.faulty_lines import KINDS, LINES, OF_HOST, FaultyLines
 from shifts.shift_holdings import ShiftHoldings, containers_in
-from shifts.shift_report import grown, recorded, traced, worked
+from shifts.shift_report import grown, overdrawn, recorded, traced, worked
 from shifts.shift_watch import Found, watch
 from shifts.slow_rig import SECOND, STEP_NS, SlowRig
 from soak.faulty_gripper import KINDS as KINDS_OF_SOAK
@@ -95,6 +95,7 @@ def test_what_grows_is_found(leak: int, reached: set[str]) -> None:
     found = Found(10.0, took_s=1.0, samples=[held(n / 6, n * leak) for n in range(60)])
     table = grown(found)
     assert {row[-1] for row in table.rows} == reached
+    assert overdrawn(table) == bool(leak)
     assert ("`engine._kept`" in table.notes[1]) == bool(leak)
 
 

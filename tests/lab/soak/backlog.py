@@ -71,7 +71,7 @@ def _processor_time(folder: Path, *, quick: bool) -> Table:
         table.rows.append((str(number + 1), *shares[-1]))
     table.rows.append(("median", *np.median(shares, axis=0).tolist()))
     table.notes += [
-        "Wanted: at most 25 % publishing next to nothing and 40 % at the default rates, on a machine on which reading"
+        "Wanted: at most 25 % publishing next to nothing and 33 % at the default rates, on a machine on which reading"
         " alone takes 3 to 4 %.",
         "Reading alone: an event loop of Python that takes the bytes of all four lines and does nothing with them.",
     ]
