@@ -6,29 +6,32 @@ Each command imports what it needs.
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import os
 import sys
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from slipd.cli_parser import parser
-from slipd.device_text import printable, printable_lines
+from slipd.device_text import printable_lines
 from slipd.errors import ConfigError, SlipdError
 from slipd.log_lines import log_uncaught, open_log
 
 if TYPE_CHECKING:
-    from slipd.config import Config
     from slipd.service_run import Endpoints
 
 DONE, FAULT, WRONG, INTERRUPTED = 0, 1, 2, 130
 
+ENDED_BY_HAND = ("run", "demo", "replay", "view", "emulate")
+"""Commands that Ctrl-C ends normally."""
+
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command and return its exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
+    """Run one command; return its exit code: 0 done, 1 fault at run time, 2 wrong call or config, 130 interrupted."""
     arguments = parser().parse_args(argv)
     open_log()
     if argv is None:
+        for stream in (sys.stdout, sys.stderr):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr] # what it cannot show is a "?"
         log_uncaught()
     code = _exit_code(arguments)
     if argv is None and arguments.command == "run":
@@ -46,7 +49,10 @@ def _exit_code(arguments: argparse.Namespace) -> int:
         print(f"slipd: {printable_lines(str(error))}", file=sys.stderr)
         return FAULT
     except KeyboardInterrupt:
-        return DONE
+        if arguments.command in ENDED_BY_HAND:
+            return DONE
+        print("slipd: interrupted", file=sys.stderr)
+        return INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output is gone, and with it the reader of an error
         return DONE
@@ -68,9 +74,19 @@ def _end_process(code: int) -> NoReturn:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    import asyncio
+
+    from slipd.host.polling_selector import PollingSelector
     from slipd.serve_file import serve_file
 
-    return _run_daemon(serve_file(arguments.config, arguments.record, print_endpoints))
+    selector = PollingSelector()
+    serving = serve_file(arguments.config, arguments.record, print_endpoints, selector)
+    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selector)) as runner:
+        try:
+            runner.run(serving)
+        except BaseExceptionGroup as group:
+            raise _first_of(group) from group
+    return DONE
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -84,16 +100,11 @@ def print_endpoints(endpoints: Endpoints) -> None:
     print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
 
 
-def _run_daemon(serving: Any) -> int:
-    """Run the daemon; raise a failure inside its task group without the group."""
-    try:
-        asyncio.run(serving)
-    except BaseExceptionGroup as group:
-        first: BaseException = group
-        while isinstance(first, BaseExceptionGroup):
-            first = first.exceptions[0]
-        raise first from group
-    return DONE
+def _first_of(error: BaseException) -> BaseException:
+    """Return the first failure inside task groups."""
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
 
 
 def _identify(arguments: argparse.Namespace) -> int:
@@ -104,16 +115,9 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from slipd import config
+    from slipd.check_command import check_command
 
-    rig = config.load(arguments.config)
-    for name, stream in rig.streams().items():
-        print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
-    for hint in config.hints(rig, str(arguments.config)):
-        print(printable(hint))
-    if rig.reflex.enabled:
-        print(_reflex_text(rig))
-    print(f"{arguments.config}: valid, config_id {rig.config_id}")
+    check_command(arguments.config)
     return DONE
 
 
@@ -139,20 +143,6 @@ def _docs(arguments: argparse.Namespace) -> int:
     else:
         print_page(arguments.name)
     return DONE
-
-
-def _reflex_text(rig: Config) -> str:
-    """Return how much force the reflex can add within the configured lead time."""
-    from slipd.gripper.reflex import PERIOD_NS
-
-    reflex, gripper = rig.reflex, rig.gripper
-    ceiling_n = reflex.ceiling_n or (gripper.max_force_n if gripper is not None else None) or 0.0
-    budget_n = (gripper.budget_n if gripper is not None else None) or ceiling_n
-    gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), budget_n, ceiling_n)
-    return (
-        f"reflex: adds up to {gain_n:.1f} N within the lead time of {reflex.lead_time_s:g} s,"
-        f" up to {ceiling_n:g} N on one pad; the response time of the gripper is not included"
-    )
 
 
 def _replay(arguments: argparse.Namespace) -> int:
@@ -218,7 +208,7 @@ def _export(arguments: argparse.Namespace) -> int:
         whole = export_command(arguments.recordings, arguments.out, options)
     except KeyboardInterrupt:
         print("slipd: interrupted; nothing was written", file=sys.stderr)
-        return FAULT
+        return INTERRUPTED
     return DONE if whole else FAULT
 
 

@@ -15,6 +15,11 @@ def add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentPars
     return parser
 
 
+def add_recordings(parser: argparse.ArgumentParser, purpose: str) -> None:
+    """Add the argument ``recordings``: one path or several."""
+    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help=purpose)
+
+
 def positive(text: str) -> float:
     """Return a positive number."""
     value = number(text)

@@ -28,7 +28,7 @@ from slipd import config
 from slipd.errors import SlipdError
 from slipd.sim.robot_program import RobotProgram
 from slipd.sim.robot_report import Report
-from slipd_client.errors import NoAnswer
+from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.page.redirect import redirect_file
 from slipd_client.subscriber import Message, Subscriber
@@ -96,7 +96,7 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
         _summary(tally, program.report, truth, streams)
         if daemon.returncode != 0 or program.report.error:
             log = daemon_log.read_text(encoding="utf-8")
-            print(f"the daemon ended with {daemon.returncode}: {log}", file=sys.stderr)
+            print(f"exit code of the daemon: {daemon.returncode}; its log:\n{log}", file=sys.stderr)
     return 1 if program.report.error or daemon.returncode != 0 else 0
 
 
@@ -209,12 +209,12 @@ def _watch(
 
 
 def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
-    """Return the streams of the daemon's status; nothing where it does not answer."""
+    """Return the streams of the daemon's status; nothing where it refuses or does not answer."""
     with GripClient(requests) as requester:
         try:
             streams: dict[str, dict[str, Any]] = requester.status()["streams"]
-        except NoAnswer as error:
-            print(f"the daemon does not answer at the end: {error}", file=sys.stderr)
+        except ClientError as error:
+            print(f"the daemon does not report its status at the end: {error}", file=sys.stderr)
             return {}
         return streams
 

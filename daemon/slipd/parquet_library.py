@@ -1,4 +1,4 @@
-"""Load pyarrow, which a few commands need and the daemon does not."""
+"""Loads pyarrow, which a few commands need and the daemon does not, and makes texts fit for it."""
 
 from __future__ import annotations
 
@@ -23,3 +23,8 @@ def parquet_library(option: str, extra: str = "parquet") -> tuple[ModuleType, Mo
     except ImportError as error:
         raise SlipdError(f"{option} needs the package pyarrow: pip install 'slipd[{extra}]'") from error
     return pyarrow, parquet
+
+
+def storable(text: str) -> str:
+    r"""Return a text that Arrow can store: an undecodable byte of a file name becomes an escape such as ``\xff``."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

@@ -29,7 +29,7 @@ class BreakingDisk:
 
     @property
     def can_fail(self) -> bool:
-        """Whether this kernel can be told to find an error."""
+        """Whether this kernel lets a test report an error of the file system."""
         return self._trigger.exists()
 
     def mount(self, *, writable: bool) -> bool:

@@ -36,6 +36,7 @@ OTHERS = {
     "ssh",
     "docker",
     "ls",
+    "openssl",
 }
 """Programs of others that a document may name."""
 

@@ -86,7 +86,9 @@ def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: tuple[
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, "--seconds=0.5"])
+@pytest.mark.parametrize(
+    "end", [signal.SIGTERM, *(pytest.param(end, marks=pytest.mark.long) for end in (signal.SIGHUP, "--seconds=0.5"))]
+)
 def test_a_demo_that_is_ended_early_leaves_neither_processes_nor_an_open_recording(
     end: signal.Signals | str, tmp_path: Path
 ) -> None:

@@ -104,3 +104,22 @@ def test_what_was_changed_in_the_copy_is_kept_with_the_ports_of_the_config(tmp_p
     assert [(tmp_path / name).read_text(encoding="utf-8") for name in names] == [kept, kept], done.stderr
     assert [line.rpartition("/")[2] for line in done.stdout.splitlines()] == list(names)
     assert done.stderr.count("No such file") == 2, "the copies are gone"
+
+
+def test_what_was_changed_before_the_emulation_was_killed_is_kept_at_its_next_start(tmp_path: Path) -> None:
+    emulate = "slipd emulate rig.toml --dir rig"
+    done = run(
+        tmp_path,
+        f"{emulate} </dev/null >out & until grep -qs ^config: out; do sleep 0.1; done;"
+        "sed -i 's/sign = -1/sign = 1  # slipd commission/' rig/rig.toml;"
+        f"{emulate} </dev/null; echo $?; kill -9 %1; wait; echo quit | {emulate} >second; echo $?; head -1 second;"
+        f"ls -A rig; echo mine >rig/rig.toml; {emulate} </dev/null; echo $?; cat rig/rig.toml",
+    )
+    kept = tmp_path / "rig.commissioned.toml"
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["1", "0"], done.stderr
+    assert lines[2] == f"changed before the last emulation was killed: with your ports, the config is kept as {kept}"
+    assert lines[3:] == ["1", "mine"], "only a copy that an emulation wrote is replaced"
+    assert kept.read_text(encoding="utf-8") == RIG.replace("sign = -1", "sign = 1  # slipd commission")
+    assert "rig: an emulation runs there; end it, or give another --dir" in done.stderr
+    assert "exists, and no emulation wrote it: move it away" in done.stderr

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from browser import MISSING, Browser
-from viewed_rig import HELD, PADS, ViewedRig, held
+from pushed_sensors import HELD, PADS, held
+from viewed_rig import ViewedRig
 
 from slipd_client.errors import ClientError
 from slipd_client.messages.names import REASONS

@@ -127,6 +127,7 @@ def test_the_keyboard_presses_a_pad(rig: EmulatedRig, browser: Browser) -> None:
     assert browser.problems == []
 
 
+@pytest.mark.long
 def test_gravity_is_typed_on_the_page_where_a_pose_is_asked_for(rig: EmulatedRig, browser: Browser) -> None:
     browser.do(lambda page: page.goto(rig.url.replace("/#", "/commission#")))
     asked = "document.getElementById('prompt').dataset.step === '{}' && document.getElementById('typed').hidden === {}"

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 from browser import MISSING, PATIENCE_S, Browser
-from viewed_rig import HELD, PADS, ViewedRig
+from pushed_sensors import HELD, PADS
+from viewed_rig import ViewedRig
 
 from slipd_client.messages.names import REASONS
 

@@ -17,13 +17,13 @@ from slipd.parquet_library import parquet_library
 
 OPTION = "--to lerobot"
 EPISODES = 50
-"""Rows of one write: the statistics of two large pads take some 100 kB each."""
+"""Rows that are written at once: with the statistics of two large pads, some 100 kB each."""
 
 STATS = ("min", "max", "mean", "std", "count", *QUANTILES)
 
 
 def frame_schema(features: Sequence[Feature]) -> Any:
-    """Return the Arrow schema of the frames: a list of fixed length for each feature; one number is no list.
+    """Return the Arrow schema of the frames: a list of fixed length for each feature, or a scalar for a single number.
 
     Raises:
         SlipdError: pyarrow is not installed.

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from slipd.cli_arguments import add_recordings
+
 FORMATS = {
     "ros2": "a bag (ROS, Foxglove, PlotJuggler)",
     "json-mcap": "JSON (Foxglove)",
@@ -27,13 +29,7 @@ _EPILOG = (
 def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     """Add them to the parser of the command."""
     parser.epilog = _EPILOG
-    parser.add_argument(
-        "recordings",
-        type=Path,
-        nargs="+",
-        metavar="RECORDING",
-        help="recording, MCAP; for lerobot also several, or folders of them: each is an episode",
-    )
+    add_recordings(parser, "recording, MCAP; for lerobot also several, or folders of them: each is an episode")
     parser.add_argument("out", type=Path, metavar="OUT", help="new folder, or new file (json-mcap)")
     parser.add_argument(
         "--to",

@@ -11,7 +11,7 @@ QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 """Names and levels of the quantiles that LeRobot keeps."""
 
 MOST_SAMPLES = 10_000
-"""Frames of which quantiles are computed; of longer runs every second, fourth … one."""
+"""Most frames from which quantiles are computed; of a longer run, every second, fourth … frame is taken."""
 
 
 class FeatureStats:

@@ -36,7 +36,7 @@ class Feature:
 
     @property
     def dtype(self) -> str:
-        """Their type, in the words of NumPy."""
+        """Name of their NumPy type."""
         return "int64" if self.whole else "float32"
 
 

@@ -17,7 +17,7 @@ from slipd.export.message_files import Body
 from slipd.recording.event_gaps import EventGaps
 
 Frame = dict[str, npt.NDArray[np.generic]]
-"""Numbers by the name of their feature; NaN is not known. The arrays are used again for the next frame."""
+"""Numbers by the name of their feature; NaN: not known. The arrays are used again for the next frame."""
 
 
 class FrameSampler:
@@ -26,7 +26,7 @@ class FrameSampler:
     Args:
         layout: What a frame holds.
         rate_hz: Frames per second.
-        write: Gets each frame, in the order of time; copies what it keeps.
+        write: Called with each frame in the order of time; it copies what it keeps.
 
     Attributes:
         begin_ns: Time of the first frame, that of the first message; None before it.
@@ -55,7 +55,7 @@ class FrameSampler:
         self._event_ns = t_ns
 
     def message(self, t_ns: int, topic: str, body: Body) -> None:
-        """Take a message that was published at ``t_ns``, CLOCK_MONOTONIC."""
+        """Handle a message that was published at ``t_ns``, CLOCK_MONOTONIC."""
         if self.begin_ns is None:
             self.begin_ns = t_ns
         self._write_until(t_ns - 1)

@@ -16,6 +16,7 @@ from slipd.export.exported import EXPORT
 from slipd.export.frame_layout import FrameLayout, frame_layout
 from slipd.export.frame_sampler import FrameSampler
 from slipd.export.lerobot_dataset import LerobotDataset
+from slipd.parquet_library import storable
 from slipd.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay_dated
@@ -93,7 +94,8 @@ def _add_episode(dataset: LerobotDataset, recording: Recording, sampler: FrameSa
     progress.next(recording.size_bytes)
     if sampler.begin_ns is None:
         raise SlipdError(recording.fault or f"{recording.path}: holds no event that causes a message")
-    return dataset.end_episode(recording.path.name, sampler.begin_ns + recording.wall_minus_monotonic_ns)
+    name = storable(recording.path.name)
+    return dataset.end_episode(name, sampler.begin_ns + recording.wall_minus_monotonic_ns)
 
 
 def _common_layout(paths: Sequence[Path]) -> FrameLayout:

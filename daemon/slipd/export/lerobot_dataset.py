@@ -23,11 +23,11 @@ from slipd.export.parquet_file import ParquetFile
 VERSION = "v3.0"
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 FILE_MB = 100
-"""Size from which on the next episode begins another file of frames, as LeRobot has it."""
+"""Size of a file of frames after which the next episode begins another one, MB, as in LeRobot."""
 
 FILES_OF_CHUNK = 1000
 BLOCK = 4096
-"""Frames of one write: some megabytes with the taxels of two pads."""
+"""Frames that are written at once: some megabytes with the taxels of two pads."""
 
 COUNTERS = tuple(Feature(name, (name,), whole=True) for name in ("frame_index", "episode_index", "index", "task_index"))
 TIMESTAMP = Feature("timestamp", ("timestamp",))

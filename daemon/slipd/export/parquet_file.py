@@ -9,7 +9,7 @@ from typing import Any
 from slipd.parquet_library import parquet_library
 
 MARK = "slipd_export"
-"""Key in the metadata of the file: it is one of an export of slipd."""
+"""Key in the metadata that marks a file as part of an export of slipd."""
 
 COMPRESSION = "zstd"
 

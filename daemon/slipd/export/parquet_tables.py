@@ -17,7 +17,7 @@ from slipd.export.parquet_file import ParquetFile
 from slipd.parquet_library import parquet_library
 
 ROWS = 10_000
-"""Rows of one write; a message with the loads of a pad takes some kilobytes until then."""
+"""Rows that are written at once; a message with the loads of a pad takes some kilobytes until then."""
 
 
 class ParquetTables:

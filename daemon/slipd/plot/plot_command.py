@@ -12,7 +12,7 @@ from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.draft import Kind, draft
 from slipd.errors import RecordingError, SlipdError
-from slipd.evaluation.config_run import with_recorded_tares
+from slipd.evaluation.config_replay import with_recorded_tares
 from slipd.plot.binned_track import Window
 from slipd.plot.chart import chart
 from slipd.plot.report_page import GENERATOR, Report, page

@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from slipd.finger.verdict import SEVERITY
 from slipd.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
 from slipd.plot.change_log import ChangeLog
 from slipd.recording.event_gaps import EventGaps
-from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
+from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC
 
 Numbers = BinnedTrack[Range]
 

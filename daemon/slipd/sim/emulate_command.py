@@ -13,15 +13,15 @@ import socket
 import stat
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.sim.emulate import emulated, prepare_process
+from slipd.sim.emulated_copy import EmulatedCopy
 from slipd.sim.hand import PadLoad
 from slipd.sim.hand_commands import HELP, CommandError, parse_command
-from slipd.sim.kept_config import keep, with_changes
 from slipd.sim.touched_devices import TouchedDevices
 
 SOCKET = "hand"
@@ -53,9 +53,11 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slipd-emulated-")))
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            _check_free(folder)
             devices = TouchedDevices(rig, folder.absolute(), seed)
-            copy = _Copy(folder.absolute() / file.name, devices.config_text(), file)
-            stack.callback(copy.remove, rig.text, devices.addresses)
+            place = folder.absolute() / file.name
+            copy = EmulatedCopy(place, devices.config_text(), file, devices.addresses)
+            stack.callback(copy.remove)
             prepare_process()
             asyncio.run(_serve(devices, copy.path, lines))
         except (OSError, ValueError) as error:
@@ -93,6 +95,13 @@ def touch_command(folder: Path, words: list[str]) -> int:
     return int(refused)
 
 
+def _check_free(folder: Path) -> None:
+    """Raise if an emulation runs in a folder: it would lose its copy of the config, and its commands."""
+    with socket.socket(socket.AF_UNIX) as line, contextlib.suppress(OSError):
+        line.connect(str(folder / SOCKET))
+        raise SlipdError(f"{folder}: an emulation runs there; end it, or give another --dir")
+
+
 def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
     """Return the commands of a script, once all are right."""
     if script is None:
@@ -108,40 +117,6 @@ def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
         except CommandError as error:
             raise SlipdError(f"{script}:{number}: {error}") from None
     return lines
-
-
-class _Copy:
-    """The copy of a config for the time of the emulation.
-
-    Args:
-        path: Of the copy.
-        text: The copy.
-        source: The config, which is not replaced.
-
-    Attributes:
-        path: Of the copy.
-
-    Raises:
-        SlipdError: The copy would replace the config.
-    """
-
-    def __init__(self, path: Path, text: str, source: Path) -> None:
-        if path.exists() and path.samefile(source):
-            raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
-        with contextlib.suppress(FileNotFoundError):
-            path.unlink()
-        path.touch(0o600, exist_ok=False)
-        path.write_text(text, encoding="utf-8")
-        self.path, self._text = path, text
-
-    def remove(self, source: str, addresses: Mapping[str, str]) -> None:
-        """Remove it; what changed in it meanwhile is kept in the config ``source``, in the working directory."""
-        with contextlib.suppress(FileNotFoundError):
-            now = self.path.read_text(encoding="utf-8")
-            if now != self._text:
-                kept = keep(with_changes(source, self._text, now, addresses), self.path.name, Path.cwd())
-                print(f"config: changed meanwhile; with your ports it is kept as {kept}", flush=True)
-            self.path.unlink()
 
 
 async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> None:

@@ -32,15 +32,15 @@ def with_changes(source: str, copy: str, now: str, addresses: Mapping[str, str])
 
 
 def keep(text: str, name: str, folder: Path) -> Path:
-    """Write a config beside others of its name, which stay; return where.
+    """Write a config under a name that is free, and return its path.
 
     Args:
         text: The config.
         name: Name of the file that it comes from.
-        folder: Where; another one is made where this one cannot be written.
+        folder: Where to write it; if that fails, a new temporary folder takes its place.
 
     Raises:
-        OSError: There is no place to write it.
+        OSError: The temporary folder cannot be written either.
     """
     try:
         return _write(text, name, folder)

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from replays import RECORDINGS
 
-from slipd.export.export_command import export
+from slipd.export.export_arguments import FORMATS
+from slipd.export.export_command import ExportOptions, export_command
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
 
@@ -29,6 +30,6 @@ def dated() -> Dated:
 def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Export of the run in each format."""
     folder = tmp_path_factory.mktemp("exports")
-    for to in ("ros2", "json-mcap", "csv", "parquet"):
-        assert export(RUN, folder / to, to, overwrite=False)
-    return {to: folder / to for to in ("ros2", "json-mcap", "csv", "parquet")}
+    for to in FORMATS:
+        assert export_command([RUN], folder / to, ExportOptions(to, rate_hz=50 if to == "lerobot" else None))
+    return {to: folder / to for to in FORMATS}

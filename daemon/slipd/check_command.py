@@ -1,0 +1,38 @@
+"""The command ``slipd check``: the streams of a config, what looks wrong in it, and what the reflex can do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from slipd import config
+from slipd.config import Config
+from slipd.device_text import printable
+from slipd.gripper.reflex import PERIOD_NS
+
+
+def check_command(file: Path) -> None:
+    """Check a config, and print what it is.
+
+    Raises:
+        ConfigError: It cannot be read or has faults.
+    """
+    rig = config.load(file)
+    for name, stream in rig.streams().items():
+        print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
+    for hint in config.hints(rig, str(file)):
+        print(printable(hint))
+    if rig.reflex.enabled:
+        print(_reflex_text(rig))
+    print(f"{file}: valid, config_id {rig.config_id}")
+
+
+def _reflex_text(rig: Config) -> str:
+    """Return how much force the reflex can add within the configured lead time."""
+    reflex, gripper = rig.reflex, rig.gripper
+    ceiling_n = reflex.ceiling_n or (gripper.max_force_n if gripper is not None else None) or 0.0
+    budget_n = (gripper.budget_n if gripper is not None else None) or ceiling_n
+    gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), budget_n, ceiling_n)
+    return (
+        f"reflex: adds up to {gain_n:.1f} N within the lead time of {reflex.lead_time_s:g} s,"
+        f" up to {ceiling_n:g} N on one pad; the response time of the gripper is not included"
+    )
