@@ -88,6 +88,14 @@ class Browser:
             time.sleep(0.03)
         return found
 
+    def drawn(self) -> None:
+        """Wait until the page has drawn what it received so far: it draws once, in the next frame of the screen."""
+        self.do(
+            lambda page: page.evaluate(
+                "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+            )
+        )
+
     def click(self, selector: str) -> None:
         self.do(lambda page: page.click(selector))
 

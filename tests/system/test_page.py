@@ -45,12 +45,14 @@ def number(text: str) -> float:
 
 def test_the_numbers_of_a_finger_are_those_of_the_message(parts: Parts) -> None:
     rig, browser = parts
-    page = browser.value(
+    page = browser.until(
         f"""(() => {{
+            const {{ slip }} = {CARD}.drawn;
+            if (!slip) return null;
             const field = (name) => document.querySelector(`[data-field="left.${{name}}"]`).textContent;
             const names = ["normal_n", "tangential_vector", "spin_nm", "friction_ratio", "mu", "required_friction",
                 "centroid_m", "tipping_margin_m", "bounds", "utilisation"];
-            return {{seq: {CARD}.drawn.slip.seq, level: document.querySelector(".level").textContent,
+            return {{seq: slip.seq, level: document.querySelector(".level").textContent,
                 texts: Object.fromEntries(names.map((name) => [name, field(name)]))}};
         }})()"""
     )

@@ -24,6 +24,7 @@ TOUCHES = {
 PROMPT = """(() => {
     const { textContent, dataset } = document.getElementById("prompt");
     return { text: textContent, kind: dataset.kind, step: dataset.step,
+        asked: document.querySelector(".touch.asked")?.dataset.step,
         log: [...document.querySelectorAll("#log li")].map((line) => line.textContent) };
 })()"""
 SHOWN = """(() => {
@@ -63,9 +64,9 @@ def test_a_wrong_sign_and_a_mirrored_image_are_found_on_the_page_and_written(
                 rig.touch("release")
         lines = len(now["log"])
         if now["step"] != done and (command := touch_for(now["text"], TOUCHES)) is not None:
+            assert now["asked"] == now["step"]
             rig.touch(command)
             done, until_s = now["step"], time.monotonic() + PATIENCE_S
-            assert browser.value(f"document.querySelector('.touch.asked')?.dataset.step === '{done}'")
         time.sleep(0.03)
     assert browser.value("document.querySelectorAll('#reading-rows tr').length") == 1
     assert "flip_x = true" in browser.value("document.getElementById('toml').textContent")

@@ -83,7 +83,7 @@ def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
         browser.until("slipd.source.position > 0 && slipd.source.seeking === null")
         first_s = (warnings[0]["t_ns"] - begin_ns) * 1e-9
         assert browser.value("slipd.source.position") == pytest.approx(first_s, abs=0.1)
-        browser.until("[...document.querySelectorAll('.level')].some((level) => level.textContent === 'WARNING')")
+        browser.drawn()
         assert levels(browser)[warnings[0]["finger"]] == "WARNING"
         assert not browser.value("slipd.state.stale('status')")
         shown = browser.value("document.querySelectorAll('#change-list li').length")
@@ -112,7 +112,7 @@ def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_k
         browser.until(ENDED)
         browser.do(lambda page: page.select_option("#speed", "10"))
         browser.until("document.getElementById('play').textContent === 'Play'")
-        browser.until("document.querySelector('[data-field$=\".normal_n\"]') !== null")
+        browser.drawn()
         texts = browser.value(
             """Object.fromEntries([...document.querySelectorAll("[data-field]")].map(
                 (field) => [field.dataset.field.split(".")[1], field.textContent]))"""

@@ -67,14 +67,6 @@ def parts(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterato
         yield rig, browser
 
 
-def texts(browser: Browser, finger: str, *names: str) -> list[str]:
-    """What the card of a finger shows."""
-    found: list[str] = browser.value(
-        f'{list(names)}.map((name) => document.querySelector(`[data-field="{finger}.${{name}}"]`).textContent)'
-    )
-    return found
-
-
 def test_a_client_with_keys_shows_a_daemon_across_tcp_and_may_request(parts: Parts) -> None:
     _, browser = parts
     browser.until("document.getElementById('connection').dataset.state === 'live'")
@@ -101,8 +93,7 @@ def test_a_masked_taxel_is_crossed_out_and_counted(parts: Parts) -> None:
     browser.until(
         "document.querySelector('[data-finger=\"left\"] figcaption')?.textContent.includes('1 taxel is not used (×)')"
     )
-    statuses = [body for (topic, _), body in list(rig.messages.items()) if topic == "status"]
-    assert any(body["streams"]["left.pad"]["masked"] == [HOT_TAXEL] for body in statuses)
+    rig.wait(lambda: [HOT_TAXEL] in masked(rig))
     crossed = browser.value(
         """(() => {
             const card = slipd.cards.get("left");
@@ -118,28 +109,37 @@ def test_a_masked_taxel_is_crossed_out_and_counted(parts: Parts) -> None:
     assert len(marked) == PADS["left"].taxels
 
 
+def masked(rig: ViewedRig) -> list[list[int]]:
+    """The masked taxels of the left pad, as each status so far names them."""
+    statuses = [body for (topic, _), body in list(rig.messages.items()) if topic == "status"]
+    return [body["streams"]["left.pad"]["masked"] for body in statuses]
+
+
 def test_a_finger_without_a_friction_coefficient_is_unknown_and_shows_what_is_known(parts: Parts) -> None:
     rig, browser = parts
     rig.sensors.hot = None
     rig.grip(10.0, HELD)
-    browser.until("slipd.cards.get('right')?.drawn.slip?.required_friction > 0")
-    page: dict[str, Any] = browser.value(
+    page: dict[str, Any] = browser.until(
         """(() => {
             const card = slipd.cards.get("right");
-            return { seq: card.drawn.slip.seq, level: card.level.textContent, why: card.why.textContent,
-                circles: card.drawn.pad.circles.length, caption: card.caption.textContent, bar: card.drawn.bar.value };
+            const slip = card?.drawn.slip;
+            if (!(slip?.required_friction > 0)) return null;
+            const text = (field) => document.querySelector(`[data-field="${field}"]`).textContent;
+            return { seq: slip.seq, level: card.level.textContent, why: card.why.textContent,
+                right: ["mu", "utilisation", "required_friction"].map((field) => text(`right.${field}`)),
+                leftMu: text("left.mu"), circles: card.drawn.pad.circles.length, caption: card.caption.textContent,
+                bar: card.drawn.bar.value };
         })()"""
     )
-    shown = texts(browser, "right", "mu", "utilisation", "required_friction")
     message = rig.wait(lambda: rig.messages.get(("slip.right", page["seq"])))
     assert (message["mu"], message["mu_source"], message["utilisation"]) == (None, "none", None)
     assert page["level"] == message["level"].upper().replace("_", " ")
     assert REASONS[message["reasons"][0]] in page["why"]
-    assert shown[:2] == ["unknown", "unknown"]
-    assert float(shown[2]) == pytest.approx(message["required_friction"], abs=0.02)
+    assert page["right"][:2] == ["unknown", "unknown"]
+    assert float(page["right"][2]) == pytest.approx(message["required_friction"], abs=0.02)
     assert (page["circles"], page["bar"]) == (0, None)
     assert "no friction circles" in page["caption"]
-    assert texts(browser, "left", "mu")[0].startswith("0.50 (config")
+    assert page["leftMu"].startswith("0.50 (config")
 
 
 def test_no_script_failed(parts: Parts) -> None:
