@@ -23,11 +23,13 @@ class Kind:
         name: Its name with an article.
         is_one: Returns whether a file is of this kind, or a file or folder is part of a folder of this kind.
         folders: A result may be a folder.
+        replaceable: The command that makes it has ``--overwrite``.
     """
 
     name: str
     is_one: Callable[[Path], bool]
     folders: bool = False
+    replaceable: bool = True
 
 
 @contextlib.contextmanager
@@ -61,7 +63,7 @@ def _check(out: Path, kind: Kind, *, overwrite: bool) -> None:
     if not os.path.lexists(out):
         return
     if not overwrite:
-        raise SlipdError(f"{out}: exists already; give a new name, or --overwrite")
+        raise SlipdError(f"{out}: exists already; give a new name{', or --overwrite' if kind.replaceable else ''}")
     if (why := _obstacle(out, kind)) is not None:
         raise SlipdError(f"{out}: {why}, and is not overwritten; give another name")
     if not os.access(out, os.W_OK):

@@ -15,7 +15,7 @@ from slipd.draft import Kind
 from slipd.draft import draft as whole_file
 from slipd.errors import SlipdError
 
-CONFIG = Kind("a config", lambda _: False)
+CONFIG = Kind("a config", lambda _: False, replaceable=False)
 
 
 def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
