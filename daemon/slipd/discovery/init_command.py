@@ -32,7 +32,7 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
     if not only_list and file.exists():
         raise SlipdError(f"{file} exists, and is not replaced; give another name, or only list: slipd init --list")
     nowhere = Path(os.devnull)
-    ports = list_ports() if by_id is None else list_ports(by_id, nowhere, nowhere)
+    ports = list_ports() if by_id is None else list_ports(by_id.absolute(), nowhere, nowhere)
     if not ports:
         where = f"{BY_ID}, {BY_PATH} or {DEV}/ttyUSB*, ttyACM*" if by_id is None else str(by_id)
         raise SlipdError(f"there is no serial port in {where}; devices on a network are not searched (docs/devices.md)")

@@ -28,6 +28,8 @@ class SerialPort:
 def list_ports(by_id: Path = BY_ID, by_path: Path = BY_PATH, dev: Path = DEV) -> list[SerialPort]:
     """Return every serial port once, by id if it has one, else by path, else by its number.
 
+    Other files of the folders, such as those beside the ports of an emulated rig, are left out.
+
     Args:
         by_id: Folder of links named after vendor, product and serial number.
         by_path: Folder of links named after the socket.
@@ -37,7 +39,7 @@ def list_ports(by_id: Path = BY_ID, by_path: Path = BY_PATH, dev: Path = DEV) ->
     ports: dict[Path, SerialPort] = {}
     for folder, warning in ((by_id, ""), (by_path, SAME_SOCKET)):
         for path in sorted(folder.iterdir()) if folder.is_dir() else []:
-            if path.exists():
+            if path.is_char_device():
                 ports.setdefault(path.resolve(), SerialPort(path, warning))
     for path in numbered:
         ports.setdefault(path.resolve(), SerialPort(path, NUMBER))

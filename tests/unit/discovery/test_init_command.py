@@ -47,7 +47,7 @@ def plugged(by_id: Path, *names: str) -> Iterator[None]:
 def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     by_id, file = tmp_path / "by-id", tmp_path / "rig.toml"
     with plugged(by_id, "bota"):
-        (by_id / "no-port").write_text("a file", encoding="utf-8")
+        (by_id / "no-port").symlink_to("/dev/null")
         init_command(tmp_path / "list.toml", by_id, only_list=True)
         assert not (tmp_path / "list.toml").exists()
         init_command(file, by_id, only_list=False)
@@ -88,6 +88,14 @@ def test_a_file_that_appears_while_ports_are_asked_stays_and_the_remedy_is_one_t
         os.close(slave)
     assert str(refused.value) == f"{file}: exists already; give a new name"
     assert file.read_text(encoding="utf-8") == "of another program"
+
+
+def test_a_relative_folder_of_ports_is_written_in_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with plugged(tmp_path / "by-id", "bota"):
+        init_command(Path("rig.toml"), Path("by-id"), only_list=False)
+    [stream] = config.load(Path("rig.toml")).streams().values()
+    assert stream.port == f"{tmp_path}/by-id/bota"
 
 
 def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
