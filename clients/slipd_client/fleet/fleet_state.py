@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from slipd_client.errors import MessageError
 from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
-from slipd_client.message_tracker import MessageTracker
 from slipd_client.messages.names import SEVERITY, STATUS_TOPIC, WARNING_TOPIC, Health
+from slipd_client.messages.reader import read, typed_message
 from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 
 SILENT_AFTER_S = 1.8
@@ -18,6 +19,9 @@ LIVE, SILENT, GONE = "live", "silent", "gone"
 
 MOST_ROBOTS = 10_000
 """Most robots that are listed; messages of further ones only count as `FleetState.bad`."""
+
+MOST_RUNS = 8
+"""Most runs of the daemon that are remembered of each robot: kept warnings of earlier ones may arrive late."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class RobotRow:
         complaint: The stream with that health and its message; "" where all are well.
         age_s: Time since the last message, s; None where it is not known.
         missed_warnings: Warnings that did not arrive, by the daemon's own numbers.
-        restarts: Times that the daemon was restarted.
+        restarts: Times that the daemon was restarted; a run beyond the last ``MOST_RUNS`` counts again.
         version: Of slipd.
         object_name: What is held, where it is named.
     """
@@ -70,15 +74,13 @@ class FleetState:
         if known is None:
             self.bad += 1
             return None
-        tracker = known.trackers.get(topic)
-        if tracker is None:
+        if topic not in (STATUS_TOPIC, WARNING_TOPIC):
             return None
-        bad = tracker.bad
-        message = tracker.accept([topic.encode(), payload])
-        self.bad += tracker.bad - bad
-        if message is not None:
-            known.take(message, now_s)
-        return message
+        try:
+            return known.take(topic, read([topic.encode(), payload])[1], now_s)
+        except MessageError:
+            self.bad += 1
+            return None
 
     def token(self, robot: str, what: str, *, alive: bool) -> None:
         """Update with a sign of life: a liveliness token of this robot was declared or has ended."""
@@ -100,33 +102,27 @@ class FleetState:
         return known
 
 
-def _trackers() -> dict[str, MessageTracker]:
-    """Return a tracker for each topic: one that is behind the other must not look like a restart."""
-    return {topic: MessageTracker((topic,), None) for topic in (STATUS_TOPIC, WARNING_TOPIC)}
-
-
 @dataclass
-class _Robot:
-    trackers: dict[str, MessageTracker] = field(default_factory=_trackers)
-    bridge: bool = False
-    daemon: bool = False
-    was_alive: bool = False
-    heard_s: float | None = None
-    boot: str = ""
-    boots: set[str] = field(default_factory=set)
+class _Run:
+    """One run of a daemon, of which `status` and `warning` arrive in any order."""
+
+    heard_s: float = 0.0
+    seq: dict[str, int] = field(default_factory=dict)
     status: Status | None = None
     fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
-    missed: int = 0
 
-    def take(self, message: Message, now_s: float) -> None:
-        if message.boot != self.boot:
-            self.boot = message.boot
-            self.boots.add(message.boot)
-            self.fingers.clear()
-            self.status = None
-        self.heard_s = now_s
+    def accept(self, topic: str, raw: dict[str, Any]) -> Message | None:
+        """Return the message; None for a repeat."""
+        seq = raw["seq"]
+        last = self.seq.get(topic, seq - 1)
+        if seq <= last:
+            return None
+        message = typed_message(topic, raw, missed=seq - last - 1)
+        self.seq[topic] = seq
+        return message
+
+    def note(self, message: Message) -> None:
         if isinstance(message, SlipWarning):
-            self.missed += message.missed
             self._level(message.finger, message.t_ns, message.level.value, message.reasons)
         elif isinstance(message, Status):
             self.status = message
@@ -137,6 +133,40 @@ class _Robot:
         """Note the level of a finger; warnings overtake ``status`` on the way."""
         if t_ns >= self.fingers.get(finger, (t_ns,))[0]:
             self.fingers[finger] = (t_ns, level, reasons)
+
+
+@dataclass
+class _Robot:
+    bridge: bool = False
+    daemon: bool = False
+    was_alive: bool = False
+    heard_s: float | None = None
+    runs: dict[str, _Run] = field(default_factory=dict)
+    begun: int = 0
+    run: _Run = field(default_factory=_Run)
+    missed: int = 0
+
+    def take(self, topic: str, raw: dict[str, Any], now_s: float) -> Message | None:
+        """Note a message and return it; None for a repeat."""
+        run = self.runs.get(raw["boot"]) or _Run()
+        message = run.accept(topic, raw)
+        if message is None:
+            return None
+        if message.boot not in self.runs:
+            self._begin(message.boot, run)
+        if isinstance(message, SlipWarning):
+            self.missed += message.missed
+        self.run = run
+        self.heard_s = run.heard_s = now_s
+        run.note(message)
+        return message
+
+    def _begin(self, boot: str, run: _Run) -> None:
+        """Remember a further run, instead of the one that is silent for the longest time."""
+        if len(self.runs) >= MOST_RUNS:
+            del self.runs[min(self.runs, key=lambda boot: self.runs[boot].heard_s)]
+        self.runs[boot] = run
+        self.begun += 1
 
     def row(self, name: str, now_s: float) -> RobotRow:
         # a kept message of a daemon that has been silent since this view began is of unknown age
@@ -151,26 +181,26 @@ class _Robot:
             robot=name,
             state=state,
             level=level,
-            fingers={finger: each[1] for finger, each in sorted(self.fingers.items())},
+            fingers={finger: each[1] for finger, each in sorted(self.run.fingers.items())},
             reasons=reasons,
             health=health,
             complaint=complaint,
             age_s=age_s,
             missed_warnings=self.missed,
-            restarts=max(len(self.boots) - 1, 0),
-            version=_text(self.status and self.status.version),
-            object_name=_text(self.status and self.status.object_name),
+            restarts=max(self.begun - 1, 0),
+            version=_text(self.run.status and self.run.status.version),
+            object_name=_text(self.run.status and self.run.status.object_name),
         )
 
     def _worst(self) -> tuple[str, tuple[str, ...]]:
-        levels = [(level, reasons) for _, level, reasons in self.fingers.values()]
+        levels = [(level, reasons) for _, level, reasons in self.run.fingers.values()]
         return max(levels, key=lambda each: SEVERITY[each[0]], default=("unknown", ()))
 
     def _health(self) -> tuple[Health | None, str]:
-        if self.status is None:
+        if self.run.status is None:
             return None, ""
         worst, complaint = Health.OK, ""
-        for name, stream in self.status.streams.items():
+        for name, stream in self.run.status.streams.items():
             if stream.health > worst:
                 worst, complaint = stream.health, f"{name}: {stream.message or stream.health.name}"
         return worst, complaint

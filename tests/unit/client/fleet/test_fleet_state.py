@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import pytest
 
 from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
-from slipd_client.fleet.fleet_state import SILENT_AFTER_S, FleetState, RobotRow
+from slipd_client.fleet.fleet_state import MOST_RUNS, SILENT_AFTER_S, FleetState, RobotRow
 from slipd_client.messages import Health, encode
 
 
@@ -146,3 +147,15 @@ def test_warnings_kept_from_an_earlier_run_are_no_further_restart_and_hide_no_lo
     robot.warns(11.1, "warning")
     row = robot.row(11.1)
     assert (row.restarts, row.missed_warnings, row.level) == (1, 2, "warning")
+
+
+def test_a_robot_that_restarts_for_ever_takes_no_more_memory_and_every_restart_counts(robot: Robot) -> None:
+    def restarts(times: int) -> int:
+        for _ in range(times):
+            robot.boot, robot.seq = f"boot-{robot.t_ns}", {"status": 0, "warning": 0}
+            robot.sends("status", 10.0 + robot.t_ns, fingers=levels(left="stable"), streams={})
+        return len(pickle.dumps(robot.state))
+
+    few = restarts(2 * MOST_RUNS)
+    assert restarts(20 * MOST_RUNS) < 1.5 * few
+    assert robot.row(10.0).restarts == 22 * MOST_RUNS - 1
