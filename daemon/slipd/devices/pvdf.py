@@ -59,8 +59,10 @@ class Decoder:
             raise ValueError(f"rows and cols must be from 1 to {MAX_SIDE}, got {rows} x {cols}")
         self.health = DecoderHealth()
         self._rows = rows
+        self._grid = rows, cols
         self._row_bytes = 2 * cols
         self._length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
+        self._fixed_columns = [*(bytes((byte,)) * rows for byte in _SYNC), bytes(range(rows))]
         self._frames = FixedLengthScanner(_SYNC, self._length, self._checksum_matches, self.health)
         self._scan: int | None = None
         self._scan_time_us = 0
@@ -78,27 +80,30 @@ class Decoder:
 
     def _decode_whole_scans(self, data: bytes, t_ns: int) -> list[TactileSample] | None:
         """Decode the usual read, whole scans that follow the newest one; return None, and change nothing, otherwise."""
-        if len(data) % (self._rows * self._length) or self._open or self._scan is None or not self._frames.in_sync:
+        size = self._rows * self._length
+        if len(data) % size or self._open or self._scan is None or not self._frames.in_sync:
             return None
         if not crc.x25_all_match(data, range(_UNCHECKED, len(data), self._length), self._length - _UNCHECKED):
             return None
-        heads: list[tuple[int, int, int, int]] = []
-        for number, at in enumerate(range(0, len(data), self._length)):
-            head = _HEAD.unpack_from(data, at + len(_SYNC))
-            later, row = divmod(number, self._rows)
-            follows = head[0] == row and head[1] == (self._scan + 1 + later) % _SCAN_SPAN
-            if not (follows and data.startswith(_SYNC, at)):
+        scans = [data[at : at + size] for at in range(0, len(data), size)]
+        for later, scan in enumerate(scans):
+            if not self._has_heads(scan, (self._scan + 1 + later) % _SCAN_SPAN):
                 return None
-            heads.append(head)
         samples: list[TactileSample] = []
-        for first in range(0, len(heads), self._rows):
-            _, self._scan, self._scan_time_us, dwell = heads[first]
+        for scan in scans:
+            _, self._scan, self._scan_time_us, dwell = _HEAD.unpack_from(scan, len(_SYNC))
             self._dwell_ns = dwell * _DWELL_UNIT_NS
-            begin = first * self._length + _COUNTS_AT
-            ends = range(begin, begin + self._rows * self._length, self._length)
-            self._counts = [data[at : at + self._row_bytes] for at in ends]
-            samples.append(self._complete(t_ns))
+            counts = np.ndarray(self._grid, "<i2", scan, _COUNTS_AT, (self._length, 2))
+            samples.append(self._complete(counts, t_ns))
         return samples
+
+    def _has_heads(self, scan: bytes, number: int) -> bool:
+        """Return whether these bytes are the rows of the scan of this number, in their order."""
+        numbers = (bytes((byte,)) * self._rows for byte in number.to_bytes(2, "little"))
+        for at, column in enumerate((*self._fixed_columns, *numbers)):  # noqa: SIM110 - a generator takes longer
+            if scan[at :: self._length] != column:
+                return False
+        return True
 
     def _decode_rows(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode any bytes, row by row."""
@@ -112,7 +117,8 @@ class Decoder:
                 counts_at = at + _COUNTS_AT
                 self._counts.append(buffer[counts_at : counts_at + self._row_bytes])
                 if row == self._rows - 1:
-                    samples.append(self._complete(t_ns))
+                    counts = np.frombuffer(b"".join(self._counts), "<i2")
+                    samples.append(self._complete(counts, t_ns))
         return samples
 
     def forget(self) -> None:
@@ -155,9 +161,10 @@ class Decoder:
                 self.health.restarts += 1
         self._scan = scan
 
-    def _complete(self, t_ns: int) -> TactileSample:
-        values = np.frombuffer(b"".join(self._counts), "<i2").astype(np.float64)
+    def _complete(self, counts: NDArray[np.int16], t_ns: int) -> TactileSample:
+        """Return the newest scan with these counts, in scan order."""
         self._open = False
+        values = counts.astype(np.float64).ravel()
         return TactileSample(t_ns, self._scan_time_us * 1000, values, dwell_ns=self._dwell_ns)
 
 

@@ -25,6 +25,7 @@ from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
 from slipd.signals.taxel_blocks import BLOCK_NS, Blocks
+from slipd.signals.taxel_faults import TaxelFaults
 
 
 def warm_up() -> None:
@@ -48,6 +49,7 @@ def warm_up() -> None:
     blocks = Blocks(4)
     for t_ns in (0, BLOCK_NS):
         blocks.update(np.ones(4), t_ns, free=False, steady=False)
+    TaxelFaults(blocks, 2, 2, 1.0, 0.0, 0.0).judge(np.zeros(4, dtype=bool))
     _judge_contact()
     _look_for_motion()
 

@@ -76,6 +76,12 @@ def nearest_on_outline(x: Array, y: Array, px: float, py: float) -> tuple[float,
 
 
 @compiled
+def largest_extent(x: Array, y: Array) -> float:
+    """Return the extent of points along X or Y, the larger one; each of shape (n,), n ≥ 1."""
+    return float(max(x.max() - x.min(), y.max() - y.min()))
+
+
+@compiled
 def fill_margins(x: Array, y: Array, readings: Rows) -> None:
     """Do the work of `Outline.fill_margins`."""
     for k in range(len(readings)):
@@ -91,11 +97,16 @@ class Outline:
     Args:
         x: Centres of the active taxels, shape (n,), n ≥ 1, finite, m.
         y: Likewise, shape (n,), m.
+
+    Attributes:
+        taxels: Indices of the outline's corners, counter-clockwise.
+        extent_m: Its extent along X or Y, the larger one, m.
     """
 
     def __init__(self, x: Array, y: Array) -> None:
         self.taxels = convex_hull(x, y)
         self._x, self._y = x[self.taxels], y[self.taxels]
+        self.extent_m = largest_extent(self._x, self._y)
 
     def margin_m(self, px: float, py: float) -> float:
         """Return the signed distance of a point to the outline, m, positive inside; NaN where it is not finite."""

@@ -118,15 +118,18 @@ def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, flo
         outline: Of these taxels.
     """
     cx, cy = centroid
-    rule, pressure = (_clipped_linear, np.ones(x.size)) if p is None else (_tilted, p)
-    extent = max(float(x.max() - x.min()), float(y.max() - y.min()))
+    extent = outline.extent_m
     margin, qx, qy, a, b = outline.nearest(cx, cy)
     if margin > ON_HULL * extent:
-        loads = rule(np.vstack((x - cx, y - cy)).T / extent, pressure)
+        loads = (
+            _clipped_linear(np.vstack((x - cx, y - cy)).T / extent)
+            if p is None
+            else _tilt_about(x, y, p, cx, cy, extent)
+        )
     else:
         face, position = _edge(x, y, qx, qy, a, b, extent)
         loads = np.zeros(x.size)
-        loads[face] = rule(position, pressure[face])
+        loads[face] = _clipped_linear(position) if p is None else _tilted(position, p[face])
     outside = -margin > ON_HULL * extent or (extent == 0.0 and margin < 0.0)
     return Loads(loads, -margin if outside else 0.0, "projected" if outside else "ok")
 
@@ -160,7 +163,7 @@ def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: fl
     return face, (ends / length)[:, None]
 
 
-def _clipped_linear(position: Array, _: Array) -> Array:
+def _clipped_linear(position: Array) -> Array:
     """Return loads max(0, a + b·r) with Σ F = 1 and Σ F r = 0, by Newton's method on the convex dual."""
     basis = np.column_stack((np.ones(len(position)), position))
     target = np.zeros(basis.shape[1])
@@ -234,6 +237,12 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
         bx, by, value, mx, my = bx - size * sx, by - size * sy, next_value, next_mx, next_my
         share, trial = trial, share
     return share
+
+
+@compiled
+def _tilt_about(x: Array, y: Array, p: Array, cx: float, cy: float, extent_m: float) -> Array:
+    """Return `tilt` about a centroid inside the contact; all lengths in m."""
+    return tilt((x - cx) / extent_m, (y - cy) / extent_m, p)
 
 
 @compiled

@@ -23,9 +23,18 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
+from slipd.arrays import Array, Indices
 from slipd.signals.pad import STEPS, neighbours
-from slipd.signals.taxel_blocks import WINDOW, Blocks
+from slipd.signals.taxel_blocks import Blocks
+from slipd.signals.taxel_surroundings import (
+    count_along,
+    count_trusted,
+    find_motion,
+    highest_around,
+    in_lines,
+    lowest_around,
+    mean_around,
+)
 
 Mask = NDArray[np.bool_]
 
@@ -80,6 +89,8 @@ this share of the jitter. Noise that lasts has less in one rating of seventy, wi
 SATURATED = 0.97
 """Fraction of full scale from which a taxel is saturated: taxels with different offsets stop a little apart."""
 SATURATED_BLOCKS = 2
+LINE_TAXELS = 3
+"""Least number of taxels that are rated by themselves in a line that is rated as a whole."""
 
 _OTHER_ROWS = [k for k, (down, _) in enumerate(STEPS) if down]
 _OTHER_COLS = [k for k, (_, right) in enumerate(STEPS) if right]
@@ -117,17 +128,21 @@ class TaxelFaults:
         self._full = SATURATED * full_scale
         self._threshold, self._light_touch = threshold, light_touch
         taxels = rows * cols
-        self._around = neighbours(rows, cols)
-        self._within = self._around >= 0
-        self._corner = self._within.sum(axis=1) == 3
+        self._around = around = neighbours(rows, cols)
+        self._everyone: Mask = np.ones(taxels, dtype=bool)
+        self._corner = count_trusted(around, self._everyone) == 3
         row, col = np.divmod(np.arange(taxels), cols)
-        self._inner_rows = (row > 0) & (row < rows - 1)
-        self._inner_cols = (col > 0) & (col < cols - 1)
+        inner_row, inner_col = (row > 0) & (row < rows - 1), (col > 0) & (col < cols - 1)
+        self._directions = (
+            (False, inner_row, np.ascontiguousarray(around[:, _OTHER_ROWS])),
+            (True, inner_col, np.ascontiguousarray(around[:, _OTHER_COLS])),
+        )
         self._noise = self._shear_noise = self._spread = math.inf
         self._peak = 0.0
         self._active = self._pressed = threshold
         self._noisy_rest = False
         self._masked: Mask = np.zeros(taxels, dtype=bool)
+        self._trusted = self._everyone
         self.away: Mask = np.zeros(taxels, dtype=bool)
 
     def judge(self, masked: Mask) -> tuple[Mask, Mask]:
@@ -139,7 +154,7 @@ class TaxelFaults:
         Returns:
             Taxels that each test rates bad, and good; each of shape (4, taxels), first axis `Kind`.
         """
-        self._masked = masked
+        self._masked, self._trusted = masked, ~masked
         jitter = self._blocks.jitter()
         floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
         self._noise = _lowest(self._noise, floor)
@@ -153,108 +168,97 @@ class TaxelFaults:
         self._pressed = max(self._active, LOADED * self._spread)
         rest = max(HOT_THRESHOLDS * self._threshold, HOT * self._noise, HOT * self._spread)
         self.away = np.abs(mean) > rest
-        believed = np.append(~masked, False)[self._around]
         full, _ = saturated = self._saturated()
         tests = (
-            self._still(jitter, believed),
-            self._frozen(np.abs(mean) <= self._pressed, believed),
-            self._hot(jitter, rest, max(middle, 0.0), believed),
+            self._still(jitter),
+            self._frozen(np.abs(mean) <= self._pressed),
+            self._hot(jitter, rest, max(middle, 0.0)),
         )
         bad, well = zip(*((bad & ~full, well) for bad, well in tests), saturated, strict=True)
         return np.array(bad), np.array(well)
 
-    def _still(self, jitter: Array, believed: Mask) -> tuple[Mask, Mask]:
+    def _still(self, jitter: Array) -> tuple[Mask, Mask]:
         """Find taxels that rest while their surroundings move: single taxels, and lines by the lines beside them."""
-        span = np.ptp(self._blocks.means, axis=0)
-        near = np.append(self._blocks.means, np.zeros((WINDOW, 1)), axis=1)[:, self._around]
-        near_span, near_jitter = np.append(span, 0.0)[self._around], np.append(jitter, 0.0)[self._around]
-        pressed = near.max(axis=0) > self._active
+        means, around, trusted = self._blocks.means, self._around, self._trusted
+        span = np.ptp(means, axis=0)
+        pressed_span = np.where(means.max(axis=0) > self._active, span, -1.0)
 
-        def surroundings(use: Mask) -> tuple[Array, Mask]:
-            count = use.sum(axis=1)
-            n = np.maximum(count, 1)
-            moves = np.ptp(np.einsum("wtk,tk->wt", near, use) / n, axis=0)
-            loud = moves > np.maximum(self._threshold, ABOVE_NOISE * np.einsum("tk,tk->t", near_jitter, use) / n)
-            along = (use & pressed & (near_span >= MOVING * moves[:, None])).sum(axis=1)
-            return moves, loud & (count >= 3) & (along >= count - (count >= 7))
+        def surroundings(around: Indices) -> tuple[Array, Mask]:
+            count, moves = count_trusted(around, trusted), find_motion(means, around, trusted)
+            noise = np.maximum(self._threshold, ABOVE_NOISE * mean_around(jitter, around, trusted))
+            along = count_along(MOVING * moves, pressed_span, around, trusted)
+            return moves, (moves > noise) & (count >= 3) & (along >= count - (count >= 7))
 
-        moves, judged = surroundings(believed)
-        plateau = near_span.min(axis=1, where=self._within, initial=math.inf) >= PLATEAU * span.max()
-        sheared = self._sheared(believed)
+        moves, judged = surroundings(around)
+        plateau = lowest_around(span, around, self._everyone, 0, math.inf) >= PLATEAU * span.max()
+        sheared = self._sheared()
         bad = judged & (span <= STILL * moves) & (plateau | ~self._corner) & ~sheared
         well = judged & ((span >= MOVING * moves) | sheared)
         rests = span <= np.maximum(self._threshold, ABOVE_NOISE * jitter)
-        for inner, beside, axis in ((self._inner_rows, _OTHER_ROWS, 1), (self._inner_cols, _OTHER_COLS, 0)):
-            if self._lines(rests & inner, axis).any():
-                use = np.zeros_like(believed)
-                use[:, beside] = believed[:, beside]
-                moves, judged = surroundings(use)
+        for down, inner, beside in self._directions:
+            if self._lines(rests & inner, down=down).any():
+                moves, judged = surroundings(beside)
                 still = judged & inner & (span <= STILL * moves) & ~sheared
-                bad |= self._lines(still | rests, axis) & self._several(still, axis)
+                bad |= self._lines(still | rests, down=down) & self._several(still, down=down)
             if self._masked.any():
-                well |= self._lines(well | self._masked, axis) & self._several(well, axis)
+                well |= self._lines(well | self._masked, down=down) & self._several(well, down=down)
         return bad, well
 
-    def _sheared(self, believed: Mask) -> Mask:
+    def _sheared(self) -> Mask:
         """Return the taxels whose shear moves beyond the pad's noise, and not much less than their neighbours'."""
         span = np.hypot(*np.ptp(self._blocks.shear, axis=0).T)
-        near = np.append(span, 0.0)[self._around]
-        usual = np.einsum("tk,tk->t", near, believed) / np.maximum(believed.sum(axis=1), 1)
+        usual = mean_around(span, self._around, self._trusted)
         moves: Mask = span > np.maximum(ABOVE_NOISE * self._shear_noise, STILL * usual)
         return moves
 
-    def _lines(self, which: Mask, axis: int) -> Mask:
-        """Return the taxels in lines in which all taxels are set."""
-        every = which.reshape(self._grid).all(axis=axis, keepdims=True)
-        return np.broadcast_to(every, self._grid).ravel()
+    def _lines(self, which: Mask, *, down: bool) -> Mask:
+        """Return the taxels in rows of which every taxel is set; ``down``: in such columns."""
+        rows, cols = self._grid
+        return in_lines(which, rows, cols, rows if down else cols, down=down)
 
-    def _several(self, which: Mask, axis: int) -> Mask:
-        """Return the taxels in lines in which at least three taxels are set."""
-        several = which.reshape(self._grid).sum(axis=axis, keepdims=True) >= 3
-        return np.broadcast_to(several, self._grid).ravel()
+    def _several(self, which: Mask, *, down: bool) -> Mask:
+        """Return the taxels in rows, or columns, of which at least three taxels are set."""
+        return in_lines(which, *self._grid, LINE_TAXELS, down=down)
 
-    def _frozen(self, resting: Mask, believed: Mask) -> tuple[Mask, Mask]:
+    def _frozen(self, resting: Mask) -> tuple[Mask, Mask]:
         """Find taxels whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
         rate = self._blocks.change_rate()
         resting = resting & ~self._masked
         if 2 * np.count_nonzero(resting) > resting.size:  # otherwise a lost row might be most of the resting taxels
             self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
-        near = np.append(rate, 1.0)[self._around]
 
-        def frozen(use: Mask, least: int) -> Mask:
-            lowest = np.partition(np.where(use, near, 1.0), 1, axis=1)[:, 1]  # a frozen neighbour does not hide it
+        def frozen(around: Indices, least: int) -> Mask:
+            lowest = lowest_around(rate, around, self._trusted, 1, 1.0)  # a frozen neighbour does not hide it
             unlikely = -self._blocks.run * np.log1p(-np.minimum(lowest, 0.95))
-            found: Mask = (use.sum(axis=1) >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
+            enough = count_trusted(around, self._trusted) >= least
+            found: Mask = enough & (lowest >= CHANGING) & (unlikely >= CHANCE)
             return found
 
-        bad = frozen(believed, 3)
-        for beside, axis in ((_OTHER_ROWS, 1), (_OTHER_COLS, 0)):
-            if not self._lines(self._blocks.run >= SHORTEST_RUN, axis).any():
-                continue
-            use = np.zeros_like(believed)
-            use[:, beside] = believed[:, beside]
-            bad |= self._lines(frozen(use, 2), axis)
+        bad = frozen(self._around, 3)
+        for down, _, beside in self._directions:
+            if self._lines(self._blocks.run >= SHORTEST_RUN, down=down).any():
+                bad |= self._lines(frozen(beside, 2), down=down)
         return bad & (self.away | self._noisy_rest), rate >= 0.5 * CHANGING
 
-    def _hot(self, jitter: Array, rest: float, middle: float, believed: Mask) -> tuple[Mask, Mask]:
+    def _hot(self, jitter: Array, rest: float, middle: float) -> tuple[Mask, Mask]:
         """Find taxels that are high without a load, or jitter alone."""
+        around, trusted = self._around, self._trusted
         recent = self._blocks.last(FREE_BLOCKS)
         limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + middle
         bad = self._blocks.means[recent].min(axis=0) > (limit if self._blocks.free[recent].all() else math.inf)
         low, top = self._blocks.pressures[recent].min(axis=0), self._blocks.pressures[recent].max(axis=0)
-        near_low, near_top = np.append(low, 0.0)[self._around], np.append(top, 0.0)[self._around]
-        loaded = (believed & (near_low > self._pressed)).sum(axis=1)
-        highest = near_top.max(axis=1, where=believed, initial=0.0)
-        bad |= (loaded >= 3) & (loaded >= AROUND * believed.sum(axis=1)) & (low > SPIRE * highest)
-        bad |= self._jitters_alone(jitter, believed)
+        loaded = count_trusted(around, trusted & (low > self._pressed))
+        most = (loaded >= 3) & (loaded >= AROUND * count_trusted(around, trusted))
+        bad |= most & (low > SPIRE * highest_around(top, around, trusted))
+        bad |= self._jitters_alone(jitter)
         return bad, ~bad & ((loaded >= 3) | ~self.away)
 
-    def _jitters_alone(self, jitter: Array, believed: Mask) -> Mask:
-        count = believed.sum(axis=1, keepdims=True)
-        near = np.sort(np.where(believed, np.append(jitter, 0.0)[self._around], math.inf), axis=1)
-        usual = np.take_along_axis(near, np.minimum(count // 2, near.shape[1] - 1), axis=1)[:, 0]
+    def _jitters_alone(self, jitter: Array) -> Mask:
+        usual = lowest_around(jitter, self._around, self._trusted, -1, math.inf)
         blocks = self._blocks.squares > 2 * self._active**2 * np.maximum(self._blocks.new, 1)[:, None]
         alone: Mask = (jitter > np.maximum(self._active, ALONE * usual)) & (blocks.sum(axis=0) >= JUMPY_BLOCKS)
+        if not alone.any():
+            return alone
         squares = self._blocks.squares.sum(axis=0)
         alone &= np.sort(self._blocks.squares, axis=0)[:-KNOCK_BLOCKS].sum(axis=0) > BESIDE_KNOCK * squares
         alone &= self._blocks.rough.sum(axis=0) > ROUGH * squares

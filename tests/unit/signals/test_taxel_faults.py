@@ -48,6 +48,17 @@ def test_T1_every_taxel_that_is_lost_under_a_swinging_load_is_masked_within_a_se
         assert all(LOST_S <= t <= LOST_S + 1.001 for t, _ in changes)
 
 
+def test_T1_a_taxel_that_jitters_alone_though_nothing_touches_the_pad_is_hot() -> None:
+    t_s = np.arange(0.0, 3.0, 1 / 30)
+    for k in range(0, TAXELS, 31):
+        rng = np.random.default_rng(k)
+        images = counts(0.0 * t_s, WIDE, rng)
+        images[30:, k] += 1000.0 * rng.normal(size=len(t_s) - 30)
+        health = watch(light_touch=0.8)
+        feed(health, images, 30.0, 0.0 * t_s)
+        assert health.report()["hot"] == [k]
+
+
 def test_T1_a_taxel_that_is_high_though_nothing_touches_the_pad_is_hot() -> None:
     t_s = np.arange(0.0, 2.0, 1 / 30)
     for k in range(0, TAXELS, 7):
