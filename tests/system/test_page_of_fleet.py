@@ -31,8 +31,10 @@ needs_browser = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 class Robot:
     """A robot that reports its level ten times a second."""
 
-    def __init__(self, endpoint: str, name: str) -> None:
+    def __init__(self, endpoint: str, name: str, boot: str = "b") -> None:
         self.level = "stable"
+        self.endpoint = endpoint
+        self._boot = boot
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._report, args=(endpoint, name))
         self._thread.start()
@@ -44,7 +46,7 @@ class Robot:
             seq = 0
             while not self._ended.wait(0.1):
                 seq += 1
-                header: dict[str, Any] = {"v": 1, "seq": seq, "boot": "b", "t_ns": time.monotonic_ns()}
+                header: dict[str, Any] = {"v": 1, "seq": seq, "boot": self._boot, "t_ns": time.monotonic_ns()}
                 stream = {"health": 1, "message": "<b>late</b>"}
                 fingers = {"left": {"level": self.level, "reasons": []}}
                 publisher.put("status", encode(header | {"fingers": fingers, "streams": {"left.pad": stream}}))
@@ -118,3 +120,21 @@ def test_the_page_shows_levels_and_robots_that_vanish_the_most_urgent_first(
     browser.until("""slipd.rows.get("arm1").cells[1].textContent === "gone" """)
     assert cells(browser)["arm1"] == ["gone", "UNKNOWN", "unknown"]
     assert browser.problems == []
+
+
+@needs_browser
+def test_the_page_says_that_two_robots_have_one_name_and_what_to_do(
+    fleet: tuple[str, dict[str, Robot]], browser: Browser
+) -> None:
+    url, robots = fleet
+    browser.open(url)
+    browser.until(order("arm1 arm2"))
+    other = Robot(robots["arm2"].endpoint, "arm2", boot="c")
+    try:
+        browser.until("""slipd.rows.get("arm2").cells[1].textContent === "clash" """)
+        assert cells(browser)["arm2"] == ["clash", "UNKNOWN", "WARN"]
+        said = browser.value("""slipd.rows.get("arm2").cells[5].textContent""")
+        assert said.startswith("two or more robots call themselves arm2: give each a name of its own")
+    finally:
+        other.leaves()
+    browser.until("""slipd.rows.get("arm2").cells[1].textContent === "live" """)

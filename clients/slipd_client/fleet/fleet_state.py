@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,8 +17,24 @@ from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 SILENT_AFTER_S = 1.8
 """A robot whose ``status``, once a second, is older is silent, whatever its signs of life."""
 
-LIVE, SILENT, GONE = "live", "silent", "gone"
-"""States of a robot: its daemon publishes; its bridge runs, but the daemon is silent; the bridge is gone as well."""
+LIVE, SILENT, GONE, CLASH = "live", "silent", "gone", "clash"
+"""States of a robot: its daemon publishes; its bridge runs, but the daemon is silent; the bridge is gone as well;
+daemons of several robots publish under its name."""
+
+PUBLISHING = (LIVE, CLASH)
+"""States in which what is shown is of now."""
+
+BESIDE_S = 3.0
+"""A daemon whose last ``status`` is no older counts beside the one that was heard last, s."""
+
+CLASH_S = 1.2
+"""Daemons whose times of ``status`` overlap by so much are those of several robots, s: the network drops a silent
+connection within 1 s, so the last messages of a daemon that ended are not that late."""
+
+NAME_CLASH = "name_clash"
+"""Reason of the level "unknown" of a row that stands for several robots."""
+
+CLASH_TEXT = "two or more robots call themselves {}: give each a name of its own, slipctl bridge --robot NAME"
 
 MOST_ROBOTS = 10_000
 """Most robots that are listed; messages of further ones only count as `FleetState.bad`."""
@@ -30,12 +49,14 @@ class RobotRow:
 
     Attributes:
         robot: Its name.
-        state: "live", "silent" or "gone".
-        level: Level of the worst finger; "unknown" unless the robot is live.
-        fingers: Finger → its level, when the robot was last heard.
+        state: "live", "silent", "gone" or "clash".
+        level: Level of the worst finger, where several daemons publish that of all of them, and then "unknown" or
+            worse; "unknown" where none publishes.
+        fingers: Finger → its level, when the robot was last heard; the worst where several daemons publish.
         reasons: Reasons of that level.
-        health: Worst health of its streams; None before the first ``status``, and unless the robot is live.
+        health: Worst health of its streams; None before the first ``status``, and where no daemon publishes.
         complaint: The stream with that health and its message; "" where all are well.
+        fault: Why the row stands for several robots, and what to do; "" where it stands for one.
         age_s: Time since the last message, s; None where it is not known.
         missed_warnings: Warnings that did not arrive, by the daemon's own numbers.
         restarts: Times that the daemon was restarted; a run beyond the last ``MOST_RUNS`` counts again.
@@ -50,6 +71,7 @@ class RobotRow:
     reasons: tuple[str, ...]
     health: Health | None
     complaint: str
+    fault: str
     age_s: float | None
     missed_warnings: int
     restarts: int
@@ -107,9 +129,20 @@ class _Run:
     """One run of a daemon, of which `status` and `warning` arrive in any order."""
 
     heard_s: float = 0.0
+    first_status_s: float = math.inf
+    last_status_s: float = -math.inf
     seq: dict[str, int] = field(default_factory=dict)
     status: Status | None = None
     fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
+
+    def beside(self, now_s: float) -> bool:
+        """Return whether its daemon published a moment ago."""
+        return now_s - self.last_status_s <= BESIDE_S
+
+    def overlaps(self, other: _Run) -> bool:
+        """Return whether both daemons published at the same time."""
+        both_s = min(self.last_status_s, other.last_status_s) - max(self.first_status_s, other.first_status_s)
+        return both_s >= CLASH_S
 
     def accept(self, topic: str, raw: dict[str, Any]) -> Message | None:
         """Return the message; None for a repeat."""
@@ -121,11 +154,13 @@ class _Run:
         self.seq[topic] = seq
         return message
 
-    def note(self, message: Message) -> None:
+    def note(self, message: Message, now_s: float) -> None:
+        self.heard_s = now_s
         if isinstance(message, SlipWarning):
             self._level(message.finger, message.t_ns, message.level.value, message.reasons)
         elif isinstance(message, Status):
             self.status = message
+            self.first_status_s, self.last_status_s = min(self.first_status_s, now_s), now_s
             for finger, each in message.fingers.items():
                 self._level(finger, message.t_ns, each.level.value, each.reasons)
 
@@ -153,38 +188,48 @@ class _Robot:
         if message is None:
             return None
         if message.boot not in self.runs:
-            self._begin(message.boot, run)
+            self._begin(message.boot, run, now_s)
         if isinstance(message, SlipWarning):
             self.missed += message.missed
-        self.run = run
-        self.heard_s = run.heard_s = now_s
-        run.note(message)
+        self.run, self.heard_s = run, now_s
+        run.note(message, now_s)
         return message
 
-    def _begin(self, boot: str, run: _Run) -> None:
-        """Remember a further run, instead of the one that is silent for the longest time."""
+    def _begin(self, boot: str, run: _Run, now_s: float) -> None:
+        """Remember a further run, instead of the one that is silent for the longest time.
+
+        Where all of them are of daemons that publish, the newest gives way: the others show that they are several.
+        """
         if len(self.runs) >= MOST_RUNS:
-            del self.runs[min(self.runs, key=lambda boot: self.runs[boot].heard_s)]
+            past = [boot for boot, each in self.runs.items() if not each.beside(now_s)]
+            del self.runs[min(past, key=lambda boot: self.runs[boot].heard_s) if past else list(self.runs)[-1]]
         self.runs[boot] = run
         self.begun += 1
 
     def row(self, name: str, now_s: float) -> RobotRow:
         # a kept message of a daemon that has been silent since this view began is of unknown age
         age_s = None if self.heard_s is None or not self.was_alive else now_s - self.heard_s
+        beside = [run for run in self.runs.values() if run is not self.run and run.beside(now_s)]
         state = GONE if not self.bridge else SILENT
         if self.bridge and self.daemon and age_s is not None and age_s <= SILENT_AFTER_S:
             state = LIVE
-        live = state == LIVE
-        level, reasons = self._worst() if live else ("unknown", ("stale",))
-        health, complaint = self._health() if live else (None, "")
+            if any(one.overlaps(other) for one, other in itertools.combinations([self.run, *beside], 2)):
+                state = CLASH
+        runs = [self.run, *beside] if state in PUBLISHING else [self.run]
+        fingers = _fingers(runs)
+        level, reasons = _worst(fingers) if state in PUBLISHING else ("unknown", ("stale",))
+        if state == CLASH and SEVERITY[level] <= SEVERITY["unknown"]:
+            level, reasons = "unknown", (NAME_CLASH,)
+        health, complaint = _health(runs) if state in PUBLISHING else (None, "")
         return RobotRow(
             robot=name,
             state=state,
             level=level,
-            fingers={finger: each[1] for finger, each in sorted(self.run.fingers.items())},
+            fingers={finger: each[0] for finger, each in sorted(fingers.items())},
             reasons=reasons,
             health=health,
             complaint=complaint,
+            fault=CLASH_TEXT.format(name) if state == CLASH else "",
             age_s=age_s,
             missed_warnings=self.missed,
             restarts=max(self.begun - 1, 0),
@@ -192,18 +237,30 @@ class _Robot:
             object_name=_text(self.run.status and self.run.status.object_name),
         )
 
-    def _worst(self) -> tuple[str, tuple[str, ...]]:
-        levels = [(level, reasons) for _, level, reasons in self.run.fingers.values()]
-        return max(levels, key=lambda each: SEVERITY[each[0]], default=("unknown", ()))
 
-    def _health(self) -> tuple[Health | None, str]:
-        if self.run.status is None:
-            return None, ""
-        worst, complaint = Health.OK, ""
-        for name, stream in self.run.status.streams.items():
+def _fingers(runs: Sequence[_Run]) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Return the worst level of each finger in any of the runs, and its reasons."""
+    fingers: dict[str, tuple[str, tuple[str, ...]]] = {}
+    for run in runs:
+        for finger, (_, level, reasons) in run.fingers.items():
+            if finger not in fingers or SEVERITY[level] > SEVERITY[fingers[finger][0]]:
+                fingers[finger] = level, reasons
+    return fingers
+
+
+def _worst(fingers: Mapping[str, tuple[str, tuple[str, ...]]]) -> tuple[str, tuple[str, ...]]:
+    return max(fingers.values(), key=lambda each: SEVERITY[each[0]], default=("unknown", ()))
+
+
+def _health(runs: Sequence[_Run]) -> tuple[Health | None, str]:
+    """Return the worst health of the streams of any of the runs."""
+    known = [run.status for run in runs if run.status is not None]
+    worst, complaint = Health.OK, ""
+    for status in known:
+        for name, stream in status.streams.items():
             if stream.health > worst:
                 worst, complaint = stream.health, f"{name}: {stream.message or stream.health.name}"
-        return worst, complaint
+    return (worst, complaint) if known else (None, "")
 
 
 def _text(value: Any) -> str:

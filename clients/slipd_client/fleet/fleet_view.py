@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from slipd_client.fleet.fleet_state import GONE, LIVE, RobotRow
+from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotRow
 from slipd_client.live_view import Terminal
 from slipd_client.live_view_format import UNKNOWN, plain
 from slipd_client.live_view_lines import HEALTH_COLOURS, LEVEL_COLOURS
@@ -15,7 +15,7 @@ from slipd_client.terminal_text import Line, paint, spelled
 
 NAME_CELLS = 16
 
-_STATE_COLOURS = {LIVE: "32", GONE: "1;31"}
+_STATE_COLOURS = {LIVE: "32", GONE: "1;31", CLASH: "1;31"}
 _URGENT = {"slipping": 0, "warning": 1, "caution": 2, "unknown": 3, "stable": 4, "no_contact": 5}
 
 
@@ -65,7 +65,7 @@ def change_text(before: RobotRow | None, row: RobotRow) -> str:
 
 def _summary(fleet: str, rows: Sequence[RobotRow], unread: int) -> Line:
     states = Counter(row.state for row in rows)
-    levels = Counter(row.level for row in rows if row.state == LIVE)
+    levels = Counter(row.level for row in rows if row.state in PUBLISHING)
     text = f"fleet {fleet}  {len(rows)} {'robot' if len(rows) == 1 else 'robots'}"
     counts = [f"{states[state]} {state}" for state in sorted(states)]
     alarms = [f"{levels[level]} {level}" for level in ("slipping", "warning", "caution") if levels[level]]
@@ -92,11 +92,11 @@ def _health(row: RobotRow) -> str:
 
 
 def _remarks(row: RobotRow) -> str:
-    """Return what explains the row: levels of fingers or when it was live, reasons, the worst stream, what is lost."""
-    parts = []
+    """Return what explains the row: its fault, levels of fingers now or at last, the worst stream, what is lost."""
+    parts = [row.fault] if row.fault else []
     if row.fingers:
         levels = ", ".join(f"{plain(finger)} {level}" for finger, level in row.fingers.items())
-        parts.append(levels if row.state == LIVE else f"last: {levels}")
+        parts.append(levels if row.state in PUBLISHING else f"last: {levels}")
     if row.state == LIVE and row.reasons:
         parts.append(", ".join(map(plain, row.reasons)))
     parts += [plain(row.complaint)] if row.complaint else []

@@ -88,10 +88,11 @@ function showLevel(cell, level) {
   setText(cell.firstChild, word(level));
 }
 
-/** What explains a row: levels of the fingers, reasons, the worst stream, what was missed. */
+/** What explains a row: its fault, levels of the fingers, reasons, the worst stream, what was missed. */
 function remarksOf(robot) {
+  const publishing = robot.state === "live" || robot.state === "clash";
   const fingers = Object.entries(robot.fingers).map(([finger, level]) => `${finger} ${level}`).join(", ");
-  const parts = [robot.state === "live" || !fingers ? fingers : `last: ${fingers}`];
+  const parts = [robot.fault, publishing || !fingers ? fingers : `last: ${fingers}`];
   if (robot.state === "live") parts.push(robot.reasons.join(", "));
   parts.push(robot.complaint, robot.object_name && `holds ${robot.object_name}`);
   parts.push(robot.missed_warnings ? `${robot.missed_warnings} warnings missed` : "");

@@ -33,7 +33,8 @@ Start = Callable[..., "subprocess.Popen[str]"]
 class Robot:
     """A robot of the fleet, as its bridge is."""
 
-    def __init__(self, endpoint: str, name: str) -> None:
+    def __init__(self, endpoint: str, name: str, boot: str = "b") -> None:
+        self._boot = boot
         self._stack = contextlib.ExitStack()
         self._publisher = BridgePublisher(self._stack.enter_context(session(endpoint)), "slipd", name)
         self._publisher.set_daemon_alive(True)
@@ -42,7 +43,7 @@ class Robot:
     def reports(self, level: str, health: int = 0) -> None:
         """Publish ``status``."""
         self._seq += 1
-        header = {"v": 1, "seq": self._seq, "boot": "b", "t_ns": time.monotonic_ns()}
+        header = {"v": 1, "seq": self._seq, "boot": self._boot, "t_ns": time.monotonic_ns()}
         stream = {"health": health, "message": "nothing arrives" if health else ""}
         body = header | {"fingers": {"left": {"level": level}}, "streams": {"left.pad": stream}}
         self._publisher.put("status", encode(body))
@@ -110,7 +111,17 @@ def test_a_pipe_gets_a_line_for_each_change(slipctl: Start, router: Router, robo
     os.set_blocking(process.stdout.fileno(), False)
     read_until("live", lambda: robots["arm1"].reports("stable"))
     read_until("stable → slipping", lambda: robots["arm1"].reports("slipping"))
+    other = Robot(router.endpoint, "arm1", boot="c")
+
+    def both_report() -> None:
+        robots["arm1"].reports("slipping")
+        other.reports("stable")
+
+    read_until("live → clash  (two or more robots call themselves arm1: ", both_report)
+    assert not any("slipping → stable" in line for line in lines)
     robots["arm1"].leaves()
+    read_until("slipping → stable", lambda: other.reports("stable"))
+    other.leaves()
     read_until("live → gone", lambda: None)
     process.send_signal(signal.SIGINT)
     assert process.wait(PATIENCE_S) == 0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -159,3 +161,69 @@ def test_a_robot_that_restarts_for_ever_takes_no_more_memory_and_every_restart_c
     few = restarts(2 * MOST_RUNS)
     assert restarts(20 * MOST_RUNS) < 1.5 * few
     assert robot.row(10.0).restarts == 22 * MOST_RUNS - 1
+
+
+def speak(robots: Iterable[Robot], times: Iterable[float], level: str = "stable") -> None:
+    """Every robot reports once a second, one after the other."""
+    for now_s, (place, robot) in itertools.product(times, enumerate(robots)):
+        robot.sends("status", now_s + 0.1 * place, fingers=levels(left=level), streams={})
+
+
+def twins(count: int = 2) -> list[Robot]:
+    """Robots that call themselves arm3."""
+    state = FleetState()
+    robots = [Robot(state, boot=f"boot-{number}") for number in range(1, count + 1)]
+    robots[0].joins()
+    return robots
+
+
+def test_two_robots_of_one_name_are_a_fault_and_not_a_level() -> None:
+    well, ill = twins()
+    speak([ill, well], [10.0, 11.0, 12.0])
+    row = well.row(12.1)
+    assert (row.state, row.level, row.reasons) == ("clash", "unknown", ("name_clash",))
+    assert row.fault.startswith("two or more robots call themselves arm3: give each a name of its own")
+    assert row.missed_warnings == 0
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_robots_of_one_name_the_healthier_is_never_shown(order: int) -> None:
+    well, ill = twins()
+    for now_s in range(10, 20):
+        for robot in [well, ill][::order]:
+            level, health = ("stable", 0) if robot is well else ("slipping", 2)
+            streams = {"left.pad": {"health": health, "message": "late"}}
+            robot.sends("status", now_s, fingers=levels(left=level), streams=streams)
+        row = well.row(now_s)
+        assert (row.level, row.fingers, row.health) == ("slipping", {"left": "slipping"}, Health.ERROR)
+        well.warns(now_s + 0.5, "stable")
+        assert well.row(now_s + 0.5).level == "slipping"
+
+
+def test_a_clash_ends_with_the_other_robot_of_the_name() -> None:
+    first, second = twins()
+    speak([first, second], [10.0, 11.0, 12.0, 13.0])
+    speak([first], [14.0, 15.0])
+    assert first.row(15.1).state == "clash"
+    speak([first], [16.0, 17.0])
+    row = first.row(17.1)
+    assert (row.state, row.level, row.fault) == ("live", "stable", "")
+
+
+def test_a_restart_is_no_clash_also_where_a_late_status_of_the_run_before_arrives(robot: Robot) -> None:
+    speak([robot], [10.0, 11.0])
+    late = Robot(robot.state)
+    late.seq, late.t_ns = dict(robot.seq), robot.t_ns
+    robot.boot, robot.seq = "boot-2", {"status": 0, "warning": 0}
+    speak([robot], [11.5])
+    speak([late], [12.0])
+    speak([robot], [12.5, 13.5, 14.5])
+    assert [robot.row(14.5).state, robot.row(14.5).restarts] == ["live", 1]
+
+
+def test_more_robots_of_one_name_than_are_remembered_are_a_clash_too() -> None:
+    robots = twins(3 * MOST_RUNS)
+    for now_s in range(10, 20):
+        for place, robot in enumerate(robots):
+            robot.sends("status", now_s + 0.01 * place, fingers=levels(left="stable"), streams={})
+    assert robots[0].row(20.0).state == "clash"

@@ -19,6 +19,7 @@ def row(robot: str, **fields: Any) -> RobotRow:
         "reasons": (),
         "health": Health.OK,
         "complaint": "",
+        "fault": "",
         "age_s": 0.4,
         "missed_warnings": 0,
         "restarts": 0,
@@ -48,6 +49,13 @@ def test_the_most_urgent_robot_comes_first_and_the_head_counts() -> None:
     ]
     assert lines[3].split(maxsplit=5)[1:] == ["gone", "unknown", "–", "–", "last: left stable"]
     assert lines[4].endswith("left stable; left.pad: nothing arrives; 2 warnings missed")
+
+
+def test_robots_of_one_name_are_told_and_their_alarm_counts() -> None:
+    fault = "two or more robots call themselves arm5: do this"
+    lines = fleet_lines("plant", [row("arm5", state="clash", level="slipping", fault=fault)], 0, Terminal())
+    assert lines[0] == "fleet plant  1 robot  1 clash  1 slipping"
+    assert lines[2].split(maxsplit=6)[1:] == ["clash", "slipping", "OK", "0.4", "s", f"{fault}; left stable"]
 
 
 def test_robots_without_room_are_counted() -> None:
