@@ -21,6 +21,9 @@ STEADY_S = 0.3
 LEAST_HZ = 40.0
 """Verdicts at a lower rate do not show the peak before a slip: a pull within a second needs some 40."""
 
+ON_TIME = 0.9
+"""Least share of LEAST_HZ that is counted at a rest: at that rate itself a few verdicts may come too late to count."""
+
 BEFORE_S = 0.5
 """Longest time from the peak of the load to the verdict that shows the slip."""
 
@@ -64,8 +67,9 @@ NO_CONTACT = "nothing touches the pad"
 KEPT_S = 15.0
 """Readings are kept for so long: the slowest pull takes some seconds."""
 
-GAP_S = 0.1
-"""Between verdicts further apart than this an object may have slipped unseen."""
+GAP_S = 4.0 / LEAST_HZ
+"""Between verdicts further apart than this an object may have slipped and stuck again unseen, however often they come
+otherwise; at the lowest rate two may be missing."""
 
 NOISE_STD = 3.0
 """Standard deviations of the friction ratio within which nobody pulls."""
@@ -177,9 +181,10 @@ class PullWatch:
         if t_s - self._since_s < STEADY_S:
             return
         rate_hz = self._count / (t_s - self._since_s)
-        if rate_hz < LEAST_HZ:
+        if rate_hz < ON_TIME * LEAST_HZ:
             self._slow = (
-                f"its verdicts come at {rate_hz:.0f} Hz, and at least {LEAST_HZ:g} are needed: set slip_hz in [rates]"
+                f"its verdicts come at {rate_hz:.0f} Hz, and at least {LEAST_HZ:g} are needed: raise slip_hz in "
+                "[rates], or the rate of the sensor where that is lower; on a busy machine, end other programs"
             )
             self._since_s, self._count = t_s, 0
             return
@@ -192,7 +197,10 @@ class PullWatch:
         gap_s = t_s - self._readings[-1].t_s if self._readings else 0.0
         if self.phase not in ("pull", "slide") or gap_s <= GAP_S:
             return None
-        return self._stop(f"its verdicts were missing for {gap_s:.1f} s")
+        return self._stop(
+            f"its verdicts were missing for {gap_s:.2f} s, as on a busy machine: pull again; where this happens often, "
+            f"end other programs, or lower slip_hz in [rates] (to {LEAST_HZ:g} at least)"
+        )
 
     def _stop(self, obstacle: str) -> Union[PullSample, PullRejected, None]:
         """End the pull at a verdict that cannot be used, or at a missing one.
