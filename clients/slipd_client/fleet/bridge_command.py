@@ -85,7 +85,7 @@ class Bridge:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve_warnings, name="warnings", daemon=True)
         self._silent = False
-        self._refused = False
+        self._left_out_told = False
 
     def subscribe(self, topics: list[str] | None) -> None:
         """Subscribe to the topics that begin with these words, or to all; to ``warning`` and ``status`` always."""
@@ -132,13 +132,13 @@ class Bridge:
             self._put(topic, frames[1])
 
     def _put(self, topic: str, payload: bytes) -> None:
-        """Publish a message, unless its topic does not fit into a key."""
+        """Publish a message; leave out one whose topic does not fit into a key, and say so once."""
         try:
             self._publisher.put(topic, payload)
         except CallError as error:
-            if not self._refused:
+            if not self._left_out_told:
                 print(f"slipctl: left out: {error}", file=sys.stderr, flush=True)
-            self._refused = True
+            self._left_out_told = True
 
     def _serve_warnings(self) -> None:
         with contextlib.suppress(ConnectionClosed):

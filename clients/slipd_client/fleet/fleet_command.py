@@ -42,9 +42,7 @@ def run(chosen: argparse.Namespace) -> None:
         if chosen.page is not None:
             _serve_page(chosen, listener)
         elif chosen.once:
-            until_s = time.monotonic() + GATHER_S
-            while (left_s := until_s - time.monotonic()) > 0:
-                listener.take(left_s)
+            _take(listener, GATHER_S)
             _print_once(chosen, listener)
         elif chosen.json:
             while True:

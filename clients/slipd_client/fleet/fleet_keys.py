@@ -12,7 +12,7 @@ MOST_NAME = 64
 BRIDGE, DAEMON = "bridge", "daemon"
 """Last words of the two liveliness tokens of a robot: its bridge runs; the daemon behind it publishes."""
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_.-]{{0,{MOST_NAME - 1}}}")
 _TOPIC = re.compile(r"[a-z0-9_]+(\.[a-z0-9_]+)?")
 
 

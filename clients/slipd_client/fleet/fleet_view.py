@@ -11,17 +11,17 @@ from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotR
 from slipd_client.live_view import Terminal
 from slipd_client.live_view_format import UNKNOWN, plain
 from slipd_client.live_view_lines import HEALTH_COLOURS, LEVEL_COLOURS
+from slipd_client.messages.names import SEVERITY
 from slipd_client.terminal_text import Line, paint, spelled
 
 NAME_CELLS = 16
 
 _STATE_COLOURS = {LIVE: "32", GONE: "1;31", CLASH: "1;31"}
-_URGENT = {"slipping": 0, "warning": 1, "caution": 2, "unknown": 3, "stable": 4, "no_contact": 5}
 
 
 def by_urgency(rows: Sequence[RobotRow]) -> list[RobotRow]:
     """Return the robots that need attention first: alarms, then those not live, then ill ones, then by name."""
-    return sorted(rows, key=lambda row: (_URGENT[row.level], -(row.health or 0), row.robot))
+    return sorted(rows, key=lambda row: (-SEVERITY[row.level], -(row.health or 0), row.robot))
 
 
 def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Terminal) -> list[str]:
