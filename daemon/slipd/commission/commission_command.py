@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slipd import config
-from slipd.commission.commission_guide import Commission, Manner
+from slipd.commission.commission_guide import Allowed, Commission
 from slipd.commission.daemon_link import link_to
 from slipd.commission.dialogue import follow
 from slipd.commission.page_host import PageHost
@@ -63,8 +63,8 @@ def commission_command(file: Path, chosen: CommissionOptions) -> bool:
             raise SlipdError(f"--finger must be one of {', '.join(rig.finger)}, got {name!r:.40}")
     link = link_to(rig, chosen.publish, chosen.requests, chosen.key, chosen.server_key)
     restart = f"Now restart the daemon: Ctrl-C in its terminal and slipd run {file} again, or systemctl reload slipd."
-    manner = Manner(write=chosen.write, move=chosen.write and not chosen.page)
-    guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, manner)
+    allowed = Allowed(write=chosen.write, move=chosen.write and not chosen.page)
+    guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, allowed)
     try:
         with (PageHost if chosen.page else TerminalHost)(file, rig.text, link, write=chosen.write) as host:
             if not chosen.page:

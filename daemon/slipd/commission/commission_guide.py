@@ -15,7 +15,6 @@ from slipd.commission.dialogue import (
     GO_ON,
     SKIP,
     Change,
-    Choice,
     Gravity,
     Prompt,
     Say,
@@ -27,22 +26,20 @@ from slipd.commission.dialogue import (
 from slipd.commission.friction_step import measure_friction
 from slipd.commission.grasp_step import first_grasp
 from slipd.commission.grip_step import gentle_force
-from slipd.commission.readings import SILENCE_S, ReadingListener, read_status
+from slipd.commission.readings import ReadingListener, read_status
+from slipd.commission.restart_wait import wait_for_restart
 from slipd.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
 from slipd.commission.weighing_search import WeightFindings
 from slipd.commission.weight_step import READY, weigh
 from slipd.commission.zero_step import take_zero
-from slipd.errors import SlipdError
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
-from slipd_client.elapsed_time import ElapsedTime
 from slipd_client.friction_samples import low_estimate, spread
-from slipd_client.messages.schema.topics import Message
 
 MOUNTING, WEIGHT, FRICTION, GRASP = STEPS = ("mounting", "weight", "friction", "grasp")
 
-RESTARTS = 5.0
-"""Times the patience for a touch, for the person to let the daemon read the config."""
+RESTART_PATIENCE = 5.0
+"""How long the person may take to restart the daemon, in times of the patience for a touch."""
 
 TIPS_DOWN_MPS2 = (STANDARD_GRAVITY_MPS2, 0.0, 0.0)
 
@@ -54,14 +51,14 @@ CONTRADICTED = "The weight and the mounting contradict each other. Touch the pad
 MOST_ZEROS = 5
 """How often a zero that is needed is asked for again, each time with three tries, before the step is left out."""
 
-FRESH_S = 0.5
-"""Readings for so long before a zero is taken: links come up one after the other."""
+LINKS_UP_S = 0.5
+"""Readings of every finger for so long before a zero is taken: links come up one after the other."""
 
 Values = dict[tuple[str, ...], str]
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class Allowed:
     """What the guide may do.
 
     Attributes:
@@ -73,7 +70,7 @@ class Manner:
     move: bool = True
 
 
-ANY = Manner()
+EVERYTHING = Allowed()
 
 
 class Commission:
@@ -84,17 +81,23 @@ class Commission:
         fingers: Names of the fingers.
         patience_s: How long to wait for each touch, s.
         restart: What the person does so that the daemon reads a changed config, for people.
-        manner: What the guide may do.
+        allowed: What the guide may do.
     """
 
     def __init__(
-        self, rig: config.Config, fingers: Sequence[str], patience_s: float, restart: str = "", manner: Manner = ANY
+        self,
+        rig: config.Config,
+        fingers: Sequence[str],
+        patience_s: float,
+        restart: str = "",
+        allowed: Allowed = EVERYTHING,
     ) -> None:
         self._rig, self._fingers, self._patience_s = rig, fingers, patience_s
-        self._restart, self._manner = restart, manner
+        self._restart, self._allowed = restart, allowed
         self._mounts: dict[str, Mount] = {}
-        self._pending = self._contradicted = False
+        self._unwritten = self._contradicted = False
         self._zeroed = False
+        self._complete: dict[str, bool] = {}
         self._take_mounts()
 
     def run(self, first: str = MOUNTING) -> Steps[bool]:
@@ -109,19 +112,18 @@ class Commission:
             FRICTION: self._measure_friction,
             GRASP: self._grasp,
         }
-        complete = True
         yield Gravity({})
         for number, step in enumerate(STEPS, 1):
             if number <= STEPS.index(first):
                 continue
             yield Say(f"\nStep {number} of {len(STEPS)}: {step}")
             try:
-                complete = (yield from work[step]()) and complete
+                self._complete[step] = yield from work[step]()
             except Skipped:
                 yield Say(f"  left out; later: slipd commission --from {step}")
-                complete = False
+                self._complete[step] = False
         yield Gravity({})
-        return complete
+        return all(self._complete.values())
 
     def _find_mounting(self) -> Steps[bool]:
         outcomes = yield from self._touch(dict.fromkeys(self._fingers))
@@ -155,7 +157,8 @@ class Commission:
         if not names:
             yield Say("  no finger has a force sensor, so none has a weight to subtract")
             return True
-        if (yield from self._left_behind()):
+        if why := self._blocked():
+            yield Say(f"  left out: {why}")
             return False
         findings = yield from self._weigh_until_it_fits(names)
         found: Values = {}
@@ -180,13 +183,13 @@ class Commission:
                 return findings
             if (yield from choose(Prompt("mounting_again", CONTRADICTED, choices=(AGAIN, GO_ON, SKIP)))) != AGAIN:
                 return findings
-            yield from self._find_mounting()
+            self._complete[MOUNTING] = yield from self._find_mounting()
 
     def _measure_friction(self) -> Steps[bool]:
         if not (yield from self._ready()):
             return False
         force_n = gentle_force(self._rig.gripper)
-        by_gripper = None if isinstance(force_n, str) or not self._manner.move else force_n
+        by_gripper = None if isinstance(force_n, str) or not self._allowed.move else force_n
         results = yield from measure_friction(self._fingers, by_gripper, self._patience_s)
         found: Values = {}
         for name, group in results.items():
@@ -196,7 +199,7 @@ class Commission:
         return len(results) == len(self._fingers)
 
     def _grasp(self) -> Steps[bool]:
-        if not self._manner.move:
+        if not self._allowed.move:
             yield Say("  left out: only slipd commission in a terminal moves the gripper, without --dry-run")
             return True
         force_n = gentle_force(self._rig.gripper)
@@ -208,8 +211,9 @@ class Commission:
         return (yield from first_grasp(self._fingers, force_n, self._patience_s))
 
     def _ready(self) -> Steps[bool]:
-        """Return whether the daemon runs what was found so far; see that zero and weight of the fingers are known."""
-        if (yield from self._left_behind()):
+        """See that zero and weight of the fingers are known; return False if the step must be left out."""
+        if why := self._blocked():
+            yield Say(f"  left out: {why}")
             return False
         down = yield from self._down()
         if down:
@@ -219,7 +223,7 @@ class Commission:
             yield from choose(Prompt("tips_down", text, choices=(READY, SKIP)))
             yield Gravity(down)
         if down or not self._zeroed:
-            yield from ReadingListener(self._rig.finger, self._rig.config_id).collect(FRESH_S)
+            yield from ReadingListener(self._rig.finger, self._rig.config_id).collect(LINKS_UP_S)
             for name in self._fingers:
                 yield from self._take_needed_zero(name)
             self._zeroed = True
@@ -235,15 +239,13 @@ class Commission:
         yield Say(f"  given up: the zero was refused {MOST_ZEROS} times")
         raise Skipped
 
-    def _left_behind(self) -> Steps[bool]:
-        """Return whether the daemon runs another config than it should, and say that the step is left out then."""
-        if self._pending:
-            yield Say("  left out: what was found is not written, so the daemon does not run it")
-        elif self._contradicted:
-            yield Say(
-                "  left out: with a wrong mounting, its result would be wrong too; slipd commission --from mounting"
-            )
-        return self._pending or self._contradicted
+    def _blocked(self) -> str:
+        """Return why a step that builds on what was found cannot be done; "" if it can."""
+        if self._unwritten:
+            return "what was found is not written, so the daemon does not run it"
+        if self._contradicted:
+            return "with a wrong mounting, its result would be wrong too; slipd commission --from mounting"
+        return ""
 
     def _down(self) -> Steps[dict[str, tuple[float, float, float]]]:
         """Return gravity with the fingertips down, of each finger whose weight the daemon cannot subtract yet."""
@@ -258,29 +260,13 @@ class Commission:
             return False
         written = yield Change(found)
         if not isinstance(written, Written) or written.text is None:
-            self._pending = True
+            self._unwritten = True
             return False
         self._rig = config.parse(written.text, "new config")
         self._take_mounts()
         self._zeroed = False
-        text = f"{self._restart} This goes on by itself when the daemon runs the new config."
-        yield Prompt("restart", text)
-        yield from self._wait_for_config()
+        yield from wait_for_restart(self._rig.config_id, self._restart, RESTART_PATIENCE * self._patience_s)
         return True
-
-    def _wait_for_config(self) -> Steps[None]:
-        wanted, elapsed, silent_s = self._rig.config_id, ElapsedTime(), 0.0
-        while elapsed.passed_s + silent_s < RESTARTS * self._patience_s:
-            event = yield None
-            if event is None:
-                silent_s += SILENCE_S
-            elif isinstance(event, Choice) and event.word == SKIP:
-                break
-            elif isinstance(event, Message):
-                if event.config_id == wanted:
-                    return
-                elapsed.update(event.t_ns * 1e-9)
-        raise SlipdError("the daemon does not run the new config; start it, and go on with --from and the next step")
 
     def _take_mounts(self) -> None:
         sensors = {name: finger.wrench for name, finger in self._rig.finger.items()}

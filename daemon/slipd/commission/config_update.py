@@ -7,11 +7,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from slipd import config
-from slipd.commission.touches import Mount, Symmetry
+from slipd.commission.touches import Mount, Symmetry, mount_of
+from slipd.config import Pad, Wrench
 from slipd.config.toml_edit import with_value
 
 PREVIOUS = ".previous"
@@ -47,22 +48,10 @@ def changes(rig: config.Config, results: Mapping[str, FingerResult]) -> dict[tup
             found |= _identity(rig, name, other, kind)
             if other not in results:  # its sensor is on the finger whose tables have this one
                 found |= _identity(rig, other, name, kind)
-        if result.mount is not None and finger.wrench is not None:
-            pose = finger.wrench.pad_from_sensor
-            if result.mount.sign != finger.wrench.sign:
-                found["finger", name, "wrench", "sign"] = str(result.mount.sign)
-            if (list(result.mount.xyz_m), list(result.mount.quat_xyzw)) != (pose.xyz_m, pose.quat_xyzw):
-                places, turn = list(result.mount.xyz_m), list(result.mount.quat_xyzw)
-                found["finger", name, "wrench", "pad_from_sensor"] = f"{{ xyz_m = {places}, quat_xyzw = {turn} }}"
-        if finger.pad is not None and result.symmetry is not None:
-            for key in ("swap_xy", "flip_x", "flip_y"):
-                value = getattr(result.symmetry, key)
-                if value != getattr(finger.pad, key):
-                    found["finger", name, "pad", key] = str(value).lower()
-        if finger.pad is not None and result.axes is not None:
-            scale = [sign * abs(each) for sign, each in zip(result.axes, finger.pad.axis_scale, strict=True)]
-            if scale != finger.pad.axis_scale:
-                found["finger", name, "pad", "axis_scale"] = str(scale)
+        if finger.wrench is not None and result.mount is not None:
+            found |= _of_table(name, "wrench", _mount_values(finger.wrench, result.mount))
+        if finger.pad is not None:
+            found |= _of_table(name, "pad", _pad_values(finger.pad, result.symmetry, result.axes))
     return found
 
 
@@ -118,6 +107,33 @@ def _beside(file: Path) -> Iterator[Path]:
         yield Path(name)
     finally:
         Path(name).unlink(missing_ok=True)
+
+
+def _of_table(finger: str, kind: str, values: Mapping[str, str]) -> dict[tuple[str, ...], str]:
+    """Return values of the keys of one table, by their paths."""
+    return {("finger", finger, kind, key): value for key, value in values.items()}
+
+
+def _mount_values(sensor: Wrench, mount: Mount) -> dict[str, str]:
+    """Return the keys that differ from a mounting."""
+    present, values = mount_of(sensor), {}
+    if mount.sign != present.sign:
+        values["sign"] = str(mount.sign)
+    if (mount.xyz_m, mount.quat_xyzw) != (present.xyz_m, present.quat_xyzw):
+        pose = f"{{ xyz_m = {list(mount.xyz_m)}, quat_xyzw = {list(mount.quat_xyzw)} }}"
+        values["pad_from_sensor"] = pose
+    return values
+
+
+def _pad_values(pad: Pad, symmetry: Symmetry | None, axes: tuple[int, int, int] | None) -> dict[str, str]:
+    """Return the keys that differ from the orientation of an image and the signs of its axes."""
+    wanted: dict[str, object] = {} if symmetry is None else asdict(symmetry)
+    values = {key: str(value).lower() for key, value in wanted.items() if value != getattr(pad, key)}
+    if axes is not None:
+        scale = [sign * abs(each) for sign, each in zip(axes, pad.axis_scale, strict=True)]
+        if scale != pad.axis_scale:
+            values["axis_scale"] = str(scale)
+    return values
 
 
 def _identity(rig: config.Config, name: str, other: str, kind: str) -> dict[tuple[str, ...], str]:

@@ -40,7 +40,7 @@ class Prompt:
     """What the person shall do now. The host answers with None; what is done arrives as later events.
 
     Attributes:
-        step: What is asked for, e.g. "push_x" or "pose".
+        step: What is asked for, e.g. "push_x" or "tips_down".
         text: The same for people.
         finger: Name of the finger; "" for all.
         choices: Words of which the person may choose one, the usual one first. Where the readings show that it is

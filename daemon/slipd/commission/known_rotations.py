@@ -18,21 +18,27 @@ STATED = "as the config states"
 
 def nearest_known(rotation: Rotation, present: Mount) -> tuple[tuple[float, float, float, float], str]:
     """Return the quaternion x, y, z, w of the nearest known rotation, and how it is known; else the measured one."""
-    x, y, z, w = present.quat_xyzw
-    named = [((x, y, z, w), "as the config states"), ((y, z, w, x), "that of the config read as w, x, y, z")]
-    named += [((-x, -y, -z, w), "the inverse of that of the config")]
-    known = [(Rotation.from_quat(quaternion), how) for quaternion, how in named]
-    stated = known[0][0]
-    known += [
-        (stated * each, f"that of the config, with the sensor turned by {text}") for each, text in _right_angles()
-    ]
-    known += [(each, f"by {text} from the pad") for each, text in [(Rotation.identity(), "0°"), *_right_angles()]]
-    angle, number = min(((rotation * each.inv()).magnitude(), number) for number, (each, _) in enumerate(known))
-    nearest, how = known[number] if angle <= KEEP_RAD else (rotation, "as measured, about ±5°")
-    first, second, third, fourth = (float(f"{part:.7f}") + 0.0 for part in nearest.as_quat(canonical=True))
-    if number == 0 and angle <= KEEP_RAD:
+    nearest, how = min(_known_rotations(present), key=lambda each: float((rotation * each[0].inv()).magnitude()))
+    if (rotation * nearest.inv()).magnitude() > KEEP_RAD:
+        nearest, how = rotation, "as measured, about ±5°"
+    if how == STATED:
         return present.quat_xyzw, how
-    return (first, second, third, fourth), how
+    x, y, z, w = (float(f"{part:.7f}") + 0.0 for part in nearest.as_quat(canonical=True))
+    return (x, y, z, w), how
+
+
+def _known_rotations(present: Mount) -> Iterator[tuple[Rotation, str]]:
+    """Yield the likely rotations, and how each is known; of equal ones the likeliest comes first."""
+    x, y, z, w = present.quat_xyzw
+    stated = Rotation.from_quat((x, y, z, w))
+    yield stated, STATED
+    yield Rotation.from_quat((y, z, w, x)), "that of the config read as w, x, y, z"
+    yield stated.inv(), "the inverse of that of the config"
+    for turn, text in _right_angles():
+        yield stated * turn, f"that of the config, with the sensor turned by {text}"
+    yield Rotation.identity(), "by 0° from the pad"
+    for turn, text in _right_angles():
+        yield turn, f"by {text} from the pad"
 
 
 def _right_angles() -> Iterator[tuple[Rotation, str]]:

@@ -74,45 +74,60 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
     sign = 1 if np.linalg.det(axes) > 0.0 else -1
     coarse = Rotation.from_matrix(sign * axes.T)
     travels = _travels(_turned(touches, sign, coarse))
-    images = _image_travels(touches)
-    yaw_rad = 0.0
-    if has_pad and images is None:
-        missing = [step for step in PRESSES if touches[step].scan_m is None]
-        found.add_problem(
-            "the pad showed no image at some of the presses, so its orientation is not known; begin again once the "
-            "daemon runs what was found of the force sensor",
-            *(missing if len(missing) < len(PRESSES) else ()),
-        )
-    elif images is not None:
-        scale = sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images)
-        if not SCALES[0] <= scale <= SCALES[1]:
-            _add_wrong_scale(scale, found)
-            return found
-        symmetry, yaw_rad = _find_symmetry(images, travels, found)
-        if symmetry is None:
-            return found
-    turn = Rotation.from_euler("z", yaw_rad)
-    if not _places_fit(travels @ turn.as_matrix()[:2, :2].T, found):
+    orientation = _orientation(touches, travels, found, has_pad=has_pad)
+    if orientation is None:
         return found
-    oriented = symmetry if images is not None else None
-    rotation = turn * coarse
+    symmetry, yaw_rad = orientation
+    turn = Rotation.from_euler("z", yaw_rad)
+    if _places_fit(travels @ turn.as_matrix()[:2, :2].T, found):
+        _add_mount(touches, sign, turn * coarse, symmetry, present, found)
+    return found
+
+
+def _orientation(
+    touches: Mapping[str, Touch], travels: Array, found: Findings, *, has_pad: bool
+) -> tuple[Symmetry | None, float] | None:
+    """Return the orientation of the image, None without one, and the turn by which it corrects the travels, rad.
+
+    Where image and travels contradict each other, add the problem and return None.
+    """
+    images = _image_travels(touches)
+    if images is None:
+        if has_pad:
+            _add_missing_image(touches, found)
+        return None, 0.0
+    scale = sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images)
+    if not SCALES[0] <= scale <= SCALES[1]:
+        _add_wrong_scale(scale, found)
+        return None
+    return _find_symmetry(images, travels, found)
+
+
+def _add_mount(
+    touches: Mapping[str, Touch],
+    sign: int,
+    rotation: Rotation,
+    symmetry: Symmetry | None,
+    present: Mount,
+    found: Findings,
+) -> None:
+    """Add mounting and orientation, or why the torques do not show where the sensor is."""
     quaternion, how = nearest_known(rotation, present)
     loads = _turned(touches, sign, Rotation.from_quat(quaternion))
-    position = find_position(touches, loads, oriented)
+    position = find_position(touches, loads, symmetry)
     if not position.fits:
         found.add_problem(_misfit_text(position.misfit_m, NAMES[position.worst]), position.worst)
-        return found
+        return
     kept = math.dist(position.xyz_m, present.xyz_m) <= KEEP_M
     x_m, y_m, z_m = map(float, position.xyz_m)
     found.mount = Mount(sign, present.xyz_m if kept else (x_m, y_m, z_m), quaternion)
-    found.symmetry = oriented
+    found.symmetry = symmetry
     away = math.degrees((rotation * Rotation.from_quat(quaternion).inv()).magnitude())
     found.notes.append(f"sign {sign:+d}; rotation {how}, {away:.0f}° from that of the touches")
     found.notes.append(
         f"sensor at {_mm(position.xyz_m)} mm in the pad frame, residual {1e3 * position.residual_m:.1f} mm"
         f"{'; the position of the config is kept' if kept else ''}"
     )
-    return found
 
 
 def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
@@ -174,6 +189,16 @@ def _image_travels(touches: Mapping[str, Touch]) -> Array | None:
     return np.asarray(travels, dtype=np.float64) if np.abs(travels).max() > LEAST_TRAVEL_M else None
 
 
+def _add_missing_image(touches: Mapping[str, Touch], found: Findings) -> None:
+    """Add that the orientation is not known; presses are to blame where others showed an image."""
+    missing = [step for step in PRESSES if touches[step].scan_m is None]
+    found.add_problem(
+        "the pad showed no image at some of the presses, so its orientation is not known; begin again once the "
+        "daemon runs what was found of the force sensor",
+        *(missing if len(missing) < len(PRESSES) else ()),
+    )
+
+
 def _add_wrong_scale(scale: float, found: Findings) -> None:
     """Add what a wrong travel means."""
     for factor, meaning in (
@@ -211,8 +236,11 @@ def _places_fit(travels: Array, found: Findings) -> bool:
     return False
 
 
-def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symmetry | None, float]:
-    """Return the orientation of the image, and the angle by which the travels by torque must turn to fit it."""
+def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symmetry, float] | None:
+    """Return the orientation of the image, and the angle by which the travels by torque must turn to fit it, rad.
+
+    Where the orientation is open, add the problem and return None.
+    """
     fits = sorted(
         (*_misfit(np.array([one.place(image) for image in images]), travels), k) for k, one in enumerate(SYMMETRIES)
     )
@@ -224,7 +252,7 @@ def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symm
             END,
             CORNER,
         )
-        return None, 0.0
+        return None
     found.notes.append(
         f"image against force: {1e3 * best_m:.1f} mm; the next of the eight orientations {1e3 * second_m:.1f} mm"
     )

@@ -18,7 +18,7 @@ from slipd_client.messages.schema.replies import HelloReply, StatusReply
 from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 
 LEAST_READINGS = 10
-"""Readings of a mean."""
+"""Fewest readings of a force sensor that make a mean."""
 
 SILENCE_S = 10.0
 """Longest time without a message, s: the machine may be busy."""
@@ -29,7 +29,7 @@ ATTEMPTS, PAUSE_S = 20, 0.5
 
 @dataclass(slots=True)
 class FingerReadings:
-    """Sums over some time.
+    """What the sensors of one finger read over some time.
 
     Attributes:
         wrenches: Force and torque in the pad frame by the config, each shape (6,).
@@ -73,7 +73,7 @@ class ReadingListener:
         """
         while True:
             found = {name: FingerReadings() for name in self._fingers}
-            if (yield from self._readings(partial(_add, found, seconds), seconds + SILENCE_S)):
+            if (yield from self._readings(partial(_add_reading, found, seconds), seconds + SILENCE_S)):
                 return found
             silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
             text = (
@@ -184,8 +184,8 @@ def silence() -> SlipdError:
     return SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
 
 
-def _add(found: dict[str, FingerReadings], seconds: float, message: Wrench | Tactile, passed_s: float) -> bool:
-    """Add a reading; return whether there are enough."""
+def _add_reading(found: dict[str, FingerReadings], seconds: float, message: Wrench | Tactile, passed_s: float) -> bool:
+    """Add a reading; return whether ``seconds`` have passed and every finger has enough."""
     if isinstance(message, Tactile):
         if message.loads_n is not None:
             found[message.finger].images.append(np.array(message.loads_n))

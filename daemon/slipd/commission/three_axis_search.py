@@ -58,6 +58,6 @@ def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, 
         found.add_problem(text, *PUSHES)
         return found, None
     signs = (int(math.copysign(1, push_x[0])), int(math.copysign(1, push_y[1])), -int(math.copysign(1, press[2])))
-    found.notes.append(f"axes of the taxels: {'X' if signs[0] > 0 else '-X'}, {'Y' if signs[1] > 0 else '-Y'}, "
-                       f"{'Z' if signs[2] > 0 else '-Z'}")  # fmt: skip
+    axes = [axis if sign > 0 else f"-{axis}" for axis, sign in zip("XYZ", signs, strict=True)]
+    found.notes.append(f"axes of the taxels: {', '.join(axes)}")
     return found, signs

@@ -20,7 +20,6 @@ from slipd.commission.three_axis_search import find_three_axis
 from slipd.commission.touches import CENTRE, CORNER, END, NAMES, PUSH_X, PUSH_Y, PUSHES, Findings, Touch, mount_of
 from slipd.config import Config, Pad
 from slipd.errors import SlipdError
-from slipd.signals.mounting import Mounting
 
 TOUCH_N = 1.5
 """Force that counts as a touch, N; a person presses with some newtons."""
@@ -141,7 +140,7 @@ class TouchGuide:
         """Wait for a touch that is held still, and return the readings while it is."""
 
         def touched(newest: dict[str, Array]) -> bool:
-            if self._most(newest) < TOUCH_N:
+            if self._largest_n(newest) < TOUCH_N:
                 return False
             if step not in PUSHES or centre is None:
                 return True
@@ -156,14 +155,14 @@ class TouchGuide:
                 raise SlipdError(f"no {what} was felt within {self._patience_s:g} s; nothing is changed")
             yield from self._listener.collect(SETTLE_S)
             held = yield from self._listener.collect(HOLD_S)
-            if not (change := self._change(held)):
+            if not (moved := self._what_moved(held)):
                 return held
-            yield Say(f"  {change}: hold it still")
-        raise SlipdError(f"the {what} was not held still in {MOST_TRIES} tries: {change}; nothing is changed")
+            yield Say(f"  {moved}: hold it still")
+        raise SlipdError(f"the {what} was not held still in {MOST_TRIES} tries: {moved}; nothing is changed")
 
-    def _change(self, held: dict[str, FingerReadings]) -> str:
-        """Return how the force changed, for people; "" if it was held still."""
-        pressed = max(held, key=lambda name: self._felt(name, held))
+    def _what_moved(self, held: dict[str, FingerReadings]) -> str:
+        """Return what changed during a touch, for people; "" if it was held still."""
+        pressed = max(held, key=lambda name: self._felt_n(name, held))
         forces = np.array(held[pressed].wrenches)[:, :3] - self._rest[pressed].wrench[:3]
         sizes = np.linalg.norm(forces, axis=1)
         if sizes.min() > TOUCH_N / 2 and np.ptp(sizes) < max(STEADY * sizes.mean(), TOUCH_N / 2):
@@ -172,20 +171,21 @@ class TouchGuide:
         return f"the force changed between {sizes.min():.1f} and {sizes.max():.1f} N"
 
     def _released(self, newest: dict[str, Array]) -> bool:
-        return self._most(newest) < RELEASE_SHARE * TOUCH_N
+        return self._largest_n(newest) < RELEASE_SHARE * TOUCH_N
 
-    def _most(self, newest: dict[str, Array]) -> float:
-        """Return the largest force on a finger, N."""
+    def _largest_n(self, newest: dict[str, Array]) -> float:
+        """Return the largest change of force on a finger since the pads were free, N."""
         rest = self._rest
         return max(float(np.linalg.norm(each[:3] - rest[name].wrench[:3])) for name, each in newest.items())
 
-    def _felt(self, name: str, held: dict[str, FingerReadings]) -> float:
+    def _felt_n(self, name: str, held: dict[str, FingerReadings]) -> float:
+        """Return by how much force a finger was touched, N."""
         return float(np.linalg.norm(held[name].wrench[:3] - self._rest[name].wrench[:3]))
 
     def _streams(self, finger: str, held: dict[str, FingerReadings]) -> dict[str, str]:
         """Return the fingers in whose tables the sensors of the pressed finger are."""
-        by_force = max(held, key=lambda name: self._felt(name, held))
-        if self._felt(finger, held) > OTHER_SHARE * self._felt(by_force, held):
+        by_force = max(held, key=lambda name: self._felt_n(name, held))
+        if self._felt_n(finger, held) > OTHER_SHARE * self._felt_n(by_force, held):
             by_force = finger
         images = {name: change.sum() for name in held if (change := self._image(name, held)) is not None}
         by_image = max(images, key=lambda name: images[name]) if images and max(images.values()) > 0.0 else by_force
@@ -209,9 +209,7 @@ class TouchGuide:
         """Return what the sensor read for a published wrench: its own frame, without sign."""
         settings = self._rig.finger[name]
         if settings.wrench is not None:
-            pose = settings.wrench.pad_from_sensor
-            matrix = Mounting(pose.xyz_m, pose.quat_xyzw, settings.wrench.sign).matrix
-            return np.asarray(np.linalg.solve(matrix, wrench))
+            return np.asarray(np.linalg.solve(mount_of(settings.wrench).matrix, wrench))
         pad = settings.pad
         assert pad is not None  # noqa: S101 - a finger has a force sensor or a pad
         force = wrench[:3] * np.sign(pad.axis_scale)

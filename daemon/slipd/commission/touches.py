@@ -10,6 +10,7 @@ import numpy as np
 
 from slipd.arrays import Array
 from slipd.config import Wrench
+from slipd.signals.mounting import Mounting
 
 CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
 STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
@@ -69,6 +70,11 @@ class Mount:
     xyz_m: tuple[float, float, float]
     quat_xyzw: tuple[float, float, float, float]
 
+    @property
+    def matrix(self) -> Array:
+        """What turns a reading of the sensor (force, torque) into the wrench in the pad frame, shape (6, 6)."""
+        return Mounting(self.xyz_m, self.quat_xyzw, self.sign).matrix
+
 
 def mount_of(sensor: Wrench) -> Mount:
     """Return the mounting that a config states."""
@@ -86,7 +92,7 @@ class Findings:
         symmetry: Orientation of the image; None where it does not follow.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
-        doubtful: Touches that fit the others worst: made again, they may solve the problems.
+        doubtful: Touches that may be to blame for the problems, and are worth making again.
     """
 
     mount: Mount | None = None
@@ -96,7 +102,7 @@ class Findings:
     doubtful: tuple[str, ...] = ()
 
     def add_problem(self, text: str, *doubtful: str) -> None:
-        """Add a problem, and the touches that fit the others worst."""
+        """Add a problem, and the touches that may be to blame for it."""
         self.problems.append(text)
         self.doubtful += doubtful
 

@@ -21,15 +21,16 @@ from slipd.commission.known_rotations import STATED, nearest_known
 from slipd.commission.touches import Mount
 from slipd.commission.weighing_misfit import MOST_MISFIT, force_misfit, torque_misfit, worst_pose
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
-from slipd.signals.mounting import Mounting
 from slipd.signals.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
 
 MASSES_KG = (0.001, 20.0)
+"""Least and largest mass of a finger."""
+
 MOST_LEVER_M = 0.25
-"""Fingers and their centres of mass are within these."""
+"""Largest distance of its centre of mass from the pad, m."""
 
 SURELY_MM_M = 1.0
-"""A lever beyond it follows from torques in N·mm: no finger is so short that it would be true of another unit."""
+"""A longer lever follows from torques in N·mm, which make it a thousand times as long: every true one exceeds 1 mm."""
 
 WXYZ = "the orientations were given in the order w, x, y, z, and are read so"
 
@@ -42,7 +43,7 @@ class Pose:
         force: Force, shape (3,), N.
         torque: Torque about the origin of the sensor, shape (3,), N·m.
         gravity: Gravity in the pad frame, shape (3,), m/s².
-        wxyz: The same, if the orientation was given as a quaternion in another order; None if it was not given so.
+        wxyz: The same, if the numbers of a typed orientation are read in the order w, x, y, z; None if none was typed.
     """
 
     force: Array
@@ -59,8 +60,8 @@ class WeightFindings:
         found: Mass and centre of mass; None where they do not follow.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do.
-        contradicts: The mounting does not fit the poses, which fit another.
-        worst: Place in the list of the pose that fits the others worst; None where one pose does not explain it.
+        contradicts: The poses fit another mounting than the stated one.
+        worst: Index of the one pose that is to blame for the problems; None where no single one is.
     """
 
     found: Identification | None = None
@@ -87,8 +88,7 @@ def find_weight(poses: Sequence[Pose], present: Mount) -> WeightFindings:
     """
     findings = WeightFindings()
     gravities = _gravities(poses, findings)
-    matrix = Mounting(present.xyz_m, present.quat_xyzw, present.sign).matrix
-    wrenches = np.array([matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
+    wrenches = np.array([present.matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
     _weigh(poses, wrenches, gravities, present, findings)
     if findings.problems:
         by_torque = partial(torque_misfit, sensor_m=math.hypot(*present.xyz_m))

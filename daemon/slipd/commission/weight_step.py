@@ -16,7 +16,6 @@ from slipd.config import Config, Wrench
 from slipd.errors import SlipdError
 from slipd.signals.averaging import most_std
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
-from slipd.signals.mounting import Mounting
 from slipd.signals.weight_identification import MIN_POSES
 from slipd_client.errors import CallError
 from slipd_client.gravity_feed import gravity_of, parse_numbers
@@ -85,7 +84,8 @@ def _take_pose(step: str, rig: Config, fingers: Sequence[str], poses: dict[str, 
     wrenches = yield from _still(rig, fingers)
     taken: dict[str, Pose] = {}
     for index, name in enumerate(fingers):
-        raw = np.asarray(np.linalg.solve(_matrix(mount_of(_sensor(rig, name))), wrenches[name]), dtype=np.float64)
+        matrix = mount_of(_sensor(rig, name)).matrix
+        raw = np.asarray(np.linalg.solve(matrix, wrenches[name]), dtype=np.float64)
         stated, wxyz = gravities if index == 0 else (gravities[0] * MIRROR, None)
         taken[name] = Pose(raw[:3], raw[3:], stated, wxyz)
     poses[step] = taken
@@ -190,7 +190,3 @@ def _sensor(rig: Config, name: str) -> Wrench:
     sensor = rig.finger[name].wrench
     assert sensor is not None  # noqa: S101 - the caller names fingers with a force sensor
     return sensor
-
-
-def _matrix(mount: Mount) -> Array:
-    return Mounting(mount.xyz_m, mount.quat_xyzw, mount.sign).matrix

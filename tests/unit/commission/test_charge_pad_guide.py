@@ -11,7 +11,7 @@ from guided_engine import GuidedEngine
 
 from slipd import config
 from slipd.commission import zero_step
-from slipd.commission.commission_guide import Commission, Manner
+from slipd.commission.commission_guide import Allowed, Commission
 from slipd.commission.dialogue import Ask, Event, Output, Refusal, follow
 from slipd.sim import touched_devices
 
@@ -73,7 +73,7 @@ def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_th
 
 def test_what_is_found_but_not_written_leaves_out_the_steps_that_build_on_it(tmp_path: Path) -> None:
     host = guided(tmp_path, write=False)
-    steps = Commission(config.parse(WRONG, "rig"), ["left"], 20.0, manner=Manner(write=False, move=False)).run()
+    steps = Commission(config.parse(WRONG, "rig"), ["left"], 20.0, allowed=Allowed(write=False, move=False)).run()
     assert not follow(steps, host.respond)
     left_out = "  left out: what was found is not written, so the daemon does not run it"
     assert host.printed.count(left_out) == 2, "weight and friction"

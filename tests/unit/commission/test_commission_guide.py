@@ -13,7 +13,7 @@ from guided_engine import GuidedEngine
 
 from slipd import config
 from slipd.commission import commission_guide, friction_step, grasp_step, weight_step, zero_step
-from slipd.commission.commission_guide import Commission, Manner
+from slipd.commission.commission_guide import Allowed, Commission
 from slipd.commission.config_update import changed_text
 from slipd.commission.dialogue import Ask, Change, Choice, Event, Output, Prompt, Refusal, Say, Written, follow
 from slipd.commission.touches import mount_of
@@ -74,7 +74,7 @@ def test_a_dry_run_weighs_two_fingers_and_moves_and_writes_nothing(tmp_path: Pat
     true = config.parse("# A rig.\n" + "".join(two) + GRIPPER + LIMIT, "rig")
     host = guided(tmp_path, true, read, answers=POSES_OF_TWO, write=False)
     follow(
-        Commission(read, ["left", "right"], 20.0, manner=Manner(write=False, move=False)).run("weight"), host.respond
+        Commission(read, ["left", "right"], 20.0, allowed=Allowed(write=False, move=False)).run("weight"), host.respond
     )
     masses = [line for line in host.printed if "mass 80" in line or "mass 79" in line]
     assert [line.split(":")[0].strip() for line in masses] == ["left", "right"]
@@ -227,6 +227,26 @@ def test_a_weight_that_contradicts_the_mounting_leads_back_to_the_touches(tmp_pa
     else:
         assert host.text == read.text
         assert len(left_out) == 2, "friction and grasp"
+
+
+def test_touches_that_are_made_again_for_the_weight_count_in_place_of_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(friction_step, "SAMPLES", 1)
+    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
+    read = commission_rig(quat=TURNED, mass=0.0, com_z=0.0)
+    answers = ANSWERS | {"touch_again": ("", "go on"), "mounting_again": ("", "again")}
+    host = guided(tmp_path, commission_rig(), read, answers=answers)
+    host.touches = TOUCHES | dict.fromkeys(PRESSES, TOUCHES["Press the centre"])
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Prompt) and output.step == "mounting_again":
+            host.touches = TOUCHES | PRESSES
+        return host.respond(output)
+
+    complete = follow(Commission(read, FINGERS, 20.0).run(), respond)
+    assert complete, "\n".join(host.printed)
+    assert any("all presses were at one place" in line for line in host.printed)
 
 
 def test_what_is_found_and_not_written_is_not_gripped_with(tmp_path: Path) -> None:
