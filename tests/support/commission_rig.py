@@ -6,22 +6,7 @@ from typing import Any
 
 from slipd import config
 
-FINGER = """
-[finger.{name}]
-mu = 0.3
-min_normal_n = 0.3
-
-[finger.{name}.wrench]
-device = "bota"
-port = "/dev/{name}-wrench"
-rate_hz = 100.0
-stale_s = 0.5
-pad_from_sensor = {{ xyz_m = [0.0, 0.0, -0.03], quat_xyzw = {quat} }}
-force_std_n = 0.03
-torque_std_nm = 0.0005
-mass_kg = {mass}
-com_m = [0.0, 0.0, {com_z}]
-
+TAXELS = """
 [finger.{name}.pad]
 device = "xela"
 port = "ws://127.0.0.1:5000"
@@ -37,6 +22,25 @@ threshold = 0.02
 full_scale = 65535.0
 flip_y = {flip_y}
 """
+FINGER = (
+    """
+[finger.{name}]
+mu = 0.3
+min_normal_n = 0.3
+
+[finger.{name}.wrench]
+device = "bota"
+port = "/dev/{name}-wrench"
+rate_hz = 100.0
+stale_s = 0.5
+pad_from_sensor = {{ xyz_m = [0.0, 0.0, -0.03], quat_xyzw = {quat} }}
+force_std_n = 0.03
+torque_std_nm = 0.0005
+mass_kg = {mass}
+com_m = [0.0, 0.0, {com_z}]
+"""
+    + TAXELS
+)
 GRIPPER = """
 [gripper]
 device = "robotiq_2f"

@@ -1,19 +1,14 @@
-"""A ZeroMQ context for peers inside the test, and bounded waits for them."""
+"""A ZeroMQ context for peers inside the test."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import zmq
 
-PATIENCE_S = 30.0
-
 Context = zmq.Context[zmq.Socket[bytes]]
-Eventually = Callable[[Callable[[], object]], Awaitable[None]]
 
 
 class Peer:
@@ -67,22 +62,3 @@ def peer(clients: Context) -> Iterator[Callable[..., Peer]]:
 @pytest.fixture
 def endpoint(tmp_path: Path) -> str:
     return f"ipc://{tmp_path}/s"
-
-
-@pytest.fixture
-def eventually() -> Eventually:
-    async def wait(condition: Callable[[], object]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():  # noqa: ASYNC110 - what it waits for happens in other threads
-                await asyncio.sleep(0.001)
-
-    return wait
-
-
-@pytest.fixture
-async def loop_faults() -> AsyncIterator[list[dict[str, Any]]]:
-    """What reached the loop's exception handler; a daemon dies of any, so a test that expects some clears it."""
-    faults: list[dict[str, Any]] = []
-    asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
-    yield faults
-    assert faults == []

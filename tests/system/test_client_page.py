@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from daemon_peers import PATIENCE_S
+from gripper_table import gripper_table
 from project import DOCS
 from service_rig import serving
 
@@ -35,18 +36,8 @@ mu = 0.5
 device = "bota"
 port = "/dev/ttyUSB0"
 rate_hz = 100.0
-
-[gripper]
-device = "robotiq_2f"
-port = "/dev/ttyUSB1"
-rate_hz = 50.0
-force_table = [[0, 3.0], [255, 30.0]]
-width_table = [[0.0, 0.085], [1.0, 0.0]]
-speed_table = [[0, 0.020], [255, 0.150]]
-min_force_n = 3.0
-max_force_n = 25.0
-step_n = 2.0
 """
+GRIPPER = gripper_table("/dev/ttyUSB1", speed_table=[[0, 0.020], [255, 0.150]], min_force_n=3.0, step_n=2.0)
 
 SHARED = """
 import mmap, sys, time
@@ -112,7 +103,7 @@ async def clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterato
 @asynccontextmanager
 async def tared_rig(folder: Path) -> AsyncIterator[str]:
     """A finger and a gripper with an object between its pads, once the finger is tared; the endpoint of requests."""
-    devices = TouchedDevices(config.parse(RIG, "rig.toml"), folder)
+    devices = TouchedDevices(config.parse(RIG + GRIPPER, "rig.toml"), folder)
     devices.hand.part_m = 0.05
     async with emulate.emulated(devices.devices, devices.advance) as emulation:
         running = asyncio.create_task(emulation.run())

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from daemon_peers import PATIENCE_S, Device, until
+from gripper_table import gripper_table
 from service_rig import Rig, left_in, serving
 
 from slipd import config, service
@@ -170,17 +171,6 @@ async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised(rig: Rig, m
         await asyncio.wait_for(service.serve(rig.config), PATIENCE_S)
 
 
-GRIPPER = """
-[gripper]
-device = "robotiq_2f"
-port = "{port}"
-rate_hz = 50.0
-force_table = [[0, 3.0], [255, 30.0]]
-width_table = [[0.0, 0.085], [1.0, 0.0]]
-max_force_n = 25.0
-"""
-
-
 async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_gripping(rig: Rig, tmp_path: Path) -> None:
     jaws = Device(tmp_path / "jaws")
     jaws.plug()
@@ -195,7 +185,7 @@ async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_grippin
             jaws.send(reply)
         rig.send()
 
-    text = rig.file.read_text(encoding="utf-8") + GRIPPER.format(port=jaws.path)
+    text = rig.file.read_text(encoding="utf-8") + gripper_table(str(jaws.path))
     async with serving(config.parse(text, "rig.toml")) as client:
         await until(lambda: client.hear("wrench.left") and client.hear("gripper"), talk)
     sensor.opened(0)

@@ -25,6 +25,7 @@ import numpy as np
 import zmq
 from bench import child, processes
 from bench.tables import Table
+from gripper_table import gripper_table
 from project import MODULES
 
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, decode, encode
@@ -40,16 +41,6 @@ LEASE_MS = 200
 WANTED_RATIO = 2.0
 RENEW, ASK = "lease.renew", "tare.get"
 HEAD = ("round", RENEW, ASK, f"{RENEW} p99", "echo", "echo p99", "C echo", f"{RENEW} / echo", f"{ASK} / echo")
-
-GRIPPER = """
-[gripper]
-device = "robotiq_2f"
-port = "{port}"
-rate_hz = 50.0
-force_table = [[0, 3.0], [255, 30.0]]
-width_table = [[0.0, 0.085], [1.0, 0.0]]
-max_force_n = 25.0
-"""
 
 
 @dataclass
@@ -112,7 +103,7 @@ def run(folder: Path, *, rounds: int, seconds: float) -> Table:
     with contextlib.ExitStack() as stack:
         lines = stack.enter_context(processes.Lines(["left.wrench"]))
         bus = stack.enter_context(processes.Lines(["gripper"]))
-        extra = GRIPPER.format(port=bus.path["gripper"])
+        extra = gripper_table(bus.path["gripper"])
         served = stack.enter_context(processes.daemon(folder, lines, {}, extra=extra))
         context = stack.enter_context(_context())
         servers = {"ours": _Asker(_connected(context, served.requests))}

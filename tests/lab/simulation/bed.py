@@ -343,6 +343,11 @@ def _held(seed: int) -> Bed:
     return Bed(seed).hold()
 
 
+def assert_sound(bed: Bed) -> None:
+    """Check that nothing that was watched is at fault."""
+    assert bed.watch.faults == [], f"seed {bed.seed}"
+
+
 def held_bed(seed: int) -> Bed:
     """A bed that holds the box, of its own: what all of one seed have in common is run once."""
     return copy.deepcopy(_held(seed))

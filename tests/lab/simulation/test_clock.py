@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from simulation.bed import MS, SECOND, Bed, held_bed
+from simulation.bed import MS, SECOND, Bed, assert_sound
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Delay, Edit
 
 US_SPAN = 1 << 32
-
-
-@pytest.fixture
-def held(seed):
-    return held_bed(seed)
-
-
-def assert_sound(bed):
-    assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
 def drifting(ppm, jump_us=0):

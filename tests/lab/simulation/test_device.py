@@ -5,20 +5,11 @@ from __future__ import annotations
 import struct
 
 import pytest
-from simulation.bed import held_bed
+from simulation.bed import assert_sound
 from simulation.edits import gripper, pad, wrench
 from simulation.faults import Drop, Edit, Text
 
 from slipd.devices.shared import crc
-
-
-@pytest.fixture
-def held(seed):
-    return held_bed(seed)
-
-
-def assert_sound(bed):
-    assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
 @pytest.mark.parametrize("seed", [1])

@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from simulation.bed import Bed, held_bed
+from simulation.bed import Bed, assert_sound
 from simulation.edits import Frozen, wrench
 from simulation.faults import Bursts, Drop, Edit
 
 SKIPPED = 1
 DISTRUSTED = {2: "overload", 4: "invalid", 8: "raw"}
-
-
-@pytest.fixture
-def held(seed):
-    return held_bed(seed)
-
-
-def assert_sound(bed):
-    assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
 @pytest.mark.parametrize("seed", [1])

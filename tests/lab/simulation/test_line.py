@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from simulation.bed import READY_S, Bed, held_bed
+from simulation.bed import READY_S, Bed, assert_sound
 from simulation.faults import Bunch, Chain, Drop, Flood, Garbage, Noise, Split, Trickle
 from simulation.size import size_of
 
 STREAMS = ("left.wrench", "left.pad")
-
-
-@pytest.fixture
-def held(seed):
-    return held_bed(seed)
-
-
-def assert_sound(bed):
-    assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
 @pytest.mark.parametrize("seed", [1])

@@ -5,21 +5,12 @@ from __future__ import annotations
 import math
 
 import pytest
-from simulation.bed import held_bed
+from simulation.bed import assert_sound
 from simulation.edits import pad, wrench
 from simulation.faults import Edit
 
 STRANGE = (math.nan, math.inf, -math.inf)
 TINY = 1e-42
-
-
-@pytest.fixture
-def held(seed):
-    return held_bed(seed)
-
-
-def assert_sound(bed):
-    assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
 def one_number(place, value, rng, share=1.0):

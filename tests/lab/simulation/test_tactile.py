@@ -6,22 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from simulation.bed import Bed, held_bed
+from simulation.bed import Bed, assert_sound
 from simulation.edits import Frozen, pad
 from simulation.faults import Drop, Edit, Split
 
 SCAN_ROW_BYTES = 46
 UNDER_LOAD = (3, 8)
 """A taxel in the middle of the contact: row, column."""
-
-
-@pytest.fixture
-def held(seed):
-    return held_bed(seed)
-
-
-def assert_sound(bed):
-    assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
 def one_taxel(value):

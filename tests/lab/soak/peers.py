@@ -21,6 +21,7 @@ import numpy as np
 import zmq
 from bench.child import Child
 from bench.tables import Table
+from gripper_table import gripper_table
 from project import MODULES
 from soak import hostile
 
@@ -65,13 +66,6 @@ device = "external"
 port = "ipc://{folder}/readings"
 sensor = "left.wrench"
 rate_hz = 100.0
-[gripper]
-device = "robotiq_2f"
-port = "{gripper}"
-rate_hz = 50.0
-force_table = [[0, 3.0], [255, 30.0]]
-width_table = [[0.0, 0.085], [1.0, 0.0]]
-max_force_n = 25.0
 """
 
 
@@ -146,7 +140,7 @@ def daemon(folder: Path, *options: str) -> Iterator[Served]:
         stack.callback(os.close, other)
         tty.setraw(other)
         config = folder / "peers.toml"
-        config.write_text(CONFIG.format(folder=folder, gripper=os.ttyname(other)))
+        config.write_text(CONFIG.format(folder=folder) + gripper_table(os.ttyname(other)))
         command = [sys.executable, "-m", "slipd", "run", "--config", str(config), *options]
         process = stack.enter_context(Child(command, folder))
         endpoints = {"publish": process.told("publish:"), "requests": process.told("requests:")}

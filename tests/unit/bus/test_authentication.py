@@ -23,7 +23,8 @@ from slipd_client.keys import Keys, create, load
 from slipd_client.messages import decode, encode
 
 if TYPE_CHECKING:
-    from zeromq_peers import Context, Eventually
+    from loop_waits import Eventually
+    from zeromq_peers import Context
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

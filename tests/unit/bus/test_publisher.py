@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 import zmq
-from zeromq_peers import PATIENCE_S
+from loop_waits import PATIENCE_S
 
 from slipd.bus import publisher as publisher_module
 from slipd.bus.publisher import Publisher
 from slipd.zmtp import listener
 
 if TYPE_CHECKING:
-    from zeromq_peers import Context, Eventually, Peer
+    from loop_waits import Eventually
+    from zeromq_peers import Context, Peer
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

@@ -15,7 +15,8 @@ from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
 if TYPE_CHECKING:
-    from zeromq_peers import Context, Eventually, Peer
+    from loop_waits import Eventually
+    from zeromq_peers import Context, Peer
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

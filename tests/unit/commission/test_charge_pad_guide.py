@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from charge_rig import charge_rig
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
@@ -15,30 +16,8 @@ from slipd.commission.commission_guide import Allowed, Commission
 from slipd.commission.dialogue import Ask, Event, Output, Refusal, follow
 from slipd.sim import touched_devices
 
-TRUE = """# A rig.
-[finger.left]
-mu = 0.5
-
-[finger.left.wrench]
-device = "bota"
-port = "/dev/wrench"
-rate_hz = 100.0
-sign = 1
-
-[finger.left.pad]
-device = "pvdf"
-port = "/dev/pad"
-rate_hz = 50.0
-rows = 12
-cols = 12
-pitch_m = 0.0035
-electrode_m = 0.0015
-axis_scale = [0.0005]
-threshold = 0.005
-charge_tau_s = 2.0
-flip_y = false
-"""
-WRONG = TRUE.replace("sign = 1", "sign = -1").replace("flip_y = false", "flip_y = true")
+TRUE = charge_rig(left={})
+WRONG = charge_rig(left={"sign": -1, "flip_y": "true"})
 
 
 @pytest.fixture(autouse=True)
@@ -49,8 +28,8 @@ def tared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def guided(folder: Path, *, write: bool) -> GuidedEngine:
-    true, read = config.parse(TRUE, "rig"), config.parse(WRONG, "rig")
-    return GuidedEngine(EmulatedEngine(true, read, folder), WRONG, answers={"touch_again": ("", "again")}, write=write)
+    engine = EmulatedEngine(TRUE, WRONG, folder)
+    return GuidedEngine(engine, WRONG.text, answers={"touch_again": ("", "again")}, write=write)
 
 
 def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_the_image(tmp_path: Path) -> None:
@@ -58,9 +37,9 @@ def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_th
 
     def respond(output: Output) -> Event:
         tare = isinstance(output, Ask) and output.method == "tare"
-        return Refusal("it is pulled at") if tare and host.text == WRONG else host.respond(output)
+        return Refusal("it is pulled at") if tare and host.text == WRONG.text else host.respond(output)
 
-    follow(Commission(config.parse(WRONG, "rig"), ["left"], 20.0).run(), respond)
+    follow(Commission(WRONG, ["left"], 20.0).run(), respond)
     left = config.parse(host.text, "found").finger["left"]
     assert left.wrench is not None
     assert left.pad is not None
@@ -73,8 +52,8 @@ def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_th
 
 def test_what_is_found_but_not_written_leaves_out_the_steps_that_build_on_it(tmp_path: Path) -> None:
     host = guided(tmp_path, write=False)
-    steps = Commission(config.parse(WRONG, "rig"), ["left"], 20.0, allowed=Allowed(write=False, move=False)).run()
+    steps = Commission(WRONG, ["left"], 20.0, allowed=Allowed(write=False, move=False)).run()
     assert not follow(steps, host.respond)
     left_out = "  left out: what was found is not written, so the daemon does not run it"
     assert host.printed.count(left_out) == 2, "weight and friction"
-    assert host.text == WRONG
+    assert host.text == WRONG.text

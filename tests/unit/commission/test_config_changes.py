@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
+from commission_rig import TAXELS
+
 from slipd import config
 from slipd.commission.config_update import FingerResult, changes, fragment
 
-FINGER = """
-[finger.{name}.pad]
-device = "xela"
-port = "ws://127.0.0.1:5000"
-sensor = "{number}"
-rate_hz = 50.0
-rows = 4
-cols = 4
-pitch_m = 0.0047
-electrode_m = 0.0047
-axis_scale = [0.001, 0.001, -0.001]
-threshold = 0.02
-"""
 RIG = config.parse(
-    "".join(FINGER.format(name=name, number=number) for number, name in enumerate(("left", "right"), 1)), "rig"
+    "".join(TAXELS.format(name=name, number=k, flip_y="false") for k, name in enumerate(("left", "right"), 1)), "rig"
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from commission_person import TOUCHES
-from commission_rig import PRESSES
+from commission_rig import PRESSES, TAXELS
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
@@ -13,26 +13,7 @@ from slipd import config
 from slipd.commission.commission_guide import Commission
 from slipd.commission.dialogue import follow
 
-TRUE = """# A rig.
-[finger.left]
-mu = 0.5
-min_normal_n = 0.3
-
-[finger.left.pad]
-device = "xela"
-port = "ws://127.0.0.1:5000"
-sensor = "1"
-rate_hz = 50.0
-stale_s = 0.5
-rows = 4
-cols = 4
-pitch_m = 0.0047
-electrode_m = 0.0047
-axis_scale = [0.001, 0.001, -0.001]
-threshold = 0.02
-full_scale = 65535.0
-flip_y = false
-"""
+TRUE = "# A rig.\n[finger.left]\nmu = 0.5\nmin_normal_n = 0.3\n" + TAXELS.format(name="left", number=1, flip_y="false")
 
 
 def test_orientation_and_signs_of_the_axes_are_found_and_there_is_no_weight_to_find(tmp_path: Path) -> None:

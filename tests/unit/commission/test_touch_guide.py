@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from charge_rig import TILTED, charge_rig
 from commission_person import TOUCHES, touch_for
 from emulated_engine import EmulatedEngine
 from scipy.spatial.transform import Rotation
@@ -21,45 +22,6 @@ from slipd.commission.readings import ReadingListener
 from slipd.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.errors import SlipdError
 from slipd.sim import touched_devices
-
-TILTED = [0.9659258, 0.2588190, 0.0, 0.0]
-AT = [0.004, -0.002, -0.025]
-FINGER = """
-[finger.{name}]
-mu = 0.5
-
-[finger.{name}.wrench]
-device = "bota"
-port = "/dev/{wrench}"
-rate_hz = 100.0
-sign = {sign}
-pad_from_sensor = {{ xyz_m = {xyz}, quat_xyzw = {quat} }}  # from the drawing
-
-[finger.{name}.pad]
-device = "pvdf"
-port = "/dev/{pad}"
-rate_hz = 50.0
-rows = 12
-cols = 12
-pitch_m = 0.0035
-electrode_m = 0.0015
-axis_scale = [0.0005]
-threshold = 0.005
-charge_tau_s = 2.0
-swap_xy = {swap}
-flip_x = {flip_x}
-flip_y = {flip_y}
-"""
-RIGHT: dict[str, Any] = {"sign": 1, "xyz": AT, "quat": TILTED, "swap": "false", "flip_x": "false", "flip_y": "false"}
-
-
-def rig(**fingers: dict[str, Any]) -> config.Config:
-    """Return a config; ``wrench`` and ``pad`` of a finger name its ports, by default its own."""
-    tables = [
-        FINGER.format(**({"name": name, "wrench": f"{name}-wrench", "pad": f"{name}-pad"} | RIGHT | changed))
-        for name, changed in fingers.items()
-    ]
-    return config.parse("# A rig.\n" + "".join(tables), "rig.toml")
 
 
 def commission(
@@ -140,7 +102,7 @@ def tared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("flags", FLAGS, ids=str)
 def test_the_orientation_of_the_image_is_found(flags: dict[str, str], tmp_path: Path) -> None:
-    true, read = rig(left={}), rig(left=flags)
+    true, read = charge_rig(left={}), charge_rig(left=flags)
     outcome, _ = commission(true, read, tmp_path)
     assert outcome.findings.problems == []
     check_same(corrected(read, outcome), true)
@@ -150,7 +112,7 @@ def test_the_orientation_of_the_image_is_found(flags: dict[str, str], tmp_path: 
 def test_every_wrong_mounting_is_found_and_a_charge_pad_shows_its_image_with_the_right_one(
     fault: str, tmp_path: Path
 ) -> None:
-    true, read = rig(left={}), rig(left=WRONG[fault])
+    true, read = charge_rig(left={}), charge_rig(left=WRONG[fault])
     first, _ = commission(true, read, tmp_path)
     assert all("the pad showed no image" in problem for problem in first.findings.problems)
     found = corrected(read, first)
@@ -160,8 +122,10 @@ def test_every_wrong_mounting_is_found_and_a_charge_pad_shows_its_image_with_the
 
 
 def test_swapped_fingers_are_found(tmp_path: Path) -> None:
-    true = rig(left={}, right={})
-    read = rig(left={"wrench": "right-wrench", "pad": "right-pad"}, right={"wrench": "left-wrench", "pad": "left-pad"})
+    true = charge_rig(left={}, right={})
+    read = charge_rig(
+        left={"wrench": "right-wrench", "pad": "right-pad"}, right={"wrench": "left-wrench", "pad": "left-pad"}
+    )
     for finger in ("left", "right"):
         outcome, _ = commission(true, read, tmp_path, finger=finger)
         assert outcome.findings.problems == []
@@ -169,7 +133,7 @@ def test_swapped_fingers_are_found(tmp_path: Path) -> None:
 
 
 def test_a_right_config_needs_no_change(tmp_path: Path) -> None:
-    read = rig(left={"sign": -1}, right={})
+    read = charge_rig(left={"sign": -1}, right={})
     outcome, _ = commission(read, read, tmp_path)
     assert outcome.findings.problems == []
     assert changes(read, {"left": outcome.result}) == {}
@@ -186,17 +150,17 @@ def test_a_right_config_needs_no_change(tmp_path: Path) -> None:
 def test_a_person_who_presses_the_wrong_place_is_told(touches: dict[str, str], words: str, tmp_path: Path) -> None:
     pushes = {key: value for key, value in TOUCHES.items() if "push" in key}
     chosen = TOUCHES | touches if "Press the" not in touches else touches | pushes
-    outcome, _ = commission(rig(left={}), rig(left={}), tmp_path, chosen)
+    outcome, _ = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, chosen)
     assert outcome.findings.problems
     assert any(words in problem for problem in outcome.findings.problems)
-    assert changes(rig(left={}), {"left": outcome.result}) == {}
+    assert changes(charge_rig(left={}), {"left": outcome.result}) == {}
 
 
 WRONG_CORNER = TOUCHES | {"Press the corner": "press {finger} 6 N at 16 -7 mm"}
 
 
 def test_only_touches_that_do_not_fit_are_asked_for_again(tmp_path: Path) -> None:
-    true, read = rig(left={}), rig(left={"sign": 1, "flip_y": "true"})
+    true, read = charge_rig(left={}), charge_rig(left={"sign": 1, "flip_y": "true"})
     outcome, printed = commission(true, read, tmp_path, WRONG_CORNER, then=TOUCHES)
     assert outcome.findings.problems == []
     check_same(corrected(read, outcome), true)
@@ -211,7 +175,7 @@ def test_only_touches_that_do_not_fit_are_asked_for_again(tmp_path: Path) -> Non
 
 
 def test_touches_that_never_fit_are_reported_after_some_repetitions(tmp_path: Path) -> None:
-    outcome, printed = commission(rig(left={}), rig(left={}), tmp_path, WRONG_CORNER, then=WRONG_CORNER)
+    outcome, printed = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, WRONG_CORNER, then=WRONG_CORNER)
     assert outcome.findings.problems
     assert sum("do not fit together" in line for line in printed) == touch_guide.MOST_REPEATS
 
@@ -222,19 +186,24 @@ def test_a_touch_that_is_never_held_still_ends_with_how_it_moved(
     monkeypatch.setattr(touch_guide, "MOST_TRIES", 2)
     grows = {"Press the centre": "press {finger} 200 N in 10 s"}
     with pytest.raises(SlipdError, match=r"the press was not held still in 2 tries: the force changed between"):
-        commission(rig(left={}), rig(left={}), tmp_path, grows)
+        commission(charge_rig(left={}), charge_rig(left={}), tmp_path, grows)
 
 
 def test_nothing_is_felt(tmp_path: Path) -> None:
     with pytest.raises(SlipdError, match="no press was felt within 5 s; nothing is changed"):
-        commission(rig(left={}), rig(left={}), tmp_path, {})
+        commission(charge_rig(left={}), charge_rig(left={}), tmp_path, {})
     with pytest.raises(SlipdError, match="no push was felt within 5 s"):
-        commission(rig(left={}), rig(left={}), tmp_path, TOUCHES | {"push along +X": "press {finger} 6 N at 0 0 mm"})
+        commission(
+            charge_rig(left={}),
+            charge_rig(left={}),
+            tmp_path,
+            TOUCHES | {"push along +X": "press {finger} 6 N at 0 0 mm"},
+        )
 
 
 def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
-    engine = EmulatedEngine(rig(left={}), rig(left={}), tmp_path)
-    other = rig(left={"sign": -1})
+    engine = EmulatedEngine(charge_rig(left={}), charge_rig(left={}), tmp_path)
+    other = charge_rig(left={"sign": -1})
     listener = ReadingListener(other.finger, other.config_id)
     with pytest.raises(SlipdError, match="the daemon runs another config"):
         follow(TouchGuide(other, listener, 1.0).run("left"), lambda output: None if output else engine.receive())
@@ -242,7 +211,7 @@ def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
         follow(listener.collect(0.1), lambda output: None)
 
 
-SENSOR_ONLY = config.parse(rig(left={}).text.partition("[finger.left.pad]")[0], "sensor only")
+SENSOR_ONLY = config.parse(charge_rig(left={}).text.partition("[finger.left.pad]")[0], "sensor only")
 
 
 def test_a_finger_without_a_pad_has_its_mounting_alone(tmp_path: Path) -> None:

@@ -5,19 +5,19 @@ from __future__ import annotations
 import asyncio
 import os
 import tty
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from loop_waits import eventually, loop_faults
 
 from slipd.events import Event, LinkSpec
 from slipd.transport import Links
 
-PATIENCE_S = 30.0
+__all__ = ["eventually", "loop_faults"]  # fixtures
 
-Eventually = Callable[[Callable[[], object]], Awaitable[None]]
 Serving = Callable[..., AbstractAsyncContextManager[tuple[Links, list[Event]]]]
 
 
@@ -80,25 +80,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Links try again without a pause."""
     monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 0.001)
     monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 0.001)
-
-
-@pytest.fixture
-def eventually() -> Eventually:
-    async def wait(condition: Callable[[], object]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():  # noqa: ASYNC110 - what it waits for lies in other processes' hands too
-                await asyncio.sleep(0.001)
-
-    return wait
-
-
-@pytest.fixture
-async def loop_faults() -> AsyncIterator[list[dict[str, Any]]]:
-    """Errors that reached the exception handler of the loop; each ends a daemon."""
-    faults: list[dict[str, Any]] = []
-    asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
-    yield faults
-    assert faults == []
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from slipd.transport.driver_socket import open_driver_socket
 from slipd.zmtp.endpoint import MAX_IPC_PATH_BYTES
 
 if TYPE_CHECKING:
-    from conftest import Eventually, Serving
+    from conftest import Serving
+    from loop_waits import Eventually
 
 PATIENCE_S = 30.0
 

@@ -11,7 +11,8 @@ from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.transport.push_socket import MAX_MESSAGE_BYTES
 
 if TYPE_CHECKING:
-    from conftest import Eventually, Serving
+    from conftest import Serving
+    from loop_waits import Eventually
 
 Pusher = Callable[[], zmq.Socket[bytes]]
 

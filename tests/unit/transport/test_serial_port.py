@@ -18,7 +18,8 @@ from slipd.transport import serial_port
 from slipd.transport.serial_port import why_not_opened
 
 if TYPE_CHECKING:
-    from conftest import Device, Eventually, Serving
+    from conftest import Device, Serving
+    from loop_waits import Eventually
 
 
 def open_files() -> int:

@@ -16,7 +16,8 @@ from slipd.events import Event, LinkSpec, LinkUp
 from slipd.transport import serial_port
 
 if TYPE_CHECKING:
-    from conftest import Device, Eventually, Serving
+    from conftest import Device, Serving
+    from loop_waits import Eventually
 
 HUGE = 300_000  # bytes; no pty holds as many
 

@@ -13,7 +13,8 @@ from slipd.transport import address, tcp
 from slipd.transport.byte_delivery import READ_BYTES
 
 if TYPE_CHECKING:
-    from conftest import Eventually, Serving
+    from conftest import Serving
+    from loop_waits import Eventually
 
 HUGE = 20_000_000  # bytes; more than the kernel's buffers take
 

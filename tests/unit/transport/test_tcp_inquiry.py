@@ -15,7 +15,8 @@ from slipd.transport import tcp_inquiry
 from slipd.transport.tcp_inquiry import MAX_REPLY_BYTES, inquire
 
 if TYPE_CHECKING:
-    from conftest import Eventually, Serving
+    from conftest import Serving
+    from loop_waits import Eventually
 
 QUESTION = b"how many counts are a newton?"
 

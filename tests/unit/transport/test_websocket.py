@@ -24,7 +24,8 @@ from slipd.transport.websocket import (
 )
 
 if TYPE_CHECKING:
-    from conftest import Eventually, Serving
+    from conftest import Serving
+    from loop_waits import Eventually
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
 

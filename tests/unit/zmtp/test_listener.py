@@ -29,7 +29,8 @@ from slipd.zmtp.listener import (
 from slipd.zmtp.peer_rules import PeerRules
 
 if TYPE_CHECKING:
-    from zeromq_peers import Context, Eventually
+    from loop_waits import Eventually
+    from zeromq_peers import Context
     from zeromq_peers import Peer as Client
 
 pytestmark = pytest.mark.usefixtures("loop_faults")

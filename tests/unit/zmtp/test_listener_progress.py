@@ -15,7 +15,7 @@ from slipd.zmtp.peer_rules import PeerRules
 from slipd.zmtp.wire import COMMAND, encode_command, encode_frame, encode_greeting, encode_metadata
 
 if TYPE_CHECKING:
-    from zeromq_peers import Eventually
+    from loop_waits import Eventually
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

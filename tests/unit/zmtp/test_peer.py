@@ -17,7 +17,7 @@ from slipd.zmtp.peer import MOST_FRAMES, Peer, PeerRules
 from slipd.zmtp.wire import COMMAND, MORE, encode_command, encode_frame, encode_greeting, encode_metadata
 
 if TYPE_CHECKING:
-    from zeromq_peers import Eventually
+    from loop_waits import Eventually
     from zeromq_peers import Peer as Client
 
 pytestmark = pytest.mark.usefixtures("loop_faults")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gripper_table import gripper_table
 
 from slipd_client.errors import NoAnswer
 from slipd_client.grip import GripClient
@@ -28,16 +29,6 @@ mu = 0.5
 device = "bota"
 port = "{folder}/wrench"
 rate_hz = 100.0
-
-[gripper]
-device = "robotiq_2f"
-port = "{folder}/gripper"
-rate_hz = 50.0
-force_table = [[0, 3.0], [255, 30.0]]
-width_table = [[0.0, 0.085], [1.0, 0.0]]
-speed_table = [[0, 0.020], [255, 0.150]]
-min_force_n = 3.0
-max_force_n = 25.0
 """
 
 
@@ -69,7 +60,8 @@ def running(*command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 @pytest.fixture(scope="module")
 def endpoints(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
     folder = tmp_path_factory.mktemp("node")
-    (folder / "rig.toml").write_text(RIG.format(folder=folder))
+    gripper = gripper_table(f"{folder}/gripper", speed_table=[[0, 0.020], [255, 0.150]], min_force_n=3.0)
+    (folder / "rig.toml").write_text(RIG.format(folder=folder) + gripper)
     with ExitStack() as stack:
         for device, place in (("bota", "wrench"), ("robotiq_2f", "gripper")):
             command = ("slipd.sim.emulate", device, "--at", str(folder / place))

@@ -1,0 +1,34 @@
+"""What tests of one event loop share: bounded waits, and the faults that reached the loop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any
+
+import pytest
+
+PATIENCE_S = 30.0
+
+Eventually = Callable[[Callable[[], object]], Awaitable[None]]
+
+
+@pytest.fixture
+def eventually() -> Eventually:
+    """Wait until a condition holds."""
+
+    async def wait(condition: Callable[[], object]) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():  # noqa: ASYNC110 - what it waits for happens in other threads and processes too
+                await asyncio.sleep(0.001)
+
+    return wait
+
+
+@pytest.fixture
+async def loop_faults() -> AsyncIterator[list[dict[str, Any]]]:
+    """What reached the loop's exception handler; a daemon dies of any, so a test that expects some clears it."""
+    faults: list[dict[str, Any]] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
+    yield faults
+    assert faults == []
