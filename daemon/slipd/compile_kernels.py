@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 from numba.core import event
@@ -13,15 +17,71 @@ from slipd.progress import Progress
 
 PURPOSE = "compiling kernels, once"
 
+INTERRUPTED = 130
+
 
 def compile_kernels() -> None:
-    """Get every kernel ready; where the cache lacks some, show the progress on standard error."""
+    """Get every kernel ready; where the cache lacks some, show the progress on standard error.
+
+    Raises:
+        KeyboardInterrupt: SIGINT came, and is not ignored.
+    """
     shown = _Compilation()
+    with interruptible():
+        try:
+            with event.install_listener("numba:compile", shown):
+                warm_up()
+        finally:
+            shown.end()
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C end a block that loads or compiles kernels: between two passes of the compiler, or after the block.
+
+    Numba takes kernels from its cache, and stores them there, in callbacks from C. An exception in one of those is
+    printed and dropped: the program goes on, or ends with SIGSEGV because a kernel has no code.
+
+    In other threads than the main one, and where SIGINT is ignored, nothing is handled.
+
+    Raises:
+        KeyboardInterrupt: SIGINT came.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if before in (None, signal.SIG_IGN) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    interrupt = _Interrupt()
+    signal.signal(signal.SIGINT, interrupt.receive)
     try:
-        with event.install_listener("numba:compile", shown):
-            warm_up()
+        with event.install_listener("numba:run_pass", interrupt):
+            yield
     finally:
-        shown.end()
+        signal.signal(signal.SIGINT, before)
+    interrupt.deliver()
+
+
+class _Interrupt(event.Listener):
+    """SIGINT, from its arrival to the next pass of the compiler."""
+
+    def __init__(self) -> None:
+        self._received = False
+
+    def receive(self, *_: object) -> None:
+        """Handle the signal."""
+        self._received = True
+
+    def deliver(self) -> None:
+        """Raise KeyboardInterrupt where the signal came."""
+        if self._received:
+            raise KeyboardInterrupt
+
+    def on_start(self, _: Any) -> None:
+        """Deliver it before a pass."""
+        self.deliver()
+
+    def on_end(self, _: Any) -> None:
+        """Do nothing: an exception here would replace that of the pass."""
 
 
 class _Compilation(event.Listener):
@@ -53,5 +113,14 @@ class _Compilation(event.Listener):
         self._progress.erase()
 
 
+def main() -> int:
+    """Get every kernel ready; return the exit code."""
+    try:
+        compile_kernels()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return 0
+
+
 if __name__ == "__main__":
-    compile_kernels()
+    sys.exit(main())

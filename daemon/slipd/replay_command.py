@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from slipd.compile_kernels import compile_kernels
+from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 
@@ -32,8 +32,9 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: b
         SlipdError: The recording cannot be read, or the endpoint cannot be opened.
     """
     recording = open_recording(path)
-    messages = replay(recording, speed=speed)
-    compile_kernels()
+    with interruptible():
+        messages = replay(recording, speed=speed)
+        compile_kernels()
     if publish:
         asyncio.run(_publish(messages, recording.config_text, str(path), as_json=as_json))
     else:

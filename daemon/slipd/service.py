@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from slipd.compile_kernels import compile_kernels
+from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config
 from slipd.events import HostNotice
 from slipd.host.config_reload import ConfigReload
@@ -64,12 +64,14 @@ async def serve(
 
     Raises:
         LinkError: An endpoint cannot be bound, a key file is invalid, or another daemon holds the runtime directory.
+        KeyboardInterrupt: SIGINT came before the kernels were ready.
         RecordingError: The recording cannot be created, or its disk failed; a failing disk does not end the run.
     """
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
-        run = stack.enter_context(ServiceRun(config, record, stop, notifier.status))
-        compile_kernels()
+        with interruptible():
+            run = stack.enter_context(ServiceRun(config, record, stop, notifier.status))
+            compile_kernels()
         raise_descriptor_limit()
         if ends is not None:
             ends.handle(stop)

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
+from replays import RECORDINGS
+from service_rig import Rig
 
 from slipd import cli
+
+PATIENCE_S = 110.0
 
 
 @pytest.mark.parametrize(
@@ -26,3 +35,47 @@ def test_an_interrupt_is_an_end_only_of_what_is_ended_by_hand(
     monkeypatch.setitem(cli.COMMANDS, command[0], interrupted)
     assert cli.main(command) == code
     assert capsys.readouterr().err == error
+
+
+def interrupted(callback: str, *command: str, **variables: str) -> tuple[int, str, str]:
+    """Run slipd with SIGINT in a callback of Numba's cache; return exit code, output and errors."""
+    program = [sys.executable, "-m", "interrupted_load", callback, *command]
+    path = os.pathsep.join(sys.path)
+    ended = subprocess.run(
+        program, env=os.environ | {"PYTHONPATH": path} | variables, capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    errors = ended.stderr.replace("compiling kernels, once (about a minute)\n", "")
+    return ended.returncode, ended.stdout, errors
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("command", "code", "error"),
+    [
+        (["replay", "RECORDING"], 0, ""),
+        (["view", "RECORDING", "--listen", "127.0.0.1:0"], 0, ""),
+        (["plot", "RECORDING", "--out", "FOLDER/run.html"], 130, "slipd: interrupted\n"),
+        (
+            ["evaluate", "RECORDING", "--results", "FOLDER"],
+            130,
+            "slipd: interrupted; the same command goes on from here\n",
+        ),
+    ],
+)
+def test_an_interrupt_while_a_kernel_is_loaded_ends_the_command(
+    command: list[str], code: int, error: str, tmp_path: Path
+) -> None:
+    places = {"RECORDING": str(RECORDINGS / "bota.mcap"), "FOLDER": str(tmp_path)}
+    filled = [word.replace("FOLDER", places["FOLDER"]).replace("RECORDING", places["RECORDING"]) for word in command]
+    assert interrupted("load", *filled) == (code, "", error)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("callback", ["load", "store"])
+def test_P4_an_interrupt_while_kernels_are_loaded_or_compiled_ends_the_daemon_before_it_serves(
+    callback: str, rig: Rig, runtime: Path, tmp_path: Path
+) -> None:
+    variables = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")} if callback == "store" else {}
+    assert interrupted(callback, "run", str(rig.file), **variables) == (0, "", "")
+    assert not list(tmp_path.rglob("vibration*")), "the last kernels were compiled too"

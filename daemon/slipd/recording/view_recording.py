@@ -9,7 +9,7 @@ from pathlib import Path
 
 from websockets.http11 import Response
 
-from slipd.compile_kernels import compile_kernels
+from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.errors import SlipdError
 from slipd.recording.event_gaps import EventGaps
 from slipd.recording.reader import Recording, open_recording
@@ -32,8 +32,9 @@ def view_recording(path: Path, address: ListenAddress) -> None:
         SlipdError: The port cannot be opened.
     """
     recording = open_recording(path)
-    view = RecordingView(recording)
-    compile_kernels()
+    with interruptible():
+        view = RecordingView(recording)
+        compile_kernels()
     site = Site({"live": False, "source": str(path), "buttons": False})
     try:
         asyncio.run(_serve(PageServer(address, site, on_data=view.answer), view))
