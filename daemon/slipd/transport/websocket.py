@@ -130,6 +130,7 @@ class WebsocketConnection:
         self._reading = False
         self._read_bytes = READ_BYTES
         self._received_s = self._loop.time()
+        self._unanswered = 0
         self._next_check = self._loop.call_later(PING_INTERVAL_S, self._check_alive)
         self._next_piece = self._loop.call_soon(self._handle_frames)  # frames that came with the handshake
 
@@ -167,6 +168,7 @@ class WebsocketConnection:
             self._lose("closed by the server")
             return
         self._received_s = self._loop.time()
+        self._unanswered = 0
         try:
             self._protocol.receive_data(data)
             self._handle_frames()
@@ -204,12 +206,16 @@ class WebsocketConnection:
             self._reading = False
 
     def _check_alive(self) -> None:
-        """Ping a silent server, and end the connection if it does not answer."""
+        """Ping a silent server, and end the connection if it does not answer.
+
+        The pings without an answer count, not the time: a stall of this process must not look like a silent server.
+        """
         silent_s = self._loop.time() - self._received_s
-        if silent_s > PING_INTERVAL_S + PING_TIMEOUT_S:
+        if self._unanswered * PING_INTERVAL_S >= PING_TIMEOUT_S:
             self._lose(f"no answer for {silent_s:.1f} s")
             return
         if silent_s >= PING_INTERVAL_S:
+            self._unanswered += 1
             self._protocol.send_ping(b"")
             self._writer.write(b"".join(self._protocol.data_to_send()))
         if self._delivery.ended:  # the ping failed

@@ -4,6 +4,7 @@ import asyncio
 import os
 import re
 import socket
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import TYPE_CHECKING
@@ -230,6 +231,19 @@ async def test_a_server_that_does_not_answer_pings_is_lost(
         else:
             await asyncio.sleep(0.3)
             assert kinds(events) == [LinkUp]
+
+
+async def test_C4_a_stall_of_the_daemon_is_no_silence_of_a_server(
+    serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd.transport.websocket.PING_INTERVAL_S", 0.02)
+    monkeypatch.setattr("slipd.transport.websocket.PING_TIMEOUT_S", 0.05)
+    async with sensor_server() as port, serving(link_to(port)) as (_, events):
+        await eventually(lambda: events)
+        for _ in range(3):
+            time.sleep(0.2)  # noqa: ASYNC251 - nothing of this process runs
+            await asyncio.sleep(0.05)
+        assert kinds(events) == [LinkUp]
 
 
 async def test_an_endless_answer_to_the_handshake_is_refused(serving: Serving, eventually: Eventually) -> None:
