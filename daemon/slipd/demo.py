@@ -42,6 +42,9 @@ END_S = 5.0
 
 LISTEN_S = 0.05
 
+FINAL_LOOKS = 3
+"""Times that the status is asked for at the end: on a busy machine a request may come too late."""
+
 
 @dataclass(slots=True)
 class Tally:
@@ -210,13 +213,17 @@ def _watch(
 
 def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
     """Return the streams of the daemon's status; nothing where it refuses or does not answer."""
+    error: ClientError | None = None
     with GripClient(requests) as requester:
-        try:
-            streams: dict[str, dict[str, Any]] = requester.status()["streams"]
-        except ClientError as error:
-            print(f"the daemon does not report its status at the end: {error}", file=sys.stderr)
-            return {}
-        return streams
+        for _ in range(FINAL_LOOKS):
+            try:
+                streams: dict[str, dict[str, Any]] = requester.status()["streams"]
+            except ClientError as failed:
+                error = failed
+            else:
+                return streams
+    print(f"the daemon does not report its status at the end: {error}", file=sys.stderr)
+    return {}
 
 
 def _summary(tally: Tally, report: Report, truth: list[dict[str, Any]], streams: dict[str, dict[str, Any]]) -> None:

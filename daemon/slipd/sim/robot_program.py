@@ -106,7 +106,7 @@ class RobotProgram(threading.Thread):
     def _prepare(self, client: GripClient) -> None:
         """Wait until every stream is ok, then tare both fingers."""
         until_s = time.monotonic() + self._plan.patience_s
-        while faults := _not_ok(client.status()["streams"]):
+        while faults := _faults(client):
             if time.monotonic() > until_s:
                 raise TimeoutError(f"streams that are not ok after {self._plan.patience_s:g} s: {faults}")
             if self._ending.wait(LISTEN_S):
@@ -122,12 +122,17 @@ class RobotProgram(threading.Thread):
         return client.tare(finger, self._plan.tare_s)
 
     def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
-        """Work under a lease; if a stall of the machine lets it run out, the caller takes a new one."""
+        """Work under a lease; where a stall of the machine ends or delays it, the caller takes a new one."""
         try:
             with client.lease(self._plan.lease_ms):
                 self._work(begin_s, subscriber, client)
         except LeaseLost as lost:
             self.report.refusals.append(str(lost))
+        except RequestRefused as refusal:
+            if refusal.code != "deadline_passed":
+                raise
+            self.report.refusals.append(str(refusal))
+            self._ending.wait(LISTEN_S)
 
     def _work(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
         while (now_s := time.monotonic() - begin_s) < self._plan.end_s and not self._ending.is_set():
@@ -214,6 +219,16 @@ class RobotProgram(threading.Thread):
         """Return the newest grip force of the weaker finger, N; None if unknown."""
         known = [slip["normal_n"] for slip in self._slips.values() if slip["normal_n"] is not None]
         return min(known, default=None)
+
+
+def _faults(client: GripClient) -> str:
+    """Return the streams that are not ok, and why, or that the machine was too busy to tell; "" if all are."""
+    try:
+        return _not_ok(client.status()["streams"])
+    except RequestRefused as refusal:
+        if refusal.code != "deadline_passed":
+            raise
+        return str(refusal)
 
 
 def _not_ok(streams: dict[str, dict[str, Any]]) -> str:

@@ -8,10 +8,14 @@ import pytest
 import zmq
 
 from slipd.sim.robot_program import Plan, RobotProgram
+from slipd_client import lease_keeper
 from slipd_client.messages import LEVELS, decode, encode
 
 BOOT = "run1"
-QUICK = Plan(patience_s=5.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=60.0, limit_n=20.0, step_n=50.0, step_s=0.0)
+QUICK = Plan(
+    patience_s=60.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=60.0, limit_n=20.0, step_n=50.0, step_s=0.0,
+    lease_ms=60_000,
+)  # fmt: skip
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
 ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gripper": {"health": 0, "message": ""}}
 
@@ -74,6 +78,12 @@ class Daemon(threading.Thread):
         self.pub.send_multipart([topic.encode(), encode(head | body)])
 
 
+@pytest.fixture(autouse=True)
+def renewed_often(monkeypatch):
+    """No stall of the machine ends a lease, which is renewed all the same."""
+    monkeypatch.setattr(lease_keeper, "RENEWALS", 1000)
+
+
 @pytest.fixture
 def daemon():
     made = Daemon()
@@ -127,6 +137,15 @@ def test_it_waits_until_every_stream_is_well(daemon):
     assert work(daemon).error == ""
     first_ops = [body["op"] for body in daemon.heard if body["op"] != "hello"][:4]
     assert first_ops == ["status", "status", "status", "tare"]
+
+
+def test_a_look_that_came_too_late_is_taken_again_and_so_is_a_lease(daemon):
+    daemon.answers["status"] = ["deadline_passed"]
+    daemon.answers["lease.acquire"] = ["deadline_passed"]
+    report = work(daemon)
+    assert report.error == ""
+    assert daemon.ops().count("lease.acquire") == 2
+    assert [text.split(":")[0] for text in report.refusals] == ["deadline_passed"]
 
 
 def test_it_gives_up_on_streams_that_stay_ill_and_touches_nothing(daemon):
