@@ -39,13 +39,21 @@ class Heard(NamedTuple):
     user_data: bytes
 
 
+_CLAIMS: list[socket.socket] = []
+"""Names that this process holds until it ends; one for each domain that it uses."""
+
+
 def free_domain() -> dict[str, str]:
-    """Return ROS's environment variables for a domain in which nobody is."""
+    """Return ROS's environment variables for a domain in which nobody is, and which no other test takes meanwhile."""
     while True:
         domain = random.randrange(1, 100)
+        claim = socket.socket(socket.AF_UNIX)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first, contextlib.suppress(OSError):
+            claim.bind(f"\0slipd-tests-ros-domain-{domain}")
             first.bind(("127.0.0.1", 7410 + 250 * domain))  # of the first participant
+            _CLAIMS.append(claim)
             return {"ROS_DOMAIN_ID": str(domain), "ROS_LOCALHOST_ONLY": "1"}
+        claim.close()
 
 
 @contextlib.contextmanager

@@ -7,21 +7,19 @@ from __future__ import annotations
 
 import contextlib
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 
 import zenoh
+from own_address import free_port, own_host
 
 from slipd_client.fleet.zenoh_session import Reach, configuration, opened
 
 
 def free_endpoint() -> str:
     """Return an endpoint on loopback on which nobody listens."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{one.getsockname()[1]}"
+    return f"tcp/{own_host()}:{free_port()}"
 
 
 @contextlib.contextmanager

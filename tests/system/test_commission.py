@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import os
 import signal
-import socket
 import sys
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from commission_person import touch_for
 from daemon_peers import PATIENCE_S, Client
+from own_address import free_port, own_host
 from service_rig import asked, serving
 
 from slipd import config
@@ -34,8 +34,8 @@ pad_from_sensor = { xyz_m = [0.004, -0.002, -0.025], quat_xyzw = [0.9659258, 0.2
 """
 KEYED = """
 [bus]
-publish = "tcp://127.0.0.1:{publish}"
-requests = "tcp://127.0.0.1:{requests}"
+publish = "tcp://{host}:{publish}"
+requests = "tcp://{host}:{requests}"
 secret_key = "{folder}/daemon.key_secret"
 readers = "{folder}/admitted"
 requesters = "{folder}/admitted"
@@ -46,12 +46,6 @@ def listing(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])
-
-
 def make_keys(folder: Path) -> str:
     """Create the keys of the daemon and of a person; return the part of the config."""
     admitted = folder / "admitted"
@@ -59,7 +53,7 @@ def make_keys(folder: Path) -> str:
     keys.create("daemon", folder)
     public, _ = keys.create("person", folder)
     public.rename(admitted / public.name)
-    return KEYED.format(publish=free_port(), requests=free_port(), folder=folder)
+    return KEYED.format(host=own_host(), publish=free_port(), requests=free_port(), folder=folder)
 
 
 class Person:

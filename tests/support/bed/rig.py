@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from driving import drive
+from own_address import free_port, own_host
 
 from slipd.devices import DEVICES, Device
 from slipd.samples import Sample, TactileSample
 from slipd.sim.emulate import emulator_for
 from slipd.sim.emulated_netft import NetftSensor
 from slipd.sim.emulators import Emulator
-
-HOST = "127.0.0.4"
-"""An address of this machine that no other test serves at: a Net F/T answers its inquiry on a port of its own."""
 
 REHEARSAL_S = 3.0
 MS = 1_000_000
@@ -109,10 +107,7 @@ def _address(folder: Path, device: str, transport: str) -> str:
     if transport == "local":
         return f"unix://{folder}/{device}.socket"
     kind = socket.SOCK_DGRAM if transport == "udp" else socket.SOCK_STREAM
-    with socket.socket(socket.AF_INET, kind) as free:
-        free.bind((HOST, 0))
-        port = free.getsockname()[1]
-    return f"{'ws' if transport == 'websocket' else transport}://{HOST}:{port}"
+    return f"{'ws' if transport == 'websocket' else transport}://{own_host()}:{free_port(kind)}"
 
 
 def _rehearse(device: Device, emulator: Emulator, transport: str) -> Sample:

@@ -64,7 +64,7 @@ class Files:
         return str(path)
 
     def _run(self, words: tuple[str, ...]) -> None:
-        here = [word.replace("10.0.0.1", "127.0.0.1") for word in words]
+        here = [word.replace("10.0.0.1", self._place.partition(":")[0]) for word in words]
         subprocess.run(here, cwd=self.folder, check=True, capture_output=True)
 
 
