@@ -14,9 +14,11 @@ import pytest
 import zmq
 
 from slipd_client import lease_keeper
+from slipd_client.aio import AsyncGripClient
+from slipd_client.grip import GripClient
 from slipd_client.messages import PROTOCOL_VERSION, decode, encode
 
-PATIENCE_MS = 10_000
+PATIENCE_MS = 60_000
 
 NEEDED: dict[str, dict[str, Any]] = {
     "slip": {"finger": "left", "level": "stable"},
@@ -49,6 +51,11 @@ class Publisher:
             assert time.monotonic() < until, "nobody subscribed"
             meanwhile()
         return self._socket.recv()[1:]
+
+    def wait_for(self, topic: bytes) -> None:
+        """Wait until somebody subscribes to a beginning of topics, which each subscriber does one after the other."""
+        while self.wait_for_subscriber() != topic:
+            pass
 
     def send(self, topic: str, seq: int, **fields: Any) -> None:
         """A message with all that its class needs, and what is given."""
@@ -187,6 +194,13 @@ def start_daemon(requests: str) -> Iterator[Callable[..., Daemon]]:
 @pytest.fixture
 def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
     return start_daemon()
+
+
+@pytest.fixture(autouse=True)
+def long_leases(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless a test says otherwise, no lease ends or is renewed while this machine does something else."""
+    monkeypatch.setattr(GripClient.lease.__wrapped__, "__defaults__", (60_000,))
+    monkeypatch.setattr(AsyncGripClient.lease.__wrapped__, "__defaults__", (60_000,))
 
 
 @pytest.fixture

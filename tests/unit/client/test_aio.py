@@ -14,7 +14,7 @@ from slipd_client.messages import MessageError
 if TYPE_CHECKING:
     from conftest import Daemon, Publisher
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 async def joined(publisher: Publisher) -> None:

@@ -16,7 +16,7 @@ import pytest
 from slipd_client.page import emulated_hand
 from slipd_client.page.emulated_hand import SOCKET, EmulatedHand
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 PRESS: dict[str, Any] = {
     "finger": "left",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from conftest import Daemon, Publisher
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 SPEED = 20.0
 """How much faster than real time verdicts are sent; their own times are in real time."""
 

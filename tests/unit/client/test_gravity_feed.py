@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from conftest import Daemon
 
 HALF = 0.5**0.5
+PATIENCE_S = 60.0
 REPLY = {"gravity": "compensated"}
 
 
@@ -79,10 +80,12 @@ def test_every_line_of_a_pipe_is_followed_until_it_ends(
 
     def write() -> None:
         with pipe.open("w") as out:
-            for line in ("1 0 0\n", "# comment\n", "0 1 0"):
+            for line, sent in (("1 0 0\n", [1.0, 0.0, 0.0]), ("# comment\n", None), ("0 1 0", None)):
                 out.write(line)
                 out.flush()
-                time.sleep(0.3)
+                until_s = time.monotonic() + PATIENCE_S
+                while sent is not None and sent not in list(vectors) and time.monotonic() < until_s:
+                    time.sleep(0.01)
 
     writer = threading.Thread(target=write)
     writer.start()

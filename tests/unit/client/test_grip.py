@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from slipd_client.messages import MessageError, encode
 if TYPE_CHECKING:
     from conftest import Daemon
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 MAX_AHEAD_NS = 500_000_000
 """The furthest deadline that a daemon accepts."""
@@ -53,10 +52,11 @@ def test_every_request_names_version_run_and_an_id_of_its_own(daemon: Daemon) ->
 @pytest.mark.parametrize("ahead_s", [0, 86_400, -86_400])
 def test_deadlines_are_in_the_clock_of_the_daemon(start_daemon: Callable[..., Daemon], ahead_s: int) -> None:
     daemon = start_daemon(ahead_ns=ahead_s * 10**9)
+    begin_ns = daemon.now_ns()
     with GripClient(daemon.endpoint) as client:
         client.status()
     asked = daemon.requests[-1]
-    assert 0 < asked["deadline_ns"] - asked["arrived_ns"] < MAX_AHEAD_NS
+    assert begin_ns < asked["deadline_ns"] < asked["arrived_ns"] + MAX_AHEAD_NS
 
 
 def test_a_clock_that_is_known_no_more_is_read_again_and_the_run_is_kept(
@@ -135,8 +135,10 @@ def test_a_silent_daemon_may_or_may_not_have_done_it(daemon: Daemon) -> None:
 
 
 def test_a_late_reply_is_not_taken_for_the_next_one(daemon: Daemon) -> None:
+    given_up = threading.Event()
+
     def late(request: dict[str, Any]) -> dict[str, Any]:
-        time.sleep(0.3)
+        given_up.wait(PATIENCE_S)
         return {"force_n": request["force_n"]}
 
     daemon.handlers["grip.set"] = late
@@ -145,7 +147,8 @@ def test_a_late_reply_is_not_taken_for_the_next_one(daemon: Daemon) -> None:
         client.timeout_s = 0.1
         with pytest.raises(NoAnswer):
             client.grip_set(1.0)
-        client.timeout_s = 10.0
+        given_up.set()
+        client.timeout_s = PATIENCE_S
         assert client.grip_set(2.0) == {"force_n": 2.0}
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import time
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -81,10 +82,20 @@ def test_a_tare_that_was_taken_and_undone_at_once_is_reported_as_undone(daemon: 
     assert (caught.value.code, caught.value.reason) == ("not_ready", "undone")
 
 
-def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:
-    daemon.handlers["tare.get"] = lambda _: {"busy": True, "tare_id": 1}
-    with GripClient(daemon.endpoint, timeout_s=0.3) as client, pytest.raises(NoAnswer, match="too few readings"):
-        client.tare("left", 0.1)
+def test_a_tare_without_readings_is_told(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited_ns = 0
+
+    def busy(_: Any) -> dict[str, Any]:
+        nonlocal waited_ns
+        waited_ns += 10**9
+        return {"busy": True, "tare_id": 1}
+
+    daemon.handlers["tare.get"] = busy
+    with GripClient(daemon.endpoint, timeout_s=2.0) as client:
+        monkeypatch.setattr(client._protocol, "_now_ns", lambda: time.monotonic_ns() + waited_ns)
+        with pytest.raises(NoAnswer, match="too few readings"):
+            client.tare("left", 0.1)
+    assert daemon.ops.count("tare.get") >= 2
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])

@@ -27,7 +27,7 @@ from slipd_client.page.site import Site
 if TYPE_CHECKING:
     from conftest import Daemon
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[bytes]:

@@ -18,18 +18,18 @@ from slipd_client.watch import watch
 if TYPE_CHECKING:
     from conftest import Publisher
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
 @pytest.fixture
-def sending(publisher: Publisher) -> Callable[[Callable[[], None]], threading.Thread]:
-    """Sends from a thread of its own once somebody listens; only that thread then uses the publisher."""
+def sending(publisher: Publisher) -> Callable[..., threading.Thread]:
+    """Sends from a thread of its own once somebody listens to a topic; only that thread then uses the publisher."""
 
-    def start(send: Callable[[], None]) -> threading.Thread:
+    def start(send: Callable[[], None], topic: bytes = b"slip") -> threading.Thread:
         def run() -> None:
-            publisher.wait_for_subscriber()
+            publisher.wait_for(topic)
             send()
 
         thread = threading.Thread(target=run, daemon=True)
@@ -51,7 +51,7 @@ def test_a_daemon_that_cannot_be_read_is_told_with_the_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "FIRST_S", 0.5)
-    thread = sending(lambda: publisher.send("status", 1, v=2))
+    thread = sending(lambda: publisher.send("status", 1, v=2), b"status")
     with pytest.raises(Silence, match="1 unreadable, the last: unsupported_version"):
         watch(publisher.endpoint, as_json=False, once=True)
     thread.join()
@@ -81,7 +81,7 @@ def test_once_as_json_is_one_line_a_topic(
         publisher.send("wrench.left", 1, force_n=[0.0, 0.0, 1.5])
         publisher.send("slip.left", 1, mu=None)
 
-    thread = sending(send)
+    thread = sending(send, b"")
     watch(publisher.endpoint, as_json=True, once=True)
     thread.join()
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]

@@ -98,8 +98,18 @@ async def test_readings_reach_the_guide_and_the_page_as_often_as_stated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], least_s: float
 ) -> None:
     monkeypatch.setattr(page_host, "LIVE_S", least_s)
+
+    def listen(host: TerminalHost) -> list[Event]:
+        """Return some events, with a reading among them."""
+        events: list[Event] = []
+        until_s = time.monotonic() + PATIENCE_S
+        while len(events) < 150 or not any(isinstance(event, Wrench) for event in events):
+            assert time.monotonic() < until_s
+            events.append(host.respond(None))
+        return events
+
     async with daemon_of_a_heavy_finger(tmp_path) as (rig, daemon):
-        events = await hosted(PageHost, rig, daemon, lambda host: [host.respond(None) for _ in range(150)])
+        events = await hosted(PageHost, rig, daemon, listen)
     readings = [event for event in events if isinstance(event, Wrench)]
     shown = [json.loads(line)["live"]["left"] for line in capsys.readouterr().out.splitlines()]
     assert readings

@@ -153,8 +153,11 @@ def test_a_terminal_shows_the_most_urgent_robot_first_and_is_itself_the_router()
                     robots[0].reports("stable")
                     robots[1].reports("warning")
 
-                lines = terminal.wait_for(lambda lines: "2 live  1 warning" in lines[0], speak)
-                assert [line.split()[0] for line in lines[2:4]] == ["arm2", "arm1"]
+                def urgent_first(lines: list[str]) -> bool:
+                    names = [line.partition(" ")[0] for line in lines[2:4]]
+                    return "2 live  1 warning" in lines[0] and names == ["arm2", "arm1"]
+
+                terminal.wait_for(urgent_first, speak)
                 for robot in robots:
                     robot.leaves()
                 terminal.wait_for(lambda lines: lines[0] == "fleet slipd  2 robots  2 gone")

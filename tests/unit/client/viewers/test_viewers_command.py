@@ -17,7 +17,7 @@ from slipd_client.viewers.viewers_command import levels_of, pads_of
 if TYPE_CHECKING:
     from conftest import Publisher
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 HEADER = {"timestamp": 1_700_000_000.5, "frame": "", "config_id": "c"}
 
