@@ -84,7 +84,7 @@ def test_the_mouse_presses_a_pad_that_is_mounted_as_the_config_says(rig: Emulate
     before = browser.until("slipd.state.last('status')?.config_id")
     rig.write_config()
     rig.daemon.send_signal(signal.SIGHUP)
-    browser.until(f"slipd.state.last('status').config_id !== '{before}'")
+    browser.until(f"((id) => id && id !== '{before}')(slipd.state.last('status')?.config_id)")
     browser.until("slipd.cards.get('left')?.drawn.tactile && document.querySelector('.hand') !== null")
     browser.press('[data-finger="left"] .tare', "left: zero taken of wrench")
     mouse(browser, "move", 0.0, 0.0)
@@ -158,12 +158,13 @@ def mouse(browser: Browser, action: str, *place_m: float) -> None:
     """Move the mouse to a place of the left pad, or press or release its button."""
     where = """(([x, y]) => {
         const { pad, drawn } = slipd.cards.get("left");
+        if (!drawn.tactile) return null; // a pad without an image has another scale
         pad.scrollIntoView({ block: "center" });
         const { left, top } = pad.getBoundingClientRect();
         const { scale, origin } = drawn.pad;
         return [left + origin[0] + scale * x, top + origin[1] - scale * y];
     })"""
-    at = browser.value(f"{where}({list(place_m)})") if place_m else []
+    at = browser.until(f"{where}({list(place_m)})") if place_m else []
     browser.do(lambda page: getattr(page.mouse, action)(*at))
 
 

@@ -89,18 +89,10 @@ def test_the_data_of_the_page_need_its_token(fleet: tuple[str, dict[str, Robot]]
     assert fetched(url, url.partition("#")[2])["fleet"] == "plant"
 
 
-def cells(browser: Browser) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = browser.value(
-        """Object.fromEntries([...document.querySelectorAll("#robot-rows tr")].map(
-            (row) => [row.dataset.robot, [...row.cells].slice(1, 4).map((cell) => cell.textContent)]))"""
-    )
-    return found
-
-
-def order(names: str) -> str:
-    return (
-        f"""[...document.querySelectorAll("#robot-rows tr")].map((row) => row.dataset.robot).join(" ") === "{names}" """
-    )
+def shows(*rows: list[Any]) -> str:
+    """Return a condition: the table has these robots in this order, each with its state, level and health."""
+    return f"""JSON.stringify([...document.querySelectorAll("#robot-rows tr")].map((row) => [row.dataset.robot,
+        [...row.cells].slice(1, 4).map((cell) => cell.textContent)])) === JSON.stringify({json.dumps(rows)})"""
 
 
 @needs_browser
@@ -109,16 +101,14 @@ def test_the_page_shows_levels_and_robots_that_vanish_the_most_urgent_first(
 ) -> None:
     url, robots = fleet
     browser.open(url)
-    browser.until(order("arm1 arm2"))
+    calm = ["live", "STABLE", "WARN"]
+    browser.until(shows(["arm1", calm], ["arm2", calm]))
     browser.until("""document.getElementById("facts").textContent.includes("2 of 2 robots are live")""")
-    assert cells(browser) == {name: ["live", "STABLE", "WARN"] for name in ("arm1", "arm2")}
     robots["arm2"].level = "slipping"
-    browser.until(order("arm2 arm1"))
-    assert cells(browser)["arm2"] == ["live", "SLIPPING", "WARN"]
-    assert "left.pad: <b>late</b>" in browser.value("""slipd.rows.get("arm2").cells[5].textContent""")
+    browser.until(shows(["arm2", ["live", "SLIPPING", "WARN"]], ["arm1", calm]))
+    browser.until("""slipd.rows.get("arm2").cells[5].textContent.includes("left.pad: <b>late</b>")""")
     robots["arm1"].leaves()
-    browser.until("""slipd.rows.get("arm1").cells[1].textContent === "gone" """)
-    assert cells(browser)["arm1"] == ["gone", "UNKNOWN", "unknown"]
+    browser.until(shows(["arm2", ["live", "SLIPPING", "WARN"]], ["arm1", ["gone", "UNKNOWN", "unknown"]]))
     assert browser.problems == []
 
 

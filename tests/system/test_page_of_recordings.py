@@ -43,6 +43,12 @@ def levels(browser: Browser) -> dict[str, str]:
     return found
 
 
+def pause(browser: Browser) -> None:
+    """Press "Pause" where the recording has not been played to its end; what "Play" would do then is another test."""
+    browser.value("slipd.source.playing && document.getElementById('play').click()")
+    browser.until("document.getElementById('play').textContent === 'Play'")
+
+
 def test_no_level_is_shown_through_lost_entries(browser: Browser, tmp_path: Path) -> None:
     """Before them nothing touched the pads, which is a low bar in the time line; "unknown" is higher."""
 
@@ -57,7 +63,7 @@ def test_no_level_is_shown_through_lost_entries(browser: Browser, tmp_path: Path
     with page_of(lossy(REPLAYS / "demo.mcap", tmp_path)) as url:
         browser.open(url)
         browser.until(ENDED)
-        browser.click("#play")  # a pause
+        pause(browser)
         browser.do(lambda page: page.fill("#position", "1.9"))
         browser.until("slipd.source.position === 1.9 && slipd.source.seeking === null")
         browser.until("[...document.querySelectorAll('.level')].every((level) => level.textContent === 'UNKNOWN')")
@@ -76,7 +82,7 @@ def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
     with page_of(REPLAYS / "demo.mcap") as url:
         browser.open(url)
         browser.until(ENDED)
-        browser.click("#play")  # a pause
+        pause(browser)
         browser.do(lambda page: page.fill("#position", "0"))
         browser.until("slipd.source.position === 0 && slipd.source.seeking === null")
         browser.click("#next")
