@@ -17,7 +17,7 @@ from slipd.devices import bota, pvdf
 from slipd.service_run import Endpoints
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 class Device:
@@ -83,6 +83,11 @@ class Client:
             assert len(frames) == 2
             self.heard.append((frames[0].decode(), decode(frames[1], MESSAGE_LIMITS)))
         return [body for name, body in self.heard if name == topic]
+
+    def newest(self, topic: str) -> dict[str, Any]:
+        """Body of the newest message of a topic; empty before the first."""
+        heard = self.hear(topic)
+        return heard[-1] if heard else {}
 
     def ask(self, **body: Any) -> None:
         self._dealer.send(encode({"v": 1, "id": 1} | body))

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import pyte
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class PseudoTerminal:

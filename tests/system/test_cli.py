@@ -118,7 +118,10 @@ def test_a_replay_is_published_to_subscribers(
 
     listener = threading.Thread(target=listen)
     listener.start()
-    assert main(["replay", str(recording), "--speed", "4", "--publish"]) == 0
+    for _ in range(10):  # on a busy machine a replay may have ended before the subscriber has found it
+        assert main(["replay", str(recording), "--speed", "4", "--publish"]) == 0
+        if heard:
+            break
     listener.join()
     context.destroy(linger=0)
     assert heard[0][0] in (b"slip.left", b"slip.right")

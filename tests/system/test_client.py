@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 from daemon_peers import PATIENCE_S, Device
+from patient_client import PatientClient
 
 from slipd import config, service
 from slipd.service_run import Endpoints
-from slipd_client.aio import AsyncGripClient
+from slipd_client.aio import AsyncGripClient, AsyncLease
 from slipd_client.errors import LeaseInUse, RequestRefused, TareGivenUp
 
 RIG = """
@@ -92,7 +93,7 @@ async def given_up(client: AsyncGripClient, end: Callable[[], object]) -> TareGi
 
 async def test_a_tare_that_was_given_up_is_reported_as_what_it_was(sensor: Device) -> None:
     feeder = Feeder(sensor)
-    async with serving(sensor) as endpoint, AsyncGripClient(endpoint, timeout_s=PATIENCE_S) as client:
+    async with serving(sensor) as endpoint, PatientClient(endpoint) as client:
         feeding = asyncio.create_task(feeder.run())
         try:
             assert await take(client, 0.1) == 1
@@ -116,15 +117,15 @@ async def test_a_task_without_the_lease_is_refused_as_another_client_is(sensor: 
     """One client, two tasks: the one that does not hold the lease may not loosen verdicts, nor end the lease."""
     held, checked = asyncio.Event(), asyncio.Event()
 
-    async def hold(client: AsyncGripClient) -> float | None:
-        async with client.lease() as lease:
+    async with serving(sensor) as endpoint, PatientClient(endpoint) as client, PatientClient(endpoint) as other:
+
+        async def hold(lease: AsyncLease) -> float | None:
             held.set()
             while not checked.is_set():
                 await lease.wait(0.01)
             return (await client.friction_set("left", 0.6)).mu
 
-    async with serving(sensor) as endpoint, AsyncGripClient(endpoint) as client, AsyncGripClient(endpoint) as other:
-        holder = asyncio.create_task(hold(client))
+        holder = asyncio.create_task(client.holding(hold))
         await held.wait()
         with pytest.raises(LeaseInUse):
             await client.friction_set("left", 0.9)
@@ -135,7 +136,9 @@ async def test_a_task_without_the_lease_is_refused_as_another_client_is(sensor: 
                 pytest.fail("the block ran")
         with pytest.raises(RequestRefused, match="no_lease"):
             await other.friction_set("left", 0.9)
-        assert (await client.status()).lease.held
+        async with asyncio.timeout(PATIENCE_S):
+            while not (await client.status()).lease.held:
+                pass
         checked.set()
         assert await holder == 0.6
         assert (await client.status()).fingers["left"].mu == 0.6

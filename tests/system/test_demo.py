@@ -65,10 +65,17 @@ def test_the_summary_counts(demo: tuple[str, Path]) -> None:
         r"^readings: \d{5}",
         r"^messages: \d{4,} \(\d+ grasp, \d+ gripper, \d+ slip",
         r"^warnings: [1-9]\d* ",
-        r"^gaps: 0$",
         r"^median latency: \d+\.\d\d ms",
     ):
         assert re.search(pattern, demo[0], re.MULTILINE), (pattern, demo[0])
+
+
+@pytest.mark.process
+def test_each_message_is_received_or_counted_as_missed(demo: tuple[str, Path]) -> None:
+    """On a machine that cannot keep up some are missed; the few of the beginning and of the end are not asked for."""
+    received, missed = (int(found) for found in re.findall(r"^(?:messages|gaps): (\d+)", demo[0], re.MULTILINE))
+    published = sum(1 for _ in open_recording(demo[1]).messages())
+    assert 0.9 * published < received + missed <= published
 
 
 @pytest.mark.process

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import pty
 import shutil
 import signal
 import subprocess
@@ -17,6 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from replays import RECORDINGS
+from terminals import PseudoTerminal
 
 from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
@@ -217,14 +217,14 @@ def test_a_second_run_writes_the_same_table(sticky: str, tmp_path: Path, capsys:
 
 @pytest.mark.process
 def test_progress_is_shown_on_a_terminal_only() -> None:
-    master, slave = pty.openpty()
-    ended = subprocess.run([SLIPD, "evaluate", DEMO], stdout=subprocess.PIPE, stderr=slave, check=False, timeout=60)
-    os.close(slave)
-    shown = os.read(master, 10_000).decode()
-    os.close(master)
-    assert ended.returncode == 0
-    assert "0 of 1 runs" in shown
-    assert shown.endswith("\r\x1b[K"), "and erased at the end"
+    with PseudoTerminal() as terminal:
+        process = subprocess.Popen([SLIPD, "evaluate", DEMO], stdout=subprocess.DEVNULL, stderr=terminal.slave)
+        os.close(terminal.slave)
+        while process.poll() is None or terminal.read(0.0):
+            terminal.read(0.05)
+        assert process.returncode == 0
+        assert b"0 of 1 runs" in terminal.sent
+        assert terminal.sent.endswith(b"\r\x1b[K"), "and erased at the end"
 
 
 class Batch:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 from daemon_peers import until
+from patient_client import PatientClient
 from service_rig import Rig, serving
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd_client.aio import AsyncGripClient
+from slipd_client.aio import AsyncLease
 from slipd_client.errors import RequestRefused
 from slipd_client.messages import encode
 
@@ -18,16 +19,19 @@ from slipd_client.messages import encode
 async def test_a_named_object_is_kept_shown_and_replayed(rig: Rig, tmp_path: Path) -> None:
     async with (
         serving(rig.config, record=tmp_path / "run.mcap") as daemon,
-        AsyncGripClient(daemon.endpoints.requests) as client,
-        AsyncGripClient(daemon.endpoints.requests) as other,
+        PatientClient(daemon.endpoints.requests) as client,
+        PatientClient(daemon.endpoints.requests) as other,
     ):
         await until(lambda: daemon.hear("slip.left"), rig.send)
-        async with client.lease():
+
+        async def name_it(_: AsyncLease) -> None:
             reply = await client.object_set("mug")
             assert (reply.object_name, reply.fingers["left"].mu_source) == ("mug", "config")
             assert reply.fingers["left"].mu == 0.5
             with pytest.raises(RequestRefused, match="no_lease"):
                 await other.object_set("box")
+
+        await client.holding(name_it)
         assert (await other.object_set("mug")).object_name == "mug", "the same name is no change"
         assert (await client.status()).object_name == "mug"
         with pytest.raises(RequestRefused, match="name must have 1 to 64 letters"):

@@ -19,7 +19,7 @@ from mcap.reader import NonSeekingReader
 from service_rig import SLIPD, Rig, client_of, serving, start
 
 from slipd import config
-from slipd.recording.reader import open_recording
+from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
 from slipd.service_run import Endpoints
 from slipd_client.messages import decode, encode
@@ -39,7 +39,8 @@ async def test_P4_a_signal_ends_the_process_well(
         client = client_of(process)
         assert client.endpoints == Endpoints(f"ipc://{runtime}/publish", f"ipc://{runtime}/requests")
         await until(lambda: client.hear("wrench.left"), rig.send)
-        assert client.hear("status")[-1]["run_recording"]["path"] == str(tmp_path / "run.mcap")
+        recording = await until(lambda: client.newest("status").get("run_recording"), rig.send)
+        assert recording["path"] == str(tmp_path / "run.mcap")
         client.close()
         process.send_signal(number)
         assert process.wait(PATIENCE_S) == 0
@@ -62,26 +63,32 @@ def messages_of_another_reader(path: Path, topic: str) -> int:
     return found
 
 
+def wrenches_in(recording: Recording) -> list[dict[str, Any]]:
+    """Return the messages of the force sensor in a recording, which may still be written."""
+    return [decode(payload) for topic, payload in recording.messages() if topic == "wrench.left"]
+
+
 @pytest.mark.process
 async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with start(rig.file, "--record", str(path)) as process:
         client = client_of(process)
         await until(lambda: len(client.hear("wrench.left")) > 100, rig.send)
+        newest = client.newest("wrench.left")["seq"]
+        await until(lambda: any(body["seq"] == newest for body in wrenches_in(open_recording(path))), rig.send)
         process.kill()
         process.wait()
         await asyncio.sleep(0.1)
         seen = {body["seq"]: body["t_ns"] for body in client.hear("wrench.left")}
         client.close()
     recorded = open_recording(path)
-    kept = [decode(payload) for topic, payload in recorded.messages() if topic == "wrench.left"]
+    kept = wrenches_in(recorded)
+    assert kept[-1]["seq"] >= newest, "what is published reaches the file while the run goes on"
     assert {body["seq"] for body in kept} >= {seq for seq, t_ns in seen.items() if t_ns <= kept[-1]["t_ns"]}
     assert "ends without an end record" in str(recorded.fault)
     replayed = [encode(body) for topic, body in replay(open_recording(path)) if topic == "wrench.left"]
     assert replayed[: len(kept)] == [encode(body) for body in kept], "the last event may be there without its message"
     assert messages_of_another_reader(path, "wrench.left") == len(kept)
-    lost_s = (max(seen.values()) - kept[-1]["t_ns"]) * 1e-9
-    assert lost_s < 1.0, "the writer flushes every 0.07 s; a busy machine may delay it"
 
 
 @pytest.mark.process
@@ -101,7 +108,7 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
     path = tmp_path / "run.mcap"
 
     def stopped() -> dict[str, Any] | None:
-        recording = client.hear("status")[-1]["run_recording"] if client.hear("status") else None
+        recording = client.newest("status").get("run_recording")
         return recording if recording and recording["state"] == "failed" else None
 
     def send() -> None:

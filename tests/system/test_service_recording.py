@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import os
-import socket
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from daemon_peers import until
 from mcap.writer import MCAP0_MAGIC
+from own_address import free_port, own_host
 from service_rig import Rig, asked, left_in, serving
 
 from slipd import config, service
@@ -28,7 +27,7 @@ async def test_what_was_recorded_replays_as_it_was_published(rig: Rig, tmp_path:
         rig.wrench.unplug()
         client.ask(op="status")
         await until(client.answer)
-        await until(lambda: client.hear("warning")[-1]["reasons"] == ["stale"])
+        await until(lambda: client.newest("warning").get("reasons") == ["stale"])
         live = [(topic, body) for topic, body in client.heard]
     recording = open_recording(tmp_path / "run.mcap")
     replayed = list(replay(recording))
@@ -45,15 +44,16 @@ async def test_a_recording_that_a_client_asks_for_holds_what_it_was_sent(
     monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
     async with serving(rig.config) as client:
         await until(lambda: client.hear("slip.left"), rig.send)
-        client.ask(op="hello")
-        hello = (await until(client.answer))["result"]
-        envelope = {"boot": hello["boot"], "deadline_ns": time.monotonic_ns() + 400_000_000}
-        client.ask(op="record.start", **envelope)
-        result = (await until(client.answer))["result"]
+        result = (await asked(client, "record.start"))["result"]
         name, path = result["name"], str(tmp_path / "state" / result["name"])
         assert result["path"] == path
-        begun = len(client.hear("slip.left"))
-        await until(lambda: len(client.hear("slip.left")) > begun + 5, rig.send)
+        begun_ns = (await asked(client, "hello"))["result"]["t_ns"]
+
+        def recorded_slips() -> list[dict[str, Any]]:
+            """What was published since the reply; some of what was published before it arrives later."""
+            return [body for body in client.hear("slip.left") if body["t_ns"] > begun_ns]
+
+        await until(lambda: len(recorded_slips()) > 5, rig.send)
         client.ask(op="status")
         recording = (await until(client.answer))["result"]["recording"]
         assert recording == {
@@ -64,7 +64,7 @@ async def test_a_recording_that_a_client_asks_for_holds_what_it_was_sent(
             "failure": None,
             "lost": 0,
         }
-        heard = [encode(body) for body in client.hear("slip.left")[begun + 1 :]]
+        heard = [encode(body) for body in recorded_slips()]
     recorded = open_recording(tmp_path / "state" / name)
     told = [payload for topic, payload in recorded.messages() if topic == "slip.left"]
     assert recorded.complete
@@ -83,10 +83,7 @@ async def test_a_recording_is_never_overwritten(rig: Rig, tmp_path: Path) -> Non
 async def test_a_run_whose_endpoint_is_in_use_leaves_no_recording_and_compiles_nothing(
     rig: Rig, tmp_path: Path, scheme: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    endpoint = f"ipc://{tmp_path}/requests" if scheme == "ipc" else f"tcp://127.0.0.1:{port}"
+    endpoint = f"ipc://{tmp_path}/requests" if scheme == "ipc" else f"tcp://{own_host()}:{free_port()}"
     bus = f'[bus]\npublish = "ipc://{tmp_path}/{{}}"\nrequests = "{endpoint}"\nallow_local_tcp = true\n'
     text = rig.file.read_text(encoding="utf-8")
     first, second = (config.parse(text + bus.format(name), "rig.toml") for name in ("first", "second"))
@@ -186,15 +183,16 @@ async def test_what_happened_before_a_warning_is_saved_and_replays(rig: Rig, tmp
         await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
         await until(saved, slide)
         boot = client.hear("status")[-1]["boot"]
-    [path] = saved()
-    level = path.stem.rpartition("-")[2]
-    assert boot in path.name
-    recording = open_recording(path)
-    published = list(recording.messages())
-    assert recording.complete
-    warnings = [decode(payload) for topic, payload in published if topic == "warning"]
-    assert any(body["level"] == level for body in warnings)
-    assert [(topic, encode(body)) for topic, body in replay(open_recording(path))] == published, "nothing was dropped"
+    for path in saved():  # more than one where the readings came late, and the finger was stale in between
+        level = path.stem.rpartition("-")[2]
+        assert boot in path.name
+        recording = open_recording(path)
+        published = list(recording.messages())
+        assert recording.complete
+        warnings = [decode(payload) for topic, payload in published if topic == "warning"]
+        assert any(body["level"] == level for body in warnings)
+        replayed = [(topic, encode(body)) for topic, body in replay(open_recording(path))]
+        assert replayed == published, "nothing was dropped"
 
 
 async def test_a_run_in_files_that_follow_each_other_is_reported_and_each_replays(rig: Rig, tmp_path: Path) -> None:
@@ -204,11 +202,14 @@ async def test_a_run_in_files_that_follow_each_other_is_reported_and_each_replay
         "[recording.continuous]\nenabled = true\nfile_s = 1.0\nkeep_files = 2\n"
     )
     async with serving(config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")) as client:
-        await until(lambda: any(body["run_recording"] for body in client.hear("status")), rig.send)
-        assert client.hear("status")[-1]["run_recording"]["path"].startswith(f"{folder}/run-")
+        await until(lambda: client.newest("status").get("run_recording"), rig.send)
+        assert client.newest("status")["run_recording"]["path"].startswith(f"{folder}/run-")
         await until(lambda: any("-0003.mcap" in path.name for path in folder.glob("run-*.mcap")), rig.send)
     files = sorted(folder.glob("run-*.mcap"))
-    assert [path.stem[-4:] for path in files][:2] == ["0002", "0003"]
+    numbers = [int(path.stem[-4:]) for path in files]
+    assert numbers[0] > 1, "the oldest is deleted"
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    assert numbers[-1] >= 3, "later ones follow where the end of the run comes late"
     for path in files:
         recording = open_recording(path)
         assert len(list(replay(recording))) > 0

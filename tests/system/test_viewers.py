@@ -15,7 +15,7 @@ from project import ROOT
 
 pytestmark = pytest.mark.process
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
