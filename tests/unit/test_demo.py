@@ -16,7 +16,7 @@ import zmq
 from slipd import demo
 from slipd_client.messages import decode, encode
 
-STREAMS = {"left.wrench": {"samples": 9, "bad": 0, "lost": 0}}
+STREAMS = {"left.wrench": {"health": 0, "samples": 9, "bad": 0, "lost": 0}}
 
 
 @contextmanager
