@@ -130,6 +130,7 @@ class AsyncGripClient(GripClientBase):
         self._claim(lease)
         try:
             await self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
+            lease.note_renewal(self._protocol.lease_asked_ns)
             async with self._renewed(lease):
                 yield lease
         finally:
@@ -154,13 +155,12 @@ class AsyncGripClient(GripClientBase):
             await asyncio.sleep(lease.period_s)
             if lease.lost:
                 return
-            sent_ns = time.monotonic_ns()
             try:
                 await self._run(self._renewal(lease))
             except ClientError as error:
                 lease.note_failure(error)
             else:
-                lease.note_renewal(sent_ns)
+                lease.note_renewal(self._protocol.lease_asked_ns)
 
     async def __aenter__(self) -> AsyncGripClient:
         self._waker = Waker(self._link.socket)

@@ -67,6 +67,7 @@ class GripClient(GripClientBase):
         self._claim(lease)
         try:
             self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
+            lease.note_renewal(self._protocol.lease_asked_ns)
             with self._renewed(lease):
                 yield lease
         finally:
@@ -91,13 +92,12 @@ class GripClient(GripClientBase):
 
     def _renew(self, lease: Lease, ended: threading.Event, owner: threading.Thread) -> None:
         while not ended.wait(lease.period_s) and owner.is_alive() and not lease.lost:
-            sent_ns = time.monotonic_ns()
             try:
                 self._run(self._renewal(lease))
             except ClientError as error:
                 lease.note_failure(error)
             else:
-                lease.note_renewal(sent_ns)
+                lease.note_renewal(self._protocol.lease_asked_ns)
 
     def disconnect(self) -> None:
         """Close the connection; a second call does nothing. A lease ends with it, and the gripper keeps its force."""

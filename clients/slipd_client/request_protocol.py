@@ -89,12 +89,14 @@ class RequestProtocol:
     Attributes:
         clock: The daemon's clock.
         boot: The daemon's run; None until ``hello`` was answered.
+        lease_asked_ns: When the newest request for the client's own lease left; no greeting before it counts.
     """
 
     def __init__(self, endpoint: str, now_ns: Callable[[], int], check: Callable[[str], None]) -> None:
         self.endpoint = endpoint
         self.clock = ServerClock()
         self.boot: str | None = None
+        self.lease_asked_ns = 0
         self._now_ns = now_ns
         self._check = check
         self._unreadable = ""
@@ -200,6 +202,8 @@ class RequestProtocol:
             body |= {"boot": self.boot, "deadline_ns": earliest_ns + DEADLINE_NS}
         data = _encoded(body, ask)
         decode(data)
+        if ask.unchecked:
+            self.lease_asked_ns = now_ns
         return Envelope(number, now_ns, data)
 
     def result(self, envelope: Envelope, frames: list[bytes]) -> Result | None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -212,6 +213,15 @@ async def test_a_lease_renews_itself_and_is_given_back(daemon: Daemon, often: in
                 await lease.wait(0.001)
         assert not lease.lost
     assert daemon.ops[-1] == "lease.release"
+
+
+async def test_a_lease_begins_with_its_request_and_not_with_the_greetings_before_it(daemon: Daemon) -> None:
+    greet = daemon.handlers["hello"]
+    daemon.handlers["hello"] = lambda request: (time.sleep(0.45), greet(request))[1]
+    async with AsyncGripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(1500):
+        await client.grip_set(5.0)
+    assert daemon.ops.count("hello") == 4
+    assert "grip.set" in daemon.ops
 
 
 async def test_a_lease_that_is_lost_is_told_at_once(daemon: Daemon, often: int) -> None:

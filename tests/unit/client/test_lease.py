@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from conftest import Daemon
 
 PATIENCE_S = 60.0
+SHORT_MS = 1500
 
 
 def in_threads(*works: Callable[[], object], names: list[str | None] | None = None) -> None:
@@ -53,6 +54,20 @@ def test_a_lease_is_given_back_at_the_end_of_the_block(daemon: Daemon) -> None:
         client.grip_set(5.0)
     assert daemon.requests[1]["ttl_ms"] == 59_000
     assert daemon.ops == ["hello", "lease.acquire", "grip.set", "lease.release"]
+
+
+def greets_slowly(daemon: Daemon) -> None:
+    """The four greetings of a slow line take longer than a lease of `SHORT_MS` lasts."""
+    greet = daemon.handlers["hello"]
+    daemon.handlers["hello"] = lambda request: (time.sleep(0.3 * SHORT_MS / 1000), greet(request))[1]
+
+
+def test_a_lease_begins_with_its_request_and_not_with_the_greetings_before_it(daemon: Daemon) -> None:
+    greets_slowly(daemon)
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(SHORT_MS):
+        client.grip_set(5.0)
+    assert daemon.ops.count("hello") == 4
+    assert "grip.set" in daemon.ops
 
 
 def test_a_lease_renews_itself_while_the_block_runs(daemon: Daemon, often: int) -> None:
