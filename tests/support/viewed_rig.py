@@ -106,7 +106,7 @@ class ViewedRig:
         self._publish, self._requests = f"ipc://{folder}/run/publish", f"ipc://{folder}/run/requests"
         self._without_mu = without_mu
         self._bus = _make_keys(folder) if keyed else ""
-        self._ended = threading.Event()
+        self._ended, self._adding = threading.Event(), threading.Lock()
         self.sensors = Sensors(f"ipc://{folder}/readings")
 
     def __enter__(self) -> ViewedRig:
@@ -171,6 +171,11 @@ class ViewedRig:
             self.wait(lambda: (client.status()["gripper"]["object"] or "").startswith("contact"))
         self.sensors.contacts = contacts
 
+    def heard(self, topic: str) -> list[dict[str, Any]]:
+        """Return every message of a topic so far."""
+        with self._adding:
+            return [body for (name, _), body in self.messages.items() if name == topic]
+
     def wait(self, condition: Callable[[], Any]) -> Any:
         """Wait until a condition holds, and return its value; a request that fails is tried again."""
         until_s = time.monotonic() + PATIENCE_S
@@ -189,7 +194,8 @@ class ViewedRig:
             while not self._ended.is_set():
                 message = subscriber.receive(0.1)
                 if message is not None:
-                    self.messages[message.topic, message.seq] = message.raw
+                    with self._adding:
+                        self.messages[message.topic, message.seq] = message.raw
 
 
 def _make_keys(folder: Path) -> str:

@@ -196,8 +196,7 @@ def test_a_change_of_level_appears_in_the_list_as_it_was_published(parts: Parts)
 
 def published(rig: ViewedRig) -> set[str]:
     """The changes of level that were published, as the page words them."""
-    changes = [body for (topic, _), body in list(rig.messages.items()) if topic == "warning"]
-    return {f"{body['finger']}: {shown(body['previous'])} → {shown(body['level'])}" for body in changes}
+    return {f"{body['finger']}: {shown(body['previous'])} → {shown(body['level'])}" for body in rig.heard("warning")}
 
 
 def test_sensors_that_fall_silent_are_unknown_with_the_reason(parts: Parts) -> None:

@@ -112,8 +112,7 @@ def test_a_masked_taxel_is_crossed_out_and_counted(parts: Parts) -> None:
 
 def masked(rig: ViewedRig) -> list[list[int]]:
     """The masked taxels of the left pad, as each status so far names them."""
-    statuses = [body for (topic, _), body in list(rig.messages.items()) if topic == "status"]
-    return [body["streams"]["left.pad"]["masked"] for body in statuses]
+    return [body["streams"]["left.pad"]["masked"] for body in rig.heard("status")]
 
 
 def test_a_finger_without_a_friction_coefficient_is_unknown_and_shows_what_is_known(parts: Parts) -> None:
