@@ -118,12 +118,14 @@ def test_the_page_says_that_two_robots_have_one_name_and_what_to_do(
 ) -> None:
     url, robots = fleet
     browser.open(url)
-    browser.until(order("arm1 arm2"))
+    calm = ["live", "STABLE", "WARN"]
+    browser.until(shows(["arm1", calm], ["arm2", calm]))
     other = Robot(robots["arm2"].endpoint, "arm2", boot="c")
     try:
-        browser.until("""slipd.rows.get("arm2").cells[1].textContent === "clash" """)
-        assert cells(browser)["arm2"] == ["clash", "UNKNOWN", "WARN"]
-        said = browser.value("""slipd.rows.get("arm2").cells[5].textContent""")
+        said = browser.until(
+            """(([, ...cells]) => cells.slice(0, 3).join(" ") === "clash UNKNOWN WARN" && cells[4])(
+                [...slipd.rows.get("arm2").cells].map((cell) => cell.textContent))"""
+        )
         assert said.startswith("two or more robots call themselves arm2: give each a name of its own")
     finally:
         other.leaves()

@@ -53,7 +53,7 @@ async def test_asking_writes_no_setting_and_moves_no_gripper(tmp_path: Path, mon
         return receive(data, t_ns)
 
     gripper.receive = note  # type: ignore[method-assign]
-    results = await identify(tmp_path, devices)
+    results = await identify(tmp_path, devices, ATTEMPTS)
     assert results["robotiq_2f"] is not None
     assert {data[1] for data in received} <= {3, 4}, "only function codes that read registers"
     assert devices["robotous"].writes == 0  # type: ignore[attr-defined]
