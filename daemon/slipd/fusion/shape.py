@@ -82,7 +82,10 @@ def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
 
 def _holes(on: NDArray[np.bool_]) -> int:
     """Count inactive regions that do not reach the border; taxels connect across corners, gaps only across sides."""
-    _, regions = ndimage.label(~np.pad(on, 1))
+    rows, cols = on.shape
+    off = np.ones((rows + 2, cols + 2), dtype=bool)  # framed, so that all that is outside is one region
+    off[1:-1, 1:-1] = ~on
+    _, regions = ndimage.label(off)
     return int(regions) - 1
 
 
