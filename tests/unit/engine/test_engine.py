@@ -14,10 +14,9 @@ from slipd.devices import xela
 from slipd.devices.bota import bota_text
 from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
-from slipd.events import Bytes, Publish, Request, Write
+from slipd.events import Bytes, Publish, Write
 from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
 
-MS = 1_000_000
 FULL = np.full((4, 4), 100)
 EMPTY = np.zeros((4, 4), dtype=int)
 Run = Any
@@ -257,74 +256,6 @@ def test_an_overloaded_sensor_makes_the_verdict_unknown(run: Run) -> None:
     run.wrench(10.0, (1.0, 0.0), status=2)
     assert run.level() == ("unknown", ["overload"])
     assert run.published("wrench.left")[-1]["status"] == ["overload"]
-
-
-class TestSuspension:
-    def test_a_sleep_makes_every_stream_stale_and_ends_the_lease(self, run: Run) -> None:
-        run.tick(suspended_ns=7 * 10**9)
-        run.image()
-        run.wrench(10.0, (1.0, 0.0))
-        run.skin(5.0)
-        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
-        run.wait(5)
-        run.tick(suspended_ns=7 * 10**9 + 50 * MS)
-        assert run.level()[0] == "stable", "50 ms may be two clocks read one after the other"
-        assert run.ask("lease.renew")["ok"]
-        run.wait(5)
-        run.tick(suspended_ns=10 * 10**9)
-        assert run.level() == run.level("right") == ("unknown", ["stale"])
-        assert run.ask("lease.renew")["error"]["code"] == "no_lease"
-
-    def test_images_from_before_the_sleep_are_stale(self, run: Run) -> None:
-        """CLOCK_MONOTONIC stood still meanwhile, so the image looks 6 ms old."""
-        run.tick()
-        run.image()
-        run.wrench(10.0, (1.0, 0.0))
-        run.tick(suspended_ns=3600 * 10**9)
-        run.wrench(10.0, (1.0, 0.0), ms=5.0)
-        assert run.level() == ("unknown", ["rotation_unobserved"])
-        run.image()
-        run.wrench(10.0, (1.0, 0.0))
-        assert run.level()[0] == "stable"
-
-    def test_the_first_tick_is_no_sleep(self, run: Run) -> None:
-        run.image()
-        run.wrench(10.0, (1.0, 0.0))
-        run.tick(suspended_ns=10**15)
-        assert run.level()[0] == "stable"
-
-    def test_a_sleep_ends_a_tare(self, run: Run) -> None:
-        run.tick()
-        run.wrench(0.0)
-        run.ask("tare", finger="left", seconds=0.05)
-        run.tick(suspended_ns=10**12)
-        assert run.ask("tare.get", finger="left")["result"]["busy"] is False
-
-
-class TestGripperLine:
-    def test_the_gripper_is_polled_as_soon_as_its_line_opens(self, run: Run) -> None:
-        written = [output for _, output in run.out if isinstance(output, Write)]
-        assert {output.link for output in written} == {"gripper"}
-        run.serve_gripper(200)
-        bodies = run.published("gripper")
-        assert len(bodies) >= 5
-        assert bodies[-1]["width_m"] == pytest.approx(0.085)
-        assert (bodies[-1]["active"], bodies[-1]["echo_ok"]) == (False, None)
-
-    def test_loss_of_the_line_is_published_and_ends_the_lease(self, run: Run) -> None:
-        run.serve_gripper(100)
-        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
-        run.down("gripper")
-        assert run.published("gripper")[-1]["active"] is None
-        assert run.ask("status")["result"]["lease"]["held"] is False
-
-    def test_a_command_is_written_in_the_call_that_brings_its_request(self, run: Run) -> None:
-        run.serve_gripper(100)
-        run.ask("lease.acquire", ttl_ms=200)
-        run.wait(6)  # no poll is under way, and the gripper's own pause is over
-        envelope = {"v": 1, "id": "once", "boot": "b00t", "deadline_ns": run.t_ns + MS}
-        out = run.feed(Request(b"ann", envelope | {"op": "gripper.activate", "drop": True}))
-        assert [type(output).__name__ for output in out] == ["Reply", "Write"]
 
 
 def test_the_largest_message_is_within_the_limits_of_a_client(make_run: Callable[[str], Run], left: str) -> None:

@@ -1,0 +1,51 @@
+"""A host that sleeps: what was measured before is stale, and no lease outlives the sleep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+MS = 1_000_000
+
+Run = Any
+
+
+class TestSuspension:
+    def test_a_sleep_makes_every_stream_stale_and_ends_the_lease(self, run: Run) -> None:
+        run.tick(suspended_ns=7 * 10**9)
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        run.skin(5.0)
+        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
+        run.wait(5)
+        run.tick(suspended_ns=7 * 10**9 + 50 * MS)
+        assert run.level()[0] == "stable", "50 ms may be two clocks read one after the other"
+        assert run.ask("lease.renew")["ok"]
+        run.wait(5)
+        run.tick(suspended_ns=10 * 10**9)
+        assert run.level() == run.level("right") == ("unknown", ["stale"])
+        assert run.ask("lease.renew")["error"]["code"] == "no_lease"
+
+    def test_images_from_before_the_sleep_are_stale(self, run: Run) -> None:
+        """CLOCK_MONOTONIC stood still meanwhile, so the image looks 6 ms old."""
+        run.tick()
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        run.tick(suspended_ns=3600 * 10**9)
+        run.wrench(10.0, (1.0, 0.0), ms=5.0)
+        assert run.level() == ("unknown", ["rotation_unobserved"])
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        assert run.level()[0] == "stable"
+
+    def test_the_first_tick_is_no_sleep(self, run: Run) -> None:
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        run.tick(suspended_ns=10**15)
+        assert run.level()[0] == "stable"
+
+    def test_a_sleep_ends_a_tare(self, run: Run) -> None:
+        run.tick()
+        run.wrench(0.0)
+        run.ask("tare", finger="left", seconds=0.05)
+        run.tick(suspended_ns=10**12)
+        assert run.ask("tare.get", finger="left")["result"]["busy"] is False

@@ -1,0 +1,131 @@
+"""A sensor that was never tared gives no verdict it cannot justify. Through the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from slipd.devices import xela
+from slipd.events import Bytes
+from slipd_client.messages import Health
+
+Run = Any
+
+
+class TestNeverTared:
+    """Raw counts have any offset: without a tare they give no load, and no verdict."""
+
+    UNLOADED = np.array([[16456, 16671, 37526], [16310, 16789, 37346], [16149, 16718, 37182], [15712, 16733, 37971]])
+
+    def skin(self, run: Run, press: int = 0) -> None:
+        """A message of the right pad with the raw counts of a real one."""
+        run.wait(10)
+        run._message += 1
+        run.feed(
+            Bytes("right.pad", xela.encode_message(run._message, {"2": self.UNLOADED + np.array((0, 0, press))}, 1.7e9))
+        )
+
+    def message(self, run: Run, stream: str) -> tuple[Health, str]:
+        reported = run.ask("status", id=run.t_ns)["result"]["streams"][stream]
+        return Health(reported["health"]), reported["message"]
+
+    def untared(self, make_run: Callable[[str], Run], right: str) -> Run:
+        run = make_run(right.partition("tare =")[0])
+        run.up()
+        return run
+
+    def test_pad_with_raw_counts_is_unknown_until_tared(self, make_run: Callable[[str], Run], right: str) -> None:
+        run = self.untared(make_run, right)
+        for _ in range(3):
+            self.skin(run)
+        assert run.level("right") == ("unknown", ["not_tared"]), "150 N without a load"
+        body = run.published("slip.right")[-1]
+        assert (body["normal_n"], body["utilisation"]) == (None, None)
+        health, message = self.message(run, "right.pad")
+        assert health == Health.ERROR
+        assert "was never tared" in message
+        assert "slipctl tare take" in message
+        assert run.ask("tare", finger="right", seconds=0.1)["result"]["verified"] is False
+        for _ in range(14):
+            self.skin(run)
+        assert run.level("right") == ("no_contact", [])
+        assert self.message(run, "right.pad")[0] == Health.OK
+        self.skin(run, press=1000)
+        assert run.level("right")[0] == "stable"
+        for _ in range(3):
+            self.skin(run)
+        assert run.refusal("tare.undo", finger="right") is None
+        self.skin(run)
+        assert run.level("right") == ("unknown", ["not_tared"]), "as before the tare"
+
+    def test_gripper_is_not_activated_on_it(self, make_run: Callable[[str], Run], right: str, gripper: str) -> None:
+        run = make_run(right.partition("tare =")[0] + gripper)
+        run.up()
+        for _ in range(3):
+            self.skin(run)
+        run.lease()
+        run.serve_gripper(50)
+        assert run.refusal("gripper.activate") == ("in_contact", "drop"), "not known to be free"
+
+    def test_pad_that_counts_from_zero_needs_no_tare(self, make_run: Callable[[str], Run], right: str) -> None:
+        run = self.untared(make_run, right)
+        run.wait(10)
+        for k, counts in enumerate((0, 5000, 9000)):
+            run.wait(10)
+            run.feed(Bytes("right.pad", xela.encode_message(k, {"2": np.full((4, 3), (0, 0, counts))}, 1.7e9)))
+        assert run.level("right")[0] == "stable", "36 N that grew from zero are a load"
+
+    def test_load_at_the_start_counts_once_the_pad_was_free(self, make_run: Callable[[str], Run], right: str) -> None:
+        run = self.untared(make_run, right)
+        levels = []
+        for k, counts in enumerate((9000, 9000, 10, 9000)):
+            run.wait(10)
+            run.feed(Bytes("right.pad", xela.encode_message(k, {"2": np.full((4, 3), (0, 0, counts))}, 1.7e9)))
+            levels.append(run.level("right"))
+        assert levels == [*[("unknown", ["not_tared"])] * 2, ("no_contact", []), ("stable", [])]
+
+    def go_on(self, run: Run, times: int, counts: int) -> None:
+        """Feed both sensors of the left finger every 10 ms, without a load."""
+        for _ in range(times):
+            run.wait(5)
+            run.tick()
+            run.image(np.full((4, 4), counts))
+            run.wrench(0.0, ms=5.0)
+
+    def test_images_beside_a_force_sensor_are_not_used(self, run: Run) -> None:
+        run.bring_up()
+        self.go_on(run, 30, 300)
+        assert run.level() == ("no_contact", []), "by the force sensor"
+        assert self.message(run, "left.pad")[0] == Health.ERROR
+        run.wrench(8.0)
+        assert run.level() == ("unknown", ["not_tared", "rotation_unobserved"])
+        run.wrench(0.0)
+        assert run.ask("tare", finger="left", stream="pad", seconds=0.1)["result"]["verified"] is True
+        self.go_on(run, 14, 300)
+        assert "never tared" not in self.message(run, "left.pad")[1]
+        run.image(np.full((4, 4), 400))
+        run.wrench(8.0)
+        assert run.level() == ("stable", [])
+
+    def test_touch_that_the_pad_shows_first_is_not_an_offset(self, run: Run) -> None:
+        run.bring_up()
+        self.go_on(run, 10, 100)
+        run.wrench(8.0)
+        assert run.level() == ("stable", [])
+
+
+def test_untared_sensor_is_not_tared_while_a_grip_is_in_force(make_run: Callable[[str], Run], rig: str) -> None:
+    """Its bias may be a load, and nothing else shows that the finger is free."""
+    head, _, rest = rig.partition("[finger.left.pad]")
+    run = make_run(head + rest[rest.index("[finger.right]") :])
+    run.up()
+    run.image = lambda *_: []
+    run.bring_up(tare=False)
+    assert run.ask("tare", finger="left", seconds=0.1)["result"]["verified"] is False, "nothing is held"
+    assert run.ask("tare.undo", finger="left")["ok"]
+    run.grip(5.0)
+    refused = run.ask("tare", finger="left", seconds=0.1)["error"]
+    assert (refused["code"], refused["field"]) == ("in_contact", "finger")
+    assert "a grip is in force" in refused["message"]
