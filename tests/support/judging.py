@@ -41,3 +41,8 @@ def ask(
         seen = replace(seen, grip=replace(seen.grip, holder=who))
     intent = Intent(kind, who, 0.05, None, policy.force_n, force_n, force_n)
     return judge(intent, seen)
+
+
+def code(refusal: Refusal | None) -> str | None:
+    """Return the code of a refusal; None without one."""
+    return None if refusal is None else refusal.code

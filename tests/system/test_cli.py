@@ -2,200 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import json
-import re
-import struct
 import subprocess
 import sys
-import threading
-import zlib
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-import zmq
-import zstandard
-from grip_trials import write_trial
 from project import CONFIG, TRIAL
 
 from slipd import __version__, config
 from slipd.cli import main
-from slipd.recording.mcap_file import RecordingFile
-from slipd_client.live_view import LiveView, Terminal
-from slipd_client.messages import MESSAGE_LIMITS, decode
 
-START_S = 1.0  # where an imported trial begins
 SLIPD = str(Path(sys.executable).with_name("slipd"))
-
-
-@pytest.fixture
-def recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    """The trial in which the object is dropped, imported with the shipped config."""
-    out = tmp_path / "trial.mcap"
-    assert main(["import", "grips", str(TRIAL), str(out)]) == 0
-    assert capsys.readouterr().out == f"{out}: written; replay it with: slipd replay {out} --speed max\n"
-    return out
-
-
-def drop_s() -> float:
-    """Time of the drop: the first row with that label."""
-    with (TRIAL / "slip_label.csv").open() as labels, (TRIAL / "robot_state.csv").open() as times:
-        for label, row in zip(csv.DictReader(labels), csv.DictReader(times), strict=True):
-            if float(label["fail"]):
-                return START_S + float(row["time"])
-    raise AssertionError("nothing is dropped in this trial")
-
-
-def replayed(path: Path, capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
-    assert main(["replay", str(path), "--speed", "max", "--json"]) == 0
-    captured = capsys.readouterr()
-    assert captured.err == ""
-    return [json.loads(line) for line in captured.out.splitlines()]
-
-
-def test_a_real_drop_is_warned_of_a_second_before(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = [body for body in replayed(recording, capsys) if body["topic"] == "warning"]
-    first = next(body for body in told if body["level"] == "warning")
-    assert first["t_ns"] * 1e-9 <= drop_s() - 1.0
-    for finger in ("left", "right"):
-        warned = [body["t_ns"] * 1e-9 for body in told if body["finger"] == finger and body["level"] == "warning"]
-        assert min(warned) <= drop_s() - 1.0
-    after = [body["level"] for body in told if body["t_ns"] * 1e-9 > drop_s() + 0.2]
-    assert "warning" not in after
-    assert after, "the end of the trial is told stale"
-
-
-def test_replayed_messages_are_complete_and_one_per_line(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bodies = replayed(recording, capsys)
-    numbers: dict[str, list[int]] = {}
-    for body in bodies:
-        numbers.setdefault(body["topic"], []).append(body["seq"])
-    assert set(numbers) == {
-        *("warning", "status", "slip.left", "slip.right", "wrench.left", "wrench.right"),
-        *("tactile.left", "tactile.right"),
-    }
-    assert all(found == list(range(len(found))) for found in numbers.values())
-    assert bodies == replayed(recording, capsys)
-
-
-def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    view, shown = LiveView(), ""
-    for body in replayed(recording, capsys):
-        view.update(body["topic"], body)
-        assert body.get("force_unit", "uncalibrated") == "uncalibrated"
-        if body["topic"] == "slip.left" and body["level"] == "caution" and not shown:
-            shown = "\n".join([*view.render(Terminal(200)), view.summary()])
-    assert re.search(r"^left +CAUTION ", shown, re.MULTILINE)
-    assert re.search(r" normal -?\d+\.\d\d  tangential", shown)
-    assert not re.search(r"\d N\b", shown)
-
-
-def test_without_json_a_replay_prints_the_changes_of_level(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["replay", str(recording), "--speed", "max"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert any(
-        line.endswith("left: caution → slipping (slip_detected, translation; moves by image_change)") for line in lines
-    )
-    assert lines[-1].strip().startswith("5.8")
-    assert "(stale)" in lines[-1]
-
-
-def test_a_replay_is_published_to_subscribers(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
-    heard: list[list[bytes]] = []
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    subscriber = context.socket(zmq.SUB)
-    subscriber.setsockopt(zmq.SUBSCRIBE, b"slip.")
-    subscriber.connect(f"ipc://{tmp_path}/run/publish")
-
-    def listen() -> None:
-        while not heard and subscriber.poll(30_000):
-            heard.append(subscriber.recv_multipart())
-
-    listener = threading.Thread(target=listen)
-    listener.start()
-    for _ in range(10):  # on a busy machine a replay may have ended before the subscriber has found it
-        assert main(["replay", str(recording), "--speed", "4", "--publish"]) == 0
-        if heard:
-            break
-    listener.join()
-    context.destroy(linger=0)
-    assert heard[0][0] in (b"slip.left", b"slip.right")
-    assert decode(heard[0][1], MESSAGE_LIMITS)["boot"] == "imported"
-    assert capsys.readouterr().out.startswith(f"publish: ipc://{tmp_path}/run/publish\n")
-
-
-def test_an_incomplete_recording_is_shown_and_reported(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recording.write_bytes(recording.read_bytes()[:-600])
-    assert main(["replay", str(recording), "--speed", "max"]) == 1
-    captured = capsys.readouterr()
-    assert "left: unknown → caution" in captured.out
-    assert captured.err.startswith("slipd: the recording is incomplete: ")
-
-
-@pytest.mark.parametrize(
-    "command", [["replay", "--speed", "max"], ["identify", "--finger", "left"]], ids=lambda c: c[0]
-)
-def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
-    file = RecordingFile(tmp_path / "bomb.mcap", config_text=text, boot="b", wall_minus_monotonic_ns=0)
-    file.close()
-    empty = struct.pack("<BQ", 0x77, 0) * 400_000
-    packed = zstandard.compress(empty)
-    body = struct.pack("<QQQII4sQ", 0, 0, len(empty), zlib.crc32(empty), 4, b"zstd", len(packed)) + packed
-    with (tmp_path / "bomb.mcap").open("ab") as bomb:
-        bomb.write((struct.pack("<BQ", 6, len(body)) + body) * 1000)
-    assert main([command[0], str(tmp_path / "bomb.mcap"), *command[1:]]) == 1
-    assert (
-        "bomb.mcap: has a chunk with a record of kind 119, which slipd cannot have written" in capsys.readouterr().err
-    )
-
-
-def test_an_import_never_overwrites(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    data = recording.read_bytes()
-    assert main(["import", "grips", str(TRIAL), str(recording)]) == 1
-    assert "exists already" in capsys.readouterr().err
-    assert recording.read_bytes() == data
-
-
-def test_an_import_may_use_another_config(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = tmp_path / "rig.toml"
-    text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
-    rig.write_text(text.replace("finger.left", "finger.thumb"), encoding="utf-8")
-    out = tmp_path / "trial.mcap"
-    assert main(["import", "grips", str(TRIAL), str(out), "--config", str(rig)]) == 0
-    capsys.readouterr()
-    assert {body["topic"] for body in replayed(out, capsys)} >= {"slip.thumb", "slip.right"}
-
-
-def test_an_import_may_take_the_zero_from_rows_with_open_fingers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    loads = np.concatenate([np.zeros(40), np.full(40, 20_000.0)])
-    write_trial(tmp_path / "trial", loads, 0.05 * loads)
-    call = ["import", "grips", "--tare-rows", "40", str(tmp_path / "trial"), str(tmp_path / "trial.mcap")]
-    assert main(call) == 0
-    capsys.readouterr()
-    told = [
-        (body["finger"], body["previous"], body["level"])
-        for body in replayed(tmp_path / "trial.mcap", capsys)
-        if body["topic"] == "warning"
-    ]
-    for finger in ("left", "right"):
-        levels = [level for name, _, level in told if name == finger]
-        assert levels == ["no_contact", "stable", "unknown"], "open, held, and stale at the end"
-
-
-def test_an_import_refuses_rows_that_do_not_show_the_zero(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["import", "grips", "--tare-rows", "20", str(TRIAL), str(tmp_path / "trial.mcap")]) == 1
-    assert "must be unloaded in the first 20 rows" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -316,23 +133,6 @@ def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> N
             main(call)
         assert ended.value.code == 0
     assert capsys.readouterr().out.endswith(f"slipd {__version__}\n")
-
-
-@pytest.mark.process
-def test_a_closed_output_pipe_is_not_an_error(recording: Path) -> None:
-    """``slipd replay FILE --json | head -1``."""
-    with subprocess.Popen(
-        [SLIPD, "replay", str(recording), "--speed", "max", "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        assert json.loads(process.stdout.readline())["topic"] == "status"
-        process.stdout.close()
-        assert process.stderr.read() == ""
-        assert process.wait(60) == 0
 
 
 @pytest.mark.process

@@ -1,0 +1,278 @@
+"""Recordings that slipd does not write, made by hand: each is read up to what is wrong, and none costs much."""
+
+import io
+import itertools
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from slipd.errors import RecordingError
+from slipd.events import Bytes, Tick
+from slipd.recording import entry_walk, mcap_file
+from slipd.recording.event_codec import encode_event
+from slipd.recording.reader import Recording, open_recording
+
+
+def contents(path: Path) -> tuple[Recording, list]:
+    recording = open_recording(path)
+    return recording, list(recording.entries())
+
+
+class Forge:
+    """Write files as an attacker or another version might: a valid start, then anything."""
+
+    def __init__(self, path: Path, *, compression: CompressionType = CompressionType.ZSTD, **other: str) -> None:
+        self.path = path
+        self.stream = io.BytesIO()
+        self.writer = Writer(self.stream, compression=compression)
+        self.writer.start(profile="slipd")
+        metadata = {"format": "1", "boot": "b", "wall_minus_monotonic_ns": "0", **other}
+        metadata["crc32"] = mcap_file.checksum(metadata, "")
+        self.writer.add_metadata("slipd", metadata)
+        self.writer.add_attachment(0, 0, "config.toml", "", b"")
+
+    def event(self, n: int, *, sequence: int, log_time: int, encoding: str = "msgpack") -> None:
+        channel = self.writer.register_channel("slipd/event", encoding, 0)
+        self.writer.add_message(channel, log_time, encode_event(n, log_time, Tick()), 0, sequence)
+
+    def read(self, *, extra: bytes = b"") -> tuple[Recording, list]:
+        self.writer.flush()
+        self.path.write_bytes(self.stream.getvalue() + extra)
+        return contents(self.path)
+
+
+@pytest.fixture
+def forge(tmp_path: Path) -> Forge:
+    return Forge(tmp_path / "forged.mcap")
+
+
+def test_a_recording_of_another_format_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="must have format '1', got '2'"):
+        Forge(tmp_path / "forged.mcap", format="2").read()
+
+
+def test_a_start_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="start is damaged"):
+        Forge(tmp_path / "forged.mcap", wall_minus_monotonic_ns="noon").read()
+
+
+def test_a_pass_that_ends_early_reports_what_was_missing_until_then(tmp_path: Path) -> None:
+    forged = Forge(tmp_path / "forged.mcap")
+    for n in (0, 5, 6, 7):
+        forged.event(n, sequence=n, log_time=n)
+    recording, _ = forged.read()
+    recording.lost = 0
+    assert [entry.n for entry in itertools.islice(recording.entries(), 3)] == [0, 5, 6]
+    assert (recording.lost, recording.complete) == (4, False)
+
+
+def test_an_index_beyond_32_bits_is_followed(tmp_path: Path, write) -> None:
+    forged = Forge(tmp_path / "forged.mcap")
+    forged.event(0, sequence=0, log_time=5)
+    forged.event(2**31, sequence=2**31, log_time=6)
+    forged.event(2**32, sequence=0, log_time=7)
+    recording, found = forged.read()
+    assert [item.n for item in found] == [0, 2**31, 2**32]
+    assert recording.lost == 2**32 - 2
+
+
+def test_an_index_that_goes_back_stops_the_reading(forge: Forge) -> None:
+    forge.event(0, sequence=0, log_time=5)
+    forge.event(0, sequence=0, log_time=6)
+    recording, found = forge.read()
+    assert len(found) == 1
+    assert recording.fault is not None
+
+
+def test_an_event_with_another_index_than_its_place_stops_the_reading(forge: Forge) -> None:
+    forge.event(3, sequence=0, log_time=5)
+    recording, found = forge.read()
+    assert not found
+    assert "entry 0 has another index (3)" in str(recording.fault)
+
+
+def test_a_channel_in_another_encoding_stops_the_reading(forge: Forge) -> None:
+    forge.event(0, sequence=0, log_time=5, encoding="json")
+    recording, found = forge.read()
+    assert not found
+    assert "not msgpack" in str(recording.fault)
+
+
+def test_a_message_on_an_unknown_channel_stops_the_reading(forge: Forge) -> None:
+    forge.writer.add_message(77, 0, b"", 0, 0)
+    recording, found = forge.read()
+    assert not found
+    assert "never announced" in str(recording.fault)
+
+
+def test_a_chunk_that_slipd_does_not_write_stops_the_reading(tmp_path: Path) -> None:
+    forged = Forge(tmp_path / "forged.mcap", compression=CompressionType.LZ4)
+    forged.event(0, sequence=0, log_time=5)
+    recording, found = forged.read()
+    assert not found
+    assert "cannot have written" in str(recording.fault)
+
+
+@pytest.mark.parametrize("claimed", [0, 1000, 1 << 40])
+def test_a_chunk_that_claims_too_many_bytes_is_not_unpacked(forge: Forge, claimed: int) -> None:
+    bomb = zstandard.compress(bytes(64 << 20))
+    body = struct.pack("<QQQII4sQ", 0, 0, claimed, 0, 4, b"zstd", len(bomb)) + bomb
+    recording, found = forge.read(extra=struct.pack("<BQ", 6, len(body)) + body)
+    assert not found
+    assert "cannot have written" in str(recording.fault)
+
+
+def test_a_record_that_claims_a_huge_length_is_not_read(forge: Forge) -> None:
+    recording, _ = forge.read(extra=struct.pack("<BQ", 6, 1 << 62))
+    assert "a record of 4611686018427387904 bytes" in str(recording.fault)
+
+
+def test_an_end_record_without_a_number_is_reported(forge: Forge) -> None:
+    forge.writer.add_metadata("slipd/end", {"entries": "many"})
+    recording, _ = forge.read()
+    assert "end is damaged" in str(recording.fault)
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        {"entries": "7", "crc32": mcap_file.end_metadata(6)["crc32"]},
+        {"entries": "0", "Crc32": mcap_file.end_metadata(0)["crc32"]},
+    ],
+)
+def test_an_end_record_that_does_not_match_its_checksum_is_reported(forge: Forge, end: dict[str, str]) -> None:
+    forge.writer.add_metadata("slipd/end", end)
+    recording, _ = forge.read()
+    assert "end is damaged: the number of entries does not match" in str(recording.fault)
+    assert recording.lost == 0
+
+
+def test_a_chunk_whose_checksum_is_zero_is_not_taken_for_one_without(forge: Forge) -> None:
+    recording, found = forge.read(extra=chunk(channel(1) + message(1, 0, b""), crc=0))
+    assert not found
+    assert "its checksum does not match its bytes" in str(recording.fault)
+
+
+def test_a_chunk_that_claims_to_be_an_index_is_not_skipped(forge: Forge) -> None:
+    whole = chunk(channel(1) + message(1, 0, b""))
+    recording, _ = forge.read(extra=b"\x07" + whole[1:] + whole)
+    assert "a record of kind 7 at byte" in str(recording.fault)
+
+
+def test_a_record_that_is_longer_than_its_content_stops_the_reading(forge: Forge) -> None:
+    first, hidden = chunk(channel(1) + message(1, 0, b"")), chunk(message(1, 1, b""))
+    longer = first[:1] + struct.pack("<Q", len(first) - 9 + len(hidden)) + first[9:]
+    recording, found = forge.read(extra=longer + hidden)
+    assert not found
+    assert "bytes that holds" in str(recording.fault)
+
+
+def chunk(inner: bytes, crc: int | None = None) -> bytes:
+    """Return a chunk record."""
+    packed = zstandard.compress(inner)
+    crc = zlib.crc32(inner) if crc is None else crc
+    body = struct.pack("<QQQII4sQ", 0, 0, len(inner), crc, 4, b"zstd", len(packed)) + packed
+    return struct.pack("<BQ", 6, len(body)) + body
+
+
+def inner(opcode: int, body: bytes = b"") -> bytes:
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def text(value: bytes) -> bytes:
+    return struct.pack("<I", len(value)) + value
+
+
+def channel(number: int, metadata: bytes = b"", topic: bytes = b"slip.left") -> bytes:
+    return inner(4, struct.pack("<HH", number, 0) + text(topic) + text(b"msgpack") + text(metadata))
+
+
+def message(number: int, n: int, payload: bytes) -> bytes:
+    return inner(5, struct.pack("<HIQQ", number, n, 0, 0) + payload)
+
+
+FILL = mcap_file.RECORD_LIMIT_BYTES
+NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
+
+
+@pytest.mark.parametrize(
+    ("records", "fault"),
+    [
+        (inner(0x77) * (FILL // 9), "a record of kind 119"),
+        (inner(15) * (FILL // 9), "a record of kind 15"),
+        (NESTED * (FILL // len(NESTED)), "a record of kind 6"),
+        (inner(3) * (FILL // 9), "more than 1024 schemas"),
+        (channel(1) + channel(1, topic=b"slip.right"), "the number of another"),
+        (b"".join(channel(n) for n in range(2000)), "one too many"),
+        (channel(1, bytes(FILL // 2)), "a channel or schema of 2097184 bytes"),
+        (inner(3, bytes(FILL // 2)), "a channel or schema of 2097152 bytes"),
+        (inner(5) * (FILL // 9), "entry 0 is cut off"),
+        (inner(4) * (FILL // 9), "damaged channel"),
+        (channel(1) + message(1, 0, b"") * 100_000, "is where entry 1 should be"),
+        (channel(1) + b"\x05", "ends within a record"),
+        (channel(1) + struct.pack("<BQ", 5, 2**63), "ends within a record"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_few_bytes_that_unpack_to_a_mass_of_records_stop_the_reading_at_the_first_wrong_one(
+    forge: Forge, records: bytes, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = 0
+    one_by_one = entry_walk.inner_records
+
+    def counted(data: bytes) -> Iterator[tuple[int, memoryview]]:
+        nonlocal read
+        for found in one_by_one(data):
+            read += 1
+            yield found
+
+    monkeypatch.setattr(entry_walk, "inner_records", counted)
+    recording, _ = forge.read(extra=chunk(records) * 100)
+    assert fault in str(recording.fault)
+    assert read <= 1026
+
+
+def test_an_empty_record_outside_of_chunks_stops_the_reading(forge: Forge) -> None:
+    recording, found = forge.read(extra=inner(0x77) * 100_000)
+    assert not found
+    assert "a record of kind 119 at byte" in str(recording.fault)
+
+
+def test_the_unpacked_size_of_a_whole_file_is_bounded(forge: Forge) -> None:
+    zeros = bytes(FILL - 100)
+    first = chunk(channel(1) + message(1, 0, zeros))
+    rest = b"".join(chunk(message(1, n, zeros)) for n in range(1, 40))
+    recording, found = forge.read(extra=first + rest)
+    assert 10 <= len(found) <= 25, "64 MiB, or 4000 times some 18 kB"
+    assert "bytes, which slipd cannot have written into" in str(recording.fault)
+
+
+def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, about_run) -> None:
+    """A device that sends only zeros, in the longest possible pieces."""
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
+    count = 0
+    for size in (65_507, 1024 * 1024):
+        for _ in range(150 * 1024 * 1024 // size):
+            file.event(count, count, Bytes("left.wrench", bytes(size)))
+            count += 1
+    file.finish(count)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert sum(1 for _ in recording.entries()) == count
+    assert recording.complete, recording.fault
+
+
+def test_a_long_idle_recording_is_read(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound on a long recording is the ratio of sizes; a short one with no other bound shows it."""
+    monkeypatch.setattr(entry_walk, "_UNPACKED_BYTES", 0)
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
+    for n in range(20_000):
+        file.event(n, 5_000_000 * n, Tick(0))
+    file.finish(20_000)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert sum(1 for _ in recording.entries()) == 20_000
+    assert recording.complete, recording.fault
