@@ -10,20 +10,20 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from fuzz.asking import FIELDS, FINGERS
+from fuzz.asking import FINGERS
 from fuzz.hand import Said, Told, newtons
+from fuzz.malformed import malformed
 
 from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.request_fields import ENVELOPE as ENVELOPE_FIELDS
 
-MS = 1_000_000
 LEAST_N, MOST_N = 4.0, 22.0
 STEP_N, RAISE_N_PER_S, LOWER_N_PER_S, BUDGET_N = 2.0, 10.0, 2.0, 8.0
 CEILING_N, REFLEX_N_PER_S, REFLEX_STEP_N = 18.0, 50.0, 1.0
 """Of the reflex: the most it asks for, how fast it raises, and what it may add at once (20 ms of that)."""
 
+MS = 1_000_000
 LONGEST_LEASE_MS = 200
-LONGEST_DEADLINE_NS = 500 * MS
+
 FRESH_NS = 50 * MS
 """No increase on readings older than this; the daemon may date a reading a little later than it was delivered."""
 
@@ -41,9 +41,6 @@ MOST_TOLD = 50
 
 FORCING = ("grip.set", "grip.adjust", "gripper.close")
 NEEDS_LEASE = {op.name for op in OPS.values() if op.lease == "holder"}
-ENVELOPE = {field.name for field in ENVELOPE_FIELDS}
-REQUIRED = {op.name: {field.name for field in op.fields.values() if field.required} for op in OPS.values()}
-NUMBERS = ("force_n", "delta_n", "width_m", "speed_mps", "seconds", "mu_s", "mu_d", "ttl_ms", "deadline_ns")
 
 
 @dataclass
@@ -358,42 +355,3 @@ class Book:
     def _blame(self, t_ns: int, what: str) -> None:
         if len(self.violations) < MOST_TOLD:
             self.violations.append(f"at {t_ns * 1e-9:.4f} s: {what}")
-
-
-def malformed(body: dict[str, Any], boot: str, t_ns: int) -> str:
-    """What speaks against granting a request whoever sent it; "" where nothing does."""
-    op = body.get("op")
-    if body.get("v") != 1 or isinstance(body.get("v"), bool):
-        return "of another version"
-    if not isinstance(op, str) or op not in FIELDS:
-        return "its op is unknown"
-    if isinstance(body.get("id"), bool) or not isinstance(body.get("id"), (str, int)):
-        return "it has no id"
-    if op not in ("hello", "status"):
-        deadline = body.get("deadline_ns")
-        if body.get("boot") != boot:
-            return "meant for another run"
-        if isinstance(deadline, bool) or not isinstance(deadline, int):
-            return "its deadline is no integer"
-        if not t_ns < deadline <= t_ns + LONGEST_DEADLINE_NS:
-            return "late, or far too early"
-    if set(body) - ENVELOPE - set(FIELDS[op]) or REQUIRED.get(op, set()) - set(body):
-        return "its fields are not those of its op"
-    for name in FIELDS[op] if op == "hello" else (*NUMBERS, "gravity_mps2"):
-        values = body.get(name, 0) if name == "gravity_mps2" else (body.get(name, 0),)
-        for value in values if isinstance(values, (list, tuple)) else (values,):
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                return f"{name} is no number"
-    if op == "object.set" and not (body["name"] is None or _is_a_name(body["name"])):
-        return "its name is no name"
-    for name in ("drop", "unloaded"):
-        if not isinstance(body.get(name, False), bool):
-            return f"{name} is no flag"
-    return ""
-
-
-def _is_a_name(value: Any) -> bool:
-    """Whether it is 1 to 64 letters, digits, dots, underscores and hyphens, the first a letter or digit."""
-    if not isinstance(value, str) or not 1 <= len(value) <= 64 or not value.isascii() or not value[0].isalnum():
-        return False
-    return all(character.isalnum() or character in "._-" for character in value)

@@ -14,7 +14,8 @@ from typing import Any
 import msgpack
 import pytest
 from fuzz import requests
-from fuzz.asking import BOMBS, LONGEST_BYTES, Asker, Captured, Seen
+from fuzz.asking import Asker, Captured, Seen
+from fuzz.bombs import BOMBS, LONGEST_BYTES
 from fuzz.hand import FORCE_TABLE, Hand, newtons
 from fuzz.request_report import Found, tables, verdicts
 from fuzz.requests import fuzz

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from random import Random
 
 from shifts.slow_rig import MS, SECOND, STEP_NS, SlowRig
-from simulation.bed import Fault
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Bursts, Chain, Delay, Drop, Edit, Flood, Garbage, Noise, Split, Text, Trickle
+from simulation.line import Fault
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp
 

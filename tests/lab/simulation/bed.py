@@ -8,11 +8,11 @@ from __future__ import annotations
 import copy
 import functools
 import hashlib
-from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from random import Random
-from typing import Any, Protocol
+from typing import Any
 
+from simulation.line import Line
 from simulation.watch import Watch
 
 from slipd import config
@@ -52,50 +52,6 @@ ANSWER_S, READY_S, TARE_S, HELD_S = 0.05, 0.75, 0.05, 0.7
 
 STIFF = PvdfElectronics(tau_s=1e9)
 """A pad that reads force itself: it need not have seen the contact begin."""
-
-
-class Fault(Protocol):
-    """What befalls the bytes of a line.
-
-    Attributes:
-        lies: What comes through is well formed and untrue.
-    """
-
-    lies: bool
-
-    def pass_on(self, data: bytes, now_ns: int) -> list[tuple[int, bytes]]:
-        """What becomes of the bytes said at ``now_ns``: pieces, each with the time at which it arrives."""
-        ...
-
-
-@dataclass
-class Line:
-    """One line between a device and the engine."""
-
-    link: str
-    listener: Decoder
-    fault: Fault | None = None
-    up: bool = False
-    deaf: bool = False  # what is written never reaches the device
-    answers: bytes = b""
-    queue: deque[tuple[int, int, bytes, bool]] = field(default_factory=deque)  # due, said, bytes, true
-
-    def say(self, data: bytes, now_ns: int) -> None:
-        """The device says something at ``now_ns``."""
-        if not (data and self.up):
-            return
-        fault = self.fault
-        pieces = [(now_ns, data)] if fault is None else fault.pass_on(data, now_ns)
-        for due_ns, piece in pieces:
-            if piece:
-                self.queue.append((due_ns, now_ns, piece, fault is None or not fault.lies))
-
-    def take(self, now_ns: int) -> list[tuple[int, int, bytes, bool]]:
-        """What has arrived by ``now_ns``; a line keeps the order."""
-        arrived = []
-        while self.queue and self.queue[0][0] <= now_ns:
-            arrived.append(self.queue.popleft())
-        return arrived
 
 
 def settings(*, charge: bool = False, streams: dict[str, str] | None = None, extra: str = "") -> config.Config:

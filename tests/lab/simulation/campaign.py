@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from simulation.bed import FINGERS, MS, SECOND, Bed, Fault
+from simulation.bed import FINGERS, MS, SECOND, Bed
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Bursts, Chain, Delay, Drop, Edit, Flood, Garbage, Noise, Split, Trickle
+from simulation.line import Fault
 from simulation.size import size_of
 
 FAULTS = 12

@@ -9,7 +9,8 @@ from random import Random
 from typing import Any
 
 import pytest
-from gripper_walks import MS, PEERS, SentCommand, walks
+from gripper_walks import MS, walks
+from walk_peers import PEERS, SentCommand
 
 from slipd.devices.external_gripper.external_gripper_message import Report
 from slipd.permit import Permit
