@@ -1,0 +1,52 @@
+"""The gripper's side of a serial line, for tests that set its registers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.shared import modbus
+
+
+class GripperLine:
+    """The gripper's side of the line: registers that are written and read; nothing moves by itself."""
+
+    def __init__(self) -> None:
+        self.outputs: tuple[int, ...] = (0, 0, 0)
+        self.stage, self.found, self.fault, self.position = 0, 0, 0, 0
+        self.silent = False
+        self.activates = False  # an activation takes its time
+        self.echo: int | None = None  # position that its echo reports in place of the one that was commanded
+        self.writes: list[tuple[int, ...]] = []
+
+    @property
+    def command(self) -> robotiq_registers.Output:
+        return robotiq_registers.parse_output(self.outputs)
+
+    def answer(self, data: bytes) -> bytes:
+        requests, _ = modbus.parse_requests(data, robotiq_registers.UNIT)
+        return b"" if self.silent else b"".join(self._answer(request) for request in requests)
+
+    def _answer(self, request: modbus.Request) -> bytes:
+        if not request.registers:
+            return modbus.encode_reply(request, self._status())
+        written = robotiq_registers.write_output(self.outputs, request)
+        assert written is not None
+        self.outputs = written
+        self.writes.append(request.registers)
+        if not self.command.activate:
+            self.stage = 0
+        elif self.stage == 0:
+            self.stage = 1 if self.activates else 3
+        return modbus.encode_reply(request)
+
+    def _status(self) -> tuple[int, int, int]:
+        command = self.command if self.echo is None else replace(self.command, position=self.echo)
+        return robotiq_registers.status_registers(
+            command,
+            stage=self.stage,
+            found=self.found,
+            fault=self.fault,
+            position=self.position,
+            current_a=0.1,
+        )
