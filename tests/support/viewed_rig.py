@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from grasp_table import grasp_table
+from gripper_table import external_gripper_table
 from pushed_sensors import PADS, Contact, Sensors
 from rig_parts import first_line, part
 
@@ -54,25 +56,6 @@ axis_scale = [1.0]
 threshold = 0.02
 gain_error = 0.10
 """
-
-GRIPPER = """
-[gripper]
-device = "external_gripper"
-port = "unix://{folder}/gripper"
-rate_hz = 50.0
-min_force_n = 2.0
-max_force_n = 40.0
-step_n = 5.0
-
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.05, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, -0.05, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
-"""
-
 
 BUS = """
 [bus]
@@ -137,7 +120,8 @@ class ViewedRig:
             for name, pad in PADS.items()
         ]
         config = self._folder / "rig.toml"
-        config.write_text("".join(fingers) + GRIPPER.format(folder=self._folder) + self._bus, encoding="utf-8")
+        gripper = external_gripper_table(self._folder, step_n=5.0) + grasp_table(0.1)
+        config.write_text("".join(fingers) + gripper + self._bus, encoding="utf-8")
         with part(self._folder, "slipd", "run", "--config", str(config)) as process:
             self._publish = first_line(process).partition(": ")[2]
             self._requests = process.stdout.readline().strip().partition(": ")[2]

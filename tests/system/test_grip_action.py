@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from grip_goals import GoalError, Joint, Outcome
 from grip_motion import carry_out
+from gripper_table import external_gripper_table
 from service_rig import Rig, client_of, start
 
 from slipd_client.errors import ClientError
@@ -28,16 +29,6 @@ PATIENCE_S = 60.0
 JOINT = Joint("jaw")
 PART_M = 0.04
 """Width of the part between the jaws of the emulated gripper."""
-
-GRIPPER = """
-[gripper]
-device = "external_gripper"
-port = "unix://{folder}/gripper"
-rate_hz = 50.0
-min_force_n = 2.0
-max_force_n = 40.0
-step_n = 5.0
-"""
 
 
 class Hand:
@@ -60,7 +51,9 @@ class Hand:
 
 @pytest.fixture
 def hand(rig: Rig, tmp_path: Path) -> Iterator[Hand]:
-    rig.file.write_text(rig.file.read_text(encoding="utf-8") + GRIPPER.format(folder=tmp_path), encoding="utf-8")
+    rig.file.write_text(
+        rig.file.read_text(encoding="utf-8") + external_gripper_table(tmp_path, step_n=5.0), encoding="utf-8"
+    )
     emulate = [sys.executable, "-m", "slipd.sim.emulate", "external_gripper", "--at", f"unix://{tmp_path}/gripper"]
     with start(rig.file) as daemon, subprocess.Popen(emulate, stdout=subprocess.DEVNULL) as emulator:
         peer = client_of(daemon)

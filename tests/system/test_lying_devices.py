@@ -16,6 +16,7 @@ import msgpack
 import numpy as np
 import pytest
 import zmq
+from gripper_table import external_gripper_table
 
 from slipd_client.errors import ClientError, LeaseLost, NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
@@ -51,15 +52,6 @@ pitch_m = 0.004
 electrode_m = 0.003
 axis_scale = [1.0]
 threshold = 0.02
-
-[gripper]
-device = "external_gripper"
-port = "unix://{folder}/gripper"
-rate_hz = 50.0
-min_force_n = 2.0
-max_force_n = 40.0
-raise_n_per_s = 1000.0
-lower_n_per_s = 1000.0
 """
 
 
@@ -212,7 +204,8 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GripClient, 
     """A daemon with tared sensors and an active gripper, and its publish endpoint."""
     folder = tmp_path_factory.mktemp("lying")
     file = folder / "rig.toml"
-    file.write_text(RIG.format(folder=folder), encoding="utf-8")
+    gripper = external_gripper_table(folder, raise_n_per_s=1000.0, lower_n_per_s=1000.0)
+    file.write_text(RIG.format(folder=folder) + gripper, encoding="utf-8")
     with ExitStack() as stack:
         daemon = stack.enter_context(process("slipd", "run", "--config", str(file), folder=folder))
         assert daemon.stdout is not None

@@ -22,6 +22,7 @@ import zmq
 from bench import child, processes, traffic
 from bench.tables import Table
 from fuzz.hand import FORCE_TABLE, OPEN_M, Hand
+from grasp_table import grasp_table
 
 from slipd.devices import bota
 from slipd.devices.bota import bota_text
@@ -325,12 +326,7 @@ force_table = {[list(row) for row in FORCE_TABLE]}
 width_table = [[0.0, {OPEN_M}], [1.0, 0.0]]
 speed_table = [[0, 0.02], [255, 0.15]]
 max_force_n = {MOST_N}
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {OPEN_M / 2}, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {-OPEN_M / 2}, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+{grasp_table(OPEN_M)}
 [reflex]
 enabled = true
 raise_n_per_s = {RAISE_N_PER_S}
