@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from engine_rig import RIGHT
 from grasp_table import grasp_table
 from motions.jaws import Jaws, Sent
 
@@ -45,21 +46,7 @@ pitch_m = 0.004
 electrode_m = 0.002
 axis_scale = [0.01]
 threshold = 0.05
-[finger.right]
-mu = 0.5
-min_normal_n = 0.5
-load_rule = "grey"
-[finger.right.pad]
-device = "xela"
-port = "ws://127.0.0.1:5000"
-sensor = "2"
-rate_hz = 100.0
-rows = 2
-cols = 2
-pitch_m = 0.004
-electrode_m = 0.004
-axis_scale = [0.001, 0.001, -0.001]
-tare = {[1000] * 12}
+{RIGHT}
 {grasp_table(0.11)}
 [reflex]
 enabled = true
