@@ -105,7 +105,7 @@ def _rows(listener: FleetListener) -> list[RobotRow]:
 
 
 def _unread(listener: FleetListener) -> int:
-    return listener.state.bad
+    return listener.state.unread
 
 
 def _serve_page(chosen: argparse.Namespace, listener: FleetListener) -> None:

@@ -79,13 +79,13 @@ class FleetListener:
         while (sample := self._tokens.try_recv()) is not None:
             arrived = True
             if (found := split_key(str(sample.key_expr), self._fleet)) is not None:
-                self.state.token(*found, alive=sample.kind == zenoh.SampleKind.PUT)
+                self.state.take_token(*found, alive=sample.kind == zenoh.SampleKind.PUT)
         for subscriber in self._messages:
             while (sample := subscriber.try_recv()) is not None:
                 arrived = True
                 found = split_key(str(sample.key_expr), self._fleet)
                 if found is None or sample.kind != zenoh.SampleKind.PUT:
                     continue
-                if (message := self.state.message(*found, sample.payload.to_bytes(), now_s)) is not None:
+                if (message := self.state.take_message(*found, sample.payload.to_bytes(), now_s)) is not None:
                     messages.append(message)
         return messages, arrived

@@ -38,7 +38,7 @@ async def _serve(fleet: str, listener: FleetListener, address: ListenAddress) ->
         if path != FLEET_DATA:
             return None
         rows = listener.state.rows(time.monotonic())
-        return json_answer(fleet_map(fleet, rows, listener.state.bad))
+        return json_answer(fleet_map(fleet, rows, listener.state.unread))
 
     site = Site({"live": True, "source": fleet}, start="fleet.html")
     async with PageServer(address, site, on_data=on_data).serving() as url:

@@ -37,7 +37,7 @@ NAME_CLASH = "name_clash"
 CLASH_TEXT = "two or more robots call themselves {}: give each a name of its own, slipctl bridge --robot NAME"
 
 MOST_ROBOTS = 10_000
-"""Most robots that are listed; messages of further ones only count as `FleetState.bad`."""
+"""Most robots that are listed; messages of further ones only count as `FleetState.unread`."""
 
 MOST_RUNS = 8
 """Most runs of the daemon that are remembered of each robot: kept warnings of earlier ones may arrive late."""
@@ -83,35 +83,35 @@ class FleetState:
     """Keeps the state of every robot by its messages and signs of life.
 
     Attributes:
-        bad: Messages that could not be read, and those of robots beyond ``MOST_ROBOTS``.
+        unread: Messages that could not be read, and those of robots beyond ``MOST_ROBOTS``.
     """
 
     def __init__(self) -> None:
-        self.bad = 0
+        self.unread = 0
         self._robots: dict[str, _Robot] = {}
 
-    def message(self, robot: str, topic: str, payload: bytes, now_s: float) -> Message | None:
+    def take_message(self, robot: str, topic: str, payload: bytes, now_s: float) -> Message | None:
         """Update with a message; return it, or None where it cannot be read, is a repeat, or is of another topic."""
         known = self._robot(robot)
         if known is None:
-            self.bad += 1
+            self.unread += 1
             return None
         if topic not in (STATUS_TOPIC, WARNING_TOPIC):
             return None
         try:
             return known.take(topic, read([topic.encode(), payload])[1], now_s)
         except MessageError:
-            self.bad += 1
+            self.unread += 1
             return None
 
-    def token(self, robot: str, what: str, *, alive: bool) -> None:
+    def take_token(self, robot: str, what: str, *, alive: bool) -> None:
         """Update with a sign of life: a liveliness token of this robot was declared or has ended."""
         known = self._robot(robot)
         if known is not None and what == BRIDGE:
             known.bridge = alive
         elif known is not None and what == DAEMON:
             known.daemon = alive
-            known.was_alive |= alive
+            known.daemon_seen |= alive
 
     def rows(self, now_s: float) -> list[RobotRow]:
         """Return the state of every robot that was ever seen, sorted by name."""
@@ -174,7 +174,7 @@ class _Run:
 class _Robot:
     bridge: bool = False
     daemon: bool = False
-    was_alive: bool = False
+    daemon_seen: bool = False
     heard_s: float | None = None
     runs: dict[str, _Run] = field(default_factory=dict)
     begun: int = 0
@@ -208,7 +208,7 @@ class _Robot:
 
     def row(self, name: str, now_s: float) -> RobotRow:
         # a kept message of a daemon that has been silent since this view began is of unknown age
-        age_s = None if self.heard_s is None or not self.was_alive else now_s - self.heard_s
+        age_s = None if self.heard_s is None or not self.daemon_seen else now_s - self.heard_s
         beside = [run for run in self.runs.values() if run is not self.run and run.beside(now_s)]
         state = GONE if not self.bridge else SILENT
         if self.bridge and self.daemon and age_s is not None and age_s <= SILENT_AFTER_S:

@@ -24,13 +24,13 @@ class Robot:
 
     def joins(self) -> None:
         for what in (BRIDGE, DAEMON):
-            self.state.token(self.name, what, alive=True)
+            self.state.take_token(self.name, what, alive=True)
 
     def sends(self, topic: str, now_s: float, **fields: Any) -> None:
         self.seq[topic] += 1
         self.t_ns += 1
         header = {"v": 1, "seq": self.seq[topic], "boot": self.boot, "t_ns": self.t_ns}
-        self.state.message(self.name, topic, encode(header | fields), now_s)
+        self.state.take_message(self.name, topic, encode(header | fields), now_s)
 
     def warns(self, now_s: float, level: str, finger: str = "left", **fields: Any) -> None:
         body = {"finger": finger, "level": level, "previous": "stable", "rising": True, "utilisation": None}
@@ -79,9 +79,9 @@ def test_a_level_is_unknown_once_the_robot_is_silent_or_gone(robot: Robot) -> No
     late = robot.row(10.1 + SILENT_AFTER_S)
     assert (late.state, late.level, late.reasons, late.health) == ("silent", "unknown", ("stale",), None)
     assert late.fingers == {"left": "stable"}
-    robot.state.token("arm3", DAEMON, alive=False)
+    robot.state.take_token("arm3", DAEMON, alive=False)
     assert robot.row(10.1).state == "silent"
-    robot.state.token("arm3", BRIDGE, alive=False)
+    robot.state.take_token("arm3", BRIDGE, alive=False)
     assert robot.row(10.1).state == "gone"
     robot.joins()
     assert robot.row(10.1).state == "live"
@@ -89,7 +89,7 @@ def test_a_level_is_unknown_once_the_robot_is_silent_or_gone(robot: Robot) -> No
 
 def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age() -> None:
     robot = Robot(FleetState())
-    robot.state.token("arm3", BRIDGE, alive=True)
+    robot.state.take_token("arm3", BRIDGE, alive=True)
     robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
     assert (robot.row(10.0).state, robot.row(10.0).age_s) == ("silent", None)
 
@@ -109,8 +109,8 @@ def test_a_message_that_comes_again_or_cannot_be_read_changes_nothing(robot: Rob
     robot.warns(10.0, "warning")
     robot.seq["warning"] -= 1
     robot.warns(11.0, "stable")
-    assert robot.state.message("arm3", "warning", b"\xc1", 11.0) is None
-    assert (robot.row(10.5).level, robot.state.bad) == ("warning", 1)
+    assert robot.state.take_message("arm3", "warning", b"\xc1", 11.0) is None
+    assert (robot.row(10.5).level, robot.state.unread) == ("warning", 1)
 
 
 def test_robots_beyond_the_bound_are_counted_and_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,7 +119,7 @@ def test_robots_beyond_the_bound_are_counted_and_not_kept(monkeypatch: pytest.Mo
     Robot(state, "arm1").sends("status", 1.0, fingers={}, streams={})
     Robot(state, "arm2").joins()
     Robot(state, "arm2").sends("status", 1.0, fingers={}, streams={})
-    assert ([row.robot for row in state.rows(1.0)], state.bad) == (["arm1"], 1)
+    assert ([row.robot for row in state.rows(1.0)], state.unread) == (["arm1"], 1)
 
 
 def test_a_status_that_lags_behind_a_warning_of_the_next_run_is_no_second_restart(robot: Robot) -> None:
