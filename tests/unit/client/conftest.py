@@ -94,6 +94,15 @@ class Daemon(threading.Thread):
     def ops(self) -> list[str]:
         return [request["op"] for request in self.requests]
 
+    @property
+    def asked(self) -> list[dict[str, Any]]:
+        """Every request but the greetings, which a client repeats while a busy machine answers slowly."""
+        return [request for request in self.requests if request["op"] != "hello"]
+
+    @property
+    def asked_ops(self) -> list[str]:
+        return [request["op"] for request in self.asked]
+
     def now_ns(self) -> int:
         return time.monotonic_ns() + self.ahead_ns
 

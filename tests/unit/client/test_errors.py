@@ -81,7 +81,7 @@ def test_a_value_that_no_message_can_carry_is_named_with_its_field(daemon: Daemo
             client.grip_set(value)  # type: ignore[arg-type]
         with pytest.raises(CallError, match=r"^gravity_mps2 of gravity.set must be .* list"):
             client.gravity_set("left", [0.0, 0.0, value])  # type: ignore[list-item]
-    assert daemon.ops == ["hello"]
+    assert set(daemon.ops) == {"hello"}
 
 
 @pytest.mark.parametrize("seconds", [0, -1.0, float("nan"), float("inf"), "1"])

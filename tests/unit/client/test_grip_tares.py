@@ -20,8 +20,8 @@ def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
     daemon.handlers["tare.get"] = lambda _: next(looks)
     with GripClient(daemon.endpoint) as client:
         assert client.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
-    assert daemon.ops == ["hello", "tare", *["tare.get"] * 3]
-    assert daemon.requests[1]["seconds"] == 0.4
+    assert daemon.asked_ops == ["tare", *["tare.get"] * 3]
+    assert daemon.asked[0]["seconds"] == 0.4
 
 
 def test_a_tare_of_one_stream_is_waited_for_by_its_name(daemon: Daemon) -> None:
@@ -29,7 +29,7 @@ def test_a_tare_of_one_stream_is_waited_for_by_its_name(daemon: Daemon) -> None:
     daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 1, "stream": request["stream"]}
     with GripClient(daemon.endpoint) as client:
         assert client.tare("left", 0.1, "pad")["stream"] == "pad"
-    assert [request.get("stream") for request in daemon.requests] == [None, "pad", "pad"]
+    assert [request.get("stream") for request in daemon.asked] == ["pad", "pad"]
 
 
 def test_a_tare_of_all_streams_is_waited_for_in_each(daemon: Daemon) -> None:

@@ -167,7 +167,7 @@ def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixtur
     daemon.handlers["tare.get"] = lambda _: {"tare_id": 4, "busy": False}
     assert main(["--requests", daemon.endpoint, "tare", "take", "left", "--seconds", "0.5"]) == 0
     assert capsys.readouterr().out == "tare_id: 4\nbusy: false\nverified: true\n"
-    assert daemon.requests[1]["seconds"] == 0.5
+    assert daemon.asked[0]["seconds"] == 0.5
 
 
 def test_tare_takes_the_stream_that_is_named(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
@@ -175,7 +175,7 @@ def test_tare_takes_the_stream_that_is_named(daemon: Daemon, capsys: pytest.Capt
     daemon.handlers["tare.get"] = lambda _: {"tare_id": 1, "busy": False}
     assert main(["--requests", daemon.endpoint, "tare", "take", "left", "--stream", "all"]) == 0
     assert '"pad": {"tare_id": 1, "busy": false}' in capsys.readouterr().out
-    assert [request.get("stream") for request in daemon.requests[1:]] == ["all", "wrench", "pad"]
+    assert [request.get("stream") for request in daemon.asked] == ["all", "wrench", "pad"]
 
 
 def test_friction_is_asked_for_without_the_lease_where_another_client_holds_it(
@@ -187,7 +187,7 @@ def test_friction_is_asked_for_without_the_lease_where_another_client_holds_it(
     daemon.handlers["friction.set"] = lambda _: {"mu": 0.3}
     assert main(["--requests", daemon.endpoint, "friction", "left", "0.3"]) == 0
     assert capsys.readouterr().out == "mu: 0.3\n"
-    assert daemon.ops == ["hello", "lease.acquire", "friction.set"]
+    assert daemon.asked_ops == ["lease.acquire", "friction.set"]
     daemon.handlers["friction.set"] = lambda _: {"error": {"code": "no_lease", "message": "acquire the lease first"}}
     assert main(["--requests", daemon.endpoint, "friction", "left", "0.9"]) == 1
     assert capsys.readouterr().err == "slipctl: no_lease: acquire the lease first\n"
@@ -200,8 +200,8 @@ def test_a_result_without_fields_is_done(daemon: Daemon, capsys: pytest.CaptureF
 
 def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
     assert main(["--requests", daemon.endpoint, "grip", "set", "5.5"]) == 0
-    assert daemon.ops == ["hello", "lease.acquire", "grip.set", "lease.release"]
-    assert daemon.requests[2]["force_n"] == 5.5
+    assert [op for op in daemon.asked_ops if op != "lease.renew"] == ["lease.acquire", "grip.set", "lease.release"]
+    assert daemon.asked[1]["force_n"] == 5.5
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def test_grip_keeps_its_lease_while_it_holds(daemon: Daemon, monkeypatch: pytest
     monkeypatch.setattr(Lease, "wait", wait)
     assert main(["--requests", daemon.endpoint, "grip", "set", "5", "--hold", "0.3"]) == 0
     assert held == [0.3]
-    assert daemon.ops[:2] == ["hello", "lease.acquire"]
+    assert daemon.asked_ops[0] == "lease.acquire"
     assert daemon.ops[-1] == "lease.release"
     assert daemon.ops.count("lease.renew") >= 2
 
