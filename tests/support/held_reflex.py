@@ -18,7 +18,7 @@ NOT_KNOWN = pytest.mark.parametrize("unknown", [None, math.nan, math.inf, -math.
 
 
 class Held:
-    """An object held with 5 N, by a gripper that does what it is told, in steps of ``unit_n``."""
+    """An object held with 5 N, by a gripper that carries out each command, in steps of ``unit_n``."""
 
     def __init__(self, settings: ReflexSettings = SETTINGS, budget_n: float = 25.0, unit_n: float = 0.0) -> None:
         self.policy = GripPolicy(GripLimits(1.0, 25.0, 2.0, 10.0, 2.0, budget_n), 200)

@@ -3,8 +3,7 @@
 These are kernels because a rating of all taxels comes between two readings, and must not delay the next one.
 
 Most take ``around``, the neighbours of every taxel as `slipd.signals.pad.neighbours` returns them, shape (n, k), −1
-where there is none, and ``trusted``, shape (n,): a taxel that is not trusted says nothing about its neighbours. Some
-columns of ``around`` may be left out.
+beyond the border, or some of its columns; and ``trusted``, shape (n,): neighbours that are not trusted do not count.
 """
 
 from __future__ import annotations

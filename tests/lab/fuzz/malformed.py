@@ -20,7 +20,7 @@ NUMBERS = ("force_n", "delta_n", "width_m", "speed_mps", "seconds", "mu_s", "mu_
 
 
 def malformed(body: dict[str, Any], boot: str, t_ns: int) -> str:
-    """What speaks against granting a request whoever sent it; "" where nothing does."""
+    """Return why a request is refused, whoever sent it; "" if it is not."""
     op = body.get("op")
     if body.get("v") != 1 or isinstance(body.get("v"), bool):
         return "of another version"

@@ -1,4 +1,4 @@
-"""The taxels of a charge pad together: warmth and wrong taxels are told from a load that is held for long."""
+"""The taxels of a charge pad together: slipd distinguishes warmth and faulty taxels from a long hold."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_T4_a_contact_on_the_whole_pad_leaves_no_taxel_to_tell_the_warmth() -> N
 
 
 def test_T4_the_force_sensor_is_followed_slowly_and_evenly_over_the_contact() -> None:
-    """A bias of it must be told before it is believed, and drift adds alike to all taxels."""
+    """A bias of the force sensor passes to the pad slowly, and is reported first; drift adds to all taxels alike."""
     charge = ChargeReconstruction(2, 1000.0)
     charge.update(np.zeros(2), 0.0, FREE)
     for k in range(1, 101):
