@@ -20,7 +20,7 @@ NUMBERS = ("force_n", "delta_n", "width_m", "speed_mps", "seconds", "mu_s", "mu_
 
 
 def malformed(body: dict[str, Any], boot: str, t_ns: int) -> str:
-    """Return why a request is refused, whoever sent it; "" if it is not."""
+    """Return why the daemon must refuse a request from any client; "" if it need not."""
     op = body.get("op")
     if body.get("v") != 1 or isinstance(body.get("v"), bool):
         return "of another version"

@@ -1,4 +1,4 @@
-"""Which device is at a serial port: it is found again on another path, and another one at its path is told apart."""
+"""A serial device is recognised on another path, and another device on its path is not taken for it."""
 
 from __future__ import annotations
 
