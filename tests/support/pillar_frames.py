@@ -1,4 +1,4 @@
-"""Frames of a PapillArray whose forces add up to a load, and a decoder that knows their layout."""
+"""Frames of a PapillArray with known forces."""
 
 from __future__ import annotations
 
@@ -8,59 +8,34 @@ import numpy as np
 
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.devices.papillarray.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST, FRAMES
 
 DISPLACED_MM = 0.125
-"""Displacement of every pillar along each axis; the sum cannot be mistaken for a force."""
-
-
-LAYOUTS = [DISPLACEMENT_FIRST, FORCE_FIRST]
+"""Displacement of every pillar along each axis; it cannot be mistaken for a force."""
 
 
 def forces(number: int, pillars: int = 9) -> np.ndarray:
-    """Return forces whose sum is a load."""
     drawn = 3.0 + np.random.default_rng(number % 1000).normal(size=(pillars, 3))
     return drawn.astype(np.float32).astype(np.float64)
 
 
-def entries(forces_n: np.ndarray, layout: int = DISPLACEMENT_FIRST) -> np.ndarray:
-    displaced = np.full_like(forces_n, DISPLACED_MM)
-    return np.column_stack((forces_n, displaced) if layout == FORCE_FIRST else (displaced, forces_n))
+def pillars(*pads: np.ndarray) -> tuple[int, frames.Item]:
+    """Return the block of the forces on the pillars of each sensor, N."""
+    return frames.encode_pillars(pads, [np.full_like(pad, DISPLACED_MM) for pad in pads])
 
 
-def make(
-    number: int,
-    pads: list[np.ndarray],
-    *,
-    width: int = 2,
-    layout: int = DISPLACEMENT_FIRST,
-    slip: bool = False,
-    index_end: bool = True,
-    type_bytes: int = 1,
-    totals: list[np.ndarray] | None = None,
-) -> bytes:
+def make(number: int, pads: list[np.ndarray], *, width: int = 2, slip: bool = False) -> bytes:
     blocks = [
         frames.encode_hub(number, 1000 * (number % 100_000)),
-        frames.encode_pillars([entries(pad, layout) for pad in pads], width),
+        pillars(*pads),
+        frames.encode_totals([pad.sum(axis=0) for pad in pads]),
     ]
-    blocks.append(frames.encode_totals([pad.sum(axis=0) for pad in pads] if totals is None else totals, width))
     if slip:
-        blocks += frames.encode_slip([len(pad) for pad in pads], width, type_bytes=type_bytes)
-    return frames.encode_blocks(blocks, width, index_end=index_end)
+        blocks += frames.encode_slip([len(pad) for pad in pads])
+    return frames.encode_blocks(blocks, width)
 
 
 def frame(number: int, *, sensors: int = 1, **others: Any) -> bytes:
     return make(number, [forces(number + sensor) for sensor in range(sensors)], **others)
-
-
-def ready(first: int = 0, layout: int = DISPLACEMENT_FIRST) -> papillarray.Decoder:
-    """Return a decoder that knows the layout and has counted no readings; the next frame is ``first``."""
-    decoder = papillarray.Decoder()
-    for number in range(first - FRAMES, first):
-        decoder.receive(make(number, [forces(1, 1)], layout=layout), 0)
-    assert decoder.health.good == 1
-    decoder.health.good = 0
-    return decoder
 
 
 def resum(body: bytes) -> bytes:
@@ -68,9 +43,9 @@ def resum(body: bytes) -> bytes:
     return frames.START + body + (sum(body) & 0xFFFF).to_bytes(2, "little") + frames.END
 
 
-def decode(stream: bytes, first: int = 0) -> tuple[list[int], papillarray.Decoder]:
+def decode(stream: bytes) -> tuple[list[int], papillarray.Decoder]:
     """Return the numbers of the decoded frames, after checking their forces, and the decoder."""
-    decoder = ready(first)
+    decoder = papillarray.Decoder()
     numbers = []
     for sample in decoder.receive(stream, 0):
         assert sample.device_time_ns is not None

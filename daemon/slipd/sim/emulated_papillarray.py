@@ -1,7 +1,6 @@
 """A Contactile PTS controller with two PapillArray pads as seen from its line: it streams unasked.
 
-It uses PTSCOM 2.0, or the layout of a public parser that contradicts it. Not emulated: the zeroing of the sensors, and
-their slip detection.
+Not emulated: the zeroing of the sensors, and their slip detection.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import numpy as np
 
 from slipd.arrays import Array
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.devices.papillarray.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST
 from slipd.devices.papillarray.papillarray_session import RATES_HZ
 from slipd.sim.tactile_stream import TactileStream
 
@@ -21,8 +19,7 @@ POWER_ON_HZ = 1000.0
 NOISE_N = 0.005
 STIFFNESS_N_PER_MM = np.array([4.0, 4.0, 6.0])
 RESTING_N = (0.0, 0.0, 0.1)
-"""Load on each pillar until another is set; a load reveals the layout."""
-LAYOUTS = {"displacement_first": DISPLACEMENT_FIRST, "force_first": FORCE_FIRST}
+"""Load on each pillar until another is set."""
 
 _COMMAND = re.compile(rb"f(\d{1,4})\n")
 _LONGEST_COMMAND = 6
@@ -34,11 +31,9 @@ class Controller:
     Args:
         seed: Seed of the noise.
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
-        layout: "displacement_first" as in PTSCOM 2.0, or "force_first" as in a public parser.
     """
 
-    def __init__(self, seed: int, clock_ppm: float = 20.0, layout: str = "displacement_first") -> None:
-        self._layout = LAYOUTS[layout]
+    def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = 500.0
         self._stream = TactileStream(seed, POWER_ON_HZ, (frames.PILLARS, 3), NOISE_N)
@@ -71,25 +66,16 @@ class Controller:
 
     def _frame(self, taken_ns: int) -> bytes:
         pads = [self._stream.image(str(sensor)) for sensor in range(frames.SENSORS)]
-        entries = [_entries(pad, self._layout) for pad in pads]
-        documented = self._layout == DISPLACEMENT_FIRST
         blocks = [
             frames.encode_hub(self._counter, round(taken_ns * self._clock_us_per_ns)),
-            frames.encode_pillars(entries),
+            frames.encode_pillars(pads, [pad / STIFFNESS_N_PER_MM for pad in pads]),
             frames.encode_totals([pad.sum(axis=0) for pad in pads]),
-            *frames.encode_slip([frames.PILLARS] * frames.SENSORS, type_bytes=1 if documented else 2),
+            *frames.encode_slip([frames.PILLARS] * frames.SENSORS),
         ]
         self._counter += 1
-        return frames.encode_blocks(blocks, index_end=documented)
+        return frames.encode_blocks(blocks)
 
 
-def _entries(forces_n: Array, layout: int) -> Array:
-    """Return force and displacement of each pillar in the order of the layout, shape (pillars, 6)."""
-    displacements_mm = forces_n / STIFFNESS_N_PER_MM
-    pair = (forces_n, displacements_mm) if layout == FORCE_FIRST else (displacements_mm, forces_n)
-    return np.column_stack(pair)
-
-
-def make(seed: int, layout: str = "displacement_first") -> Controller:
-    """Return the emulator with seeded noise; for ``layout`` see `Controller`."""
-    return Controller(seed, layout=layout)
+def make(seed: int) -> Controller:
+    """Return the emulator with seeded noise."""
+    return Controller(seed)

@@ -5,9 +5,8 @@ import pytest
 from driving import drive
 
 from slipd.devices import papillarray
-from slipd.devices.papillarray.papillarray_layout import FRAMES, NAMES, UNDECIDED
 from slipd.devices.papillarray.papillarray_session import RATES_HZ
-from slipd.sim.emulated_papillarray import LAYOUTS, POWER_ON_HZ, make
+from slipd.sim.emulated_papillarray import POWER_ON_HZ, make
 
 MS = 1_000_000
 
@@ -18,29 +17,18 @@ def test_the_daemons_session_sets_its_rate(rate_hz: int) -> None:
     session = papillarray.Session(rate_hz)
     samples = drive(session, emulator, 1.0)
     assert session.state == "running"
-    assert len(samples) == pytest.approx(2 * rate_hz, abs=2 * FRAMES + 2)
+    assert len(samples) == pytest.approx(2 * rate_hz, abs=2)
     assert samples[2].device_time_ns - samples[0].device_time_ns == pytest.approx(1e9 / rate_hz, abs=1500)
     assert (session.health.bad, session.health.lost) == (0, 0)
 
 
-@pytest.mark.parametrize(("layout", "force_at"), LAYOUTS.items())
-def test_both_sensors_feel_what_acts_on_each_pillar(layout: str, force_at: int) -> None:
-    emulator = make(1, layout=layout)
+def test_both_sensors_feel_what_acts_on_each_pillar() -> None:
+    emulator = make(1)
     forces_n = np.arange(27.0).reshape(9, 3) / 10
     emulator.press(forces_n)
-    session = papillarray.Session()
-    samples = drive(session, emulator, 0.5)
-    assert session.health.note == f"pillars hold {NAMES[force_at]}"
+    samples = drive(papillarray.Session(), emulator, 0.5)
     assert {sample.source for sample in samples} == {"0", "1"}
     assert np.mean([sample.values for sample in samples], axis=0) == pytest.approx(forces_n, abs=0.002)
-
-
-def test_unloaded_pads_do_not_reveal_their_layout_and_give_no_readings() -> None:
-    emulator = make(1)
-    emulator.press(np.zeros((9, 3)))
-    session = papillarray.Session()
-    assert drive(session, emulator, 3.0) == []
-    assert (session.state, session.health.note) == ("running", UNDECIDED)
 
 
 def test_it_streams_from_power_on_and_obeys_only_its_own_rates() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.devices.papillarray.papillarray_layout import Layout
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
@@ -19,13 +18,11 @@ class Decoder:
     """Return a tactile sample of every sensor in a frame; ``source`` is its index in the frame, "0" or "1".
 
     ``values`` has shape (pillars, 3): Fx, Fy, Fz of each pillar in N, in the order, axes and sign that the controller
-    sends. ``device_time_ns`` is the controller's clock, which never wraps. A sensor's total force shows which numbers
-    are forces (see `papillarray_layout`); until a load has shown it, and in frames that contradict it, there are no
-    samples, and `health.note` gives the reason. The decoder checks the structure of displacements, torques and the
-    controller's own slip detection, but does not use them: force and torque follow from the pillars' forces.
+    sends. ``device_time_ns`` is the controller's clock, which never wraps. The decoder checks the structure of
+    displacements, totals and the controller's own slip detection, but does not use them: force and torque follow from
+    the pillars' forces.
 
-    `health.lost`, `duplicates` and `restarts` count frames by the controller's counter, `good` counts samples; a frame
-    whose sums contradict the layout is one `bad`.
+    `health.lost`, `duplicates` and `restarts` count frames by the controller's counter, `good` counts samples.
 
     The only status name is "invalid": a value is not finite.
     """
@@ -34,7 +31,6 @@ class Decoder:
         self.health = DecoderHealth()
         self._frames = FrameScanner(frames.START, self._measure, _TYPICAL_LENGTH, self.health)
         self._sequence = SequenceTracker(_COUNTER_SPAN, self.health, in_order=True)
-        self._layout = Layout()
         self._bodies: list[frames.Body] = []
 
     @property
@@ -48,32 +44,15 @@ class Decoder:
         self._frames.receive(data)
         samples: list[TactileSample] = []
         for body in self._bodies:
-            if not self._sequence.accept(body.counter):
-                continue
-            if self._layout.matches(body.pads):
-                samples += self._samples(body, t_ns)
-            else:
-                self.health.bad += self._layout.force_at is not None
-            self.health.note = self._layout.note
+            if self._sequence.accept(body.counter):
+                samples += _samples(body, t_ns)
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
-        """Drop a partial frame, the expected counter and the layout, because the line was closed."""
+        """Drop a partial frame and the expected counter, because the line was closed."""
         self._frames.forget()
         self._sequence.forget()
-        self._layout = Layout()
-        self.health.note = ""
-
-    def _samples(self, body: frames.Body, t_ns: int) -> list[TactileSample]:
-        begin = self._layout.force_at or 0
-        samples = []
-        for sensor, pad in enumerate(body.pads):
-            if pad is not None:
-                forces_n = pad.entries[:, begin : begin + 3]
-                status = () if np.isfinite(forces_n).all() else ("invalid",)
-                samples.append(TactileSample(t_ns, body.time_us * 1000, forces_n, status, str(sensor)))
-        return samples
 
     def _measure(self, buffer: bytes, at: int) -> int:
         """Measure a frame for `FrameScanner`, which calls this once per valid frame, and keep its content."""
@@ -81,3 +60,12 @@ class Decoder:
         if body is not None:
             self._bodies.append(body)
         return length
+
+
+def _samples(body: frames.Body, t_ns: int) -> list[TactileSample]:
+    samples = []
+    for sensor, forces_n in enumerate(body.forces_n):
+        if forces_n is not None:
+            status = () if np.isfinite(forces_n).all() else ("invalid",)
+            samples.append(TactileSample(t_ns, body.time_us * 1000, forces_n, status, str(sensor)))
+    return samples

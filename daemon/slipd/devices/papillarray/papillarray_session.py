@@ -34,7 +34,7 @@ class Session(SensorSession[TactileSample]):
     def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``now_ns``; return the images they complete."""
         samples = super().receive(data, now_ns)
-        if self.decoder.has_frame:  # the controller sends, even if the layout is not known yet
+        if self.decoder.has_frame:  # the controller sends, even if no sensor is connected
             self._startup.reading_received(now_ns)
         return samples
 
