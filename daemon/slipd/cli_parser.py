@@ -78,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
 
     plot = add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
     plot.epilog = (
-        "The recording is replayed, so another config shows what would have been reported with it. Its length does not "
+        "What the run itself reported is drawn; with another config the recording is replayed. Its length does not "
         "matter for memory: the least and the largest value of each column of the picture are kept. Only an earlier "
         "plot is replaced. Exit code 1: the recording is damaged or cut off; it is drawn as far as it goes."
     )

@@ -20,7 +20,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: b
 
     Args:
         path: The recording.
-        speed: Recorded seconds per second; None: as fast as possible.
+        speed: Recorded seconds per second, which standard error states first; None: as fast as possible.
         as_json: Print every message, one per line.
         publish: Publish the messages too, on the endpoint of the recorded config.
 
@@ -35,6 +35,9 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: b
     with interruptible():
         messages = replay(recording, speed=speed)
         compile_kernels()
+    if speed is not None:
+        pace = "in real time" if speed == 1.0 else f"at {speed:g} times real time"
+        print(f"slipd: replays {pace}; as fast as possible: --speed max", file=sys.stderr, flush=True)
     if publish:
         asyncio.run(_publish(messages, recording.config_text, str(path), as_json=as_json))
     else:

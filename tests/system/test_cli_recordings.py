@@ -125,7 +125,9 @@ def test_a_replay_is_published_to_subscribers(
     context.destroy(linger=0)
     assert heard[0][0] in (b"slip.left", b"slip.right")
     assert decode(heard[0][1], MESSAGE_LIMITS)["boot"] == "imported"
-    assert capsys.readouterr().out.startswith(f"publish: ipc://{tmp_path}/run/publish\n")
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"publish: ipc://{tmp_path}/run/publish\n")
+    assert captured.err.startswith("slipd: replays at 4 times real time; as fast as possible: --speed max\n")
 
 
 def test_an_incomplete_recording_is_shown_and_reported(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:

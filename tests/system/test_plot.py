@@ -7,8 +7,10 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from live_recording import live
 from lossy_recording import lossy
 from replays import RECORDINGS
 from terminals import PseudoTerminal
@@ -52,6 +54,46 @@ def current_umask() -> int:
     umask = os.umask(0)
     os.umask(umask)
     return umask
+
+
+WITHOUT_ENGINE = """
+import sys
+from slipd.cli import main
+main(sys.argv[1:])
+assert "slipd.engine.engine" not in sys.modules
+"""
+
+
+def test_what_a_run_reported_itself_is_drawn_without_a_replay(here: Path) -> None:
+    run = live(Path(REFLEX), here / "run.mcap")
+    subprocess.run([sys.executable, "-c", WITHOUT_ENGINE, "plot", str(run), "--to", "1"], check=True)
+    Path("own.toml").write_text(open_recording(run).config_text, encoding="utf-8")
+    assert main(["plot", str(run), "--to", "1", "--config", "own.toml", "--out", "replayed.html"]) == 0
+    drawn, replayed = (Path(name).read_text(encoding="utf-8") for name in ("run.html", "replayed.html"))
+    said = re.compile("<p>(As the run itself reported it|Replayed with)[^<]*</p>")
+    assert [found[1] for found in map(said.search, (drawn, replayed)) if found] == [
+        "As the run itself reported it",
+        "Replayed with",
+    ]
+    assert said.sub("", drawn) == said.sub("", replayed)
+
+
+def test_verdicts_of_another_version_are_replayed_and_false_ones_refused(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = live(Path(REFLEX), here / "old.mcap", lambda topic, body: body.pop("mu_low", None))
+    assert main(["plot", str(old), "--to", "1"]) == 0
+    assert "Replayed with its own config" in Path("old.html").read_text()
+
+    def forge(topic: str, body: dict[str, Any]) -> None:
+        if topic == "slip.left" and body["seq"] > 3:
+            body["level"] = "<script>"
+
+    forged = live(Path(REFLEX), here / "forged.mcap", forge)
+    capsys.readouterr()
+    assert main(["plot", str(forged)]) == 1
+    assert "forged.mcap: holds a message that slipd cannot have published: " in capsys.readouterr().err
+    assert not Path("forged.html").exists()
 
 
 def test_another_config_shows_what_it_would_have_reported(sticky: str, here: Path) -> None:
@@ -202,6 +244,6 @@ def test_progress_is_shown_on_a_terminal_only_while_it_works(here: Path) -> None
         while process.poll() is None or terminal.read(0.0):
             terminal.read(0.05)
         assert process.returncode == 0
-        assert b"% replayed" in terminal.sent
+        assert b"% of the recording" in terminal.sent
         assert terminal.sent.endswith(b"\r\x1b[K"), "and erased at the end"
     assert [path.name for path in here.iterdir()] == ["demo.html"]

@@ -73,12 +73,17 @@ class BinnedTrack(Generic[T]):
         """Add the value at a time; one before the first counts as the first."""
         if self._begin_s is None:
             self._begin_s = t_s
-        at = max(int((t_s - self._begin_s) / self._width_s), 0)
+        at = int((t_s - self._begin_s) / self._width_s)
+        if at < 0:
+            at = 0
         while at >= len(self._bins):
             self._halve()
             at //= 2
         before = self._bins[at]
-        self._bins[at] = value if before is None else self._merge(before, value)
+        if before is None:
+            self._bins[at] = value
+        elif before != value:
+            self._bins[at] = self._merge(before, value)
 
     def held(self, extent: Extent) -> Iterator[Held[T]]:
         """Yield the value of every bin that has one; it holds until the next, the next gap, or the end."""
@@ -115,7 +120,9 @@ class BinnedTrack(Generic[T]):
 
 def widest(one: Range, other: Range) -> Range:
     """Merge two ranges into the one that contains both."""
-    return min(one[0], other[0]), max(one[1], other[1])
+    low, high = one
+    other_low, other_high = other
+    return (low if low < other_low else other_low), (high if high > other_high else other_high)
 
 
 def later(_: T, newer: T) -> T:

@@ -1,28 +1,35 @@
-"""The command ``slipd plot``: one recording as a page or a picture."""
+"""The command ``slipd plot``: one recording as a page or a picture.
+
+A recording of a run holds what the run published, and that is drawn: a replay takes twenty times as long. The recording
+is replayed where it holds no verdicts that this version can draw, and for another config.
+"""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
+
+import msgpack
 
 from slipd import config
-from slipd.compile_kernels import compile_kernels
 from slipd.draft import Kind, draft
 from slipd.errors import RecordingError, SlipdError
-from slipd.evaluation.config_replay import with_recorded_tares
 from slipd.plot.binned_track import Window
 from slipd.plot.chart import chart
 from slipd.plot.report_page import GENERATOR, Report, page
-from slipd.plot.run_tracks import RunTracks
+from slipd.plot.run_tracks import FingerTracks, RunTracks
 from slipd.progress import Progress
 from slipd.recording.reader import Recording, open_recording
-from slipd.recording.replay import replay
 
 WHOLE = Window(0.0, math.inf)
 """All of a run."""
+
+NOT_DRAWABLE = (KeyError, TypeError, ValueError)
+"""Errors of a message without the fields, or not of the kinds, that are drawn."""
 
 
 def is_plot(path: Path) -> bool:
@@ -39,13 +46,13 @@ PLOT = Kind("a plot of slipd", is_plot)
 
 
 def plot_command(path: Path, out: Path | None, config_file: Path | None, window: Window = WHOLE) -> bool:
-    """Replay a recording and write the picture.
+    """Read or replay a recording, and write the picture.
 
     Args:
         path: The recording.
         out: The picture; it replaces an earlier one once it is complete, and nothing else. None: a page in this
             folder.
-        config_file: A config to replay with; None: the recorded one.
+        config_file: A config to replay with; None: what the run itself published is drawn.
         window: The part of the run to draw.
 
     Returns:
@@ -61,9 +68,8 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
     out = out or Path(f"{path.stem}.html")
     write = _writer(out)
     recording = open_recording(path)
-    progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % replayed")
+    progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording")
     with draft(out, PLOT, overwrite=True) as written:
-        compile_kernels()
         try:
             report = make_report(recording, config_file, window, progress.show)
         finally:
@@ -78,13 +84,13 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
 def make_report(
     recording: Recording, config_file: Path | None, window: Window, progress: Callable[[int, int], None]
 ) -> Report:
-    """Replay a recording and return what is drawn of it.
+    """Return what is drawn of a recording.
 
     Args:
         recording: The recording.
-        config_file: A config to replay with; None: the recorded one.
+        config_file: A config to replay with; None: what the run itself published is drawn.
         window: The part of the run to draw.
-        progress: Called with how much of the file is replayed, and its size.
+        progress: Called with how much of the file is read, and its size.
 
     Raises:
         ConfigError: The config cannot be read or has faults.
@@ -93,28 +99,76 @@ def make_report(
     if config_file is None:
         settings = config.parse(recording.config_text, f"{recording.path}: config")
     else:
+        from slipd.evaluation.config_replay import with_recorded_tares  # here: only a replay loads the engine
+
         settings = with_recorded_tares(config.load(config_file), recording)
     first = next(recording.events(), None)
     if first is None:
         raise RecordingError(recording.fault or f"{recording.path}: no events in it, so there is nothing to draw")
     tracks = RunTracks(first[0], window.begin_s)
     last_s = 0.0
-    for topic, body in replay(recording, settings=settings, on_event=tracks.add_event):
-        last_s = max(last_s, tracks.time_s(body))
-        if last_s > window.end_s:
-            break
-        tracks.add(topic, body)
-        progress(recording.read_bytes, recording.size_bytes)
+    replayed = config_file is not None or not _holds_verdicts(recording)
+    if replayed:
+        from slipd.compile_kernels import compile_kernels
+        from slipd.recording.replay import replay
+
+        compile_kernels()
+        messages = replay(recording, settings=settings, on_event=tracks.add_event)
+    else:
+        messages = _published(recording, tracks.add_event)
+    try:
+        for topic, body in messages:
+            last_s = max(last_s, tracks.time_s(body))
+            if last_s > window.end_s:
+                break
+            tracks.add(topic, body)
+            progress(recording.read_bytes, recording.size_bytes)
+    except NOT_DRAWABLE as error:
+        if replayed:
+            raise
+        raise RecordingError(
+            f"{recording.path}: holds a message that slipd cannot have published: {error!r}"
+        ) from error
     if tracks.window.end_s <= window.begin_s:
         raise RecordingError(f"{recording.path}: {_nothing_in(window, last_s)}")
+    if config_file is not None:
+        source = (
+            f"Replayed with {config_file.name} ({settings.config_id}): what slipd would have reported with that "
+            "config. The recorded motion stays as it was, and so does the zero of the pads."
+        )
+    else:
+        shown = "Replayed with its own config" if replayed else "As the run itself reported it, with its own config"
+        source = f"{shown} ({settings.config_id})."
     return Report(
         recording.path.name,
-        _facts(recording, tracks, first[0], config_file, settings.config_id),
+        [_recorded(recording, tracks, first[0]), source],
         [recording.gap] if recording.gap else [],
         tracks.window,
         chart(tracks, settings.levels),
         tracks.changes,
     )
+
+
+def _holds_verdicts(recording: Recording) -> bool:
+    """Return whether a recording holds verdicts that can be drawn: an import has none, an old one may lack fields."""
+    for topic, payload in recording.messages():
+        if topic.startswith("slip."):
+            try:
+                FingerTracks().add(0.0, msgpack.unpackb(payload))
+            except NOT_DRAWABLE:
+                return False
+            return True
+    return False
+
+
+def _published(recording: Recording, on_event: Callable[[int], object]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the messages that a run published, but not those of topics that are not drawn.
+
+    Their fields are not checked one by one, which would take longer than the rest of the plot.
+    """
+    for topic, payload in recording.messages(on_event):
+        if not topic.startswith("wrench."):
+            yield topic, msgpack.unpackb(payload)
 
 
 def _nothing_in(window: Window, last_s: float) -> str:
@@ -123,18 +177,12 @@ def _nothing_in(window: Window, last_s: float) -> str:
     return f"no message after {window.begin_s:g} s, the last is at {last_s:.3f} s"
 
 
-def _facts(
-    recording: Recording, tracks: RunTracks, begin_ns: int, config_file: Path | None, config_id: str
-) -> list[str]:
+def _recorded(recording: Recording, tracks: RunTracks, begin_ns: int) -> str:
     begun = datetime.fromtimestamp((begin_ns + recording.wall_minus_monotonic_ns) * 1e-9, UTC)
-    recorded = f"Recorded by slipd {recording.versions.get('slipd', 'of an unknown version')}"
+    version = recording.versions.get("slipd", "of an unknown version")
     begin_s, end_s = tracks.window
     shown = f"drawn from {begin_s:g} to {end_s:.1f} s" if begin_s else f"{end_s:.1f} s"
-    facts = [f"{recorded} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {shown}."]
-    if config_file is None:
-        return [*facts, f"Replayed with its own config ({config_id})."]
-    other = f"Replayed with {config_file.name} ({config_id}): what slipd would have reported with that config."
-    return [*facts, other, "The recorded motion stays as it was, and so does the zero of the pads."]
+    return f"Recorded by slipd {version} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {shown}."
 
 
 def _writer(out: Path) -> Callable[[Report, Path], None]:

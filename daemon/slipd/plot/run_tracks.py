@@ -81,7 +81,13 @@ class FingerTracks:
     in_newtons: bool = True
 
     def add(self, t_s: float, body: Mapping[str, Any]) -> None:
-        """Add a message ``slip``."""
+        """Add a message ``slip``.
+
+        Raises:
+            KeyError, TypeError, ValueError: It lacks a field that is drawn, or has one of another kind.
+        """
+        if body["level"] not in SEVERITY:
+            raise ValueError(f"level must be one of {', '.join(SEVERITY)}, got {body['level']!r:.40}")
         used, lower, upper = body["utilisation"], body["utilisation_lower"], body["utilisation_upper"]
         self.level.add(t_s, LevelState(body["level"], tuple(body["reasons"])))
         self.evidence.add(t_s, frozenset(body["evidence"]))
@@ -174,7 +180,8 @@ class RunTracks:
             self.changes.add_image(finger, body)
         if t_s < self.window.begin_s:
             return
-        self.window = Window(self.window.begin_s, max(self.window.end_s, t_s))
+        if t_s > self.window.end_s:
+            self.window = Window(self.window.begin_s, t_s)
         if kind == "slip":
             if finger not in self.fingers:
                 self.fingers[finger] = FingerTracks()

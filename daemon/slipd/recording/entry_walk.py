@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import NamedTuple
 
@@ -51,6 +51,8 @@ class EntryWalk:
     Args:
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC in the recorded run, ns.
         first: Index of the first entry.
+        on_event: Called with the time of each event, ns; events are then neither decoded nor yielded, which saves more
+            than half of a pass. None: they are.
 
     Attributes:
         lost: Number of entries missing so far.
@@ -61,12 +63,15 @@ class EntryWalk:
         topics: Topic of each channel, by its number.
     """
 
-    def __init__(self, wall_minus_monotonic_ns: int, first: int) -> None:
+    def __init__(
+        self, wall_minus_monotonic_ns: int, first: int, on_event: Callable[[int], object] | None = None
+    ) -> None:
         self.lost = 0
         self.fault: str | None = None
         self.entry_count: int | None = None
         self.file_bytes = 0
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self._on_event = on_event
         self.topics: dict[int, str] = {}
         self._schemas = 0
         self._unpacked_bytes = 0
@@ -91,7 +96,9 @@ class EntryWalk:
             )
         for opcode, body in inner_records(unpack_chunk(chunk)):
             if opcode == Opcode.MESSAGE:
-                yield self._entry(body)
+                entry = self._entry(body)
+                if entry is not None:
+                    yield entry
             elif len(body) > _CHANNEL_LIMIT_BYTES:
                 raise DamageError(f"has a channel or schema of {len(body)} bytes, which slipd cannot have written")
             elif opcode == Opcode.CHANNEL:
@@ -116,7 +123,7 @@ class EntryWalk:
         if self.topics.setdefault(channel.id, channel.topic) != channel.topic or len(self.topics) > _CHANNELS_MAX:
             raise DamageError(f"channel {channel.topic!r:.80} has the number of another, or is one too many")
 
-    def _entry(self, body: memoryview) -> Entered | Published:
+    def _entry(self, body: memoryview) -> Entered | Published | None:
         if len(body) < _MESSAGE_HEAD.size:
             raise DamageError(f"entry {self.next_n} is cut off")
         channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
@@ -125,9 +132,15 @@ class EntryWalk:
             raise DamageError(f"entry {self.next_n} is on a channel that was never announced")
         n = self.next_n + ((sequence - self.next_n) & mcap_file.SEQUENCE_MASK)
         t_ns = log_time_ns - self._wall_minus_monotonic_ns
-        payload = bytes(body[_MESSAGE_HEAD.size :])
-        entry = _event(payload, n, t_ns) if topic == mcap_file.EVENTS else Published(n, t_ns, topic, payload)
-        self._skip_to(n)
+        entry: Entered | Published | None = None
+        if topic != mcap_file.EVENTS:
+            entry = Published(n, t_ns, topic, bytes(body[_MESSAGE_HEAD.size :]))
+        elif self._on_event is None:
+            entry = _event(bytes(body[_MESSAGE_HEAD.size :]), n, t_ns)
+        else:
+            self._on_event(t_ns)
+        if n != self.next_n:
+            self._skip_to(n)
         self.next_n = n + 1
         return entry
 

@@ -9,7 +9,7 @@ it holds ends the reading. The ``mcap`` library decodes the records themselves.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,9 +69,15 @@ class Recording:
         """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""
         return ((entry.t_ns, entry.event) for entry in self.entries() if isinstance(entry, Entered))
 
-    def messages(self) -> Iterator[tuple[str, bytes]]:
-        """Yield ``(topic, payload)`` of every published message, in the order in which they were published."""
-        return ((entry.topic, entry.payload) for entry in self.entries() if isinstance(entry, Published))
+    def messages(self, on_event: Callable[[int], object] = lambda _: None) -> Iterator[tuple[str, bytes]]:
+        """Yield ``(topic, payload)`` of every published message, in the order in which they were published.
+
+        Events are not decoded, so damage that only their own checksums show stays unnoticed.
+
+        Args:
+            on_event: Called with the time of each event, ns, before the messages that it caused are yielded.
+        """
+        return ((entry.topic, entry.payload) for entry in self._walk(on_event) if isinstance(entry, Published))
 
     def entries(self) -> Iterator[Entered | Published]:
         """Yield events and messages in their total order, up to the first that cannot be read.
@@ -79,7 +85,10 @@ class Recording:
         Raises:
             RecordingError: The file cannot be opened.
         """
-        walk = EntryWalk(self.wall_minus_monotonic_ns, self.first)
+        return self._walk()
+
+    def _walk(self, on_event: Callable[[int], object] | None = None) -> Iterator[Entered | Published]:
+        walk = EntryWalk(self.wall_minus_monotonic_ns, self.first, on_event)
         try:
             with open_mcap(self.path) as file:
                 self.size_bytes = walk.file_bytes = os.fstat(file.fileno()).st_size
