@@ -198,7 +198,7 @@ class DeviceLink:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
         health, message = stream.condition(t_ns, unread_ns, late_ns)
         if health is not Health.STALE:
-            return health, message or counters.note
+            return health, ": ".join(filter(None, (message, counters.note)))
         if t_ns - max(self._opened_ns, stream.last_ns or 0) <= SILENT_NS:
             return health, message
         why = counters.note or self._why_silent(stream, t_ns)

@@ -1,6 +1,6 @@
 """A Robotous RFT force/torque sensor as seen from its line.
 
-Not emulated: bias, baud rate and overload counters, which the daemon never requests.
+Not emulated: bias, change of the baud rate, and overload counters, which the daemon never requests.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.devices.robotous import robotous_packets as packets
 from slipd.devices.robotous.robotous_decoder import COUNTS_PER_N
-from slipd.devices.robotous.robotous_session import FILTERS_HZ, RATES_HZ
+from slipd.devices.robotous.robotous_session import CARRIED_HZ, FILTERS_HZ, RATES_HZ
 from slipd.sim.wrench_stream import WrenchStream, whole
 
-COUNTS_PER_NM = 2000.0
+SLOW_BAUD = 115_200
 PRODUCT, SERIAL = b"RFT40-SA01-D", b"RFT-2211-0042"
 
-_COUNTS_PER_UNIT = np.repeat((COUNTS_PER_N, COUNTS_PER_NM), 3)
 _OUT_OF_RANGE = b"\x00\x02"
 _OBEYED = b"\x01\x00"
 
@@ -28,15 +27,19 @@ class RobotousSensor:
 
     Args:
         seed: Seed of its noise.
+        torque_divider: Counts per N·m of the model.
+        baud: Speed of its line, bit/s; a slow one limits its rate.
 
     Attributes:
         writes: Number of settings written to its EEPROM.
         overload: Overload bits of the readings from now on.
     """
 
-    def __init__(self, seed: int) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = 500.0
+    def __init__(self, seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> None:
+        self.options: dict[str, Any] = {"torque_divider": torque_divider}
+        self.rate_hz = float(CARRIED_HZ)
+        self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
+        self._most_hz = CARRIED_HZ if baud <= SLOW_BAUD else max(RATES_HZ)
         self.writes = 0
         self.overload = 0
         self._stream = WrenchStream(seed, RATES_HZ[0])
@@ -59,7 +62,7 @@ class RobotousSensor:
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the readings due by then."""
         return [
-            packets.encode_reading(whole(values * _COUNTS_PER_UNIT, 16), self.overload)
+            packets.encode_reading(whole(values * self._counts_per_unit, 16), self.overload)
             for _, values in self._stream.due(t_ns)
         ]
 
@@ -78,7 +81,7 @@ class RobotousSensor:
         return []
 
     def _set(self, number: int, arguments: bytes) -> bytes:
-        if number == packets.SET_RATE and arguments[0] < len(RATES_HZ):
+        if number == packets.SET_RATE and arguments[0] < len(RATES_HZ) and RATES_HZ[arguments[0]] <= self._most_hz:
             self._settings[packets.GET_RATE] = arguments[:1]
             self._stream.rate_hz = RATES_HZ[arguments[0]]
         elif number == packets.SET_FILTER and arguments[1] < len(FILTERS_HZ):
@@ -89,6 +92,6 @@ class RobotousSensor:
         return _OBEYED
 
 
-def make(seed: int) -> RobotousSensor:
-    """Return the emulator with seeded noise."""
-    return RobotousSensor(seed)
+def make(seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> RobotousSensor:
+    """Return the emulator with seeded noise; for the other arguments see `RobotousSensor`."""
+    return RobotousSensor(seed, torque_divider, baud)

@@ -223,6 +223,9 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
         }
     elif device == "netft":
         settings = {"rate_hz": first.rate_hz}
+    elif device == "robotous":
+        settings = {"baud": first.baud or DEVICES[device].baud}
+        settings |= {key: first.options[key] for key in ("torque_divider",) if key in first.options}
     elif device == "optoforce":
         settings = {"wiring": config.transport_of(first.port)}
     elif device == "wts" and isinstance(first, config.Pad):

@@ -20,7 +20,7 @@ def test_the_daemons_session_names_sets_and_starts_it() -> None:
     session = robotous.Session(**emulator.options)
     samples = drive(session, emulator, 1.0)
     assert (session.state, session.identity) == ("running", "RFT40-SA01-D RFT-2211-0042")
-    assert 470 <= len(samples) <= 500
+    assert 310 <= len(samples) <= 333
     assert np.mean([s.force_n for s in samples], axis=0) == pytest.approx(FORCE_N, abs=0.01)
     assert np.mean([s.torque_nm for s in samples], axis=0) == pytest.approx(TORQUE_NM, abs=2e-4)
     assert session.health.bad == 0
@@ -38,12 +38,21 @@ def test_a_second_session_writes_nothing_to_its_eeprom() -> None:
 
 
 def test_a_running_sensor_is_stopped_before_it_is_asked() -> None:
-    emulator = make(3)
+    emulator = make(3, baud=921_600)
     emulator.receive(packets.encode_command(packets.START), 0)
     session = robotous.Session(output_hz=1000)
     drive(session, emulator, 0.2)
     assert session.state == "running"
     assert session.health.bad == 0
+
+
+@pytest.mark.parametrize(("baud", "hz", "note"), [(115_200, 200, "refused rate"), (921_600, 500, "")])
+def test_a_rate_that_its_line_does_not_carry_is_refused_and_it_sends_at_its_own(baud: int, hz: int, note: str) -> None:
+    session = robotous.Session(output_hz=500)
+    samples = drive(session, make(6, baud=baud), 1.0)
+    assert session.state == "running"
+    assert session.health.note.partition(":")[0] == note
+    assert hz - 20 <= len(samples) <= hz
 
 
 @pytest.mark.parametrize(("number", "arguments"), [(packets.SET_RATE, b"\x63"), (packets.SET_FILTER, b"\x01\x63")])

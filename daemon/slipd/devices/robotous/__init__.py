@@ -1,4 +1,4 @@
-"""Robotous RFT force/torque sensors on a serial line. Source: Robotous RFT sample source, Rev 1.2."""
+"""Robotous RFT force/torque sensors on a serial line. Sources: see `robotous_packets` and `robotous_session`."""
 
 from __future__ import annotations
 

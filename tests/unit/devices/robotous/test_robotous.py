@@ -140,7 +140,7 @@ def test_settings_that_differ_are_written_and_the_names_requested() -> None:
     session = asked(output_hz=1000, filter_hz=100)
     assert answer(session, packets.GET_RATE, b"\x05") == packets.encode_command(packets.SET_RATE, b"\x08")
     assert answer(session, packets.SET_RATE, b"\1\0") == packets.encode_command(packets.GET_FILTER)
-    assert answer(session, packets.GET_FILTER, b"\0\0") == packets.encode_command(packets.SET_FILTER, b"\x01\x0a")
+    assert answer(session, packets.GET_FILTER, b"\0\0") == packets.encode_command(packets.SET_FILTER, b"\x01\x05")
     assert answer(session, packets.SET_FILTER, b"\1\0") == packets.encode_command(packets.PRODUCT_NAME)
     assert answer(session, packets.PRODUCT_NAME, b"RFT40") == packets.encode_command(packets.SERIAL_NUMBER)
     assert answer(session, packets.SERIAL_NUMBER, b"2211") == packets.encode_command(packets.START)
@@ -150,7 +150,7 @@ def test_settings_that_differ_are_written_and_the_names_requested() -> None:
 
 
 @pytest.mark.parametrize(("rate", "hz"), [(0, 200), (5, 200), (8, 1000)])
-@pytest.mark.parametrize(("kept", "filter_hz"), [(b"\0\0", 0), (b"\0\x07", 0), (b"\1\x0e", 500)])
+@pytest.mark.parametrize(("kept", "filter_hz"), [(b"\0\0", 0), (b"\0\x07", 0), (b"\1\x01", 500)])
 def test_settings_that_agree_are_not_written_again(rate: int, hz: int, kept: bytes, filter_hz: int) -> None:
     session = asked(output_hz=hz, filter_hz=filter_hz)
     assert answer(session, packets.GET_RATE, bytes((rate,))) == packets.encode_command(packets.GET_FILTER)
@@ -165,11 +165,42 @@ def test_an_unknown_rate_is_overwritten() -> None:
     ("code", "word"), [(1, "not supported"), (2, "value out of range"), (3, "EEPROM write failure"), (9, "code 9")]
 )
 def test_a_refusal_is_named_and_the_setting_repeated(code: int, word: str) -> None:
-    session = asked(output_hz=1000)
-    setting = answer(session, packets.GET_RATE, b"\x05")
-    assert answer(session, packets.SET_RATE, bytes((0, code))) == b""
-    assert session.state == f"refused rate: {word}"
+    session = asked(output_hz=200, filter_hz=100)
+    answer(session, packets.GET_RATE, b"\x05")
+    setting = answer(session, packets.GET_FILTER, b"\0\0")
+    assert answer(session, packets.SET_FILTER, bytes((0, code))) == b""
+    assert session.state == f"refused filter: {word}"
     assert session.on_time(100 + RETRY_PAUSE_NS) == setting
+
+
+def test_a_refused_rate_leaves_the_sensor_its_own_and_is_noted() -> None:
+    session = asked(output_hz=500)
+    answer(session, packets.GET_RATE, b"\x05")
+    assert answer(session, packets.SET_RATE, b"\0\x02") == packets.encode_command(packets.GET_FILTER)
+    assert session.health.note.startswith("refused rate: value out of range; it keeps its own rate")
+    session.start(200)
+    assert session.health.note == ""
+
+
+FILTER_CODES = {500: 1, 300: 2, 200: 3, 150: 4, 100: 5, 50: 6, 40: 7, 30: 8, 20: 9, 10: 10, 5: 11, 3: 12, 2: 13, 1: 14}
+RATE_CODES = {10: 1, 20: 2, 50: 3, 100: 4, 200: 5, 333: 6, 500: 7, 1000: 8}
+"""Tables of the maker's ROS 2 driver: ROBOTOUS/ROS-2-Interface-for-RFT-Series-UART-Model at 057c534,
+``rft_sensor_serial/src/rft_sensor_serial.cpp``, lines 28 and 29 (where 100 Hz stands for code 6 too)."""
+
+A_USERS_FILTER = bytes.fromhex("55 08 01 0E 00 00 00 00 00 17 AA")
+"""A filter of 1 Hz for an RFT40: nsaitarun-git/Robotous_RFT40_MATLAB_Example at 85afe5a, ``main.m`` line 69."""
+
+
+def test_the_codes_are_those_of_the_makers_driver() -> None:
+    for hz, code in FILTER_CODES.items():
+        session = asked(output_hz=200, filter_hz=hz)
+        answer(session, packets.GET_RATE, b"\0")
+        setting = answer(session, packets.GET_FILTER, b"\0\0")
+        assert setting == packets.encode_command(packets.SET_FILTER, bytes((1, code)))
+    assert setting == A_USERS_FILTER
+    for hz, code in RATE_CODES.items():
+        setting = answer(asked(output_hz=hz), packets.GET_RATE, b"\x63")
+        assert setting == packets.encode_command(packets.SET_RATE, bytes((code,)))
 
 
 def test_an_answer_to_something_else_is_skipped() -> None:
@@ -181,7 +212,7 @@ def test_an_answer_to_something_else_is_skipped() -> None:
 def test_a_sensor_that_answers_no_questions_is_set_nevertheless() -> None:
     session = asked()
     due_ns, written = session.next_deadline() or 0, []
-    while packets.encode_command(packets.SET_RATE, b"\x07") not in written:
+    while packets.encode_command(packets.SET_RATE, b"\x06") not in written:
         written.append(session.on_time(due_ns))
         due_ns += ANSWER_NS
     assert written[:-1] == [packets.encode_command(packets.GET_RATE)] * 2
