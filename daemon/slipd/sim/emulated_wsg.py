@@ -1,6 +1,8 @@
 """A WSG gripper as seen from its line: two jaws that move, and hold a part with the force limit.
 
-Not emulated: grasp, release, soft limits, scripts, and other commands that the daemon never sends; a part is rigid.
+Not emulated: grasp, release, soft limits, scripts, and other commands that the daemon never sends; they are unknown to
+it. A part is rigid. A clamped part ends a motion with "axis blocked", as drivers expect (roboticslibrary/rl at 91df9f2,
+``src/rl/hal/WeissWsg50.cpp``, ``recv``).
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ HOMING_MMPS = 100.0
 UPDATE_HZ = 50.0
 STARTS_AT_MM = 60.0
 
+LONGEST_PAYLOAD = 64
+
 _TYPICAL_BYTES = 12
 
 
@@ -30,6 +34,7 @@ class Gripper:
             too.
         width_mm: Width between the jaws, mm.
         limit: Force limit, N of both fingers.
+        overdrive: Whether forces above the nominal one are allowed.
     """
 
     def __init__(self) -> None:
@@ -39,6 +44,7 @@ class Gripper:
         self.words: set[str] = set()
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
+        self.overdrive = False
         self._requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _TYPICAL_BYTES, DecoderHealth())
         self._connected = False  # a host is connected, or left without a disconnect command
         self._now_ns = 0
@@ -82,6 +88,12 @@ class Gripper:
         return output
 
     def _obey(self, request: Packet) -> list[bytes]:
+        expected = wire.REQUEST_SIZES.get(request.id)
+        if expected is None:
+            return [wire.encode_reply(request.id, wire.UNKNOWN_COMMAND)]
+        if len(request.payload) != expected:
+            short = len(request.payload) < expected
+            return [wire.encode_reply(request.id, wire.NOT_ENOUGH_PARAMETERS if short else wire.NO_PARAMETER_EXPECTED)]
         match request.id:
             case wire.DISCONNECT:
                 self._connected = False
@@ -92,6 +104,8 @@ class Gripper:
                 return [*self._abort(), wire.encode_reply(request.id)]
             case wire.SET_FORCE:
                 return [wire.encode_reply(request.id, self._set_force(wire.parse_number(request.payload)))]
+            case wire.OVERDRIVE:
+                self.overdrive = bool(request.payload[0] & 1)
             case wire.HOME:
                 return self._begin(wire.HOME, LIMITS.stroke_mm, HOMING_MMPS)
             case wire.PREPOSITION:
@@ -111,7 +125,7 @@ class Gripper:
         return [wire.encode_reply(request.id)]
 
     def _set_force(self, newtons: float) -> int:
-        if not LIMITS.min_force <= newtons <= LIMITS.overdrive_force:
+        if not LIMITS.min_force <= newtons <= (LIMITS.overdrive_force if self.overdrive else LIMITS.nominal_force):
             return wire.RANGE_ERROR
         self.limit = newtons
         return wire.OK
@@ -148,7 +162,7 @@ class Gripper:
         self._goal = None
         if command == wire.HOME:
             self.words.add("referenced")
-        return [wire.encode_reply(command)]
+        return [wire.encode_reply(command, wire.AXIS_BLOCKED if self._blocked else wire.OK)]
 
     def _update(self, update: int) -> bytes:
         if update == wire.WIDTH:
@@ -157,11 +171,12 @@ class Gripper:
             return wire.encode_number(update, self.limit if self._blocked else 0.0)
         if update == wire.GRASPING:
             return wire.encode_grasping("positioning" if self._goal else "idle")
-        return wire.encode_state(self.words | {"moving" if self._goal else "target_reached", self._blocked})
+        mode = {"overdrive"} if self.overdrive else set()
+        return wire.encode_state(self.words | mode | {"moving" if self._goal else "target_reached", self._blocked})
 
 
-def _is_request(request_id: int, size: int, _: bytes) -> bool:
-    return wire.REQUEST_SIZES.get(request_id) == size
+def _is_request(_: int, size: int, __: bytes) -> bool:
+    return size <= LONGEST_PAYLOAD
 
 
 def make(seed: int) -> Gripper:

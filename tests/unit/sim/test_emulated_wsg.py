@@ -55,7 +55,7 @@ def test_a_part_blocks_the_jaws_and_feels_the_force_limit_of_both(gripper: Gripp
     gripper.part_mm = 40.0
     ask(gripper, wire.set_force(20.0))
     ask(gripper, wire.preposition(0.0, 100.0))
-    gripper.advance(1000 * MS)
+    assert read(gripper.advance(1000 * MS)) == [Reply(wire.PREPOSITION, wire.AXIS_BLOCKED, b"")]
     assert gripper.width_mm == 40.0
     assert "blocked_minus" in words(gripper, 1000 * MS)
     (force,) = read(gripper.receive(wire.encode(wire.FORCE, bytes(3)), 1000 * MS))
@@ -82,8 +82,12 @@ def test_a_gripper_without_reference_must_be_homed_first() -> None:
     assert (gripper.width_mm, gripper.words) == (LIMITS.stroke_mm, {"referenced"})
 
 
-@pytest.mark.parametrize(("newtons", "status"), [(4.9, wire.RANGE_ERROR), (120.0, wire.OK), (121.0, wire.RANGE_ERROR)])
-def test_a_force_beyond_its_limits_is_refused(gripper: Gripper, newtons: float, status: int) -> None:
+@pytest.mark.parametrize(("newtons", "status"), [(4.9, wire.RANGE_ERROR), (80.0, wire.OK), (81.0, wire.RANGE_ERROR)])
+@pytest.mark.parametrize("overdrive", [False, True])
+def test_a_force_beyond_its_limits_is_refused(gripper: Gripper, newtons: float, status: int, overdrive: bool) -> None:
+    if overdrive:
+        assert ask(gripper, wire.overdrive()) == [(wire.OVERDRIVE, wire.OK)]
+        newtons *= 1.5 if newtons > LIMITS.min_force else 1.0
     assert ask(gripper, wire.set_force(newtons)) == [(wire.SET_FORCE, status)]
     (told,) = read(gripper.receive(wire.encode(wire.GET_FORCE), 0))
     assert wire.parse_number(told.data) == (newtons if status == wire.OK else 80.0)
@@ -109,11 +113,13 @@ def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gr
     assert gripper.advance(200 * MS) == []
 
 
-def test_it_reports_identity_and_settings_and_ignores_unknown_commands(gripper: Gripper) -> None:
+def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: Gripper) -> None:
     limits, system = read(gripper.receive(wire.encode(wire.LIMITS) + wire.encode(wire.SYSTEM), 0))
     assert wire.parse_limits(limits.data) == LIMITS
     assert wire.parse_serial(system.data) == 4711
-    assert gripper.receive(wire.encode(0x36) + wire.encode(wire.HOME, bytes(2)), 0) == []
+    assert gripper.receive(wire.encode(0x36), 0) == [wire.encode_reply(0x36, wire.UNKNOWN_COMMAND)]
+    assert ask(gripper, wire.encode(wire.HOME)) == [(wire.HOME, wire.NOT_ENOUGH_PARAMETERS)]
+    assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, wire.NO_PARAMETER_EXPECTED)]
 
 
 @pytest.mark.process

@@ -10,7 +10,7 @@ from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.command_queue import Command, CommandQueue
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_messages import FINGERS, Limits, Reply
+from slipd.devices.wsg.wsg_messages import Reply
 
 ANSWER_NS = 250_000_000
 """Time allowed for the answer to a command; older grippers take 70 ms."""
@@ -68,19 +68,19 @@ class WsgCommandQueue(CommandQueue):
         self._goal = None
         self.replace([_ACKNOWLEDGE, HOME] if faulty else [HOME])
 
-    def move(self, limits: Limits, goal: Goal, force_n: float) -> None:
-        """Queue a move with a force, N on one pad."""
+    def move(self, goal: Goal, force: float) -> None:
+        """Queue a move with a force limit, N of both fingers."""
         self._goal = goal
-        self._grip(limits, force_n, goal)
+        self._grip(force, goal)
 
-    def set_force(self, limits: Limits, force_n: float, width_m: float) -> None:
-        """Queue a force, N on one pad, with the goal of a move that waits or that closes from the present width."""
+    def set_force(self, force: float, width_m: float) -> None:
+        """Queue a force limit, N of both fingers, with the goal of a move that waits or closes from this width."""
         if self.failure:
             self._goal = None  # a motion that may never have begun must not begin now
         goal = self._goal
         waits = any(command.kind == wire.PREPOSITION for command in self.waiting)
         closes = goal is not None and goal[0] <= width_m * 1000
-        self._grip(limits, force_n, goal if waits or closes else None)
+        self._grip(force, goal if waits or closes else None)
 
     def stop(self) -> None:
         """Send a stop at once in place of all else."""
@@ -127,8 +127,7 @@ class WsgCommandQueue(CommandQueue):
             name = "homing" if reply.id == wire.HOME else "pre-position"
             self.failure = f"{name}: {weiss.status_word(reply.status)}"
 
-    def _grip(self, limits: Limits, force_n: float, goal: Goal | None) -> None:
-        force = wire.at_most(min(max(force_n * FINGERS, limits.min_force), limits.nominal_force))
+    def _grip(self, force: float, goal: Goal | None) -> None:
         commands = [Command("force limit", wire.SET_FORCE, wire.set_force(force), force)]
         if goal is not None:
             commands.append(Command("pre-position", wire.PREPOSITION, wire.preposition(*goal), force))

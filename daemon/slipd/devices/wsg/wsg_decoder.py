@@ -7,11 +7,16 @@ from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import FINGERS, Reply
 from slipd.samples import GripperSample
 
+NEWEST = 2 * len(wire.UPDATES)
+"""An update counts for as long as it is one of this many newest: in any order, those of two periods."""
+
 
 class Decoder:
-    """Return a gripper sample of each system state, and of width, force and grasping state since the previous one.
+    """Return a gripper sample of each system state, with the newest width, force and grasping state.
 
-    The gripper sends the four one by one, each at the same period. If one is missing there is no sample. ``active``
+    The gripper sends the four one by one, each at the same period, but in no fixed order: the Robotics Library
+    (roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``recv`` and ``step``) keeps the newest of each too.
+    If one is missing for longer than a period there is no sample. ``active``
     means referenced. ``echo_ok`` is None, because the updates do not contain the requests; `Session` sets it.
     ``force_n`` is half of the force that the gripper sends, which is the sum of both fingers.
     """
@@ -20,7 +25,8 @@ class Decoder:
         self.health = DecoderHealth()
         self.words: frozenset[str] = frozenset()
         self._scanner = wire.ReplyScanner(self.health)
-        self._round: dict[int, bytes] = {}
+        self._newest: dict[int, tuple[int, bytes]] = {}  # by id: number and data of the update
+        self._count = 0  # of updates
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
@@ -30,7 +36,7 @@ class Decoder:
     def forget(self) -> None:
         """Drop a partial reading, because the line was closed."""
         self._scanner.forget()
-        self._round.clear()
+        self._newest.clear()
 
     def replies(self, data: bytes) -> list[Reply]:
         """Scan bytes; return every reply they complete, for `decode_reply`."""
@@ -40,13 +46,12 @@ class Decoder:
         """Decode a reply received at ``t_ns``; return the sample that it completes, if any."""
         if reply.id not in wire.UPDATES or reply.status != wire.OK:
             return None
+        self._count += 1
+        self._newest[reply.id] = self._count, reply.data
         if reply.id != wire.STATE:
-            if reply.id in self._round:  # the state between was damaged: do not mix older updates with this one
-                self._round.clear()
-            self._round[reply.id] = reply.data
             return None
-        parts, self._round = self._round, {}
-        if len(parts) < len(wire.UPDATES) - 1:
+        parts = {update: data for update, (number, data) in self._newest.items() if self._count - number < NEWEST}
+        if len(parts) < len(wire.UPDATES):
             return None
         self.health.good += 1
         self.words = wire.parse_state(reply.data)

@@ -2,8 +2,9 @@
 
 The packets are those of `slipd.devices.shared.weiss_packets`, with a checksum that includes the preamble. A reply has
 the id of its command and begins with a status (u16). Widths are mm, speeds mm/s; numbers are little-endian, and real
-numbers f32. **Forces are the sum of both fingers**, twice the force on one pad. Source: the public WSG drivers and the
-fieldbus manual.
+numbers f32. **Forces are the sum of both fingers**, twice the force on one pad. Sources: the fieldbus manual, and
+the public WSG drivers in nalt/wsg50-ros-pkg at bca5f46, RobotLocomotion/drake-schunk-driver at d07fcfc, and
+roboticslibrary/rl at 91df9f2.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ STOP = 0x22
 ACKNOWLEDGE = 0x24
 SET_FORCE = 0x32
 GET_FORCE = 0x33
+OVERDRIVE = 0x37
 STATE = 0x40
 GRASPING = 0x41
 WIDTH = 0x43
@@ -37,6 +39,9 @@ UPDATES = (WIDTH, FORCE, GRASPING, STATE)
 
 OK = 0
 NOT_INITIALISED = 3
+NO_PARAMETER_EXPECTED = 12
+NOT_ENOUGH_PARAMETERS = 13
+UNKNOWN_COMMAND = 14
 ABORTED = 19
 PENDING = 26
 RANGE_ERROR = 28
@@ -98,7 +103,7 @@ _LIMITS = struct.Struct("<8f")  # as in `Limits`
 _STATUS_LENGTH = 2
 _TYPICAL_BYTES = 14
 
-_COMMANDS = (DISCONNECT, HOME, PREPOSITION, STOP, ACKNOWLEDGE, SET_FORCE)
+_COMMANDS = (DISCONNECT, HOME, PREPOSITION, STOP, ACKNOWLEDGE, SET_FORCE, OVERDRIVE)
 
 REPLY_SIZES = dict.fromkeys(_COMMANDS, 0) | {
     GET_FORCE: _F32.size,
@@ -112,6 +117,7 @@ REPLY_SIZES = dict.fromkeys(_COMMANDS, 0) | {
 """Bytes after a status of 0; there are none after any other status."""
 REQUEST_SIZES = dict.fromkeys((DISCONNECT, STOP, GET_FORCE, SYSTEM, LIMITS), 0) | {
     HOME: 1,
+    OVERDRIVE: 1,
     PREPOSITION: _GOAL.size,
     ACKNOWLEDGE: 3,
     SET_FORCE: _F32.size,
@@ -225,6 +231,14 @@ def acknowledge() -> bytes:
 def set_force(newtons: float) -> bytes:
     """Return the command that sets the force limit, N of both fingers together."""
     return encode(SET_FORCE, _F32.pack(newtons))
+
+
+def overdrive() -> bytes:
+    """Return the command that allows forces above the nominal one.
+
+    The Robotics Library has it: roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``.
+    """
+    return encode(OVERDRIVE, b"\1")
 
 
 def update_request(update_id: int, period_ms: int) -> bytes:

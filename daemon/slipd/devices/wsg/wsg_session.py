@@ -26,6 +26,7 @@ HOMING_NS = 30_000_000_000
 _IDS = {
     "system": wire.SYSTEM,
     "limits": wire.LIMITS,
+    "overdrive": wire.OVERDRIVE,
     "width": wire.WIDTH,
     "force": wire.FORCE,
     "grasping state": wire.GRASPING,
@@ -41,14 +42,14 @@ class Session(GripperSessionBase):
     `identity` is its serial number. `wsg_states` lists what the gripper accepts in each state.
 
     ``echo_ok`` of a sample is whether the force limit was read back as it was set. Widths are between the gripper's
-    own fingers, without pads. The largest force is the nominal one, because it is unknown whether more requires a
-    setting of the gripper.
+    own fingers, without pads. The largest force is the nominal one, or with ``overdrive`` the overdrive force.
 
     Attributes:
         health: Its ``lost`` counts unanswered commands.
 
     Args:
         period_ms: Time from one update to the next, 5 to 200 ms.
+        overdrive: Whether to allow forces above the gripper's nominal one, which wears it more.
 
     Raises:
         ValueError: The period is out of range or not an integer.
@@ -56,15 +57,17 @@ class Session(GripperSessionBase):
 
     _activation = ACTIVATION
 
-    def __init__(self, period_ms: int = PERIOD_MS) -> None:
+    def __init__(self, period_ms: int = PERIOD_MS, overdrive: bool = False) -> None:
         check_integer("period_ms", period_ms, SHORTEST_MS, LONGEST_MS)
         self.decoder = Decoder()
         self.health = self.decoder.health
+        self._overdrive = overdrive
         self._startup = StartupSequence(
             [
                 Step("system", wire.encode(wire.SYSTEM), "optional"),
                 Step("limits", wire.encode(wire.LIMITS)),
-                *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[2:]),
+                *([Step("overdrive", wire.overdrive())] if overdrive else []),
+                *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[3:]),
             ]
         )
         self._queue = WsgCommandQueue(self.health)
@@ -117,10 +120,17 @@ class Session(GripperSessionBase):
 
     @property
     def force_range_n(self) -> tuple[float, float]:
-        """Smallest and nominal force, N on one pad; (0, inf) until the gripper reports them."""
-        if self._limits is None:
-            return 0.0, math.inf
-        return self._limits.min_force / FINGERS, self._limits.nominal_force / FINGERS
+        """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
+        least = 0.0 if self._limits is None else self._limits.min_force
+        return least / FINGERS, self._most_force / FINGERS
+
+    @property
+    def _most_force(self) -> float:
+        """Largest force limit, N of both fingers."""
+        limits = self._limits
+        if limits is None:
+            return math.inf
+        return max(limits.nominal_force, limits.overdrive_force) if self._overdrive else limits.nominal_force
 
     @property
     def force_sent_n(self) -> float | None:
@@ -205,16 +215,20 @@ class Session(GripperSessionBase):
         check_range("width", width_m, self.width_range_m, "m")
         speed_mmps = limits.max_speed / 2 if speed_mps is None else speed_mps * 1000
         self._machine.handle(Event.MOVE)
-        self._queue.move(limits, (width_m * 1000, speed_mmps), force_n)
+        self._queue.move((width_m * 1000, speed_mmps), self._force(force_n))
         return True
 
     def _set_force(self, force_n: float) -> bool:
         """Queue another force; an object gripped by a move is clamped again with it, and nothing opens."""
-        limits = self._limits
-        if limits is None or not self._machine.handle(Event.SET_FORCE):
+        if self._limits is None or not self._machine.handle(Event.SET_FORCE):
             return False
-        self._queue.set_force(limits, force_n, self._width_m)
+        self._queue.set_force(self._force(force_n), self._width_m)
         return True
+
+    def _force(self, force_n: float) -> float:
+        """Return the force limit, N of both fingers, for a force on one pad."""
+        least_n, most_n = self.force_range_n
+        return wire.at_most(min(max(force_n, least_n), most_n) * FINGERS)
 
     def _halt(self) -> bool:
         if not self._machine.handle(Event.HALT):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from itertools import permutations
 from typing import Any
 
@@ -39,6 +40,7 @@ def test_the_ranges_are_those_of_the_gripper_on_one_pad(bench: Bench) -> None:
     assert session.width_range_m == (0.0, pytest.approx(0.110))
     assert session.speed_range_mps == (pytest.approx(0.005), pytest.approx(0.420))
     assert session.force_range_n == (2.5, 40.0), "up to the nominal force, not the overdrive"
+    assert not bench.gripper.overdrive
     session.stop()
     assert (session.width_range_m, session.speed_range_mps, session.force_range_n) == (
         (0.0, math.inf),
@@ -69,6 +71,14 @@ def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, 
     assert move(bench.session, 0.02, None, requested) == sent
     bench.run(0.1)
     assert bench.gripper.limit == 2 * sent
+
+
+def test_forces_above_the_nominal_one_need_the_option_and_the_command() -> None:
+    bench = Bench(Session(overdrive=True)).start()
+    assert (bench.session.force_range_n, bench.session.state) == ((2.5, 60.0), "active (overdrive)")
+    assert move(bench.session, 0.02, None, 55.0) == 55.0
+    bench.run(0.1)
+    assert bench.gripper.limit == 110.0
 
 
 def test_a_force_while_holding_clamps_again_with_the_goal_that_made_the_grip(holding: Bench) -> None:
@@ -224,7 +234,21 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
     assert [sample[3] for sample in samples] == [pytest.approx(0.04), pytest.approx(0.042), pytest.approx(0.041)]
 
 
-def test_an_update_that_is_missing_costs_one_reading_and_only_it() -> None:
+def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> None:
+    """Ids may repeat before the next state: the Robotics Library keeps the newest of each (`Decoder`)."""
+    rng = random.Random(5)
+    decoder, numbers = Decoder(), []
+    for number in range(500):
+        parts = updates(float(number), 2.0 * number)
+        rng.shuffle(parts)
+        numbers += [(1e3 * sample.width_m, sample.force_n) for sample in decoder.receive(b"".join(parts), 0)]
+    assert len(numbers) >= 499  # the first state may come before its updates
+    for number, (width_mm, force_n) in enumerate(numbers, start=500 - len(numbers)):
+        assert width_mm in (pytest.approx(number), pytest.approx(number - 1))
+        assert force_n in (number, number - 1)
+
+
+def test_an_update_that_is_missing_costs_no_reading_and_a_missing_state_only_its_own() -> None:
     for order in permutations(range(4)):
         for missing in order:
             decoder = Decoder()
@@ -233,14 +257,14 @@ def test_an_update_that_is_missing_costs_one_reading_and_only_it() -> None:
             torn = b"".join(parts[at] for at in order if at != missing)
             samples = decoder.receive(2 * whole + torn + 3 * whole, 0)
             joined_late = order[-1] != 3  # the first state arrived before the other updates
-            assert len(samples) == 5 - joined_late, (order, missing)
+            assert len(samples) == 6 - joined_late - (missing == 3), (order, missing)
 
 
-def test_updates_of_two_periods_are_not_mixed() -> None:
-    first, second, third = updates(40.0), updates(41.0), updates(42.0)
+def test_an_update_that_is_missing_for_two_periods_gives_no_reading() -> None:
+    first, second = updates(40.0), updates(41.0)
     decoder = Decoder()
-    samples = decoder.receive(b"".join([*first[:3], *second[1:], *third]), 0)
-    assert [sample.width_m for sample in samples] == [pytest.approx(0.042)]
+    samples = decoder.receive(b"".join([*first, *2 * second[1:], *second]), 0)
+    assert [sample.width_m for sample in samples] == [pytest.approx(width) for width in (0.040, 0.040, 0.041)]
 
 
 def test_D4_the_state_bits_determine_the_sample() -> None:
