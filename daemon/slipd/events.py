@@ -122,7 +122,8 @@ class HostNotice:
     """What the host knows of the daemon, and people should: shown in ``status`` until the same topic changes.
 
     Attributes:
-        topic: "config": a faulty file was not reloaded; "realtime": the priority is not permitted.
+        topic: "config": a faulty file was not reloaded; "realtime": the priority is not permitted; "state": what the
+            next run may need cannot be written.
         text: The notice, for people; "" ends it.
     """
 
@@ -130,7 +131,26 @@ class HostNotice:
     text: str
 
 
-Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | IncidentsChanged | HostNotice
+@dataclass(slots=True, frozen=True)
+class StateRestored:
+    """What the run before this one kept, as the first event of a run; see `slipd.stored_state`.
+
+    A tare is used again once its device answers, if device, config and age allow it and the readings agree. The rest
+    describes the grip of that time: it counts only where the gripper confirms that it still holds what it held.
+
+    Attributes:
+        text: Text of the state; "" where there is none that can be read.
+        problem: Why what was kept cannot be read, for people; "" where it can.
+    """
+
+    text: str
+    problem: str = ""
+
+
+FirstEvents = tuple[StateRestored | LinkUp, ...]
+"""What precedes the events of a recording that begins during a run."""
+
+Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | IncidentsChanged | HostNotice | StateRestored
 
 
 class Publish(NamedTuple):
@@ -162,12 +182,12 @@ class Record:
 
     Attributes:
         name: Name of its file; "" ends the recording that runs.
-        opened: Links that are open when it begins. They are its first events: without them a replay would take no bytes
-            from these links.
+        opened: Its first events: the state in force when it begins, without which a replay would know no zero, and the
+            links that are open, without which it would take no bytes from them.
     """
 
     name: str
-    opened: tuple[LinkUp, ...] = ()
+    opened: FirstEvents = ()
 
 
 Output = Publish | Write | Reply | Record

@@ -24,19 +24,24 @@ from slipd.bus.request_server import RequestServer
 from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.config import Config
 from slipd.engine.engine import Engine
-from slipd.events import Event, Publish, Record, Reply, Request, Tick, Write
+from slipd.events import Event, HostNotice, Publish, Record, Reply, Request, Tick, Write
 from slipd.recording.continuous_recording import PREFIX, ContinuousRecording, delete_oldest, run_name
 from slipd.recording.incidents import Incidents, file_of_run
 from slipd.recording.mcap_file import check_new
 from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
+from slipd.recording.state_file import StateFile
 from slipd.recording.writer import Recorder, Room
+from slipd.stored_state import rig_of
 from slipd.transport import Links
 from slipd.zmtp.endpoint import check_free
 from slipd.zmtp.listener_progress import ListenerProgress
 from slipd_client.health.repairs import summary
 from slipd_client.messages import GRASP_TOPIC, STATUS_TOPIC, WARNING_TOPIC, encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
+
+KEEP_NS = 100_000_000
+"""Time between two looks at the state that is kept for the next run: what a kill may cost of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +91,9 @@ class ServiceRun:
         self._continuous: ContinuousRecording | None = None
         self._incidents: Incidents | None = None
         self._recorders: list[Recorder | RequestedRecordings | ContinuousRecording | Incidents] = []
+        self._state: StateFile | None = None
+        self._state_problem = ""
+        self._kept_ns = 0
         self._recordings_dir = Path(config.recording.directory or state_dir())
         self.ready = False
 
@@ -123,6 +131,11 @@ class ServiceRun:
         if self._config.recording.incidents.enabled:
             self._incidents = recording.enter_context(contextlib.closing(self._make_incidents()))
             self._recorders.append(self._incidents)
+        if self._config.restart.tare_age_s > 0.0:
+            path = state_dir() / f"state-{rig_of(self._config)}.json"
+            self._state = self._stack.enter_context(contextlib.closing(StateFile(path)))
+            if (restored := self._state.read()) is not None:
+                self.handle(restored)
 
     def _open_bus(self, stack: ExitStack) -> None:
         bus, allowed = self._config.bus, self._allowed
@@ -201,7 +214,7 @@ class ServiceRun:
         if self._recording is not None and (change := self._recording.poll(t_ns)):
             self.handle(change)
         if self._continuous is not None:
-            for change in self._continuous.changes(t_ns, self.engine.open_links):
+            for change in self._continuous.changes(t_ns, lambda: self.engine.first_events):
                 self.handle(change)
         if self._incidents is not None and (saved := self._incidents.change(t_ns)):
             self.handle(saved)
@@ -231,6 +244,12 @@ class ServiceRun:
         self.report_recording()
         for change in self._requested.changes(self._now_ns()):
             self.handle(change)
+        if self._state is not None and t_ns - self._kept_ns >= KEEP_NS:
+            self._kept_ns = t_ns
+            self._state.keep(self.engine.state_text)
+            if self._state.problem != self._state_problem:
+                self._state_problem = self._state.problem
+                self.handle(HostNotice("state", self._state_problem))
 
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """End the run because a callback outside the engine failed, such as that of a socket or task."""

@@ -21,7 +21,7 @@ from project import DATA
 
 from slipd import config
 from slipd.engine.engine import Engine
-from slipd.events import Output, Publish, Record, Reply, Write
+from slipd.events import LinkUp, Output, Publish, Record, Reply, Write
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 
@@ -79,7 +79,9 @@ def _given(event: int, output: Output) -> Given:
         case Write(link, data):
             return Given(event, "write", link, data.hex())
         case Record(name, opened):
-            return Given(event, "record", name, [[link.link, link.identity] for link in opened])
+            return Given(
+                event, "record", name, [[link.link, link.identity] for link in opened if isinstance(link, LinkUp)]
+            )
 
 
 def stored(name: str) -> list[Given]:

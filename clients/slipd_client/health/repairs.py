@@ -94,6 +94,8 @@ def _host(status: Mapping[str, Any]) -> Iterator[Repair]:
         yield Repair("config-kept", "error", "config", text, "slipd check FILE")
     if text := notices.get("realtime"):
         yield Repair("realtime-refused", "warning", "realtime", text, "systemctl show slipd -p LimitRTPRIO")
+    if text := notices.get("state"):
+        yield Repair("state-not-kept", "warning", "state", text, "slipctl status --json")
     late_s = status.get("late_s") or 0.0
     if late_s > LATE_S:
         yield Repair("daemon-late", "warning", "daemon", f"{DAEMON_LATE} {late_s:.2f} s", "top")

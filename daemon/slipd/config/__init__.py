@@ -2,8 +2,8 @@
 
 The keys of a table and their defaults are in the file named after it: ``finger_model`` ([finger.X] with wrench, pad and
 slip), ``gripper_model`` ([gripper], [grasp], [reflex]), ``levels_model`` ([levels], [rates]), ``bus_model`` ([bus],
-[requests]), ``recording_model`` ([recording]), ``host_model`` ([realtime]), and ``stream_model`` for the keys that
-every device has. ``value_bounds`` has the range of each quantity.
+[requests]), ``recording_model`` ([recording]), ``host_model`` ([realtime], [restart]), and ``stream_model`` for the
+keys that every device has. ``value_bounds`` has the range of each quantity.
 """
 
 from slipd.config.bus_model import Bus, Requests
@@ -11,7 +11,7 @@ from slipd.config.check_hints import hints
 from slipd.config.config_file import load, parse
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
-from slipd.config.host_model import Realtime
+from slipd.config.host_model import Realtime, Restart
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
 from slipd.config.recording_model import Continuous, Incidents, Recording
@@ -37,6 +37,7 @@ __all__ = [
     "Recording",
     "Reflex",
     "Requests",
+    "Restart",
     "Slip",
     "Stream",
     "Wrench",

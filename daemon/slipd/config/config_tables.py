@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from slipd.config.bus_model import Bus, Requests
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
-from slipd.config.host_model import Realtime
+from slipd.config.host_model import Realtime, Restart
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.recording_model import Continuous, Incidents, Recording
 
@@ -32,6 +32,7 @@ TABLES: dict[str, type[BaseModel]] = {
     "recording.continuous": Continuous,
     "recording.incidents": Incidents,
     "realtime": Realtime,
+    "restart": Restart,
 }
 """Every table of a config file, in the order of the page."""
 

@@ -1,4 +1,4 @@
-"""Keys of ``[realtime]``: what the daemon asks of its host."""
+"""Keys of ``[realtime]`` and ``[restart]``: what the daemon asks of its host, and what it keeps for the next run."""
 
 from __future__ import annotations
 
@@ -21,3 +21,16 @@ class Realtime(StrictModel):
 
     priority: int = Field(default=0, ge=0, le=49)
     poll: bool = False
+
+
+class Restart(StrictModel):
+    """``[restart]``: what a run takes over from the run before it, on the same devices.
+
+    Attributes:
+        tare_age_s: Oldest tare that is used again, s; 0: nothing is kept for the next run. An hour covers a crash, an
+            update and a reboot; in a longer time temperature and creep move a zero by more than the least force of a
+            contact. Wrong: too large, and verdicts rest on a zero that has moved; too small, and each restart needs a
+            tare of free fingers.
+    """
+
+    tare_age_s: float = Field(default=3600.0, ge=0.0, le=604_800.0)

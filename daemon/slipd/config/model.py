@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr
 from slipd.config.bus_model import Bus, Requests
 from slipd.config.finger_model import Finger
 from slipd.config.gripper_model import Grasp, Gripper, Reflex
-from slipd.config.host_model import Realtime
+from slipd.config.host_model import Realtime, Restart
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.recording_model import Recording
 from slipd.config.stream_model import Stream
@@ -29,6 +29,7 @@ class Config(StrictModel):
     reflex: Reflex = Reflex()
     recording: Recording = Recording()
     realtime: Realtime = Realtime()
+    restart: Restart = Restart()
     _text: str = PrivateAttr(default="")
 
     @property

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from slipd.devices import Session
+
+
+class Identity(NamedTuple):
+    """What is known of the device behind a link.
+
+    Attributes:
+        reported: Identity that it reports; "" if it did not yet, or never does.
+        opened: What was opened last, e.g. a path or an address; "" before.
+    """
+
+    reported: str
+    opened: str
 
 
 class DeviceIdentity:

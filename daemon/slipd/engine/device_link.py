@@ -11,7 +11,7 @@ from typing import cast
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
-from slipd.engine.device_identity import DeviceIdentity
+from slipd.engine.device_identity import DeviceIdentity, Identity
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.engine.stream_meter import StreamMeter, make_stream
 from slipd.events import LinkSpec
@@ -99,6 +99,11 @@ class DeviceLink:
     def opened(self) -> str:
         """Identity of what was opened last: a path or an address; "" before."""
         return self._identity.opened
+
+    @property
+    def identity(self) -> Identity:
+        """What is known of the device."""
+        return Identity(self.session.identity if self.session is not None else "", self._identity.opened)
 
     def interrupt(self) -> None:
         """Forget the model of the device's clock after a gap in which time passed unseen."""
@@ -244,7 +249,7 @@ class DeviceLink:
         return StreamStatus(
             name=stream.name,
             conditions=conditions,
-            hardware_id=(session.identity if session is not None else "") or self._identity.opened,
+            hardware_id=self.identity.reported or self.identity.opened,
             address=self.spec.address,
             state=session.state if session is not None else None,
             expected_hz=stream.expected_hz,

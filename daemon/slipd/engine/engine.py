@@ -14,9 +14,24 @@ from slipd.config import Config
 from slipd.devices import GripperSession
 from slipd.engine.device_link import DeviceLink, make_links
 from slipd.engine.held_motion import Found, HeldMotion
+from slipd.engine.kept_state import KeptState
 from slipd.engine.lateness import Lateness
 from slipd.engine.status_reader import StatusReader
-from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Output, RecordingChanged, Request, Tick, Write
+from slipd.events import (
+    Bytes,
+    Event,
+    FirstEvents,
+    HostNotice,
+    LinkDown,
+    LinkSpec,
+    LinkUp,
+    Output,
+    RecordingChanged,
+    Request,
+    StateRestored,
+    Tick,
+    Write,
+)
 from slipd.finger.finger import Finger
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.verdict_batch import VerdictBatch
@@ -73,7 +88,10 @@ class Engine:
         )
         self._gripper_publisher = None if self._gripper is None else GripperPublisher(self._gripper, sequencer)
         self._status_publisher = StatusPublisher(self._fingers, named, self._gripper, self._policy, sequencer)
-        self._status_reader = StatusReader(self._links, self._fingers, self._gripper, self._lateness, self._recordings)
+        self._kept = KeptState(config, boot, wall_minus_monotonic_ns, self._fingers, self._gripper)
+        self._status_reader = StatusReader(
+            self._links, self._fingers, self._gripper, self._lateness, self._recordings, self._kept.problems
+        )
         self._status_pace = Pace(config.rates.status_hz)
         self._handlers = RequestHandlers(
             boot,
@@ -93,9 +111,16 @@ class Engine:
         return {name: link.spec for name, link in self._links.items()}
 
     @property
-    def open_links(self) -> tuple[LinkUp, ...]:
-        """The links that are open, as the events with which a recording begins."""
-        return tuple(LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
+    def first_events(self) -> FirstEvents:
+        """What precedes a recording that begins now: the zeros and the grip in force, and the links that are open."""
+        links = (LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
+        return StateRestored(self.state_text), *links
+
+    @property
+    def state_text(self) -> str:
+        """What the next run may take over, as the text of its `StateRestored`."""
+        links = self._links.values()
+        return self._kept.text({stream.name: link.identity for link in links for stream in link.streams.values()})
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         """Handle one event at ``t_ns`` (CLOCK_MONOTONIC) and return its outputs, in order."""
@@ -122,6 +147,9 @@ class Engine:
                 self._links[name].close(reason)
                 self._handle_lost_link(name, t_ns, out)
                 self._publish_status(t_ns, out)
+            case StateRestored():
+                self._status_reader.note(HostNotice("state", self._kept.restore(event, t_ns)))
+                self._publish_status(t_ns, out)
             case _:  # HostNotice, IncidentsChanged
                 self._status_reader.note(event)
                 self._publish_status(t_ns, out)
@@ -139,6 +167,8 @@ class Engine:
             if late_ns:
                 waited_ns, unread_ns = self._lateness.waited_ns(t_ns), self._lateness.unread_ns(t_ns)
                 arrival = Arrival(waited_ns, unread_ns, link.dated(stream))
+            if stream in self._kept.waiting:
+                self._kept.apply(stream, link.identity)
             self._handle_samples(stream, samples, times_ns, arrival, t_ns, out)
         if pieces := link.due(t_ns):
             out += [Write(link.spec.name, piece) for piece in pieces]
@@ -213,7 +243,7 @@ class Engine:
             out.append(reply)
         self._write_due(t_ns, out)
         for record in self._recordings.due():
-            out.append(replace(record, opened=self.open_links) if record.name else record)
+            out.append(replace(record, opened=self.first_events) if record.name else record)
             self._publish_status(t_ns, out)
 
     # Time

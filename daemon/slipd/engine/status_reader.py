@@ -13,6 +13,7 @@ from slipd.finger.finger import Finger
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.status_publisher import DaemonStatus, StreamStatus
 from slipd.requests.recording_state import RecordingState
+from slipd_client.messages import Health
 
 
 class StatusReader:
@@ -24,6 +25,7 @@ class StatusReader:
         gripper: The gripper; None where the config names none.
         lateness: How late the daemon is.
         recordings: The recordings of this run.
+        not_restored: Why tares of the run before are not used; see `KeptState.problems`.
     """
 
     def __init__(
@@ -33,12 +35,14 @@ class StatusReader:
         gripper: GripperControl | None,
         lateness: Lateness,
         recordings: RecordingState,
+        not_restored: Mapping[str, str],
     ) -> None:
         self._links = links
         self._fingers = fingers
         self._gripper = gripper
         self._lateness = lateness
         self._recordings = recordings
+        self._not_restored = not_restored
         self._notices: dict[str, str] = {}
         self._incidents: IncidentsChanged | None = None
 
@@ -78,4 +82,6 @@ class StatusReader:
             return link.status(stream, t_ns, conditions, None)
         finger = self._fingers[owner]
         conditions += finger.conditions(kind, t_ns)
+        if problem := self._not_restored.get(stream.name):
+            conditions.append((Health.OK, problem))
         return link.status(stream, t_ns, conditions, finger.channel(kind))

@@ -172,6 +172,11 @@ class Finger:
         return self._path.newest.level
 
     @property
+    def main_channel(self) -> ForceChannel | ImageChannel:
+        """The channel that measures the force."""
+        return self._existing_channel(None)
+
+    @property
     def main_stream(self) -> str:
         """The stream that measures the force: "wrench" or "pad"."""
         return "pad" if self.force is None else "wrench"

@@ -20,7 +20,7 @@ from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
-from slipd.signals.tare import Tare
+from slipd.signals.tare import Offset, Tare
 
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 """Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""
@@ -87,6 +87,11 @@ class ForceChannel:
         self.fault = ""
         self.status: tuple[str, ...] = ()
         self._waited_undated = False
+
+    @property
+    def zero_origin(self) -> str | None:
+        """Where the zero comes from: "measured" or "stored"; None: it is not known, because no tare was taken."""
+        return self.tare.current.origin if self.tare.current.id > 0 else None
 
     @property
     def suspect(self) -> bool:
@@ -196,6 +201,11 @@ class ForceChannel:
         if self.tare.current is not self._offset:
             self._take_offset()
         return True
+
+    def restore_tare(self, offset: Offset) -> None:
+        """Put the offset of an earlier run in force."""
+        self.tare.restore(offset)
+        self._take_offset()
 
     def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
         """Set the apparent gravity in the pad frame, m/s²; a finger that turns gives up its tare."""

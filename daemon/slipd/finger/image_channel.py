@@ -163,6 +163,12 @@ class ImageChannel:
         self._apply_new_offset(before)
         return True
 
+    def restore_tare(self, offset: Offset) -> None:
+        """Put the offset of an earlier run in force."""
+        before = self.tare.current
+        self.tare.restore(offset)
+        self._apply_new_offset(before)
+
     @property
     def tared(self) -> bool:
         """The config states the pad's unloaded counts, or a tare measured them."""
@@ -172,6 +178,13 @@ class ImageChannel:
     def zero_known(self) -> bool:
         """The pad is tared, or learns its zero by itself as a charge pad does."""
         return self.tared or self._charge is not None
+
+    @property
+    def zero_origin(self) -> str | None:
+        """Where the zero comes from: "config", "measured", "stored", or "observed" by itself; None: it is not known."""
+        if self.tared:
+            return self.tare.current.origin
+        return "observed" if self.zero_known else None
 
     @property
     def measured(self) -> Mask | None:

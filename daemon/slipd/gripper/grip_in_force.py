@@ -13,6 +13,10 @@ from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
 from slipd.permit import Permit
 from slipd.samples import GripperSample
+from slipd.stored_state import StoredGrip
+
+SAME_WIDTH_M, SAME_FORCE_N = 1e-3, 1.0
+"""A gripper that holds what it held reports the same width and force within this."""
 
 
 class _Before(NamedTuple):
@@ -52,6 +56,30 @@ class GripInForce:
         self._held = False  # in this grasp, an object stopped the gripper or pressed on a finger
         self._claimed = False  # a command of this run decided what the gripper holds, or that it holds nothing
         self._before = _Before(None, unknown=False, claimed=False)
+        self._stored: StoredGrip | None = None
+
+    def restore(self, grip: StoredGrip) -> None:
+        """Keep the grip of the run before until the gripper confirms or contradicts it."""
+        self._stored = grip
+
+    def kept(self, sample: GripperSample | None) -> StoredGrip | None:
+        """Return the grip in force for the next run; None without one, or where its force is not known.
+
+        Args:
+            sample: The newest reading; None while the gripper does not answer.
+        """
+        policy, force_n = self._policy, self._policy.force_n
+        if force_n is None or sample is None:
+            return self._stored
+        return StoredGrip(
+            force_n=force_n,
+            requested_n=policy.requested_n,
+            raised_n=policy.raised_n,
+            closed_to_m=self.closed_to_m,
+            width_m=finite_or_none(sample.width_m),
+            object=sample.object,
+            reported_n=finite_or_none(sample.force_n),
+        )
 
     def update(self, sample: GripperSample, *, answers_command: bool) -> None:
         """Update with a status reading; while a finger is pressed, no report of the gripper ends a grasp.
@@ -135,6 +163,11 @@ class GripInForce:
         reports, or else the larger force that the fingers measure. A force outside the limits counts as the nearer
         limit, so that every step from there can be judged.
         """
+        stored, self._stored = self._stored, None
+        if stored is not None and _confirms(sample, stored):
+            self._held, self._claimed, self.closed_to_m = True, True, stored.closed_to_m
+            self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n)
+            return
         measured_n = self._fingers.pressed_n(sample.t_ns)
         if not sample.object.startswith("contact") and measured_n is None:
             return
@@ -148,3 +181,16 @@ class GripInForce:
         limits, least_n = self._policy.limits, self._session.force_range_n[0]
         most_n = math.inf if limits.max_n is None else limits.max_n
         self._policy.adopt(None if force_n is None else min(max(force_n, least_n, limits.min_n), most_n))
+
+
+def _confirms(sample: GripperSample, stored: StoredGrip) -> bool:
+    """Return whether the gripper still holds what it held: an object, at the same width and with the same force."""
+    if not sample.object.startswith("contact") or sample.object != stored.object:
+        return False
+    if sample.width_m is None or stored.width_m is None or sample.moving:
+        return False
+    if not math.isclose(sample.width_m, stored.width_m, abs_tol=SAME_WIDTH_M):
+        return False
+    if sample.force_n is None or stored.reported_n is None:
+        return True
+    return math.isclose(sample.force_n, stored.reported_n, abs_tol=SAME_FORCE_N)

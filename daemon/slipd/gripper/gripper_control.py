@@ -22,6 +22,7 @@ from slipd.gripper.motion_gate import judge, why_not_sent
 from slipd.permit import Permit
 from slipd.refusal import Refusal
 from slipd.samples import GripperSample
+from slipd.stored_state import StoredGrip
 from slipd_client.messages import Health
 
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
@@ -76,6 +77,14 @@ class GripperControl:
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
         self._grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
+
+    def restore(self, grip: StoredGrip) -> None:
+        """Put the grip of the run before in force again once the gripper confirms it."""
+        self._grip.restore(grip)
+
+    def kept(self) -> StoredGrip | None:
+        """Return the grip in force for the next run; None without one, or where its force is not known."""
+        return self._grip.kept(self.sample)
 
     def drop_after_stall(self, t_ns: int) -> None:
         """Drop unsent commands if the daemon stalled since the last call; call it before anything is written."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, ForceReading
+from slipd.finger.force_channel import ForceChannel
 from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED
@@ -46,6 +47,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
+        **tare_body(finger.main_channel, state.t_ns),
         "age_s": state.age_s,
     }
 
@@ -89,6 +91,7 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
         "rows_along": geometry.rows_along,
         "cols_along": geometry.cols_along,
         "tare_id": image.tare.current.id,
+        **tare_body(image, image.t_ns),
         "image_ok": known,
         "image_reasons": list(image.reasons),
         "force_unit": NEWTON if finger.image_in_newtons else UNCALIBRATED,
@@ -102,6 +105,12 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
         "corners_m": None if shape is None else shape.corners_m.tolist(),
         "status": list(image.status),
     }
+
+
+def tare_body(channel: ForceChannel | ImageChannel, t_ns: int | None) -> Body:
+    """Return where the zero of a channel comes from, and its age at ``t_ns``; nil where it is not known."""
+    age_s = None if t_ns is None else channel.tare.current.age_s(t_ns)
+    return {"tare_origin": channel.zero_origin, "tare_age_s": age_s}
 
 
 def _verdict(finger: Finger, state: FingerState) -> Body:

@@ -18,6 +18,7 @@ from slipd.finite import finite_or_none
 from slipd.grasp.named_object import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
+from slipd.publish.finger_messages import tare_body
 from slipd.publish.friction_messages import friction_setter_body
 from slipd.publish.gripper_publisher import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
@@ -182,7 +183,7 @@ def _channel_body(channel: ForceChannel | ImageChannel | None, t_ns: int) -> Bod
     """Return the state of a channel's tare and conditioning."""
     if channel is None:
         return {}
-    tare: Body = {"tare_id": channel.tare.current.id, "tare_busy": channel.tare.busy}
+    tare: Body = {"tare_id": channel.tare.current.id, **tare_body(channel, t_ns), "tare_busy": channel.tare.busy}
     if isinstance(channel, ForceChannel):
         drift = channel.drift
         return tare | {

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from slipd.config import Continuous
-from slipd.events import Event, LinkUp, Record, RecordingChanged
+from slipd.events import Event, FirstEvents, Record, RecordingChanged
 from slipd.recording.requested_recordings import RequestedRecordings
 from slipd.requests.recording_state import utc_stamp
 
@@ -60,25 +60,25 @@ class ContinuousRecording:
         """Record the bytes that were published."""
         self._recordings.published(topic, payload, t_ns)
 
-    def changes(self, t_ns: int, open_links: tuple[LinkUp, ...]) -> list[RecordingChanged]:
+    def changes(self, t_ns: int, first: Callable[[], FirstEvents]) -> list[RecordingChanged]:
         """Begin a new file if it is time; return the changes that the engine must know, each once.
 
         Args:
             t_ns: Now, CLOCK_MONOTONIC.
-            open_links: The links that are open.
+            first: Returns the events that precede a file that begins now.
         """
         changes = [change for change in self._recordings.changes(t_ns) if change.name == self._name]
         if any(change.state != "running" for change in changes):
             self._due_ns = t_ns + RETRY_NS
         elif self._due_ns is None or t_ns >= self._due_ns or self._recordings.size_bytes >= self._limits.file_bytes:
-            self._begin(t_ns, open_links)
+            self._begin(t_ns, first())
         return [replace(change, name="") for change in changes]
 
-    def _begin(self, t_ns: int, open_links: tuple[LinkUp, ...]) -> None:
+    def _begin(self, t_ns: int, first: FirstEvents) -> None:
         self._count += 1
         self._name = f"{PREFIX}{self._name_at(t_ns)}-{self._count:04}.mcap"
         self._due_ns = t_ns + round(self._limits.file_s * 1e9)
-        self._recordings.handle(Record(self._name, open_links), t_ns)
+        self._recordings.handle(Record(self._name, first), t_ns)
 
     def close(self) -> None:
         """Finish the file."""

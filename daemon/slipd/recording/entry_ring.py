@@ -10,7 +10,7 @@ from typing import NamedTuple
 import msgpack
 import zstandard
 
-from slipd.events import Event, LinkDown, LinkUp
+from slipd.events import Event, FirstEvents, LinkDown, LinkUp, StateRestored
 from slipd.recording.chunk_index import trimmed
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
@@ -29,7 +29,7 @@ _REST_ENTRIES, _REST_S = 50, 0.001
 class _Block(NamedTuple):
     data: bytes
     begin_ns: int
-    links: list[LinkUp | LinkDown]
+    links: list[StateRestored | LinkUp | LinkDown]
     entries: int
 
 
@@ -50,6 +50,7 @@ class EntryRing:
         self._blocks: deque[_Block] = deque()
         self._bytes = 0
         self._open: dict[str, LinkUp] = {}  # the links that were open before the first block
+        self._restored: list[StateRestored] = []  # before the first block, likewise
         self._tares = TareEvents()
         self._packer = msgpack.Packer()
         self._compressor = zstandard.ZstdCompressor(level=1)
@@ -58,11 +59,11 @@ class EntryRing:
     def _begin_block(self) -> None:
         self._pieces: list[bytes] = []
         self._piece_bytes = self._begin_ns = 0
-        self._links: list[LinkUp | LinkDown] = []
+        self._links: list[StateRestored | LinkUp | LinkDown] = []
 
     def event(self, event: Event, t_ns: int) -> None:
         """Keep an event."""
-        if isinstance(event, (LinkUp, LinkDown)):
+        if isinstance(event, (StateRestored, LinkUp, LinkDown)):
             self._links.append(event)
         self._tares.update(Entered(self.next_n, t_ns, event))
         self._keep(EVENTS, encode_event(self.next_n, t_ns, event), t_ns)
@@ -97,6 +98,9 @@ class EntryRing:
             self.dropped_early += 0 if in_time else dropped.entries
             self._bytes -= len(dropped.data)
             for link in dropped.links:
+                if isinstance(link, StateRestored):
+                    self._restored = [link]
+                    continue
                 self._open.pop(link.link, None)
                 if isinstance(link, LinkUp):
                     self._open[link.link] = link
@@ -112,10 +116,11 @@ class EntryRing:
         return self.next_n - len(self._pieces) - sum(block.entries for block in self._blocks)
 
     def _preamble(self) -> list[tuple[int, Event]]:
-        """Return the time and event of what precedes the kept entries: the open links, and the tares in use."""
+        """Return the time and event of what precedes the kept entries: the restored state, open links, tares in use."""
         tares = self._tares.before(self._begin_n)
         begin_ns = tares[0].t_ns if tares else self._blocks[0].begin_ns if self._blocks else self._begin_ns
-        return [(begin_ns, link) for link in self._open.values()] + [(one.t_ns, one.event) for one in tares]
+        first: FirstEvents = (*self._restored, *self._open.values())
+        return [(begin_ns, event) for event in first] + [(one.t_ns, one.event) for one in tares]
 
     def write(self, file: RecordingFile) -> None:
         """Write all entries to a file that begins at the index `first`, and finish it.

@@ -14,7 +14,18 @@ from typing import Any
 import msgpack
 
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, HostNotice, IncidentsChanged, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.events import (
+    Bytes,
+    Event,
+    HostNotice,
+    IncidentsChanged,
+    LinkDown,
+    LinkUp,
+    RecordingChanged,
+    Request,
+    StateRestored,
+    Tick,
+)
 from slipd_client import messages
 
 _CRC_BYTES = 4
@@ -32,6 +43,7 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
         {"saved": int, "failed": int, "lost": int, "dropped": int, "path": str, "reason": str},
     ),
     "notice": (HostNotice, {"topic": str, "text": str}),
+    "restored": (StateRestored, {"text": str, "problem": str}),
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
 _OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # omitted if false, as in older recordings

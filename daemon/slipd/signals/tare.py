@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,8 @@ MIN_READINGS = 8
 """Least number of readings of a tare."""
 BY_CONFIG = "config"
 """Author of the offset that comes from the config."""
+Origin = Literal["config", "measured", "stored"]
+"""Where an offset comes from: the config, a tare of this run, or a tare of an earlier one."""
 _TEXTS: dict[TareReason, str] = {
     "contact": "a contact began",
     "pulled": "the normal force became negative, as if the pad were pulled",
@@ -33,12 +36,13 @@ class Offset:
     Attributes:
         id: Number of the tare of this stream; 0 is the offset of the config.
         value: Offset in the units and frame of the sensor.
-        t_ns: Time of the tare; None for the offset of the config.
+        t_ns: Time of the tare, CLOCK_MONOTONIC (negative before the host started); None for the offset of the config.
         readings: Number of averaged readings.
         by: Client that requested it; "config" for the offset of the config.
         std: Standard deviation of a single reading, shape of ``value``; None for the offset of the config.
         gravity_mps2: Apparent gravity in the pad frame at the tare, shape (3,): the weight in that pose is part of the
             offset. Zeros if the offset holds no weight, as that of the config; None if not known.
+        origin: Where it comes from.
     """
 
     id: int
@@ -48,6 +52,11 @@ class Offset:
     by: str
     std: Array | None
     gravity_mps2: Array | None
+    origin: Origin = "measured"
+
+    def age_s(self, t_ns: int) -> float | None:
+        """Return its age at ``t_ns``, s; None for the offset of the config."""
+        return None if self.t_ns is None else (t_ns - self.t_ns) * 1e-9
 
 
 class Tare:
@@ -70,7 +79,7 @@ class Tare:
 
     def __init__(self, initial: Array, noise: Array | None = None) -> None:
         value = np.array(initial, dtype=np.float64)
-        self.current = Offset(0, value, None, 0, BY_CONFIG, None, np.zeros(3))
+        self.current = Offset(0, value, None, 0, BY_CONFIG, None, np.zeros(3), "config")
         self.aborted_reason: TareReason | None = None
         self.aborted_text = ""
         stated = np.zeros_like(value) if noise is None else np.array(noise, dtype=np.float64)
@@ -78,7 +87,7 @@ class Tare:
             raise ValueError(f"noise must be finite, not negative, and of shape {value.shape}, got {noise}")
         self._most_std = most_std(stated)
         self._before: Offset | None = None
-        self._count = 0
+        self._count = 0  # the newest id
         self._until_ns: int | None = None
         self._by = ""
         self._gravity: Array | None = None
@@ -128,6 +137,11 @@ class Tare:
             return False
         self.current, self._before = self._before, None
         return True
+
+    def restore(self, offset: Offset) -> None:
+        """Put the offset of an earlier run in force; the present one is that before it."""
+        self._count = offset.id
+        self._before, self.current = self.current, offset
 
     def apply(self, values: Array, t_ns: int, *, trusted: bool = True) -> Array:
         """Subtract the offset in force; a running tare averages the reading if it is trusted."""

@@ -20,7 +20,7 @@ from shifts.shift_program import Newest, ShiftProgram
 from shifts.slow_rig import MS, SECOND, STEP_NS, SlowRig, settings
 
 from slipd.engine.engine import Engine
-from slipd.events import Event, Output, Publish, Reply, Request, Tick
+from slipd.events import Event, FirstEvents, Output, Publish, Reply, Request, Tick
 from slipd.service_run import ServiceRun
 
 BEGIN_NS = 50 * SECOND
@@ -58,12 +58,18 @@ class _Overheard:
 
     def __init__(self, engine: Engine, look: Callable[[Output], None]) -> None:
         self._engine, self._look = engine, look
-        self.open_links = engine.open_links
         self.links, self.farewell = engine.links, engine.farewell
+
+    @property
+    def first_events(self) -> FirstEvents:
+        return self._engine.first_events
+
+    @property
+    def state_text(self) -> str:
+        return self._engine.state_text
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         outputs = self._engine.handle(event, t_ns)
-        self.open_links = self._engine.open_links if type(event).__name__.startswith("Link") else self.open_links
         for output in outputs:
             self._look(output)
         return outputs

@@ -27,6 +27,7 @@ from slipd.config import (
     Realtime,
     Recording,
     Reflex,
+    Restart,
     Slip,
     Wrench,
 )
@@ -36,6 +37,7 @@ INNER: dict[str, type[BaseModel]] = {
     "bus": Bus,
     "recording": Recording,
     "realtime": Realtime,
+    "restart": Restart,
     "levels": Levels,
     "rates": Rates,
     "gripper": Gripper,

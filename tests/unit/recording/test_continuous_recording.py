@@ -39,7 +39,7 @@ class Run:
         self.changes: list = []
 
     def poll(self, t_ns: int) -> None:
-        self.changes += self.recording.changes(t_ns, OPEN)
+        self.changes += self.recording.changes(t_ns, lambda: OPEN)
 
     def files(self) -> list[Path]:
         return sorted(self.folder.iterdir())

@@ -10,6 +10,13 @@ from slipd_client.messages.schema.fields import wire
 from slipd_client.messages.schema.kinds import Sextuple
 
 MU = "coefficient of static friction in use: a low estimate"
+TARE_ORIGIN = (
+    'where the zero comes from: "config" (`tare` of the pad), "measured" (a tare of this run), "stored" (a tare of an '
+    'earlier run) or "observed" (the pad itself, while the force sensor measured no contact); nil: it is not known, '
+    "see [Taring](#taring)"
+)
+TARE_AGE = "age of the tare; nil for the config's"
+
 MU_SOURCE = (
     'where that coefficient comes from: "config", "request" (`friction.set`), "learned" (from what this grasp, or an '
     'earlier one of this object, carried and did not carry), or "none": it is not known'
@@ -129,6 +136,8 @@ class StreamStatus:
     )
     clock_drift_ppm: float | None = wire("how much too fast the device's clock runs", nil=True)
     tare_id: int | None = wire("tare in use", default=None, only="force sensors and pads")
+    tare_origin: str | None = wire(TARE_ORIGIN, nil=True, only="force sensors and pads")
+    tare_age_s: float | None = wire(TARE_AGE, nil=True, only="force sensors and pads")
     tare_busy: bool | None = wire("another tare is in progress", default=None, only="force sensors and pads")
     gravity: str | None = wire(
         '"none" (no weight configured), "compensated" or "unknown_orientation"', default=None, only="force sensors"
@@ -214,6 +223,7 @@ class DaemonState:
     )
     notices: Mapping[str, str] = wire(
         'what is wrong around the daemon: "config" (a changed file has faults, and the config read before is kept), '
-        '"realtime" (the priority is not permitted) → the text for people',
+        '"realtime" (the priority is not permitted), "state" (what the run before kept is not used, or cannot be kept '
+        "for the next) → the text for people",
         default={},
     )

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from slipd_client.messages.schema.fields import read_fields, wire
 from slipd_client.messages.schema.kinds import Triple
-from slipd_client.messages.schema.parts import DaemonState, FrictionState
+from slipd_client.messages.schema.parts import TARE_ORIGIN, DaemonState, FrictionState
 
 AnyReply = TypeVar("AnyReply", bound="Reply")
 
@@ -67,6 +67,7 @@ class TareReply(Reply):
     finger: str | None = wire("name of the finger", default=None)
     stream: str | None = wire('"wrench" or "pad"', default=None)
     tare_id: int = wire("tare in use; 0 is the config's")
+    tare_origin: str | None = wire(TARE_ORIGIN, nil=True)
     taken_t_ns: int | None = wire("when it was taken; nil for the config's", nil=True)
     readings: int | None = wire("number of readings that it is the mean of", default=None)
     offset: tuple[float, ...] = wire("what is subtracted, in the sensor's units and frame", default=())

@@ -15,7 +15,17 @@ from typing import Any, Protocol
 from slipd_client.messages.names import PROTOCOL_VERSION, SlipLevel
 from slipd_client.messages.schema.fields import wire
 from slipd_client.messages.schema.kinds import Pair, Triple
-from slipd_client.messages.schema.parts import MU, MU_D, MU_HIGH, MU_LOW, MU_SOURCE, DaemonState, GripperState
+from slipd_client.messages.schema.parts import (
+    MU,
+    MU_D,
+    MU_HIGH,
+    MU_LOW,
+    MU_SOURCE,
+    TARE_AGE,
+    TARE_ORIGIN,
+    DaemonState,
+    GripperState,
+)
 
 
 class Clock(Protocol):
@@ -128,6 +138,8 @@ class Slip(Message):
     )
     model: str | None = wire('"none", "translation" (force alone) or "exact" (force and spin)', default=None)
     tare_id: int | None = wire("tare in use; 0 is the config's", default=None)
+    tare_origin: str | None = wire(TARE_ORIGIN, nil=True)
+    tare_age_s: float | None = wire(TARE_AGE, nil=True)
     reading_age_s: float | None = wire(
         "age of the force reading at publication; nil before the first", key="age_s", nil=True
     )
@@ -177,6 +189,8 @@ class Tactile(Message):
     )
     cols_along: str | None = wire("direction in which the column index grows, likewise", default=None)
     tare_id: int | None = wire("tare of the pad in use; 0 is the config's", default=None)
+    tare_origin: str | None = wire("as in `slip`, of the pad", nil=True)
+    tare_age_s: float | None = wire("as in `slip`, of the pad", nil=True)
     image_ok: bool = wire("the image can be used; where it can not, loads and shape are nil", default=False)
     image_reasons: tuple[str, ...] = wire("why the image cannot be used, see below; empty if it can", default=())
     force_unit: str | None = wire("as in `slip`, of the image", default=None)

@@ -111,7 +111,7 @@ def test_every_repair_has_its_section_in_the_documents() -> None:
     code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")
     known = set(
         re.findall(
-            r'"((?:stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime)-[a-z-]+)"',
+            r'"((?:stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime|state)-[a-z-]+)"',
             code,
         )
     )

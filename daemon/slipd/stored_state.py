@@ -1,0 +1,124 @@
+"""What outlives a run of the daemon: the zeros of the sensors, the grip in force, and what was learned of the object.
+
+The service keeps the text of a `StoredState` in the state folder, and hands it to the engine of the next run as the
+event `slipd.events.StateRestored`. The engine alone reads and writes the text, so that a damaged one is judged in one
+place, and a replay judges it as the run did.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from slipd.config import Config, Stream
+from slipd.errors import SlipdError
+
+
+class _Stored(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class StoredTare(_Stored):
+    """A tare of one stream.
+
+    Attributes:
+        device: Identity that the device reported; "" if it reports none.
+        opened: What was opened, e.g. a path or an address.
+        basis: `basis_of` the stream's config.
+        id: Number of the tare.
+        wall_ns: Wall clock when it was taken, ns since 1970.
+        readings: Number of averaged readings.
+        by: Client that requested it.
+        offset: What is subtracted, in the sensor's units and order.
+        std: Standard deviation of a single reading, likewise.
+        gravity_mps2: As `slipd.signals.tare.Offset.gravity_mps2`.
+        origin: "measured" in the run that kept it, or "stored" by one before.
+    """
+
+    device: str
+    opened: str
+    basis: str
+    id: int = Field(ge=1)
+    wall_ns: int
+    readings: int = Field(ge=1)
+    by: str
+    offset: list[float]
+    std: list[float]
+    gravity_mps2: list[float] | None
+    origin: Literal["measured", "stored"]
+
+
+class StoredGrip(_Stored):
+    """The grip in force when the state was kept. Every force is the normal force on one pad.
+
+    It says what was in force then. Whether it still is, only the gripper can confirm.
+
+    Attributes:
+        force_n: The force in force, N (`GripPolicy.force_n`).
+        requested_n: The force that a client requested last, N; None: none did.
+        raised_n: Sum of all raises of this grasp, N: what is spent of the budget.
+        closed_to_m: Commanded width, m; None: not known.
+        width_m: Width that the gripper reported, m; None: not known.
+        object: What the gripper reported of the object, as `GripperSample.object`.
+        reported_n: Force that the gripper reported, N; None: it reports none.
+    """
+
+    force_n: float = Field(ge=0.0)
+    requested_n: float | None
+    raised_n: float = Field(ge=0.0)
+    closed_to_m: float | None
+    width_m: float | None
+    object: str
+    reported_n: float | None
+
+
+class StoredState(_Stored):
+    """All that outlives a run.
+
+    Attributes:
+        version: Version of the text; another one is not read.
+        rig: `rig_of` the config.
+        boot: Id of the run that kept it.
+        tares: Tare of each stream that has one.
+        grip: The grip in force; None: none, or its force is not known.
+    """
+
+    version: Literal[1] = 1
+    rig: str
+    boot: str
+    tares: dict[str, StoredTare] = {}
+    grip: StoredGrip | None = None
+
+
+def read_state(text: str, config: Config) -> StoredState:
+    """Return the state that a text holds.
+
+    Raises:
+        SlipdError: The text is damaged, of another version, or of another rig.
+    """
+    try:
+        state = StoredState.model_validate_json(text)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, found["loc"])) or "the text"
+        raise SlipdError(f"{place}: {found['msg'][:200]}") from None
+    if state.rig != rig_of(config):
+        raise SlipdError("it belongs to another rig: its devices or their ports differ")
+    return state
+
+
+def rig_of(config: Config) -> str:
+    """Return what identifies a rig: its streams, devices and ports, in 12 hexadecimal digits."""
+    streams = config.streams().items()
+    return _digest(*(f"{name} {stream.device} {stream.port} {stream.sensor}" for name, stream in streams))
+
+
+def basis_of(stream: Stream) -> str:
+    """Return what identifies the config on which a tare of a stream depends, in 12 hexadecimal digits."""
+    return _digest(stream.model_dump_json())
+
+
+def _digest(*texts: str) -> str:
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:12]
