@@ -13,7 +13,7 @@ import zmq
 
 from slipd_client.client_base import GripClientBase
 from slipd_client.errors import ClientError
-from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
+from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper, check_held
 from slipd_client.messages.schema.topics import Message
 from slipd_client.request_protocol import Ask, Envelope, Result, Steps
 from slipd_client.subscriber import SubscriberBase
@@ -43,13 +43,16 @@ class AsyncSubscriber(SubscriberBase):
         """Iterate over every message from now on.
 
         Raises:
+            LeaseLost: This task runs the block of a lease, and that lease is lost: at once, also without a message.
             Silence: No message arrived for ``silence_s``. A new iteration continues to receive.
         """
         while True:
-            message = await self._receive(self._tracker.silent_at, by_silence=True)
+            check_held()
+            message = await self._receive(self._patient_until(), by_silence=True)
             if message is None:
-                raise self._tracker.silence(self.endpoint)
-            yield message
+                self._check_silence()
+            else:
+                yield message
 
     async def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
         while True:
@@ -63,7 +66,7 @@ class AsyncSubscriber(SubscriberBase):
                 if message is not None:
                     return message
                 if by_silence:
-                    until = self._tracker.silent_at
+                    until = self._patient_until()
             elif until is not None and time.monotonic() >= until:
                 return None
             else:

@@ -5,6 +5,7 @@ A lease counts as lost here earlier than the daemon ends it, never later.
 
 from __future__ import annotations
 
+import math
 import time
 from contextvars import ContextVar
 
@@ -21,6 +22,24 @@ ONE_CLIENT_EACH = "each thread or task that moves the gripper needs a client of 
 
 _HELD: ContextVar[tuple[LeaseKeeper, ...]] = ContextVar("slipd_leases", default=())
 """Leases of the thread or task that reads it, of whatever client; tasks inherit those of the task that creates them."""
+
+
+def check_held() -> None:
+    """Do nothing while the calling thread or task holds every lease that it acquired.
+
+    Raises:
+        LeaseLost: One of them is lost.
+    """
+    for lease in _HELD.get():
+        lease.check()
+
+
+def held_until() -> float:
+    """Return when one of these leases may be lost next, on ``time.monotonic``; infinity without one.
+
+    That is its end, or its next renewal, which the daemon may refuse.
+    """
+    return time.monotonic() + min((min(each.left_s, each.period_s) for each in _HELD.get()), default=math.inf)
 
 
 class LeaseKeeper:

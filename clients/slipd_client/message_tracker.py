@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Sequence
@@ -67,9 +68,9 @@ class MessageTracker:
         return age_s is None or (self.silence_s is not None and age_s > self.silence_s)
 
     @property
-    def silent_at(self) -> float | None:
-        """When the silence will have lasted too long, on ``time.monotonic``; None: never."""
-        return None if self.silence_s is None else max(self._since_s, self._last_s or 0.0) + self.silence_s
+    def silent_at(self) -> float:
+        """When the silence will have lasted too long, on ``time.monotonic``; infinity: never."""
+        return math.inf if self.silence_s is None else max(self._since_s, self._last_s or 0.0) + self.silence_s
 
     def silence(self, endpoint: str) -> Silence:
         """Return the error of a silence that lasted too long, and restart the count."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from types import TracebackType
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import zmq
 
+from slipd_client.lease_keeper import check_held, held_until
 from slipd_client.link import Link
 from slipd_client.message_tracker import SILENCE_S, MessageTracker
 from slipd_client.messages.schema.topics import Message
@@ -32,7 +34,8 @@ class SubscriberBase:
             is everything, also what a newer daemon adds.
         keys: Keys of this client, for a daemon across a network; None on this machine.
         silence_s: Iteration raises Silence after so long without any message; None waits for ever. The daemon's
-            ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon.
+            ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon. Within
+            the block of a lease, iteration raises LeaseLost as soon as that lease may have ended.
 
     Raises:
         CallError: ``endpoint`` is not a ZeroMQ endpoint, ``topics`` is not a sequence of strings, one of them begins
@@ -67,6 +70,15 @@ class SubscriberBase:
         """No message for ``silence_s``, or none ever: what was received last no longer describes the present."""
         return self._tracker.stale
 
+    def _patient_until(self) -> float | None:
+        """Return when an iteration must check whether it may go on, on ``time.monotonic``; None: never."""
+        until = min(self._tracker.silent_at, held_until())
+        return None if until == math.inf else until
+
+    def _check_silence(self) -> None:
+        if time.monotonic() >= self._tracker.silent_at:
+            raise self._tracker.silence(self.endpoint)
+
     @property
     def bad(self) -> int:
         """Messages dropped because they could not be read; the next readable one counts them as missed."""
@@ -97,13 +109,16 @@ class Subscriber(SubscriberBase):
         """Iterate over every message from now on.
 
         Raises:
+            LeaseLost: This thread runs the block of a lease, and that lease is lost: at once, also without a message.
             Silence: No message arrived for ``silence_s``. A new iteration continues to receive.
         """
         while True:
-            message = self._receive(self._tracker.silent_at, by_silence=True)
+            check_held()
+            message = self._receive(self._patient_until(), by_silence=True)
             if message is None:
-                raise self._tracker.silence(self.endpoint)
-            yield message
+                self._check_silence()
+            else:
+                yield message
 
     def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
         """Return the next message before ``until``; ``by_silence``: any message moves ``until`` on."""
@@ -112,7 +127,7 @@ class Subscriber(SubscriberBase):
             if message is not None:
                 return message
             if by_silence:
-                until = self._tracker.silent_at
+                until = self._patient_until()
             if until is not None and time.monotonic() > until:
                 break
         return None

@@ -235,6 +235,17 @@ async def test_a_lease_that_is_lost_is_told_at_once(daemon: Daemon, often: int) 
     assert not {"grip.set", "lease.release"} & set(daemon.ops)
 
 
+async def test_an_iteration_ends_with_the_lease(daemon: Daemon, publisher: Publisher, often: int) -> None:
+    daemon.handlers["lease.renew"] = lambda _: {"error": {"code": "no_lease", "message": "it has ended"}}
+    async with (
+        AsyncSubscriber(publisher.endpoint, silence_s=None) as messages,
+        AsyncGripClient(daemon.endpoint) as client,
+        client.lease(often),
+    ):
+        with pytest.raises(LeaseLost, match="it has ended"):
+            await anext(aiter(messages))
+
+
 async def test_a_lease_of_a_loop_that_stood_still_is_lost(daemon: Daemon) -> None:
     async with AsyncGripClient(daemon.endpoint) as client, client.lease(50) as lease:
         await asyncio.to_thread(lambda: None)

@@ -12,9 +12,10 @@ import pytest
 
 from slipd_client.errors import LeaseInUse, LeaseLost, RequestRefused
 from slipd_client.grip import GripClient
+from slipd_client.subscriber import Subscriber
 
 if TYPE_CHECKING:
-    from conftest import Daemon
+    from conftest import Daemon, Publisher
 
 PATIENCE_S = 60.0
 SHORT_MS = 1500
@@ -120,6 +121,26 @@ def test_a_lease_that_was_not_renewed_in_time_is_lost_without_a_word_of_the_daem
             lease.wait(PATIENCE_S)
         with pytest.raises(LeaseLost, match="keeps its force"):
             client.grip_set(5.0)
+
+
+def test_an_iteration_over_messages_ends_with_the_lease_even_if_it_may_wait_for_ever(
+    daemon: Daemon, publisher: Publisher, often: int
+) -> None:
+    with (
+        Subscriber(publisher.endpoint, silence_s=None) as messages,
+        GripClient(daemon.endpoint) as client,
+        client.lease(often),
+    ):
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1)
+        heard = iter(messages)
+        assert next(heard).seq == 1
+        publisher.send("slip.left", 2)
+        assert next(heard).seq == 2, "a lease that is renewed ends nothing"
+        daemon.handlers["lease.renew"] = refuse("no_lease", "it has ended")
+        with pytest.raises(LeaseLost, match="it has ended"):
+            next(heard)
+        assert messages.receive(0.0) is None, "and nothing else ended it"
 
 
 def test_a_lease_of_a_thread_that_is_no_more_is_renewed_no_more(daemon: Daemon, often: int) -> None:

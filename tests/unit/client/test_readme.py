@@ -28,12 +28,20 @@ EXAMPLES = {
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_hears_and_steers_until_the_daemon_falls_silent(
-    name: str, tmp_path: Path, publisher: Publisher, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+    name: str,
+    tmp_path: Path,
+    publisher: Publisher,
+    daemon: Daemon,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setitem(SubscriberBase.__init__.__kwdefaults__, "silence_s", 1.0)
     for client in (GripClient, AsyncGripClient):  # a lease that no stall of this machine ends
         monkeypatch.setattr(client.lease.__wrapped__, "__defaults__", (60_000,))
+    monkeypatch.setattr("time.sleep", end_instead_of_the_next_try)
+    refusal = {"code": "rate", "message": "raise_n_per_s", "field": "delta_n"}
+    daemon.handlers["grip.adjust"] = lambda _: {"error": refusal} if "RequestRefused" in code else {}
     code = EXAMPLES[name]
 
     def send() -> None:
@@ -51,3 +59,10 @@ def test_an_example_hears_and_steers_until_the_daemon_falls_silent(
         thread.join()
     if "adjust" in code:
         assert "grip.adjust" in daemon.ops
+    if "RequestRefused" in code:
+        assert "gravity.set" in daemon.ops
+        assert "refused, and nothing moved: rate: delta_n: raise_n_per_s" in capsys.readouterr().out
+
+
+def end_instead_of_the_next_try(_: float) -> None:
+    raise Silence("the example ends here")
