@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slipd.errors import SlipdError
-from slipd.recording.reader import is_recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +81,8 @@ def _obstacle(out: Path, kind: Kind) -> str | None:
         return None if other is None else f"is a folder that also holds {other!r}"
     if not out.is_file():
         return "is not a regular file"
+    from slipd.recording.reader import is_recording  # here: only a name that is taken needs it
+
     if is_recording(out):
         return "is a recording of slipd"
     return None if kind.is_one(out) else f"is not {kind.name}"

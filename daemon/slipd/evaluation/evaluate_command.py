@@ -16,7 +16,6 @@ from slipd.evaluation.executors import Executor
 from slipd.evaluation.jobs import Finished, NamedConfig
 from slipd.evaluation.level_picture import picture
 from slipd.evaluation.result_cache import ResultCache
-from slipd.evaluation.run_table import write_table
 from slipd.progress import Progress
 
 PICTURE = "levels.svg"
@@ -81,6 +80,8 @@ class EvaluateCommand:
         Raises:
             SlipdError: pyarrow is not installed, or the file cannot be written.
         """
+        from slipd.evaluation.run_table import write_table  # here: only a table needs what reads recordings
+
         with self._finished() as finished:
             totals = write_table(path, finished, SHOWN_FAULTS)
         print(

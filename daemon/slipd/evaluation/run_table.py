@@ -12,11 +12,14 @@ from types import ModuleType
 from typing import Any
 
 from slipd import __version__
-from slipd.errors import SlipdError
+from slipd.draft import Kind, draft
 from slipd.evaluation.config_run import ConfigRun
 from slipd.evaluation.jobs import Finished
 from slipd.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
 from slipd.parquet_library import parquet_library, storable
+
+KEYS = ("recording", "config", "key", "version")
+"""The first columns of a table."""
 
 ROWS = 1000
 """Rows that are written at once."""
@@ -57,26 +60,33 @@ class TableTotals:
 
 
 def write_table(path: Path, finished: Iterable[Finished], most_faults: int) -> TableTotals:
-    """Write a table; the file appears when it is complete.
+    """Write a table; the file appears when it is complete, and replaces nothing but an earlier table.
 
     Raises:
-        SlipdError: pyarrow is not installed, or the file cannot be written.
+        SlipdError: pyarrow is not installed, or the file cannot be written or is something else.
     """
     arrow, parquet = parquet_library("--table", "batch")
-    if not path.parent.is_dir():
-        raise SlipdError(f"{path}: cannot be written: there is no folder {path.parent}")
     totals = TableTotals()
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with parquet.ParquetWriter(part, _schema(arrow), compression="zstd") as writer:
-            for rows in _batches(finished, totals, most_faults):
-                writer.write_table(arrow.Table.from_pylist(rows, schema=_schema(arrow)))
-        part.replace(path)
-    except OSError as error:
-        raise SlipdError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with (
+        draft(path, TABLE, overwrite=True) as written,
+        parquet.ParquetWriter(written, _schema(arrow), compression="zstd") as writer,
+    ):
+        for rows in _batches(finished, totals, most_faults):
+            writer.write_table(arrow.Table.from_pylist(rows, schema=_schema(arrow)))
     return totals
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a file is a table of this module, of any version: by the names of its first columns."""
+    arrow, parquet = parquet_library("--table", "batch")
+    try:
+        names = parquet.read_schema(path).names
+    except (OSError, arrow.ArrowInvalid):
+        return False
+    return bool(names[: len(KEYS)] == list(KEYS))
+
+
+TABLE = Kind("a table of slipd evaluate", is_table, replaceable=False)
 
 
 def _batches(finished: Iterable[Finished], totals: TableTotals, most_faults: int) -> Iterator[list[dict[str, Any]]]:
@@ -137,10 +147,7 @@ def _schema(arrow: ModuleType) -> Any:
     alarm = {"source": text, "level": text, **interval, "reasons": arrow.list_(text), "evidence": arrow.list_(text)}
     stream = {"stream": text} | dict.fromkeys(("health", "samples", "bad", "lost", "dropped", "reconnects"), count)
     columns = {
-        "recording": text,
-        "config": text,
-        "key": text,
-        "version": text,
+        **dict.fromkeys(KEYS, text),
         "fault": text,
         "length_s": number,
         **{f"{level}_s": number for level in BY_SEVERITY},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,8 @@ def test_faults_are_rows_and_only_the_first_are_told(tmp_path: Path, monkeypatch
 
 def test_an_interrupted_table_leaves_the_one_before(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
-    path.write_bytes(b"the table before")
+    write_table(path, [], 5)
+    before = path.read_bytes()
 
     def interrupted() -> Iterator[Finished]:
         yield Finished(Job(DEMO, NamedConfig(RECORDED, None), ""), "bad")
@@ -88,8 +90,19 @@ def test_an_interrupted_table_leaves_the_one_before(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         write_table(path, interrupted(), 5)
-    assert path.read_bytes() == b"the table before"
+    assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -> None:
+    recording, foreign = tmp_path / "run.mcap", tmp_path / "notes.parquet"
+    shutil.copy(DEMO, recording)
+    foreign.write_bytes(b"PAR1 notes")
+    for path, why in ((recording, "is a recording of slipd"), (foreign, "is not a table of slipd evaluate")):
+        with pytest.raises(SlipdError, match=why):
+            write_table(path, [], 5)
+    assert recording.read_bytes() == DEMO.read_bytes()
+    assert foreign.read_bytes() == b"PAR1 notes"
 
 
 def test_a_place_that_cannot_be_written_is_told_before_anything_is_replayed(tmp_path: Path) -> None:
@@ -97,5 +110,5 @@ def test_a_place_that_cannot_be_written_is_told_before_anything_is_replayed(tmp_
         raise AssertionError
         yield
 
-    with pytest.raises(SlipdError, match=r"nowhere/a\.parquet: cannot be written: there is no folder"):
+    with pytest.raises(SlipdError, match=r"nowhere/a\.parquet: cannot be written: No such file"):
         write_table(tmp_path / "nowhere" / "a.parquet", replayed(), 5)
