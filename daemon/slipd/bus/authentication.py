@@ -8,6 +8,7 @@ from collections.abc import Container
 from dataclasses import dataclass
 
 from slipd.config import Bus
+from slipd.config.bus_checks import missing_keys
 from slipd.errors import LinkError
 from slipd.zmtp.endpoint import Access
 from slipd.zmtp.mechanisms import decode_key
@@ -89,8 +90,10 @@ def guard(bus: Bus) -> Guard:
     The key of a reader may connect to the request endpoint too, where its requests get an error.
 
     Raises:
-        LinkError: A key file cannot be used; the text says why.
+        LinkError: A key file cannot be used; the text says why, and how to create one that is missing.
     """
+    if missing := list(missing_keys(bus)):
+        raise LinkError("; ".join(f"{key}: {text}" for key, text in missing))
     try:
         secret = None if bus.secret_key is None else decode_key(load_secret(bus.secret_key)[1])
         readers = None if bus.readers is None else load_allowed(bus.readers)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Iterator
+from pathlib import Path
 
 from slipd.config.bus_model import Bus
 from slipd.config.model import Config
@@ -24,6 +27,24 @@ def bus_faults(config: Config) -> list[Fault]:
         rule = "needs bus.readers, bus.requesters or both: without a list no client has to show a key"
         faults.append(("bus.secret_key", rule))
     return faults
+
+
+def missing_keys(bus: Bus) -> Iterator[tuple[str, str]]:
+    """Yield the key path and the text of each file of keys that does not exist, with the command that creates it."""
+    for name in ("secret_key", "readers", "requesters"):
+        place = getattr(bus, name)
+        if place is None or os.path.lexists(place) or not _is_visible(Path(place).parent):
+            continue
+        mend = f"mkdir -m 755 {place}, and copy the .key of each client there (slipctl keys new NAME)"
+        if name == "secret_key":
+            create = f"slipctl keys new {Path(place).stem} --dir {Path(place).parent}"
+            mend = f"{create}. For clients of this machine alone, leave [bus] out"
+        yield f"bus.{name}", f"{place} does not exist, so the daemon cannot start: {mend}"
+
+
+def _is_visible(folder: Path) -> bool:
+    """Return whether this user can see what a folder holds, or that it does not exist."""
+    return os.access(folder, os.X_OK) or not os.path.lexists(folder)
 
 
 def _endpoint_faults(name: str, endpoint: str | None, keys: str, bus: Bus) -> list[Fault]:

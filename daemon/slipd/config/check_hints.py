@@ -6,17 +6,16 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from slipd.config.bus_checks import missing_keys
 from slipd.config.finger_model import Finger, Pad, Wrench
 from slipd.config.model import Config
 from slipd.config.stream_model import Stream
 from slipd.config.stream_settings import axes_of, key_path
 from slipd.config.toml_lines import key_lines, line_of
+from slipd.config.value_bounds import USUAL_FRICTION, meant_friction
 
 W_FIRST = ([1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0])
 """In the order w, x, y, z this is no rotation; in the order x, y, z, w it turns the sensor upside down."""
-
-USUAL_MU = 1.2
-"""Dry rubber on most objects."""
 
 USUAL_PLACE_M = 0.3
 """A sensor at the wrist is rarely further from the pad."""
@@ -65,6 +64,7 @@ def _hints(config: Config) -> Iterator[tuple[str, str]]:
         yield "gripper", "no max_force_n: no request can move the gripper"
     if config.levels.warning > MOST_WARNING:
         yield "levels.warning", f"{config.levels.warning:g} leaves no time to act; 0.85 is usual"
+    yield from missing_keys(config.bus)
     if config.bus.allow_local_tcp:
         yield "bus.allow_local_tcp", "every user of this machine can move the gripper over its TCP port"
 
@@ -72,9 +72,9 @@ def _hints(config: Config) -> Iterator[tuple[str, str]]:
 def _finger_hints(path: str, finger: Finger) -> Iterator[tuple[str, str]]:
     if finger.mu is None:
         yield path, "no mu: it warns of nothing before a slip has shown the friction"
-    elif finger.mu > USUAL_MU:
-        meant = f"; did you mean {finger.mu / 10.0:g}?" if finger.mu / 10.0 >= 0.1 else ""
-        yield f"{path}.mu", f"{finger.mu:g} is more than rubber usually has: warnings would come too late{meant}"
+    elif finger.mu > USUAL_FRICTION:
+        late = f"{finger.mu:g} is more than rubber usually has: warnings would come too late"
+        yield f"{path}.mu", "; ".join(filter(None, (late, meant_friction(finger.mu))))
     if finger.slip.armed_at is not None:
         yield f"{path}.slip.armed_at", "has no effect any more: slips are found by the course of the load. Remove it"
     if finger.pad is None:

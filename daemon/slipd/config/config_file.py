@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from slipd.config.checks import semantic_faults
 from slipd.config.fault_texts import explain
 from slipd.config.model import Config
 from slipd.config.path_trust import trust_faults, user_name
-from slipd.config.toml_lines import key_lines, line_of
+from slipd.config.toml_lines import key_lines, line_of, syntax_fault
 from slipd.errors import ConfigError, ConfigFault
 
 
@@ -58,8 +57,7 @@ def parse(text: str, file: str) -> Config:
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # not only TOMLDecodeError: a number or list may be too long or deep
-        where = re.search(r"\(at line (\d+)", str(error))
-        raise ConfigError(file, [ConfigFault("", int(where[1]) if where else None, f"not TOML: {error}")]) from None
+        raise ConfigError(file, [ConfigFault("", *syntax_fault(text, error))]) from None
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:

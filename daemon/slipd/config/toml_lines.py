@@ -3,24 +3,50 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
 _DOTTED = rf"((?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*)"
 _TABLE = re.compile(rf"^\s*\[\[?\s*{_DOTTED}\s*\]\]?\s*(#.*)?$")  # a row of numbers in a list does not match
 _KEY = re.compile(rf"^\s*{_DOTTED}\s*=")
+_DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$")
 
 
 def key_lines(text: str) -> dict[tuple[str, ...], int]:
     """Return the line, 1-based, of every table and key that starts a line."""
     lines: dict[tuple[str, ...], int] = {}
+    for path, number in _headed(text):
+        lines.setdefault(path, number)
+    return lines
+
+
+def syntax_fault(text: str, error: Exception) -> tuple[int | None, str]:
+    """Return the line of an error of tomllib, and what is wrong there in words for the author of a config."""
+    where = re.search(r"\(at line (\d+)", str(error))
+    if where is None:
+        return None, f"not TOML: {error}"
+    at = int(where[1])
+    if match := _DECIMAL_COMMA.match(text.splitlines()[at - 1] if at <= len(text.splitlines()) else ""):
+        key, whole, part = match.groups()
+        return at, f"{key} must be written with a decimal point, got {whole},{part}: write {key} = {whole}.{part}"
+    if str(error).startswith(("Cannot overwrite", "Cannot declare")):
+        seen: dict[tuple[str, ...], int] = {}
+        for path, number in _headed(text):
+            if path in seen and number <= at:
+                return number, f"{'.'.join(path)} is written twice, first in line {seen[path]}; keep one of them"
+            seen.setdefault(path, number)
+    return at, f"not TOML: {error}"
+
+
+def _headed(text: str) -> Iterator[tuple[tuple[str, ...], int]]:
+    """Yield the path and the line of every table and key that starts a line."""
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.splitlines(), start=1):
         if match := _TABLE.match(line):
             table = _parts(match[1])
-            lines.setdefault(table, number)
+            yield table, number
         elif match := _KEY.match(line):
-            lines.setdefault(table + _parts(match[1]), number)
-    return lines
+            yield table + _parts(match[1]), number
 
 
 def line_of(lines: dict[tuple[str, ...], int], path: tuple[str, ...]) -> int | None:

@@ -6,7 +6,7 @@ The bounds are wide: they refuse what no rig can have, not what is unusual.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -21,8 +21,14 @@ MARGIN = 1.25
 QUATERNION_TOLERANCE = 1e-3
 """A quaternion written with four digits is still a unit quaternion."""
 
+ROUNDED_QUATERNION = 0.1
+"""A quaternion whose length misses 1 by no more was rounded, and its direction is meant."""
+
 MOST_FRICTION = 2.0
 """Rubber on dry, rough glass reaches 2. More is a wrong unit, and makes every grip look safe."""
+
+LEAST_USUAL_FRICTION, USUAL_FRICTION = 0.1, 1.2
+"""From oily pads to dry rubber on most objects."""
 
 LONGEST_PAD_M = 0.5
 """The longer side of the largest pad that fits between the jaws of a gripper, m."""
@@ -41,6 +47,7 @@ class Bounds:
         unit: Unit of both; "" for plain numbers.
         thousandth: Unit a thousand times smaller that is also used for this quantity; "" if there is none.
         zero: Whether 0 is accepted too, as "none".
+        meant: Returns what was probably meant by a value that is too large, as a question; "" if unknown.
     """
 
     least: float
@@ -48,6 +55,7 @@ class Bounds:
     unit: str
     thousandth: str = ""
     zero: bool = False
+    meant: Callable[[float], str] = lambda _: ""
 
     def fault(self, value: float) -> str:
         """Return what is wrong with a value and what was probably meant; "" if it is within the bounds."""
@@ -55,6 +63,8 @@ class Bounds:
             return ""
         unit = f" {self.unit}" if self.unit else ""
         rule = f"must be from {self.least:g} to {self.most:g}{unit}, got {value:g}"
+        if value > self.most and (question := self.meant(value)):
+            return f"{rule}: {question}"
         meant = value * 1e-3
         if not self.thousandth or abs(value) <= self.most or not self._holds(meant):
             return rule
@@ -98,8 +108,17 @@ def unit_quaternion(quat_xyzw: list[float]) -> list[float]:
     """
     length = math.hypot(*quat_xyzw)
     if abs(length - 1.0) > QUATERNION_TOLERANCE:
-        raise ValueError(f"must be a unit quaternion in the order x, y, z, w, got one of length {length:.4g}")
+        rule = f"must be a unit quaternion in the order x, y, z, w, got one of length {length:.4g}"
+        near = abs(length - 1.0) <= ROUNDED_QUATERNION
+        unit = [round(part / length, 7) + 0.0 for part in quat_xyzw] if near else []
+        raise ValueError(f"{rule}: its digits are too few; write {unit}" if unit else rule)
     return quat_xyzw
+
+
+def meant_friction(mu: float) -> str:
+    """Return what is probably meant by too large a μ, as a question: a lost point, or percent; "" if unknown."""
+    usual = [mu / factor for factor in (10.0, 100.0) if LEAST_USUAL_FRICTION <= mu / factor <= USUAL_FRICTION]
+    return f"did you mean {usual[0]:g}?" if usual else ""
 
 
 PLACE = Bounds(-1.0, 1.0, "m", "mm")
@@ -123,7 +142,7 @@ Place = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator
 Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))]
 """From a fingertip of some grams to a whole gripper on a sensor at the wrist."""
 
-Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, ""))]
+Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, "", meant=meant_friction))]
 
 Spread = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "", zero=True))]
 """A coefficient is never measured to a thousandth; beyond its own size its deviation says nothing."""

@@ -236,6 +236,17 @@ def test_a_key_file_that_cannot_be_used_keeps_the_daemon_from_starting(cell: Cel
         guard(cell.bus)
 
 
+def test_missing_keys_are_named_with_the_commands_that_create_them(tmp_path: Path) -> None:
+    bus = Bus(secret_key=str(tmp_path / "rig.key_secret"), readers=str(tmp_path / "readers"), requesters=str(tmp_path))
+    with pytest.raises(LinkError) as error:
+        guard(bus)
+    assert f"slipctl keys new rig --dir {tmp_path}. For clients of this machine alone, leave [bus] out" in str(
+        error.value
+    )
+    assert f"bus.readers: {tmp_path}/readers does not exist" in str(error.value)
+    assert "bus.requesters" not in str(error.value)
+
+
 def test_without_keys_in_the_config_none_are_asked_for() -> None:
     may = guard(Bus())
     assert (may.publish.secret, may.requests.secret, may.requesters) == (None, None, None)

@@ -140,7 +140,7 @@ def test_the_error_has_one_line_per_fault_with_file_and_line() -> None:
     [
         ("[finger.left\nmu = 1", 1),
         ("a = 1\nb = \n", 2),
-        ("a = 1\na = 2\n", 2),
+        ("a = {b = 1, b = 2}\n", 1),
         ("a = " + "1" * 5000, None),
         ("a = " + "[" * 5000, None),
     ],
@@ -149,6 +149,24 @@ def test_a_text_that_is_not_toml_is_refused(text: str, at: int | None) -> None:
     found = faults(text)
     assert [(path, line) for path, line, _ in found] == [("", at)]
     assert found[0][2].startswith("not TOML: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "[finger.left]\nmu = 0,5  # rubber\n",
+            (2, "mu must be written with a decimal point, got 0,5: write mu = 0.5"),
+        ),
+        (
+            "[finger.left]\nmu = 0.5\n[finger.left.pad]\ntare = [\n  1,\n]\ntare = [\n  2,\n]\n",
+            (7, "finger.left.pad.tare is written twice, first in line 4; keep one of them"),
+        ),
+        ("[levels]\n[bus]\n[levels]\n", (3, "levels is written twice, first in line 1; keep one of them")),
+    ],
+)
+def test_a_usual_slip_of_the_pen_is_named_in_the_words_of_a_config(text: str, expected: tuple[int, str]) -> None:
+    assert faults(text) == [("", *expected)]
 
 
 @pytest.mark.parametrize("text", ["", "[levels]\n", "finger = 3\n", "[finger]\n"])

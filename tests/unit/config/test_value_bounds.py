@@ -45,7 +45,14 @@ IMPOSSIBLE = [
         "below wrench.range_n, 0.2 N, got 0.3",
     ),
     ("mu = 0.5", "mu = 2.1", "finger.left.mu", "must be from 0.01 to 2, got 2.1"),
-    ("mu = 0.5", "mu = 55.0", "finger.left.mu", "must be from 0.01 to 2, got 55"),
+    ("mu = 0.5", "mu = 5", "finger.left.mu", "must be from 0.01 to 2, got 5: did you mean 0.5?"),
+    ("mu = 0.5", "mu = 55.0", "finger.left.mu", "must be from 0.01 to 2, got 55: did you mean 0.55?"),
+    (
+        "rate_hz = 800",
+        "rate_hz = 800\npad_from_sensor = { quat_xyzw = [0.0, 0.0, 0.7, 0.7] }",
+        "finger.left.wrench.pad_from_sensor.quat_xyzw",
+        "got one of length 0.9899: its digits are too few; write [0.0, 0.0, 0.7071068, 0.7071068]",
+    ),
     ("mu = 0.5", "mu = 0.5\nmin_normal_n = 60.0", "finger.left.min_normal_n", "must be at most 50 N, got 60"),
     (
         "rate_hz = 800",

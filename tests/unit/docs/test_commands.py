@@ -14,7 +14,7 @@ import pytest
 from documented_commands import OTHERS, PAGES, PROGRAMS, Command, commands, mentions
 from project import CONFIG, DOCS, ROOT
 
-from slipd import cli, cli_parser
+from slipd import cli, cli_parser, config
 from slipd_client import slipctl_parser
 
 ALL = [command for page in PAGES for command in commands(page)]
@@ -32,6 +32,14 @@ def parser_of(program: str) -> argparse.ArgumentParser:
 
 def ours(*programs: str) -> list[Command]:
     return [command for command in ALL if command.words[0] in programs]
+
+
+def test_a_config_that_a_page_copies_runs_without_keys() -> None:
+    shown = [each for each in ours("slipd") if each.words[1:3] == ("config", "show")]
+    names = {each.words[3] for each in shown}
+    rigs = [config.load(CONFIG / f"{name}.toml") for name in names if (CONFIG / f"{name}.toml").exists()]
+    assert rigs
+    assert [rig.bus.secret_key for rig in rigs] == [None] * len(rigs)
 
 
 def test_there_are_commands_on_many_pages() -> None:
