@@ -1,13 +1,32 @@
-"""Types of arguments that several commands of ``slipctl`` have."""
+"""Parts of the parser of ``slipctl``: its commands, and types of arguments that several of them have."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser of commands, of which one may be left out.
+
+    Attributes:
+        default: That command; "" where every command must be named.
+        names: All of them, in a map.
+    """
+
+    default = ""
+    names: Mapping[str, object] = {}
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Put the default before arguments that begin with no command and no option."""
+        if self.default and args and args[0] not in self.names and not args[0].startswith("-"):
+            args = [self.default, *args]
+        return super().parse_known_args(args, namespace)
 
 
 def finite(text: str) -> float:

@@ -211,14 +211,15 @@ class GripClientBase:
 
     @operation
     def tare(
-        self, finger: str, seconds: float = TARE_S, stream: str | None = None, *, unloaded: bool = False
+        self, finger: str, stream: str | float | None = None, seconds: float = TARE_S, *, unloaded: bool = False
     ) -> Steps[TareResult]:
         """Take the mean of the next ``seconds`` as zero, and wait until the tare is taken.
 
         Args:
             finger: Name of the finger.
+            stream: "wrench", "pad", or "all"; None: the stream that measures the force. A number is ``seconds``, as in
+                calls of older programs.
             seconds: Averaging time, s.
-            stream: "wrench", "pad", or "all"; None: the stream that measures the force.
             unloaded: Confirms that nothing touches the finger, although its normal force is clearly negative (reason
                 "pulled").
 
@@ -226,6 +227,8 @@ class GripClientBase:
             TareGivenUp: The daemon began the tare and gave it up; ``reason`` says why.
             CallError: ``seconds`` is not a positive time.
         """
+        if isinstance(stream, (int, float)):
+            return self._protocol.tare(finger, stream, self.timeout_s, unloaded=unloaded)
         return self._protocol.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded)
 
     @operation

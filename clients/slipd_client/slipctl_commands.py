@@ -156,12 +156,18 @@ def _request(client: GripClient, chosen: argparse.Namespace) -> Reply:
     """Return the reply to a command that needs no lease, or not always."""
     command = chosen.command
     if command == "tare take":
-        return client.tare(chosen.finger, chosen.seconds, chosen.stream, unloaded=chosen.unloaded)
+        return client.tare(chosen.finger, _stream(chosen), chosen.seconds, unloaded=chosen.unloaded)
     if command == "tare get":
-        return client.tare_get(chosen.finger, chosen.stream)
+        return client.tare_get(chosen.finger, _stream(chosen))
     if command in ("tare undo", "friction", "object"):
         return _request_with_lease_if_free(client, chosen)
     return client.record_start() if command == "record start" else client.record_stop()
+
+
+def _stream(chosen: argparse.Namespace) -> str | None:
+    """Return the stream of a tare: STREAM after the finger, or ``--stream``, as older scripts name it."""
+    stream: str | None = chosen.stream or chosen.named_stream
+    return stream
 
 
 def _request_with_lease_if_free(client: GripClient, chosen: argparse.Namespace) -> Reply:
@@ -170,7 +176,7 @@ def _request_with_lease_if_free(client: GripClient, chosen: argparse.Namespace) 
         with contextlib.suppress(RequestRefused):
             stack.enter_context(client.lease())
         if chosen.command == "tare undo":
-            return client.tare_undo(chosen.finger, chosen.stream)
+            return client.tare_undo(chosen.finger, _stream(chosen))
         if chosen.command == "object":
             return client.object_set(chosen.name)
         return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)

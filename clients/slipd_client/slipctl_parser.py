@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.argument_types import Add, finite
+from slipd_client.argument_types import Add, CommandParser, finite
 from slipd_client.fleet.fleet_arguments import add_bridge, add_fleet
 from slipd_client.friction_samples import MOST_SAMPLES
 from slipd_client.listen_address import add_listen
@@ -34,7 +34,7 @@ def parser() -> argparse.ArgumentParser:
     ``command`` of the parsed arguments is the whole command, e.g. "grip set", or "" where it is missing. Then
     ``refuse`` prints the commands that there are, and exits with 2.
     """
-    top = argparse.ArgumentParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
+    top = CommandParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
     for name, what, default in (
         ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
         ("--requests", "endpoint on which slipd accepts requests", requests_endpoint()),
@@ -88,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
     )
 
     _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
-    _tare(_commands(add("tare", "take, show or undo the zero of a finger's sensors"), "tare "))
+    _tare(add("tare", "take, show or undo the zero of a finger's sensors: slipctl tare left pad"))
     _friction(add("friction", "measure the friction between pads and an object by hand, or set it on one finger"))
 
     _gravity(add("gravity", "send the direction of gravity in a pad's frame, so that the finger's weight is known"))
@@ -173,8 +173,10 @@ def _gravity(gravity: argparse.ArgumentParser) -> None:
     )
 
 
-def _tare(add: Add) -> None:
-    take = add("take", "take the present readings of a finger as zero; nothing may touch the finger")
+def _tare(tare: CommandParser) -> None:
+    add = _commands(tare, "tare ")
+    tare.default = "take"
+    take = add("take", "take the present readings of a finger as zero; nothing may touch the finger; may be left out")
     _fields(take, "tare", "seconds", "unloaded", "finger", "stream")
     _fields(add("get", "show the tare in use"), "tare.get", "finger", "stream")
     _fields(add("undo", "return to the tare before the last one"), "tare.undo", "finger", "stream")
@@ -201,11 +203,12 @@ def keys_directory() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "slipd" / "keys"
 
 
-def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
+def _commands(parent: CommandParser, prefix: str) -> Callable[[str, str], CommandParser]:
     group = parent.add_subparsers(title="commands", metavar="COMMAND")
+    parent.names = group.choices
     parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(group.choices)}"))
 
-    def add(name: str, what: str) -> argparse.ArgumentParser:
+    def add(name: str, what: str) -> CommandParser:
         command = group.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
         command.set_defaults(command=prefix + name)
         return command
@@ -227,6 +230,9 @@ def _fields(command: argparse.ArgumentParser, op: str, *names: str, optional: bo
         help_text = _help(field)
         if field.kind is FLAG:
             command.add_argument(f"--{name}", action="store_true", help=help_text)
+        elif name == "stream":  # after the finger, as in the client's methods
+            command.add_argument(name, metavar="STREAM", choices=field.words, nargs="?", help=help_text)
+            command.add_argument("--stream", dest="named_stream", choices=field.words, help=argparse.SUPPRESS)
         elif field.required or name.startswith("mu_"):
             nargs = None if field.required and not optional else "?"
             command.add_argument(name, metavar=name.upper(), type=_type(field), nargs=nargs, help=help_text)

@@ -201,7 +201,7 @@ async def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
     daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 1, "pad": 1}}
     daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 2, "stream": request["stream"]}
     async with AsyncGripClient(daemon.endpoint) as client:
-        assert list((await client.tare("left", 0.1, "all"))["streams"]) == ["wrench", "pad"]
+        assert list((await client.tare("left", "all", 0.1))["streams"]) == ["wrench", "pad"]
         assert (await client.tare_get("left", "pad"))["stream"] == "pad"
 
 
@@ -238,7 +238,7 @@ async def test_a_lease_that_is_lost_is_told_at_once(daemon: Daemon, often: int) 
 async def test_an_iteration_ends_with_the_lease(daemon: Daemon, publisher: Publisher, often: int) -> None:
     daemon.handlers["lease.renew"] = lambda _: {"error": {"code": "no_lease", "message": "it has ended"}}
     async with (
-        AsyncSubscriber(publisher.endpoint, silence_s=None) as messages,
+        AsyncSubscriber(publisher.endpoint, silence_s=PATIENCE_S) as messages,
         AsyncGripClient(daemon.endpoint) as client,
         client.lease(often),
     ):

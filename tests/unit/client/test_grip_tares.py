@@ -28,7 +28,7 @@ def test_a_tare_of_one_stream_is_waited_for_by_its_name(daemon: Daemon) -> None:
     daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 0, "tare_ids": {"pad": 0}}
     daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 1, "stream": request["stream"]}
     with GripClient(daemon.endpoint) as client:
-        assert client.tare("left", 0.1, "pad")["stream"] == "pad"
+        assert client.tare("left", "pad", 0.1)["stream"] == "pad"
     assert [request.get("stream") for request in daemon.asked] == ["pad", "pad"]
 
 
@@ -37,7 +37,7 @@ def test_a_tare_of_all_streams_is_waited_for_in_each(daemon: Daemon) -> None:
     daemon.handlers["tare"] = lambda _: {"verified": False, "tare_id": 3, "tare_ids": {"wrench": 3, "pad": 1}}
     daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": next(ids), "stream": request["stream"]}
     with GripClient(daemon.endpoint) as client:
-        taken = client.tare("left", 0.1, "all")
+        taken = client.tare("left", "all")
     assert taken == {
         "finger": "left",
         "verified": False,
@@ -48,7 +48,7 @@ def test_a_tare_of_all_streams_is_waited_for_in_each(daemon: Daemon) -> None:
     }
     daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": {"wrench": 4, "pad": 1}[request["stream"]]}
     with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="tare of left pad was given up"):
-        client.tare("left", 0.1, "all")
+        client.tare("left", "all")
 
 
 @pytest.mark.parametrize(

@@ -123,11 +123,11 @@ def test_a_lease_that_was_not_renewed_in_time_is_lost_without_a_word_of_the_daem
             client.grip_set(5.0)
 
 
-def test_an_iteration_over_messages_ends_with_the_lease_even_if_it_may_wait_for_ever(
+def test_an_iteration_over_messages_ends_with_the_lease_and_not_with_the_silence(
     daemon: Daemon, publisher: Publisher, often: int
 ) -> None:
     with (
-        Subscriber(publisher.endpoint, silence_s=None) as messages,
+        Subscriber(publisher.endpoint, silence_s=PATIENCE_S) as messages,
         GripClient(daemon.endpoint) as client,
         client.lease(often),
     ):

@@ -96,7 +96,8 @@ def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl:
         (["grip", "adjust", "nan"], "finite"),
         (["grip", "open", "--width-m", "wide"], "--width-m"),
         (["grip", "close", "5", "--speed-mps", "0"], "--speed-mps"),
-        (["tare", "left"], "invalid choice"),
+        (["tare", "left", "4"], "invalid choice"),
+        (["tare"], "COMMAND"),
         (["tare", "take", "left", "--seconds", "0"], "--seconds"),
         (["friction", "left", "slippery"], "must be a number, got 'slippery'"),
         (["friction", "left", "0.5", "--samples", "2"], "--samples and --patience are for measuring"),
@@ -173,7 +174,7 @@ def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixtur
 def test_tare_takes_the_stream_that_is_named(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
     daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 0, "pad": 0}}
     daemon.handlers["tare.get"] = lambda _: {"tare_id": 1, "busy": False}
-    assert main(["--requests", daemon.endpoint, "tare", "take", "left", "--stream", "all"]) == 0
+    assert main(["--requests", daemon.endpoint, "tare", "left", "all"]) == 0
     assert '"pad": {"tare_id": 1, "busy": false}' in capsys.readouterr().out
     assert [request.get("stream") for request in daemon.asked] == ["all", "wrench", "pad"]
 
@@ -224,7 +225,7 @@ def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
         (["tare", "get", "left"], "tare.get", {"finger": "left"}),
         (["tare", "undo", "left"], "tare.undo", {"finger": "left"}),
         (["tare", "get", "left", "--stream", "wrench"], "tare.get", {"finger": "left", "stream": "wrench"}),
-        (["tare", "undo", "left", "--stream", "pad"], "tare.undo", {"finger": "left", "stream": "pad"}),
+        (["tare", "undo", "left", "pad"], "tare.undo", {"finger": "left", "stream": "pad"}),
         (["friction", "left", "0.5"], "friction.set", {"finger": "left", "mu_s": 0.5}),
         (["friction", "left", "0.5", "0.4"], "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
         (["object", "mug"], "object.set", {"name": "mug"}),

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 from project import DAEMON, DOCS, ROOT
 
+from slipd_client import methods_table
+from slipd_client.client_base import GripClientBase, operation
+
 LEADING_IDS = re.compile(r"test_((?:[A-Z]\d+_)+)")
 """The ids of one test name, at its beginning."""
 
@@ -122,6 +125,14 @@ def test_the_readme_is_short_and_names_every_room() -> None:
     assert len(text.splitlines()) <= 150
     for folder in DAEMON.iterdir():
         assert not (folder / "__init__.py").exists() or f"{folder.name}`" in text, folder.name
+
+
+def test_the_table_of_methods_is_that_of_the_client() -> None:
+    """``python -m slipd_client.methods_table clients/README.md`` writes it."""
+    page = (ROOT / "clients" / "README.md").read_text(encoding="utf-8")
+    assert methods_table.filled(page) == page
+    methods = {name for name, each in vars(GripClientBase).items() if isinstance(each, operation)}
+    assert {name for name in methods if f"`{name}(" not in page} == {"request"}, "any op by its name"
 
 
 def columns_of_glossary() -> list[tuple[str, str, str]]:

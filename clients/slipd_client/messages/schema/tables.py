@@ -39,7 +39,7 @@ def tables() -> dict[str, str]:
     }
     return topics | {
         "header": _fields(fields_of(Message)),
-        "levels": _table(
+        "levels": table(
             ("`level`", "`level_code`", "meaning"),
             ((f"`{level}`", str(level_code(level)), meaning) for level, meaning in LEVEL_MEANINGS.items()),
         ),
@@ -51,7 +51,7 @@ def tables() -> dict[str, str]:
         "recordings": _fields(fields_of(RecordingStatus)),
         "incidents": _fields(fields_of(IncidentsStatus)),
         "envelope": _fields(ENVELOPE),
-        "ops": _table(
+        "ops": table(
             ("op", "what it does", "fields", "needs"),
             ((f"`{op.name}`", op.does, _names(op.fields.values()), op.needs) for op in OPS.values()),
         ),
@@ -73,7 +73,7 @@ def filled(document: str) -> str:
 
 
 def _fields(fields: Iterable[Field]) -> str:
-    return _table(("field", "type", "meaning"), ((f"`{each.name}`", each.type_name, _meaning(each)) for each in fields))
+    return table(("field", "type", "meaning"), ((f"`{each.name}`", each.type_name, _meaning(each)) for each in fields))
 
 
 def _meaning(field: Field) -> str:
@@ -85,7 +85,7 @@ def _request_fields() -> str:
     for op in OPS.values():
         fields = dict(op.fields) | fields  # the first op that has a field says the most about it
     ordered = {name: fields[name] for op in OPS.values() for name in op.fields}
-    return _table(
+    return table(
         ("field", "type", "meaning", "unit", "range", "where it is left out"),
         (
             (f"`{each.name}`", each.type_name, each.meaning, each.unit, each.range_text, each.default_text)
@@ -107,7 +107,7 @@ def _replies() -> str:
             rows.append((ops, "", "", "the fields of the topic `status`, without those of every message"))
         else:
             rows += [(ops, f"`{each.name}`", each.type_name, _meaning(each)) for each in fields_of(cls)]
-    return _table(("reply to", "field", "type", "meaning"), rows)
+    return table(("reply to", "field", "type", "meaning"), rows)
 
 
 def _names(fields: Iterable[Field]) -> str:
@@ -115,10 +115,11 @@ def _names(fields: Iterable[Field]) -> str:
 
 
 def _meanings(title: str, meanings: Mapping[Any, str]) -> str:
-    return _table((title, "meaning"), ((f"`{word}`", meaning) for word, meaning in meanings.items()))
+    return table((title, "meaning"), ((f"`{word}`", meaning) for word, meaning in meanings.items()))
 
 
-def _table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+def table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table in Markdown."""
     lines = (titles, ("---",) * len(titles), *rows)
     return "".join("|" + "|".join(f" {cell} " if cell else " " for cell in line) + "|\n" for line in lines)
 
