@@ -16,7 +16,8 @@ class Gripper(Stream):
     Attributes:
         force_table: Rows of (device units, N on one pad), both rising; linear between the rows. Only for grippers that
             do not take newtons. Wrong: every force that is set or reported is wrong. Measure it.
-        width_table: Rows of (closure 0…1, m between the pads), closure rising and width falling; likewise. Wrong:
+        width_table: Rows of (closure 0…1, m between the pads), closure rising and width falling; likewise. The closure
+            of a Robotiq is its position byte / 255: a 2F-85 reports 3 when it is open and 230 when it is closed. Wrong:
             widths are wrong, and so are the places of the pads.
         speed_table: Rows of (device units, m/s of the jaws), both rising; None: no request may set ``speed_mps``.
             Wrong: the jaws move at another speed.

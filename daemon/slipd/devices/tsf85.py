@@ -1,10 +1,13 @@
 """Robotiq TSF-85 tactile fingertips: two fingers of 7 × 4 taxels on one USB port, streamed in tagged packets.
 
 A packet is ``9A``, checksum (u8), command (u8), length of the data (u8), data. The data of a sensor packet are blocks:
-a tag (u8, type | finger << 2) and big-endian values. A packet has the new values of each finger; of 1,000 packets per
-second, about sixty have the array. The checksum's polynomial is not published, and the manufacturer's own code neither
-fills nor checks it, so only its structure distinguishes a packet from noise. Source: Robotiq tactile sensor SDK and
-quick-start protocol.
+a tag (u8, type | finger << 2) and big-endian values. The arrays are refreshed sixty times per second, but may come in
+each of 1,000 packets per second. The checksum's polynomial is not published, and the manufacturer's own code neither
+fills nor checks it, so only its structure distinguishes a packet from noise.
+
+Source: the maker's public repository robotiq/tactile_sensors at 8cb0219: ``sensor_quickstart/protocol.py`` (layout),
+``README.md`` lines 5 and 6 (1 kHz, arrays at 60 Hz), ``sensor_quickstart/README.md`` line 74 (160 kB/s at 1 kHz: more
+than packets without arrays have).
 """
 
 from __future__ import annotations
@@ -24,8 +27,8 @@ FINGERS = 2
 TAXELS = 28
 LONGEST_PERIOD_MS = 255
 """The period is sent in one byte."""
-IMAGES_HZ = 60.0
-"""Rate of the packets that contain an image."""
+REPEAT_NS = 20_000_000
+"""An equal array within this time, a little more than the period of 60 Hz, is the same image once more."""
 
 STATIC, DYNAMIC, ACCELEROMETER, GYROSCOPE, MAGNETOMETER, TEMPERATURE, TIMESTAMP = range(0x10, 0x80, 0x10)
 """Types of a tag."""
@@ -46,7 +49,8 @@ class Decoder:
     """Return a tactile sample of every static block; ``source`` is the finger, "0" or "1".
 
     ``values`` has shape (28,), raw counts, row by row: 7 rows of 4 columns. The dynamic taxel, the inertial sensors and
-    the temperature are ignored; packets without a static block give no sample. `health.good` counts samples. The
+    the temperature are ignored; packets without a static block give no sample, and neither does a repeated array: it is
+    the image of the same refresh. `health.good` counts samples. The
     packets have no sequence number, so `health.lost` stays 0.
 
     After bytes that belong to no packet, a packet is unconfirmed: it is decoded when another packet follows it without
@@ -71,6 +75,7 @@ class Decoder:
         self.firmware = ""
         self._unit_ns = timestamp_unit_ns
         self._unconfirmed: tuple[bytes, int] | None = None
+        self._newest: dict[int, tuple[bytes, int]] = {}  # by finger: array of the last sample, and its time of receipt
         self._frames = FrameScanner(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
@@ -96,6 +101,7 @@ class Decoder:
         self._frames.forget()
         self.health.bad += self._unconfirmed is not None
         self._unconfirmed = None
+        self._newest.clear()
 
     def _decode(self, packet: bytes, t_ns: int) -> list[TactileSample]:
         content = packet[_HEAD_LENGTH:]
@@ -115,12 +121,17 @@ class Decoder:
         samples: list[TactileSample] = []
         for finger in range(FINGERS):
             static = blocks.get(STATIC | finger << 2)
-            if static is None:
+            if static is None or self._is_repeated(finger, static, t_ns):
                 continue
+            self._newest[finger] = static, t_ns
             time_ns = self._time_ns(blocks.get(TIMESTAMP | finger << 2))
             values = np.frombuffer(static, ">u2").astype(np.float64)
             samples.append(TactileSample(t_ns, time_ns, values, source=str(finger)))
         return samples
+
+    def _is_repeated(self, finger: int, static: bytes, t_ns: int) -> bool:
+        before, before_ns = self._newest.get(finger, (b"", 0))
+        return static == before and t_ns - before_ns < REPEAT_NS
 
     def _time_ns(self, stamp: bytes | None) -> int | None:
         if stamp is None or self._unit_ns is None:
@@ -218,7 +229,7 @@ DEVICE = Device(
     ("serial",),
     Decoder,
     Session,
-    rates_hz=(1000.0 / LONGEST_PERIOD_MS, IMAGES_HZ),
+    rates_hz=(1000.0 / LONGEST_PERIOD_MS, 1000.0),
     baud=115_200,
     axes=1,
     taxels=TAXELS,

@@ -27,7 +27,7 @@ HEAD = """\
 
 ROBOTIQ = """\
 force_table = [[0, 20.0], [255, 185.0]]      # MEASURE: force byte, N on one pad; the maker publishes no table
-width_table = [[0.0, 0.085], [1.0, 0.0]]     # MEASURE: closure 0 to 1, m between the pads
+width_table = [[0.0118, 0.085], [0.902, 0.0]]  # MEASURE: position byte / 255 (a 2F-85: 3 to 230), m between the pads
 # max_force_n = 40.0    # N on one pad, largest force that a request may ask for; without it nothing is ever moved
 """
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
 from slipd.sim.scene import GripCommand, Scene
 
@@ -29,6 +30,10 @@ ACTIVATION_NS = 500_000_000
 
 FRAME_GAP_NS = 5_000_000
 """Longest gap within a request, ns: the bytes of a frame follow at once, and a host leaves 5 ms between frames."""
+
+READABLE = 6
+"""Registers that can be read; the driver of PickNikRobotics/ros2_robotiq_gripper (3b6cf8f) reads six."""
+UNUSED = (0,) * (READABLE - robotiq_registers.REGISTERS)
 
 _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
@@ -69,17 +74,20 @@ class Gripper2F:
     """The gripper on its line, and the drive's command to the scene.
 
     Args:
-        open_width_m: Width between the pads at position 0; at 255 it is zero.
+        width_table: Position byte / 255 and width between the pads, m.
         force_table: Force byte and normal force on one pad, N.
 
     Attributes:
         activated_ns: When it was first activated, ns; None before.
     """
 
-    def __init__(self, open_width_m: float = 0.085, force_table: Sequence[tuple[float, float]] = FORCE_TABLE) -> None:
+    def __init__(
+        self, width_table: Table = WIDTH_TABLE, force_table: Sequence[tuple[float, float]] = FORCE_TABLE
+    ) -> None:
         self._force_bytes, self._forces_n = zip(*force_table, strict=True)
         self.activated_ns: int | None = None
-        self._open_width_m = open_width_m
+        self._units = Units(force_table, width_table, None)
+        self._open_width_m = open_width_m = self._units.width_range_m[1]
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
         self._output = robotiq_registers.parse_output(self._registers)
         self._received, self._received_ns = b"", 0
@@ -114,21 +122,21 @@ class Gripper2F:
 
     def _answer(self, request: modbus.Request, t_ns: int) -> bytes:
         first = request.read_address - robotiq_registers.INPUT_ADDRESS
-        reads_well = first >= 0 and first + request.read_count <= robotiq_registers.REGISTERS
+        reads_well = first >= 0 and first + request.read_count <= READABLE
         written = robotiq_registers.write_output(self._registers, request) if request.registers else self._registers
         if written is None or (request.read_count and not reads_well):
             return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
         self._write_output(written, t_ns)
         if not request.read_count:
             return modbus.encode_reply(request)
-        return modbus.encode_reply(request, self._status(t_ns)[first : first + request.read_count])
+        return modbus.encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
 
     def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:
         was_active, written = self._output.activate, robotiq_registers.parse_output(registers)
         slow, fast = SPEED_MPS
         self._registers, self._output = registers, written
         self._goal = GripCommand(
-            width_m=self._open_width_m * (1.0 - written.position / 255),
+            width_m=self._units.width_m(written.position),
             speed_mps=slow + (fast - slow) * written.speed / 255,
             force_n=float(np.interp(written.force, self._force_bytes, self._forces_n)),
         )
@@ -150,7 +158,7 @@ class Gripper2F:
             stage=stage,
             found=_FOUND_CLOSING if self._holding else _FOUND_MOVING if self._moving else _FOUND_NONE,
             fault=fault,
-            position=min(max(round(255 * (1.0 - self._width_m / self._open_width_m)), 0), 255),
+            position=self._units.position(min(self._width_m, self._open_width_m)),
             current_a=_MOVING_A if self._moving else _HOLDING_A_PER_N * self._normal_n,
         )
 
@@ -159,15 +167,17 @@ class GripperLine:
     """A `Gripper2F` with a rigid part between its pads, or nothing, as an emulator (`slipd.sim.emulators.Emulator`).
 
     Args:
-        open_width_m: Width between the pads at position 0.
+        width_table: Position byte / 255 and width between the pads, m.
         force_table: Force byte and normal force on one pad, N.
     """
 
-    def __init__(self, open_width_m: float = 0.085, force_table: Sequence[tuple[float, float]] = FORCE_TABLE) -> None:
+    def __init__(
+        self, width_table: Table = WIDTH_TABLE, force_table: Sequence[tuple[float, float]] = FORCE_TABLE
+    ) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = POLL_HZ
-        self._gripper = Gripper2F(open_width_m, force_table)
-        self._jaws = Jaws(open_width_m)
+        self._gripper = Gripper2F(width_table, force_table)
+        self._jaws = Jaws(width_table[0][1])
         self._now_ns = 0
 
     def set_part(self, width_m: float) -> None:

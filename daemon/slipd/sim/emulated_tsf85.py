@@ -1,4 +1,4 @@
-"""Robotiq TSF-85 fingertips as seen from their line: packets at a period, the array in about 60 per second.
+"""Robotiq TSF-85 fingertips as seen from their line: packets at a period, with arrays that change 60 times per second.
 
 Not emulated: the asynchronous stream, single readings, and signals of the inertial sensors.
 """
@@ -37,6 +37,7 @@ class Fingertips:
         self.rate_hz = REFRESH_HZ
         self._packets = TactileStream(seed, 1000.0, (tsf85.TAXELS,), NOISE_COUNTS)
         self._refresh = -1
+        self._arrays = b""
         self._received = b""
 
     def opened(self, t_ns: int) -> None:
@@ -77,11 +78,12 @@ class Fingertips:
     def _packet(self, taken_ns: int) -> bytes:
         refresh = int(taken_ns * REFRESH_HZ // 1e9)
         fresh, self._refresh = refresh != self._refresh, refresh
-        blocks = b""
+        if fresh:
+            images = (self._packets.image(str(finger)) + REST_COUNTS for finger in range(tsf85.FINGERS))
+            counts = [np.clip(np.rint(image), 0, _FULL_SCALE) for image in images]
+            self._arrays = b"".join(encode_block(tsf85.STATIC, finger, each) for finger, each in enumerate(counts))
+        blocks = self._arrays
         for finger in range(tsf85.FINGERS):
-            if fresh:
-                counts = np.clip(np.rint(self._packets.image(str(finger)) + REST_COUNTS), 0, _FULL_SCALE)
-                blocks += encode_block(tsf85.STATIC, finger, counts)
             blocks += encode_block(tsf85.DYNAMIC, finger, [0])
             blocks += encode_block(tsf85.ACCELEROMETER, finger, [0, 0, 16384])
             blocks += encode_block(tsf85.TIMESTAMP, finger, [taken_ns // 1000])

@@ -243,7 +243,7 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
         rates_hz = {stream.sensor: stream.rate_hz for stream in streams.values()}
         settings = {"wrenches": wrenches, "pads": shapes, "rates_hz": rates_hz}
     elif device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
-        settings = {"force_table": first.force_table, "open_width_m": max(width for _, width in first.width_table)}
+        settings = {"force_table": first.force_table, "width_table": first.width_table}
     return settings
 
 

@@ -62,7 +62,7 @@ class VirtualRig:
         left, right = np.random.default_rng(seed).spawn(2)
         self._left = _Finger(scene, LEFT_MOUNT, electronics, left, right=False)
         self._right = _Finger(scene, RIGHT_MOUNT, electronics, right, right=True)
-        self._gripper = Gripper2F(scene.open_width_m)
+        self._gripper = Gripper2F(((0.0, scene.open_width_m), (1.0, 0.0)))  # as in the config of the demo
         self._returned = 0
 
     @property

@@ -94,7 +94,7 @@ class RobotiqJaws:
 
     def __init__(self) -> None:
         self.width_m, self.grip_n = self.OPEN_M, 0.0
-        self._gripper = emulated_robotiq_2f.Gripper2F(self.OPEN_M)
+        self._gripper = emulated_robotiq_2f.Gripper2F(((0.0, self.OPEN_M), (1.0, 0.0)))
         self._part_m, self._moving, self._t_ns = 0.0, False, 0
         self._registers: tuple[int, ...] = (0, 0, 0)
 

@@ -76,6 +76,14 @@ def test_a_packet_without_an_array_gives_no_sample_and_is_not_damage() -> None:
     assert (found, decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == ([], 0, 0, 0)
 
 
+def test_an_array_is_an_image_once_per_refresh_and_one_that_stays_is_repeated() -> None:
+    decoder, ms = tsf85.Decoder(), 1_000_000
+    sent = [decoder.receive(packet(1 + (n > 29), both=True), n * ms) for n in range(55)]
+    assert [n for n, samples in enumerate(sent) if samples] == [0, 20, 30, 50]
+    decoder.forget()
+    assert len(decoder.receive(packet(2, both=True), 55 * ms)) == 2
+
+
 def test_each_finger_is_a_source() -> None:
     samples = tsf85.Decoder().receive(packet(5, both=True), 0)
     assert [sample.source for sample in samples] == ["0", "1"]

@@ -4,6 +4,7 @@ import pytest
 from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session, robotiq_registers
+from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Units
 from slipd.devices.shared import modbus
 from slipd.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F
 from slipd.sim.scene import GripCommand, Scene
@@ -20,7 +21,7 @@ def write(gripper, registers, t_ns, at=OUT):
 def status(gripper, t_ns, function=modbus.READ_INPUT):
     request = modbus.Request(UNIT, function, IN, 3)
     reply = modbus.find_reply(gripper.receive(modbus.encode_request(request), t_ns), request)
-    return robotiq_registers.parse_status(reply.registers, t_ns, None, lambda position: 0.085 * (1 - position / 255))
+    return robotiq_registers.parse_status(reply.registers, t_ns, None, Units(FORCE_TABLE, WIDTH_TABLE, None).width_m)
 
 
 def active():
@@ -108,7 +109,7 @@ def test_a_stop_keeps_position_and_grip():
 @pytest.mark.parametrize(
     "request_",
     [
-        modbus.Request(UNIT, modbus.READ_INPUT, IN, 4),
+        modbus.Request(UNIT, modbus.READ_INPUT, IN, 7),
         modbus.Request(UNIT, modbus.READ_HOLDING, IN - 1, 1),
         modbus.Request(UNIT, modbus.WRITE, write_address=OUT + 3, registers=(1,)),
     ],
@@ -118,6 +119,19 @@ def test_registers_that_are_not_there_are_refused(request_):
     reply = modbus.find_reply(gripper.receive(modbus.encode_request(request_), 0), request_)
     assert reply.error == modbus.ILLEGAL_ADDRESS
     assert gripper.command(ACTIVATION_NS).width_m == 0.085
+
+
+PICKNIK_READ = bytes.fromhex("09 03 07 D0 00 06 C4 0D")
+"""Status request of PickNikRobotics/ros2_robotiq_gripper at 3b6cf8f (``default_driver.cpp``, line 205; the CRC is from
+its ``crc_utils.cpp``). It expects 17 bytes, with the position in byte 3 + 4: 3 is open, 230 closed
+(``hardware_interface.cpp``, lines 45 and 46)."""
+
+
+@pytest.mark.parametrize(("width_m", "position"), [(0.085, 3), (0.0, 230)])
+def test_a_driver_that_reads_six_registers_finds_its_open_and_closed_position(width_m, position):
+    answer = observed(active(), width_m=width_m).receive(PICKNIK_READ, ACTIVATION_NS)
+    assert (len(answer), answer[3 + 4]) == (17, position)
+    assert Session()._units.width_m(position) == width_m
 
 
 def test_write_and_read_go_in_one_request():

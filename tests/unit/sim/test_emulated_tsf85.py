@@ -32,7 +32,8 @@ def test_it_sends_a_packet_each_period_until_it_is_stopped() -> None:
     emulator.receive(START, 100 * MS)
     packets = emulator.advance(200 * MS)
     assert len(packets) == 100
-    assert sum(len(packet) > 100 for packet in packets) in (6, 7)
+    assert all(len(packet) > 2 * 57 for packet in packets), "both arrays each millisecond"
+    assert len({packet[4:118] for packet in packets}) in (6, 7)
     emulator.receive(STOP, 200 * MS)
     assert emulator.advance(300 * MS) == []
 

@@ -16,10 +16,17 @@ from slipd.devices.shared.gripper_session_base import check_range
 Table = Sequence[tuple[float, float]]
 
 FULL = 255
-"""Largest byte of position, speed and force; position 0 is open."""
+"""Largest byte of position, speed and force."""
+
+OPEN, CLOSED = 3, 230
+"""Position bytes that a 2F-85 reports when it is fully open and fully closed.
+
+Source: PickNikRobotics/ros2_robotiq_gripper at 3b6cf8f, ``robotiq_driver/src/hardware_interface.cpp``, lines 45 and 46.
+Robotiq's ROS 1 driver has 13 and 230. They depend on the fingertips, so a site measures its own.
+"""
 
 FORCE_TABLE: Table = ((0, 20.0), (FULL, 235.0))
-WIDTH_TABLE: Table = ((0.0, 0.085), (1.0, 0.0))
+WIDTH_TABLE: Table = ((OPEN / FULL, 0.085), (CLOSED / FULL, 0.0))
 SPEED_TABLE: Table = ((0, 0.020), (FULL, 0.150))
 """Ends of the scales from the data sheet of the 2F-85, with straight lines between them."""
 
