@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 from slipd import config
-from slipd.config import Config
+from slipd.config import Config, Gripper
 from slipd.device_text import printable
 from slipd.gripper.reflex import PERIOD_NS
 
@@ -28,10 +29,14 @@ def check_command(file: Path) -> None:
 
 def _reflex_text(rig: Config) -> str:
     """Return how much force the reflex can add within the configured lead time."""
-    reflex, gripper = rig.reflex, rig.gripper
-    ceiling_n = reflex.ceiling_n or (gripper.max_force_n if gripper is not None else None) or 0.0
-    budget_n = (gripper.budget_n if gripper is not None else None) or ceiling_n
-    gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), budget_n, ceiling_n)
+    reflex, gripper = rig.reflex, cast("Gripper", rig.gripper)  # the checks want one
+    ceiling_n = reflex.ceiling_n or gripper.max_force_n or 0.0
+    gain_n = min(
+        reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9),
+        gripper.step_n + gripper.raise_n_per_s * reflex.lead_time_s,
+        gripper.budget_n or ceiling_n,
+        ceiling_n,
+    )
     return (
         f"reflex: adds up to {gain_n:.1f} N within the lead time of {reflex.lead_time_s:g} s,"
         f" up to {ceiling_n:g} N on one pad; the response time of the gripper is not included"

@@ -18,10 +18,20 @@ NOT_KNOWN = pytest.mark.parametrize("unknown", [None, math.nan, math.inf, -math.
 
 
 class Held:
-    """An object held with 5 N, by a gripper that carries out each command, in steps of ``unit_n``."""
+    """An object held with 5 N, by a gripper that carries out each command, in steps of ``unit_n``.
 
-    def __init__(self, settings: ReflexSettings = SETTINGS, budget_n: float = 25.0, unit_n: float = 0.0) -> None:
-        self.policy = GripPolicy(GripLimits(1.0, 25.0, 2.0, 10.0, 2.0, budget_n), 200)
+    Step and rate of the gripper leave more than the reflex takes, unless they are given.
+    """
+
+    def __init__(
+        self,
+        settings: ReflexSettings = SETTINGS,
+        budget_n: float = 25.0,
+        unit_n: float = 0.0,
+        step_n: float = 25.0,
+        rate_n_per_s: float = 100.0,
+    ) -> None:
+        self.policy = GripPolicy(GripLimits(1.0, 25.0, step_n, rate_n_per_s, rate_n_per_s, budget_n), 200)
         self.policy.record_force(5.0, T0)
         self.reflex = Reflex(settings, self.policy)
         self.unit_n = unit_n

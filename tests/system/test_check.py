@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -87,13 +88,23 @@ def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path:
     assert done.stderr.startswith(told)
 
 
-@pytest.mark.parametrize(("budget", "gain_n"), [("", 16), ("budget_n = 10.0", 10), ("budget_n = 20.0", 16)])
-def test_check_prints_the_reach_of_the_reflex_within_the_budget(
-    budget: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("limits", "gain_n"),
+    [
+        ("", 5),
+        ("budget_n = 4.0", 4),
+        ("budget_n = 10.0\nstep_n = 20.0", 10),
+        ("budget_n = 20.0\nstep_n = 20.0", 16),
+    ],
+)
+def test_check_prints_the_reach_of_the_reflex_within_budget_step_and_rate(
+    limits: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "rig.toml"
     text = (CONFIG / "demo.toml").read_text(encoding="utf-8").replace("enabled = false", "enabled = true")
-    rig.write_text(text.replace("budget_n = 25.0", budget), encoding="utf-8")
+    for key in ("budget_n", *(["step_n"] if "step_n" in limits else [])):
+        text = re.sub(rf"^{key} =.*\n", "", text, flags=re.MULTILINE)
+    rig.write_text(text.replace("[gripper]", f"[gripper]\n{limits}"), encoding="utf-8")
     assert main(["check", str(rig)]) == 0
     assert f"adds up to {gain_n}.0 N within the lead time of 0.3 s" in capsys.readouterr().out
 

@@ -46,7 +46,12 @@ class Requests(StrictModel):
 
     Attributes:
         friction_without_lease: Any client may raise μ of a finger, or name another object, which makes verdicts more
-            lenient. False: only the client that holds the lease may. Wrong: true, and any client can silence warnings.
+            lenient. With ``[reflex]`` it may also lower μ, which makes the reflex grip harder. False: only the client
+            that holds the lease may. Wrong: true, and any client can silence warnings, or crush the object.
+        gravity_without_lease: With ``[reflex]``, any client may report gravity, for the program of an arm that never
+            holds the lease. False: only the client that holds the lease may. Without ``[reflex]`` no client needs the
+            lease for it. Wrong: true, and any client can make the reflex grip harder.
     """
 
     friction_without_lease: bool = False
+    gravity_without_lease: bool = False

@@ -25,14 +25,15 @@ class Gripper(Stream):
             and within ``force_table``. Wrong: too high, and a request can crush the object; too low, and the raise that
             would hold it is refused.
         min_force_n: Smallest force that a request may set, N. Wrong: too low, and a request can let the object fall.
-        step_n: Largest change of the force on a held object by one request, N. Wrong: too high, and one request can
-            crush the object; too low, and raises take several requests.
-        raise_n_per_s: Fastest rise of that force by requests, N/s. Wrong: too high, and a faulty client crushes the
-            object quickly; too low, and a raise comes too late.
-        lower_n_per_s: Fastest fall of that force by requests, N/s. Wrong: too high, and a faulty client drops the
-            object quickly.
-        budget_n: Largest sum of all raises of one grasp, N; None: ``max_force_n``. Wrong: too high, and many small
-            raises crush the object; too low, and the last one is refused.
+        step_n: Largest change of the force on a held object at once, N. Wrong: too high, and one request can crush the
+            object; too low, and raises take several requests.
+        raise_n_per_s: Fastest rise of that force by requests and the reflex together, N/s. Wrong: too high, and a
+            faulty client crushes the object quickly; too low, and a raise comes too late.
+        lower_n_per_s: Fastest fall of that force, likewise, N/s. Wrong: too high, and a faulty client drops the object
+            quickly.
+        budget_n: Largest sum of all raises of one grasp by requests, N, and likewise by the reflex; None:
+            ``max_force_n``. Wrong: too high, and many small raises crush the object; too low, and the last one is
+            refused.
         max_lease_ms: Longest life of a lease without renewal, ms. Wrong: the longer, the later the grip of a dead
             client is free for others.
         lease_end: What happens to moving fingers when a lease runs out: "hold" lets them finish, "stop" stops them
@@ -96,8 +97,9 @@ class Reflex(StrictModel):
 
     Attributes:
         enabled: The reflex acts. Wrong: false: only clients raise the grip.
-        raise_n_per_s: How fast it raises the force on one pad, N/s. Wrong: too low, and the grip rises too late; too
-            high, and it overshoots.
+        raise_n_per_s: How fast it raises the force on one pad within what ``gripper.step_n`` and
+            ``gripper.raise_n_per_s`` leave, N/s. Wrong: too low, and the grip rises too late; too high, and it
+            overshoots.
         ceiling_n: Largest force that it sets, N on one pad; None: ``gripper.max_force_n``, which is also the most.
             Wrong: too high, and the object is crushed; too low, and it falls.
         slip_gain: Factor on the present force if a finger slips although the grip should hold, because the assumed μ is
@@ -106,8 +108,8 @@ class Reflex(StrictModel):
             Wrong: `slipd check` prints a wrong figure; nothing else depends on it.
         calm_s: Time without need after which the reflex lowers the force again, s. Wrong: too short, and the grip is
             lowered while the load still swings.
-        lower_n_per_s: How fast it lowers the force to what is needed, N/s; 0: never. Wrong: too high, and the grip
-            follows every short calm.
+        lower_n_per_s: How fast it lowers the force to what is needed, N/s, and no faster than
+            ``gripper.lower_n_per_s``; 0: never. Wrong: too high, and the grip follows every short calm.
     """
 
     enabled: bool = False

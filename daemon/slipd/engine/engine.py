@@ -100,6 +100,7 @@ class Engine:
             self._gripper,
             self._policy,
             config.requests,
+            self._reflex is not None,
             self._recordings,
             self._status_body,
         )

@@ -27,10 +27,10 @@ class GripLimits:
     Attributes:
         min_n: Least force that may be requested, N.
         max_n: Largest force that may be requested, N; None: no force may be requested.
-        step_n: Largest change of the force of a held object by one request, N.
-        raise_n_per_s: How fast requests may raise it, N/s.
-        lower_n_per_s: How fast requests may lower it, N/s.
-        budget_n: Largest sum of all raises of one grasp, by requests and by the reflex, N.
+        step_n: Largest change of the force of a held object at once, N.
+        raise_n_per_s: How fast requests and the reflex together may raise it, N/s.
+        lower_n_per_s: How fast they may lower it, N/s.
+        budget_n: Largest sum of all raises of one grasp by requests, N, and likewise by the reflex.
     """
 
     min_n: float
@@ -52,9 +52,10 @@ class GripState:
         unknown: An object is held with a force that is not known.
         releasing: A release was commanded and is not confirmed yet: ``force_n`` may still act.
         requested_n: The force that a client requested last; None if nothing is gripped.
-        raise_left_n: Largest raise that requests may make now.
-        lower_left_n: Largest lowering that requests may make now.
-        budget_left_n: Rest of the raise budget of this grasp.
+        raise_left_n: Largest raise that is possible now.
+        lower_left_n: Largest lowering that is possible now.
+        budget_left_n: Rest of the raise budget of requests in this grasp.
+        reflex_left_n: Likewise of the reflex.
     """
 
     holder: bytes | None
@@ -66,6 +67,7 @@ class GripState:
     raise_left_n: float
     lower_left_n: float
     budget_left_n: float
+    reflex_left_n: float
 
     @property
     def grips(self) -> bool:
@@ -99,7 +101,7 @@ class GripPolicy:
         self._force_n: float | None = None
         self._unknown = self._releasing = False
         self._requested_n: float | None = None
-        self._raised_n = 0.0
+        self._raised_n = self._reflexed_n = 0.0  # in this grasp, by requests and by the reflex
         self._fault = ""
 
     # The lease
@@ -175,7 +177,8 @@ class GripPolicy:
             requested_n=self._requested_n,
             raise_left_n=self._raising.left_n(now_ns),
             lower_left_n=self._lowering.left_n(now_ns),
-            budget_left_n=self._budget_left_n(),
+            budget_left_n=self._budget_left_n(self._raised_n),
+            reflex_left_n=self._budget_left_n(self._reflexed_n),
         )
 
     @property
@@ -204,11 +207,16 @@ class GripPolicy:
         return self._requested_n
 
     @property
-    def most_n(self) -> float | None:
-        """Largest force that limits and budget allow in this grasp, N; None without a grip or a limit."""
+    def reflex_most_n(self) -> float | None:
+        """Largest force that limits and budget allow the reflex in this grasp, N; None without a grip or a limit."""
         if self.limits.max_n is None or self.force_n is None:
             return None
-        return min(self.limits.max_n, self.force_n + self._budget_left_n())
+        return min(self.limits.max_n, self.force_n + self._budget_left_n(self._reflexed_n))
+
+    def change_left_n(self, t_ns: int) -> tuple[float, float]:
+        """Return the largest lowering and the largest raise that step and rate leave at ``t_ns``, N."""
+        now_ns = self._now(t_ns)
+        return self._lowering.left_n(now_ns), self._raising.left_n(now_ns)
 
     def record_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
         """Record a force that was sent to the gripper, and spend slew and budget.
@@ -220,10 +228,13 @@ class GripPolicy:
             raise ValueError(f"force_n must be finite, got {force_n}")
         now_ns = self._now(t_ns)
         if self._force_n is None:
-            self._raised_n = 0.0
+            self._raised_n = self._reflexed_n = 0.0
         else:
             change_n = force_n - self._force_n
-            self._raised_n += max(change_n, 0.0)
+            if reflex:
+                self._reflexed_n += max(change_n, 0.0)
+            else:
+                self._raised_n += max(change_n, 0.0)
             (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), now_ns)
         self._force_n, self._unknown, self._releasing = force_n, False, False
         if not reflex:
@@ -236,7 +247,7 @@ class GripPolicy:
         """
         self._force_n = self._requested_n = force_n
         self._unknown, self._releasing = force_n is None, False
-        self._raised_n = 0.0
+        self._raised_n = self._reflexed_n = 0.0
 
     def resume(self, force_n: float, requested_n: float | None, raised_n: float) -> None:
         """Continue a grasp of the run before: its force, what a client requested, and what is spent of its budget."""
@@ -268,8 +279,8 @@ class GripPolicy:
         self._force_n = self._requested_n = None
         self._unknown = self._releasing = False
 
-    def _budget_left_n(self) -> float:
-        return max(self.limits.budget_n - self._raised_n, 0.0)
+    def _budget_left_n(self, raised_n: float) -> float:
+        return max(self.limits.budget_n - raised_n, 0.0)
 
     # Faults
 
@@ -302,5 +313,5 @@ class _Allowance:
         return self._left_n
 
     def spend(self, amount_n: float, t_ns: int) -> None:
-        """Spend an amount; overspending, which only the reflex does, leaves zero and no debt."""
+        """Spend an amount; overspending, by the rounding of a gripper, leaves zero and no debt."""
         self._left_n = max(self.left_n(t_ns) - amount_n, 0.0)

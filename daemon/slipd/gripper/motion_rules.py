@@ -137,8 +137,9 @@ def change_is_within_a_step(intent: Intent, situation: Situation) -> Refusal | N
 
 
 def raises_stay_within_the_budget(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse a raise beyond what is left of the budget of this grasp."""
-    left_n, raise_n = situation.grip.budget_left_n, _change_n(intent)
+    """Refuse a raise beyond what is left of the budget of this grasp; the reflex has one of its own."""
+    left_n = situation.grip.reflex_left_n if intent.kind == "reflex" else situation.grip.budget_left_n
+    raise_n = _change_n(intent)
     if raise_n <= 0.0 or raise_n <= left_n + ROUNDING_N:
         return None
     budget = f"raise must be at most {left_n:g} N, the rest of the {situation.limits.budget_n:g} N budget of this grasp"

@@ -34,10 +34,10 @@ class ReflexSettings:
 
     Attributes:
         ceiling_n: Largest force that it sends, N.
-        raise_n_per_s: How fast it raises, N/s.
+        raise_n_per_s: How fast it raises within what step and rate of the policy leave, N/s.
         slip_gain: Factor on the present force when a finger slips although the force should hold.
         calm_s: Time without need before it lowers, s.
-        lower_n_per_s: How fast it lowers, N/s; 0: never.
+        lower_n_per_s: How fast it lowers, likewise; 0: never.
     """
 
     ceiling_n: float
@@ -68,8 +68,8 @@ class Reflex:
 
     Args:
         settings: How it acts.
-        policy: The force in force, the force that a client requested, and the rest of limits and budget. The motion
-            gate decides whether an act may happen.
+        policy: The force in force, the force that a client requested, and what limits, step, rate and budget leave. The
+            motion gate decides whether an act may happen.
     """
 
     def __init__(self, settings: ReflexSettings, policy: GripPolicy) -> None:
@@ -142,17 +142,18 @@ class Reflex:
             if self._t_ns - self._raise_ns >= SETTLE_NS:
                 self._goal_n = self._settings.slip_gain * force_n
             wanted_n, reason = self._goal_n, "slipping"
-        most_n = self._policy.most_n
+        most_n = self._policy.reflex_most_n
         if wanted_n is None or most_n is None:
             return None
         wanted_n = min(wanted_n, self._settings.ceiling_n, most_n)
         base_n = force_n
         if self._act is not None and self._act.from_n == force_n and self._t_ns - self._raise_ns < SETTLE_NS:
             base_n = max(force_n, self._act.force_n)  # no effect seen yet: continue the ramp from there
-        if wanted_n <= base_n + DEAD_BAND_N:
+        _, left_n = self._policy.change_left_n(self._t_ns)
+        if wanted_n <= base_n + DEAD_BAND_N or left_n <= DEAD_BAND_N:
             return None
         step_n = self._settings.raise_n_per_s * PERIOD_NS * 1e-9
-        return ReflexAct(min(wanted_n, base_n + step_n), force_n, reason)
+        return ReflexAct(min(wanted_n, base_n + step_n, force_n + left_n), force_n, reason)
 
     def _lower(self, keep_n: float, force_n: float, elapsed_ns: int) -> ReflexAct | None:
         """Return a step down a ramp of `lower_n_per_s`, no lower than ``keep_n`` and the requested force."""
@@ -162,7 +163,8 @@ class Reflex:
         if rate == 0.0 or self._t_ns - self._calm_ns < self._settings.calm_s * 1e9:
             return None
         ramp_n = force_n if self._ramp_n is None else self._ramp_n - rate * elapsed_ns * 1e-9
-        step_n = max(rate * PERIOD_NS * 1e-9, DEAD_BAND_N)
+        left_n, _ = self._policy.change_left_n(self._t_ns)
+        step_n = min(max(rate * PERIOD_NS * 1e-9, DEAD_BAND_N), left_n)
         self._ramp_n = max(ramp_n, force_n - step_n, keep_n, self._policy.requested_n or 0.0)
         return ReflexAct(self._ramp_n, force_n, "calm") if self._ramp_n <= force_n - DEAD_BAND_N + ROUNDING_N else None
 

@@ -14,14 +14,21 @@ from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.publish.wire_values import Body
 from slipd.refusal import Refusal
-from slipd.requests.finger_handlers import FingerHandlers
+from slipd.requests.finger_handlers import FingerHandlers, lease_advice
 from slipd.requests.gripper_handlers import gripper_handlers
 from slipd.requests.idempotency import IdempotencyCache
 from slipd.requests.lease_handlers import LeaseHandlers
 from slipd.requests.object_handlers import ObjectHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
-from slipd_client.messages.schema.ops import URGENT_OPS
+from slipd_client.messages.schema.ops import OPS, URGENT_OPS
+
+_FREED_BY = {
+    "friction.set": "friction_without_lease",
+    "object.set": "friction_without_lease",
+    "gravity.set": "gravity_without_lease",
+}
+"""Key of ``[requests]`` with which an op on which the reflex acts needs no lease."""
 
 
 class RequestHandlers:
@@ -34,6 +41,7 @@ class RequestHandlers:
         gripper: The gripper; None where the config names none.
         policy: Keeps the lease.
         requests: ``[requests]``.
+        reflex: The rig has a reflex, which acts on what some requests state.
         recordings: The recordings on request.
         status: Returns the state of the daemon at a time, as in the ``status`` message.
     """
@@ -46,12 +54,15 @@ class RequestHandlers:
         gripper: GripperControl | None,
         policy: GripPolicy,
         requests: Requests,
+        reflex: bool,
         recordings: RecordingState,
         status: Callable[[int], Body],
     ) -> None:
         self._boot = boot
         self._fingers = fingers
         self._policy = policy
+        free = {name for name, key in _FREED_BY.items() if getattr(requests, key)}
+        self._steering = {name: op.steers for name, op in OPS.items() if reflex and name not in free}
         self._recordings = recordings
         self._status = status
         self._kept = IdempotencyCache()
@@ -87,12 +98,26 @@ class RequestHandlers:
     def _carry_out(self, request: Request, t_ns: int) -> Body:
         """Carry out a new request and keep its reply; an empty reply is completed by `note_recording`."""
         client, number = request.client, request.body["id"]
-        result = self._ops[request.body["op"]](request, t_ns)
+        result = self._check_steering(request, t_ns) or self._ops[request.body["op"]](request, t_ns)
         reply: Body = {} if result is None else replies.reply_body(number, result, t_ns)
         if result is None:
             self._pending[client, number] = reply
         self._kept.keep(client, request.body, reply, t_ns)
         return reply
+
+    def _check_steering(self, request: Request, t_ns: int) -> Refusal | None:
+        """Refuse what the reflex would act on to a client that may not move the gripper."""
+        op = request.body["op"]
+        rule = self._steering.get(op, "never")
+        held = self._policy.grips or self._policy.releasing
+        if rule == "never" or (rule == "in_grasp" and not held):
+            return None
+        refusal = self._policy.check_lease(request.client, t_ns)
+        if refusal is None:
+            return None
+        why = f"the reflex acts on {op}, so that it may move the gripper"
+        free = f"; {_FREED_BY[op]} = true in [requests] of the config frees it" if op in _FREED_BY else ""
+        return Refusal(refusal.code, f"{why}: {lease_advice(self._policy, t_ns)}{free}")
 
     def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
         """Note the new state of a recording, and answer the request that waited for it."""

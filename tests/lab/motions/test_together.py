@@ -85,7 +85,7 @@ class Site(RuleBasedStateMachine):
         self.fault = ""
         self.force_n: float | None = None
         self.floor_n = 0.0
-        self.raised_n = 0.0
+        self.raised_n = {"client": 0.0, "reflex": 0.0}
         self.commands: list[Command] = []
         self.acts: list[Command] = []  # rises of the reflex since a client told the gripper anything
         self.watched_ns = self.acted_ns = 0  # the newest time that the reflex was given, and that of its last act
@@ -219,22 +219,22 @@ class Site(RuleBasedStateMachine):
         t_ns = self.watched_ns if by == "reflex" else self.latest_ns
         command = Command(t_ns, by, requested_n, self.force_n, max(min(steps, requested_n), least_n))
         self.policy.record_force(command.applied_n, self.t_ns, reflex=by == "reflex")
-        self.raised_n += max(command.applied_n - (self.force_n or math.inf), 0.0) if self.force_n is not None else 0.0
+        self.raised_n[by] += max(command.applied_n - self.force_n, 0.0) if self.force_n is not None else 0.0
         self.force_n = command.applied_n
         self.commands.append(command)
         if by == "client":
             self.floor_n, self.acts = command.applied_n, []
-            self.check_client(command)
-        assert self.raised_n <= self.limits.budget_n + TINY, "one grasp is raised by no more than its budget"
+        self.check_change(command)
+        assert self.raised_n[by] <= self.limits.budget_n + TINY, "one grasp is raised by no more than the budget"
         return command
 
-    def check_client(self, command: Command) -> None:
-        """Step, and slew over every window that ends here."""
+    def check_change(self, command: Command) -> None:
+        """Step, and slew over every window that ends here, by the client and the reflex together."""
         if command.from_n is None:
             return
         assert abs(command.requested_n - command.from_n) <= self.limits.step_n + TINY
         up = down = 0.0
-        for earlier in reversed([c for c in self.commands if c.by == "client" and c.from_n is not None]):
+        for earlier in reversed([c for c in self.commands if c.from_n is not None]):
             assert earlier.from_n is not None
             up += max(earlier.applied_n - earlier.from_n, 0.0)
             down += max(earlier.from_n - earlier.requested_n, 0.0)
@@ -245,7 +245,7 @@ class Site(RuleBasedStateMachine):
     @rule()
     def it_lets_go(self) -> None:
         self.policy.end_grasp()
-        self.force_n, self.raised_n, self.acts = None, 0.0, []
+        self.force_n, self.raised_n, self.acts = None, {"client": 0.0, "reflex": 0.0}, []
 
     @rule(fault=st.sampled_from(("", "E-stop", "no reply", "overheated")))
     def a_fault_comes(self, fault: str) -> None:

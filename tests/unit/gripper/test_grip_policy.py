@@ -26,9 +26,9 @@ def first(policy: GripPolicy, force_n: float) -> Refusal | None:
     return change(policy, force_n, T0)
 
 
-def react(policy: GripPolicy, force_n: float) -> Refusal | None:
+def react(policy: GripPolicy, force_n: float, t_ns: int = T0) -> Refusal | None:
     """Why the reflex may not have this force."""
-    return refusal_of(ask(policy, "reflex", force_n, T0))
+    return refusal_of(ask(policy, "reflex", force_n, t_ns))
 
 
 def refusal_of(found: Refusal | Permit | None) -> Refusal | None:
@@ -149,13 +149,17 @@ def test_C4_an_earlier_time_allows_nothing_more(policy: GripPolicy) -> None:
 
 def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: GripPolicy) -> None:
     policy.record_force(5.0, T0)
-    for k in range(1, 7):  # raised by 2 N and lowered again, by a client and by the reflex in turn
+    for k in range(1, 13):  # raised by 2 N and lowered again, by a client and by the reflex in turn
+        assert policy.reflex_most_n is not None
         policy.record_force(7.0, T0 + 2 * k * 1000 * MS, reflex=k % 2 == 0)
         policy.record_force(5.0, T0 + (2 * k + 1) * 1000 * MS, reflex=k % 2 == 0)
+        if k == 11:
+            assert code(change(policy, 5.1, T0 + 50_000 * MS)) == "budget_spent"
+            assert react(policy, 7.0, T0 + 50_000 * MS) is None, "what clients raise is not taken from the reflex"
     later = T0 + 100_000 * MS
-    assert policy.most_n == 5.0
+    assert policy.reflex_most_n == 5.0
     refusal = change(policy, 5.1, later)
-    assert code(refusal) == code(react(policy, 5.1)) == "budget_spent"
+    assert code(refusal) == code(react(policy, 5.1, later)) == "budget_spent"
     assert refusal is not None
     assert "the 12 N budget" in refusal.message
     assert change(policy, 4.0, later) is None, "it may always be lowered"
@@ -169,10 +173,11 @@ def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
     policy.record_force(15.0, T0, reflex=True)
     policy.record_force(17.0, T0)
     policy.restore(15.0)
-    assert (policy.force_n, policy.requested_n, policy.most_n) == (15.0, 15.0, 15.0)
+    assert (policy.force_n, policy.requested_n, policy.reflex_most_n) == (15.0, 15.0, 17.0)
     policy.end_grasp()
     policy.restore(15.0)
-    assert (policy.requested_n, policy.most_n) == (15.0, 15.0), "it was not let go, so it is the same grasp"
+    assert (policy.requested_n, policy.reflex_most_n) == (15.0, 17.0), "it was not let go, so it is the same grasp"
+    assert policy.state(T0).budget_left_n == 10.0
     policy.restore(None)
     assert policy.force_n is policy.requested_n is None
 
@@ -180,20 +185,22 @@ def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
 def test_what_is_left_of_the_budget_may_be_used_up(policy: GripPolicy) -> None:
     policy.record_force(5.0, T0)
     policy.record_force(15.5, T0, reflex=True)
-    assert policy.most_n == 17.0
-    assert react(policy, 17.0) is None
-    assert code(react(policy, 17.01)) == "budget_spent"
+    later = T0 + 1000 * MS
+    assert policy.reflex_most_n == 17.0
+    assert react(policy, 17.0, later) is None
+    assert code(react(policy, 17.01, later)) == "budget_spent"
+    assert change(policy, 17.01, later) is None, "the reflex has a budget of its own"
 
 
 def test_most_is_the_limit_where_the_budget_leaves_more_and_unknown_where_nothing_is_gripped(
     policy: GripPolicy,
 ) -> None:
-    assert policy.most_n is None
+    assert policy.reflex_most_n is None
     policy.record_force(20.0, T0)
-    assert policy.most_n == 25.0
+    assert policy.reflex_most_n == 25.0
     unlimited = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 200)
     unlimited.record_force(5.0, T0)
-    assert unlimited.most_n is None
+    assert unlimited.reflex_most_n is None
 
 
 def test_the_reflex_may_do_nothing_where_nothing_is_gripped(policy: GripPolicy) -> None:
@@ -206,13 +213,26 @@ def test_the_reflex_may_do_nothing_where_nothing_is_gripped(policy: GripPolicy) 
 
 def test_the_reflex_keeps_what_the_client_asked_for_and_a_client_need_not(policy: GripPolicy) -> None:
     policy.record_force(5.0, T0)
-    policy.record_force(8.0, T0, reflex=True)
-    assert (policy.force_n, policy.requested_n) == (8.0, 5.0)
+    policy.record_force(7.0, T0, reflex=True)
+    assert (policy.force_n, policy.requested_n) == (7.0, 5.0)
     assert react(policy, 5.0) is None
+    assert react(policy, 5.1) is None
     assert code(react(policy, 4.9)) == "out_of_range"
     assert change(policy, 6.0, T0) is None
     policy.record_force(6.0, T0)
     assert code(react(policy, 5.9)) == "out_of_range"
+
+
+def test_A9_the_reflex_keeps_step_and_rate_and_shares_them_with_the_client(policy: GripPolicy) -> None:
+    policy.record_force(5.0, T0)
+    assert code(react(policy, 7.1)) == "out_of_range"
+    assert change(policy, 7.0, T0) is None
+    policy.record_force(7.0, T0)
+    assert policy.change_left_n(T0) == (2.0, 0.0)
+    assert code(react(policy, 7.1)) == "too_fast"
+    assert react(policy, 7.1, T0 + 10 * MS) is None
+    policy.record_force(7.1, T0 + 10 * MS, reflex=True)
+    assert code(change(policy, 7.2, T0 + 10 * MS)) == "too_fast"
 
 
 def test_a_raise_by_the_reflex_leaves_a_client_no_allowance_and_no_debt(policy: GripPolicy) -> None:

@@ -30,6 +30,7 @@ FREE = GripState(
     raise_left_n=2.0,
     lower_left_n=2.0,
     budget_left_n=12.0,
+    reflex_left_n=12.0,
 )
 HELD = replace(FREE, force_n=6.0, requested_n=6.0)
 MOVING: tuple[IntentKind, ...] = ("activate", "open", "close", "set", "adjust", "reflex")

@@ -200,6 +200,14 @@ def test_coarse_settings_are_reached_too_however_slow_the_rise(rate: float, unit
 
 
 @pytest.mark.parametrize("unit_n", [0.0, 0.85])
+def test_A9_step_and_rate_of_the_gripper_bind_it_too(unit_n: float) -> None:
+    held = Held(unit_n=unit_n, step_n=2.0, rate_n_per_s=10.0)
+    acts = held.watch("warning", 24.0, 500)
+    assert max(act.force_n - act.from_n for act in acts) <= 1.0 + 1e-9
+    assert held.force_n == pytest.approx(11.9 - unit_n / 2, abs=0.3 + unit_n / 2), "a step at once, then 10 N/s"
+
+
+@pytest.mark.parametrize("unit_n", [0.0, 0.85])
 def test_A8_what_has_no_effect_is_asked_for_seldom(unit_n: float) -> None:
     held = Held(unit_n=unit_n)
     held.policy.record_force(5.1 if unit_n else 5.0, T0)

@@ -19,6 +19,7 @@ enabled = true
 raise_n_per_s = 100.0
 ceiling_n = 9.0
 """
+FAST = "step_n = 20.0\nraise_n_per_s = 1000.0\n"
 NEAR = (2.25, 0.0)
 """Of a grip of 5 N and μ = 0.5: λ is 0.9."""
 
@@ -67,7 +68,7 @@ def test_a_warning_raises_the_grip_before_it_is_published(hold: Callable[..., An
 
 
 def test_it_goes_on_to_what_is_needed_and_no_further_than_its_ceiling(hold: Callable[..., Any]) -> None:
-    run = hold(GRASP + REFLEX)
+    run = hold(FAST + GRASP + REFLEX)
     for _ in range(40):
         feel(run, 4.0, 0.0)
         run.serve_gripper(10)

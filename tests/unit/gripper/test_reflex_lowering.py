@@ -36,6 +36,14 @@ def test_it_lowers_as_fast_as_it_may() -> None:
     assert held.force_n == pytest.approx(7.0, abs=0.6)
 
 
+def test_A9_it_lowers_no_faster_than_the_gripper_may() -> None:
+    held = Held(replace(SETTINGS, lower_n_per_s=30.0), step_n=2.0, rate_n_per_s=2.0)
+    held.policy.record_force(15.0, held.t_ns, reflex=True)
+    held.watch("stable", 5.0, 2000)
+    held.watch("stable", 5.0, 2000)
+    assert held.force_n == pytest.approx(9.0, abs=0.4), "a step at once, then 2 N/s"
+
+
 def test_it_lowers_to_a_tenth_above_the_need() -> None:
     held = calmed()
     held.watch("stable", 6.0, 10_000)

@@ -44,6 +44,9 @@ LeaseRule = Literal["holder", "not_another's", "anyone"]
 """Who may send an op: the holder of the lease alone; the holder, or anyone while nobody holds the lease (some requests
 need the lease even then); anyone."""
 
+SteeringRule = Literal["never", "in_grasp", "always"]
+"""When the reflex may act on what an op states, and so move the gripper: it then needs the lease, as a motion does."""
+
 
 @dataclass(frozen=True)
 class Op:
@@ -57,6 +60,7 @@ class Op:
         lease: Who may send it.
         open: It changes nothing and may come without ``boot`` and ``deadline_ns``; a copy is answered again.
         urgent: It keeps a grip as it is or makes it safer: the lease holder never gets "busy" for it.
+        steers: When it needs the lease on a rig with a reflex: "in_grasp" is while a grip is in force.
         needs: What must hold for it, with the code of its refusal.
     """
 
@@ -67,7 +71,12 @@ class Op:
     lease: LeaseRule
     open: bool
     urgent: bool
+    steers: SteeringRule
     needs: str
+
+
+_REFLEX = "[with a reflex](#what-the-reflex-acts-on) the lease"
+_STEERING = {"always": _REFLEX, "in_grasp": f"{_REFLEX} while a grip is in force"}
 
 
 def _op(
@@ -78,9 +87,11 @@ def _op(
     lease: LeaseRule = "anyone",
     open: bool = False,  # noqa: A002 - the name of the attribute
     urgent: bool = False,
+    steers: SteeringRule = "never",
     needs: str = "",
 ) -> Op:
-    return Op(name, does, {field.name: field for field in fields}, reply, lease, open, urgent, needs)
+    needs += f"; {_STEERING[steers]}" if steers in _STEERING else ""
+    return Op(name, does, {field.name: field for field in fields}, reply, lease, open, urgent, steers, needs)
 
 
 _LENIENT = "see [What makes verdicts more lenient](#what-makes-verdicts-more-lenient)"
@@ -99,6 +110,7 @@ OPS: dict[str, Op] = {
             UNLOADED.optional(),
             reply=TareBegun,
             lease="not_another's",
+            steers="in_grasp",
             needs="fresh readings (`not_ready`), no contact, and while a grip is in force a finger known to be free "
             "(`in_contact`), no `pulled` normal force unless `unloaded` is true (`not_ready`), no lease of another "
             "client (`lease_held`)",
@@ -111,6 +123,7 @@ OPS: dict[str, Op] = {
             STREAM.optional(),
             reply=TareReply,
             lease="not_another's",
+            steers="always",
             needs="an earlier tare, or one in progress (`not_ready`); no lease of another client (`lease_held`); where "
             "something presses, the lease (`no_lease`)",
         ),
@@ -120,6 +133,7 @@ OPS: dict[str, Op] = {
             FINGER,
             GRAVITY_MPS2,
             reply=GravityReply,
+            steers="always",
             needs=f"a force sensor (`not_ready`); {_LENIENT}",
         ),
         _op(
@@ -130,6 +144,7 @@ OPS: dict[str, Op] = {
             MU_D.optional(),
             reply=FrictionReply,
             lease="not_another's",
+            steers="always",
             needs=f"lease, where it makes verdicts more lenient; {_LENIENT}",
         ),
         _op(
@@ -138,6 +153,7 @@ OPS: dict[str, Op] = {
             OBJECT_NAME,
             reply=ObjectReply,
             lease="not_another's",
+            steers="always",
             needs=f"lease, where the name is another than before; {_LENIENT}",
         ),
         _op(
