@@ -71,7 +71,10 @@ def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path:
     assert done.stderr.splitlines() == [
         f"{rig}:{rows.index(row) + 1}: finger.left.{fault}"
         for row, fault in (
-            (next(row for row in rows if row.startswith("mu = 0.55")), "mu: must be from 0.01 to 2, got 5.5"),
+            (
+                next(row for row in rows if row.startswith("mu = 0.55")),
+                "mu: must be from 0.01 to 2, got 5.5: did you mean 0.55?",
+            ),
             (
                 next(row for row in rows if row.startswith("pad_from_sensor")),
                 "wrench.pad_from_sensor.xyz_m: must be from -1 to 1 m, got 4: did you mean 4 mm? write 0.004",

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from pathlib import Path
 
 from slipd.config.bus_checks import missing_keys
 from slipd.config.finger_model import Finger, Pad, Wrench
 from slipd.config.model import Config
-from slipd.config.stream_model import Stream
+from slipd.config.stream_hints import stream_hints
 from slipd.config.stream_settings import axes_of, key_path
-from slipd.config.toml_lines import key_lines, line_of
+from slipd.config.toml_lines import key_lines, line_of, marked_keys
 from slipd.config.value_bounds import USUAL_FRICTION, meant_friction
 
 W_FIRST = ([1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0])
@@ -32,9 +30,6 @@ LEAST_WRENCH_HZ = 100.0
 MOST_WARNING = 0.95
 """Above this level, the error of the friction coefficient is larger than what is left."""
 
-NUMBERED_PORT = re.compile(r"/dev/tty(USB|ACM)\d+")
-STABLE_NAMES = (Path("/dev/serial/by-id"), Path("/dev/serial/by-path"))
-
 
 def hints(config: Config, file: str) -> Iterator[str]:
     """Yield the warnings of a config, one line each, with file, line and key.
@@ -48,10 +43,12 @@ def hints(config: Config, file: str) -> Iterator[str]:
         line = line_of(lines, tuple(path.split(".")))
         place = file if line is None else f"{file}:{line}"
         yield f"{place}: warning: {path}: {text}"
-    marked = [n for n, line in enumerate(config.text.splitlines(), start=1) if re.search(r"=.*#.*\bMEASURE\b", line)]
-    if marked:
-        count = f"{len(marked)} values are" if len(marked) > 1 else "1 value is"
-        yield f"{file}:{marked[0]}: warning: {count} still marked MEASURE: measure, and remove the mark"
+    tables: dict[tuple[str, ...], list[tuple[str, int]]] = {}
+    for marked, number in marked_keys(config.text).items():
+        tables.setdefault(marked[:-1], []).append((marked[-1], number))
+    for table, keys in tables.items():
+        names = ", ".join(key for key, _ in keys)
+        yield f"{file}:{keys[0][1]}: warning: {'.'.join(table)}: still marked MEASURE: {names}"
 
 
 def _hints(config: Config) -> Iterator[tuple[str, str]]:
@@ -59,7 +56,7 @@ def _hints(config: Config) -> Iterator[tuple[str, str]]:
     for name, finger in config.finger.items():
         yield from _finger_hints(f"finger.{name}", finger)
     for stream_name, stream in config.streams().items():
-        yield from _port_hints(stream_name, stream)
+        yield from stream_hints(key_path(stream_name), stream)
     if config.gripper is not None and config.gripper.max_force_n is None:
         yield "gripper", "no max_force_n: no request can move the gripper"
     if config.levels.warning > MOST_WARNING:
@@ -108,20 +105,3 @@ def _wrench_hints(path: str, wrench: Wrench) -> Iterator[tuple[str, str]]:
     if wrench.rate_hz < LEAST_WRENCH_HZ:
         late = f"at {wrench.rate_hz:g} Hz the force shows slips late or not at all"
         yield f"{path}.rate_hz", f"{late}, as readings must be at most 12 ms apart: choose the sensor's fastest rate"
-
-
-def _port_hints(stream_name: str, stream: Stream) -> Iterator[tuple[str, str]]:
-    if not NUMBERED_PORT.fullmatch(stream.port):
-        return
-    stable = _stable_name(Path(stream.port))
-    better = f"write {stable}" if stable else f"use a path below {STABLE_NAMES[0]}"
-    yield f"{key_path(stream_name)}.port", f"{stream.port} is whichever device is plugged in first: {better}"
-
-
-def _stable_name(port: Path) -> Path | None:
-    """Return the name of a port that stays with its adapter, or with its socket; None if it is not plugged in."""
-    for folder in STABLE_NAMES:
-        for name in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if name.resolve() == port.resolve():
-                return name
-    return None

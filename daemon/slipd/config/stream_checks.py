@@ -110,7 +110,7 @@ def _rate_faults(path: str, stream: Stream, device: Device) -> list[Fault]:
         return []
     carried_hz = baud / (device.frame_bytes * BITS_PER_BYTE)
     rule = f"must be at most {carried_hz:.0f} Hz, the most that {stream.device} can send at {baud} bit/s"
-    return [(f"{path}.rate_hz", f"{rule}, got {stream.rate_hz:g}; lower it or raise baud")]
+    return [(f"{path}.rate_hz", f"{rule}, got {stream.rate_hz:g}; lower it or raise baud (default {device.baud})")]
 
 
 def _staleness_faults(path: str, stream: Stream) -> list[Fault]:

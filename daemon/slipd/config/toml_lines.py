@@ -9,6 +9,7 @@ _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
 _DOTTED = rf"((?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*)"
 _TABLE = re.compile(rf"^\s*\[\[?\s*{_DOTTED}\s*\]\]?\s*(#.*)?$")  # a row of numbers in a list does not match
 _KEY = re.compile(rf"^\s*{_DOTTED}\s*=")
+_MARKED = re.compile(r"=.*#.*\bMEASURE\b")
 _DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$")
 
 
@@ -18,6 +19,12 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
     for path, number in _headed(text):
         lines.setdefault(path, number)
     return lines
+
+
+def marked_keys(text: str) -> dict[tuple[str, ...], int]:
+    """Return the line of every key whose comment holds the word MEASURE: its value is still an example."""
+    lines = text.splitlines()
+    return {path: number for path, number in key_lines(text).items() if _MARKED.search(lines[number - 1])}
 
 
 def syntax_fault(text: str, error: Exception) -> tuple[int | None, str]:

@@ -6,6 +6,7 @@ use (docs/adding_a_device.md).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -189,6 +190,44 @@ class GripRange:
     speed_mps: float
 
 
+@dataclass(frozen=True, slots=True)
+class Need:
+    """Value that the device does not report, so that a person must measure it or look it up.
+
+    Attributes:
+        key: Key of the stream's table; an option of the device begins with "options.".
+        guess: Value in a first config, as TOML; "" where none makes sense, so that the key is only a comment there.
+        how: How it is measured, or where it is stated, and what is wrong until it is.
+        transports: Transports for which it is needed; empty: all.
+        scales: Whether the readings are in another unit than newtons until it is right.
+    """
+
+    key: str
+    guess: str
+    how: str
+    transports: tuple[str, ...] = ()
+    scales: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RateOption:
+    """Option of a device that sets the rate of its readings.
+
+    Attributes:
+        name: Its name.
+        product: Rate times value of the option, Hz, where the option is a period or a length; None: it is the rate.
+    """
+
+    name: str
+    product: float | None = None
+
+    def convert(self, value: float) -> float:
+        """Return the rate that a value of the option sets, Hz; or, of a rate, the value that sets it; inf for 0."""
+        if self.product is None:
+            return value
+        return self.product / value if value else math.inf
+
+
 @dataclass(frozen=True)
 class Device:
     """Description of a supported device, the ``DEVICE`` of its module.
@@ -216,6 +255,8 @@ class Device:
         grip: Range of a gripper; None for other devices, and if the gripper reports it.
         inquiry: Returns for the device's options the request to send over TCP first; its answer is the first data on
             the link. None if there is never one.
+        needs: What a config must state, because the device does not report it.
+        rate_option: Option that sets the rate of its readings; None if none does.
         frame: What the device sends, for people and with an article, such as "a Bota frame".
     """
 
@@ -239,6 +280,8 @@ class Device:
     host_clock: bool = False
     grip: GripRange | None = None
     inquiry: Callable[..., Inquiry | None] | None = None
+    needs: tuple[Need, ...] = ()
+    rate_option: RateOption | None = None
     frame: str = "a frame of this device"
 
 

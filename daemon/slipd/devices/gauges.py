@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slipd.arrays import Array
-from slipd.devices import Device
+from slipd.devices import Device, Need
 from slipd.devices.shared import crc
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
@@ -146,5 +146,13 @@ DEVICE = Device(
     baud=921_600,
     frame_bytes=FRAME_LENGTH,
     clock_span_ns=_US_SPAN * 1_000,
+    needs=(
+        Need(
+            "options.matrix",
+            "",
+            "N and N·m per count of each channel, from known loads in six directions; without it, readings are counts",
+            scales=True,
+        ),
+    ),
     frame="a frame of strain gauges",
 )

@@ -15,7 +15,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices import Device
+from slipd.devices import Device, Need
 from slipd.devices.shared import crc
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
@@ -211,5 +211,13 @@ DEVICE = Device(
     axes=1,
     needs_size=True,
     clock_span_ns=_US_SPAN * 1_000,
+    needs=(
+        Need(
+            "charge_tau_s",
+            "2.0",
+            "R · C of the charge amplifiers, or press, hold, and fit the decay; leave it out only if the electronics "
+            "send the force itself",
+        ),
+    ),
     frame="a frame of a PVDF pad",
 )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.devices import Device
+from slipd.devices import Device, RateOption
 from slipd.devices.shared import weiss_tactile as tactile
 from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS, encode
@@ -175,5 +175,6 @@ DEVICE = Device(
     baud=115_200,
     axes=1,
     clock_span_ns=(1 << 32) * 1_000_000,
+    rate_option=RateOption("interval_ms", 1000.0),
     frame="a WTS packet",
 )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
+from slipd.config import Wrench
+from slipd.config.stream_hints import OPTIONS, default_rate_hz
 from slipd.device_text import one_line
 from slipd.devices import DEVICES
 from slipd.discovery.port_probe import Found
@@ -20,14 +22,14 @@ PITCHES_M = {"tsf85": 0.0053, "papillarray": 0.007, "pvdf": 0.0032, "wts": 0.003
 RATES_HZ = {"robotous": 333.0, "robotiq_2f": 50.0}
 """Rate of devices that were asked but not started."""
 
+_NOISE = Wrench.model_fields
+
 HEAD = """\
 # Written by `slipd init`. "MEASURE": the value is a guess; `slipd commission {file}` finds how the sensors are mounted,
 # and docs/first_day.md goes through the rest. All keys: docs/config.md.
 """
 
-ROBOTIQ = """\
-force_table = [[0, 20.0], [255, 185.0]]      # MEASURE: force byte, N on one pad; the maker publishes no table
-width_table = [[0.0118, 0.085], [0.902, 0.0]]  # MEASURE: position byte / 255 (a 2F-85: 3 to 230), m between the pads
+LIMIT = """\
 # max_force_n = 40.0    # N on one pad, largest force that a request may ask for; without it nothing is ever moved
 """
 
@@ -83,7 +85,7 @@ def _of_kind(found: Sequence[Placed], kind: str) -> list[tuple[SerialPort, Found
 
 
 def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
-    rate_hz = found.rate_hz or RATES_HZ.get(found.device, 100.0)
+    set_hz = default_rate_hz(DEVICES[found.device])
     lines = [f"\n[{header}]", f'device = "{found.device}"']
     if found.identity:
         lines.append(f"# it reports: {one_line(found.identity)}")
@@ -94,19 +96,30 @@ def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[st
         lines.append(
             f'sensor = "{sensor}"            # MEASURE: press this finger; the other sensor is on the other one'
         )
-    return [*lines, f"rate_hz = {rate_hz}         # MEASURE: `slipctl status` shows the rate"]
+    if set_hz is None:
+        return [*lines, f"rate_hz = {found.rate_hz or 100.0}         # MEASURE: `slipctl status` shows the rate"]
+    return [*lines, f"rate_hz = {set_hz}         # slipd sets it when it starts the device"]
+
+
+def _needed(header: str, found: Found) -> list[str]:
+    """Return what the device does not report: keys of its table, then its table of options."""
+    keys: list[str] = []
+    options: list[str] = []
+    for need in DEVICES[found.device].needs:
+        name = need.key.removeprefix(OPTIONS)
+        start = f"{name} = {need.guess}" if need.guess else f"# {name} = …"
+        (keys if name == need.key else options).append(f"{start}  # MEASURE: {need.how}")
+    return [*keys, f"\n[{header}.options]", *options] if options else keys
 
 
 def _wrench(name: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
-    lines = _stream(f"finger.{name}.wrench", port, found, sensor)
-    if found.device == "gauges":
-        lines.append(
-            "# options.matrix and options.offset: MEASURE with known loads; without them the readings are counts"
-        )
     return [
-        *lines,
+        *_stream(f"finger.{name}.wrench", port, found, sensor),
         "sign = 1                # MEASURE",
         "pad_from_sensor = { xyz_m = [0.0, 0.0, 0.0], quat_xyzw = [0.0, 0.0, 0.0, 1.0] }  # MEASURE",
+        f"force_std_n = {_NOISE['force_std_n'].default}      # MEASURE: noise of each component at rest, N",
+        f"torque_std_nm = {_NOISE['torque_std_nm'].default}  # MEASURE, N·m",
+        *_needed(f"finger.{name}.wrench", found),
     ]
 
 
@@ -125,6 +138,7 @@ def _pad(name: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
         "flip_y = false          # MEASURE",
         f"axis_scale = {[1.0] * axes if axes == 1 else [1.0, 1.0, -1.0]}  # MEASURE",
         "threshold = 0.0         # MEASURE: ten times the noise of a taxel",
+        *_needed(f"finger.{name}.pad", found),
     ]
 
 
@@ -135,4 +149,4 @@ def _shape(found: Found) -> tuple[int, int]:
 
 
 def _gripper(port: SerialPort, found: Found) -> list[str]:
-    return [*_stream("gripper", port, found, ""), ROBOTIQ]
+    return [*_stream("gripper", port, found, ""), *_needed("gripper", found), LIMIT]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,10 +10,12 @@ from config_faults import GOOD
 from project import CONFIG
 
 from slipd import config
-from slipd.config import check_hints
+from slipd.config import stream_hints
 
-QUIET = GOOD.replace("axis_scale =", "tare = [" + "0.0, " * 48 + "]\naxis_scale =").replace(
-    "[finger.right]\n", "[finger.right]\nmu = 0.5\n"
+QUIET = (
+    GOOD.replace("axis_scale =", "tare = [" + "0.0, " * 48 + "]\naxis_scale =")
+    .replace("[finger.right]\n", "[finger.right]\nmu = 0.5\n")
+    .replace("electrode_m = 0.0015", "electrode_m = 0.0015\ncharge_tau_s = 2.0")
 )
 """A config without a warning."""
 
@@ -37,9 +40,27 @@ def test_a_good_config_is_not_warned_of() -> None:
         ("pitch_m = 0.0032", "pitch_m = 0.0096", "finger.left.pad.pitch_m", "8 x 16 taxels make a pad 0.1536 m long"),
         (
             "rate_hz = 800",
-            "rate_hz = 50",
+            "rate_hz = 50\noptions = { sinc_length = 1024 }",
             "finger.left.wrench.rate_hz",
             "at 50 Hz the force shows slips late or not at all",
+        ),
+        (
+            "rate_hz = 800",
+            "rate_hz = 100",
+            "finger.left.wrench.rate_hz",
+            "but options.sinc_length = 64, its default, sets 800 Hz: write rate_hz = 800, or options.sinc_length = 512",
+        ),
+        (
+            "rate_hz = 800",
+            "rate_hz = 800\nbaud = 921600",
+            "finger.left.wrench.baud",
+            "bota has 460800 bit/s by default, got 921600: no reading arrives unless the device itself was set to that",
+        ),
+        (
+            "charge_tau_s = 2.0",
+            "",
+            "finger.left.pad",
+            "no charge_tau_s, which pvdf does not report: R · C of the charge amplifiers",
         ),
         ("rate_hz = 800", "mass_kg = 8.5\nrate_hz = 800", "finger.left.wrench.mass_kg", "8.5 kg beyond the sensor"),
         (
@@ -71,7 +92,7 @@ def test_a_suspicious_value_is_warned_of_with_its_line(old: str, new: str, key: 
 
 def test_a_numbered_port_is_answered_with_its_stable_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     by_id, by_path = tmp_path / "by-id", tmp_path / "by-path"
-    monkeypatch.setattr(check_hints, "STABLE_NAMES", (by_id, by_path))
+    monkeypatch.setattr(stream_hints, "STABLE_NAMES", (by_id, by_path))
     text = QUIET.replace('port = "/dev/gripper"', 'port = "/dev/ttyUSB7"')
     for folder in (by_path, by_id):
         folder.mkdir()
@@ -83,9 +104,35 @@ def test_a_numbered_port_is_answered_with_its_stable_name(tmp_path: Path, monkey
         )
 
 
-def test_the_values_that_are_still_examples_are_counted() -> None:
-    text = (CONFIG / "gauges_pvdf.toml").read_text(encoding="utf-8")
-    (hint,) = hints(text)
-    count = sum("# MEASURE" in row for row in text.splitlines())
-    assert hint.startswith(f"rig.toml:{line(text, 'mu = 0.55')}: warning: {count} values are still marked MEASURE")
-    assert hints(text.replace("# MEASURE", "#")) == []
+@pytest.mark.parametrize("path", sorted(CONFIG.glob("*.toml")), ids=lambda path: path.name)
+def test_the_values_that_are_still_examples_are_named_on_every_finger(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    found = [hint for hint in hints(text) if "MEASURE" in hint]
+    assert sum(hint.count(",") + 1 for hint in found) == len(re.findall(r"^\w+ = .*# .*MEASURE", text, re.MULTILINE))
+    assert sum("finger.left.wrench:" in hint for hint in found) == sum("finger.right.wrench:" in hint for hint in found)
+    assert not [hint for hint in hints(text.replace("MEASURE", "")) if "MEASURE" in hint or "sets" in hint]
+
+
+OPTOFORCE = """\
+[finger.left]
+mu = 0.5
+[finger.left.wrench]
+device = "optoforce"
+port = "/dev/left-wrench"
+rate_hz = 20.0
+"""
+
+
+def test_a_serial_optoforce_lacks_its_scale_and_has_another_rate() -> None:
+    found = [hint.partition("warning: ")[2] for hint in hints(OPTOFORCE)]
+    assert any("no options.counts_per_n, which optoforce does not report: counts at nominal" in hint for hint in found)
+    assert any(hint.endswith("sets 1000 Hz: write rate_hz = 1000") for hint in found), "it has no period of 50 ms"
+    over_udp = OPTOFORCE.replace("/dev/left-wrench", "udp://192.168.1.1:49152")
+    found = [hint.partition("warning: ")[2] for hint in hints(over_udp)]
+    assert not any("counts_per_n" in hint for hint in found), "the converter sends newtons"
+    assert any(hint.endswith("write rate_hz = 1000, or options.period_ms = 50") for hint in found)
+
+
+def test_a_device_that_is_as_fast_as_it_can_has_any_rate() -> None:
+    text = QUIET.replace('"pvdf"', '"wts"').replace("charge_tau_s = 2.0", "options = { interval_ms = 0 }")
+    assert hints(text) == []

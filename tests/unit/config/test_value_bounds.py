@@ -70,7 +70,7 @@ IMPOSSIBLE = [
         "rate_hz = 800",
         "rate_hz = 800\nbaud = 115200",
         "finger.left.wrench.rate_hz",
-        "must be at most 311 Hz, the most that bota can send at 115200 bit/s, got 800; lower it or raise baud",
+        "at most 311 Hz, the most that bota can send at 115200 bit/s, got 800; lower it or raise baud (default 460800)",
     ),
     (
         "rate_hz = 50.0",

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from slipd import config
+from slipd.config.toml_lines import marked_keys
 from slipd.devices import DEVICES
 from slipd.discovery.config_draft import draft
 from slipd.discovery.port_probe import Found
@@ -49,6 +50,11 @@ def test_each_device_makes_a_valid_config(found: Found) -> None:
     alone = DEVICES[found.device].kind == "wrench" or DEVICES[found.device].axes == 3
     beside = [] if alone else [(port("w"), Found("bota", 800.0))]
     rig = config.parse(draft([(port("a"), found), *beside], [], "rig.toml"), "draft")
+    marked = {".".join(path[-2:]) for path in marked_keys(rig.text)}
+    for need in DEVICES[found.device].needs:
+        assert not need.guess or any(key.endswith(need.key) for key in marked), need.key
+        assert need.how in rig.text
+    assert not [hint for hint in config.hints(rig, "rig.toml") if " sets " in hint], "rate and options agree"
     pad = rig.finger["left"].pad
     assert pad is None or pad.rows * pad.cols == found.taxels
 

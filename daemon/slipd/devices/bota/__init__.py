@@ -6,7 +6,7 @@ Acknowledgements and the banner travel in the same stream as the frames. Source:
 
 from __future__ import annotations
 
-from slipd.devices import Device
+from slipd.devices import Device, RateOption
 from slipd.devices.bota.bota_decoder import FRAME_LENGTH, US_SPAN, Decoder, encode_frame
 from slipd.devices.bota.bota_session import SAMPLES_HZ, SINC_LENGTHS, Session
 
@@ -22,5 +22,6 @@ DEVICE = Device(
     baud=460_800,
     frame_bytes=FRAME_LENGTH,
     clock_span_ns=US_SPAN * 1_000,
+    rate_option=RateOption("sinc_length", SAMPLES_HZ),
     frame="a Bota frame",
 )

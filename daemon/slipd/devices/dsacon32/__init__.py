@@ -6,7 +6,7 @@ or run-length encoded. Source: both Schunk libraries of the SDH hand.
 
 from __future__ import annotations
 
-from slipd.devices import Device
+from slipd.devices import Device, RateOption
 from slipd.devices.dsacon32.dsacon32_decoder import Decoder, encode_frame
 from slipd.devices.dsacon32.dsacon32_session import MAX_RATE_HZ, Session
 
@@ -23,5 +23,6 @@ DEVICE = Device(
     axes=1,
     shared=True,
     clock_span_ns=(1 << 32) * 1_000_000,
+    rate_option=RateOption("rate_hz"),
     frame="a DSACON32m packet",
 )

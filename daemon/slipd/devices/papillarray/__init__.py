@@ -6,7 +6,7 @@ sensors, because slipd's own tares are reversible. Sources: see `papillarray_fra
 
 from __future__ import annotations
 
-from slipd.devices import Device
+from slipd.devices import Device, RateOption
 from slipd.devices.papillarray.papillarray_decoder import Decoder
 from slipd.devices.papillarray.papillarray_frames import PILLARS, SENSORS
 from slipd.devices.papillarray.papillarray_session import RATES_HZ, Session
@@ -26,5 +26,6 @@ DEVICE = Device(
     taxels=PILLARS,
     shared=True,
     sensors=tuple(map(str, range(SENSORS))),
+    rate_option=RateOption("rate_hz"),
     frame="a PTS frame",
 )

@@ -7,7 +7,7 @@ config convert them to metres and newtons. Source: Robotiq 2F instruction manual
 
 from __future__ import annotations
 
-from slipd.devices import Device, GripRange
+from slipd.devices import Device, GripRange, Need, RateOption
 from slipd.devices.robotiq_2f.robotiq_decoder import Decoder
 from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS
 from slipd.devices.robotiq_2f.robotiq_session import Session
@@ -27,5 +27,18 @@ DEVICE = Device(
     baud=115_200,
     needs_tables=True,
     grip=GRIP,
+    needs=(
+        Need(
+            "force_table",
+            "[[0, 20.0], [255, 185.0]]",
+            "force byte, N on one pad, with a load cell between the pads; the maker publishes no table",
+        ),
+        Need(
+            "width_table",
+            "[[0.0118, 0.085], [0.902, 0.0]]",
+            "position byte / 255 (a 2F-85: 3 to 230), m between the pads, with your fingertips",
+        ),
+    ),
+    rate_option=RateOption("poll_period_s", 1.0),
     frame="a reply of a Robotiq gripper",
 )

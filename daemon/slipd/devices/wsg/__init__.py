@@ -9,7 +9,7 @@ if the goal is unknown, as after a stop, it sets only the limit.
 
 from __future__ import annotations
 
-from slipd.devices import Device, GripRange
+from slipd.devices import Device, GripRange, RateOption
 from slipd.devices.wsg.wsg_decoder import Decoder
 from slipd.devices.wsg.wsg_session import LONGEST_MS, SHORTEST_MS, Session
 
@@ -26,5 +26,6 @@ DEVICE = Device(
     Session,
     rates_hz=(1000.0 / LONGEST_MS, 1000.0 / SHORTEST_MS),
     grip=GRIP,
+    rate_option=RateOption("period_ms", 1000.0),
     frame="a WSG packet",
 )
