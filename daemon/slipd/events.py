@@ -70,10 +70,12 @@ class Tick:
     Attributes:
         suspended_ns: How long the host has slept since boot (CLOCK_BOOTTIME − CLOCK_MONOTONIC).
         unread: The daemon stalled, and its lines were not read empty since: bytes may still wait there.
+        raw_ns: CLOCK_MONOTONIC_RAW, which NTP does not slew; 0 if it could not be read at the time of the tick.
     """
 
     suspended_ns: int = 0
     unread: bool = False
+    raw_ns: int = 0
 
 
 @dataclass(slots=True, frozen=True)

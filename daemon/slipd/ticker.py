@@ -24,6 +24,9 @@ QUIET_AFTER_S = 0.001
 """Wait before the first turn, s. The kernel hands over the bytes of a pseudo-terminal from a worker, which may also be
 late after a stall. 1 ms is a choice: how late that worker runs has not been measured."""
 
+AT_ONCE_NS = 50_000
+"""Clocks whose readings lie further apart are not compared: the process was interrupted in between."""
+
 
 class Ticker:
     """Tick every TICK_S without drift, and after a stall once more as soon as all lines have been read.
@@ -54,10 +57,13 @@ class Ticker:
     def _tick(self, *, quiet: bool) -> None:
         t_ns = time.monotonic_ns()  # read first, so that the time in suspend is never negative
         suspended_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - t_ns
+        raw_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
+        if time.monotonic_ns() - t_ns > AT_ONCE_NS:
+            raw_ns = 0
         late = self._ticked_ns is not None and t_ns - self._ticked_ns > LATE_NS
         self._unread = late or (self._unread and not quiet)
         self._ticked_ns = t_ns
-        self._handle(Tick(suspended_ns, self._unread), t_ns)
+        self._handle(Tick(suspended_ns, self._unread, raw_ns), t_ns)
 
     async def _wait_until_quiet(self) -> bool:
         """Turn the loop until nothing enters the engine; return False if events still enter after TICK_S.

@@ -70,8 +70,7 @@ class DeviceLink:
         self._opened_ns = 0
         self._received_ns: int | None = None  # when bytes came last
         self._bad_bytes = 0  # of the decoder when the link was opened
-        self._fault = ""
-        self._fault_ns = 0
+        self._fault, self._fault_ns = "", 0
 
     def add(self, sensor: str, stream: StreamMeter) -> None:
         """Add a stream of the link."""
@@ -87,10 +86,8 @@ class DeviceLink:
         self._opened_ns, self._received_ns = t_ns, None
         self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
         self.interrupt()
-        greeting = b""
-        if self.session is not None:
-            greeting = self.session.start(t_ns)
-        else:
+        greeting = b"" if self.session is None else self.session.start(t_ns)
+        if self.session is None:
             cast("Decoder", self._decoder).forget()
         self._identity.check(self.session)
         return greeting
@@ -109,6 +106,11 @@ class DeviceLink:
         """Forget the model of the device's clock after a gap in which time passed unseen."""
         for stream in self.streams.values():
             stream.forget()
+
+    def note_slew(self, slewed_ns: int) -> None:
+        """Note how far the host's clock has been slewed: the delay of no stream grows by it."""
+        for stream in self.streams.values():
+            stream.clock.slewed_ns = slewed_ns
 
     def close(self, reason: str) -> None:
         """End the conversation on a link that went down or could not be opened."""

@@ -250,9 +250,10 @@ class Engine:
     # Time
 
     def _handle_tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:
-        slept_ns = 0 if self._suspended_ns is None else suspended_ns - self._suspended_ns
-        self._suspended_ns = suspended_ns
-        if slept_ns > SUSPENSION_NS:
+        before_ns, self._suspended_ns = self._suspended_ns, suspended_ns
+        for link in self._links.values():
+            link.note_slew(self._lateness.slewed_ns)
+        if before_ns is not None and suspended_ns - before_ns > SUSPENSION_NS:
             self._handle_wake_up(t_ns, out)
         self._check_time(t_ns, out)
         self._run_reflex(t_ns, out)

@@ -24,11 +24,14 @@ class Lateness:
     Attributes:
         first_ns: Time of the first event; None before it.
         late_ns: The longest stall since the lines were last read empty; 0 without one.
+        slewed_ns: How far NTP has slewed CLOCK_MONOTONIC since the first tick.
     """
 
     def __init__(self) -> None:
         self.first_ns: int | None = None
         self.late_ns = 0
+        self.slewed_ns = 0
+        self._ahead_ns: int | None = None  # CLOCK_MONOTONIC of CLOCK_MONOTONIC_RAW at the first tick
         self._tick_ns: int | None = None
         self._since_ns = self._unread_since_ns = self._unread_until_ns = 0
         self._worst: tuple[int, int] = (0, 0)
@@ -43,6 +46,10 @@ class Lateness:
             self._tick_ns = t_ns
             if not event.unread:
                 self.late_ns = 0
+            if event.raw_ns:
+                ahead_ns = t_ns - event.raw_ns
+                self._ahead_ns = ahead_ns if self._ahead_ns is None else self._ahead_ns
+                self.slewed_ns = ahead_ns - self._ahead_ns
 
     def waited_ns(self, t_ns: int) -> int:
         """Return how long bytes that are read at ``t_ns`` may have waited: since the lines were last read empty."""

@@ -12,7 +12,8 @@ from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
-from slipd.signals.clock import DeviceClock, host_time
+from slipd.signals.clock import DeviceClock
+from slipd.signals.host_time import host_time
 from slipd_client.messages import Health
 from slipd_client.messages.names import DAEMON_LATE
 
@@ -89,7 +90,7 @@ class StreamMeter:
     @property
     def dated(self) -> bool:
         """The newest times come from a clock, not from receipts."""
-        return self.host_clock or self.clock.state == "locked"
+        return self.host_clock or self.clock.locked
 
     def _host_times(self, samples: Sequence[Sample]) -> list[int]:
         times_ns = []
@@ -106,7 +107,7 @@ class StreamMeter:
             times_ns = [map_time(_scanned_ns(cast("TactileSample", sample)), sample.t_ns) for sample in samples]
         else:
             times_ns = [map_time(sample.device_time_ns, sample.t_ns) for sample in samples]
-        if late_ns and self.clock.state != "locked":
+        if late_ns and not self.clock.locked:
             return [t_ns - late_ns for t_ns in times_ns]
         return times_ns
 
@@ -150,6 +151,12 @@ class StreamMeter:
             return Health.STALE, "open, but no reading yet"
         if self.freshness.is_stale(t_ns, unread_ns):
             return Health.STALE, f"no reading for {self.freshness.silent_ns(t_ns, unread_ns) * 1e-9:.2f} s"
+        if self.clock.late_ns > self.freshness.stale_ns:
+            return (
+                Health.STALE,
+                f"its readings are {self.clock.late_ns * 1e-9:.2f} s older than before when they come:"
+                " does a driver, gateway or adapter buffer them? restart it",
+            )
         if late_ns > self.freshness.stale_ns:
             return Health.WARN, f"{DAEMON_LATE} {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
         if self.damage > 0:

@@ -46,7 +46,9 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "restored": (StateRestored, {"text": str, "problem": str}),
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
-_OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # omitted if false, as in older recordings
+_OPTIONAL: dict[str, dict[str, type]] = {
+    "tick": {"unread": bool, "raw_ns": int}
+}  # omitted if false or 0, as in older recordings
 _KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
 _EXPECTED = {
     kind: {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes} for kind, (_, types) in _FIELDS.items()
@@ -77,7 +79,7 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
     for name in _FIELDS[kind][1]:
         whole[name] = getattr(event, name)
     if kind in _OPTIONAL:
-        whole |= {name: True for name in _OPTIONAL[kind] if getattr(event, name)}
+        whole |= {name: held for name in _OPTIONAL[kind] if (held := getattr(event, name))}
     whole["crc32"] = _NO_CRC
     body: bytes = _PACKING.packer.pack(whole)[:-_CRC_BYTES]
     return body + _crc(body)
@@ -108,7 +110,7 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
         whole["body"] = _checked_request(whole["body"])
     if kind == "recording_failed":
         return whole["n"], whole["t_ns"], RecordingChanged(whole["name"], "", "failed", whole["reason"])
-    return whole["n"], whole["t_ns"], event_type(*[whole[name] for name in types])
+    return whole["n"], whole["t_ns"], event_type(**{name: whole[name] for name in types})
 
 
 def _crc(body: bytes) -> bytes:

@@ -8,6 +8,9 @@ A one-way stream cannot show a constant least delay. All times are late by it, a
 readings or, with one reading per poll, for up to a poll period; the wait depends on a phase that may drift over
 minutes. If reads hold several readings, the bound includes this wait. If each holds one, nothing shows it, and the
 bound includes it only if ``poll_ns`` states it.
+
+A delay that grows later is seen: a reading that lags more than an earlier one is late by the difference, unless the
+device's clock went back. Then its time falls, or advances less per reading than before. Otherwise the line is kept.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from slipd.signals.clock_fit import SLICES, STEP_SLICES, lowest_line
+from slipd.signals.clock_fit import MOST_SLOPE, SLICES, Slice, lowest_line, period_of_step
 
 SLICE_NS = 125_000_000
 """Length of a time slice, of which one reading is kept. A reset must be over within 1 s, so a line is needed soon."""
@@ -37,11 +40,18 @@ OPEN_SLICES = 8
 """Slices that are searched for a read that came just before the next reading; the phase drifts little meanwhile."""
 EARLY_NS, EARLY_SETTLING_NS = 1_000_000, 50_000_000
 """A reading earlier than the line by 3 bounds plus this belongs to another line; the second holds while settling."""
+LATE_SLICES = 6
+"""So many late slices in a row are a delay that lasts, or a clock that went back."""
+LATE_NS, MOST_LATE_NS = 1_000_000, 20_000_000
+"""A slice is late beyond 3 bounds plus the first, at most beyond the second. No stream is stale before that."""
+STEEPEST_SHARE = 1.0 / 512.0
+"""Weight of one fit in the long average of the steepest slope: 64 s."""
+RAMP = 100e-6
+"""Change of a crystal's rate as it warms, beside the error of the fit; a lag that grows faster is a growing delay."""
+PAUSE_NS = 60_000_000_000
+"""After a longer pause of the device's own time a new line starts: the old one has drifted."""
 FINEST_GRID_NS = 1_000
 """Rounding of device times to a finer grid than this does not matter."""
-OLDEST_HOST_NS = 10_000_000_000
-"""Oldest time that another process may state: the longest wait of a reading for a stalled loop."""
-
 _NEVER = 1 << 200  # no previous reading: every device time lies behind it
 _NOTHING_OPEN = (_NEVER, 0)
 
@@ -62,8 +72,10 @@ class DeviceClock:
         ValueError: The span is not positive, or a delay or poll time is negative.
 
     Attributes:
-        state: "none" (no device time), "settling", "locked", or "not_a_clock" (its rate is off by more than
-            ``MAX_PPM``, it is stuck, or it jumps).
+        state: "none" (no device time), "settling", "locked", "delayed" (readings come later than before), or
+            "not_a_clock" (its rate is off by more than ``MAX_PPM``, it is stuck, or it jumps).
+        locked: Times are those of the device's clock, not of the receipt.
+        slewed_ns: How far NTP has slewed CLOCK_MONOTONIC by now: the delay of a line does not grow by it.
     """
 
     def __init__(self, span_ns: int | None, *, delay_ns: int = 0, poll_ns: int = 0) -> None:
@@ -72,14 +84,18 @@ class DeviceClock:
         if delay_ns < 0 or poll_ns < 0:
             raise ValueError(f"delay_ns and poll_ns must not be negative, got {delay_ns} and {poll_ns}")
         self._span_ns, self._delay_ns, self._poll_ns = span_ns, delay_ns, poll_ns
+        self.slewed_ns = 0
         self._mapped_ns = self._wanted_ns = self._device_ns = self._first_ns = 0
         self._at_ns = self._lag_ns = self._base_ns = 0  # of the line, as its slope and bounds
-        self._slope = self._bound_ns = self._rate_bound = self._shared = self._uneven = 0.0
+        self._slope = self._bound_ns = self._spread_ns = self._rate_bound = self._shared = self._uneven = 0.0
         self._receipts = self._from_ns = self._slice_end_ns = self._grid_ns = 0
-        self._least: tuple[int, int, int] | None = None  # of the slice: lag at the line's rate, device time, lag
+        self._least: tuple[int, Slice] | None = None  # lag at the line's rate, and the reading
         self._open = _NOTHING_OPEN
-        self._locked = False
-        self._slices: deque[tuple[int, int]] = deque(maxlen=SLICES)  # device time, receipt less device time
+        self.locked = False
+        self._slices: deque[Slice] = deque(maxlen=SLICES)
+        self._late: deque[Slice] = deque(maxlen=LATE_SLICES)
+        self._readings = 0
+        self._steepest = MOST_SLOPE
         self._opens: deque[tuple[int, int]] = deque(maxlen=OPEN_SLICES)
         self.forget()
 
@@ -97,12 +113,13 @@ class DeviceClock:
             device_time_ns: Device time as sent; None if the reading has none.
             receipt_ns: CLOCK_MONOTONIC at receipt; it never falls.
         """
-        receipt_ns -= self._delay_ns
+        receipt_ns -= self._delay_ns + self.slewed_ns
         if device_time_ns is None:
             if self.state != "none":
                 self.forget()
             self._wanted_ns = self._mapped_ns = receipt_ns
-            return receipt_ns
+            return receipt_ns + self.slewed_ns
+        self._readings += 1
         step = device_time_ns - self._raw_ns
         if step < 0 or receipt_ns != self._receipt_ns:
             self._advance(device_time_ns, step, receipt_ns)
@@ -110,7 +127,7 @@ class DeviceClock:
             self._device_ns += step
             self._raw_ns = device_time_ns
         mapped = receipt_ns
-        if self._locked:
+        if self.locked:
             mapped = self._device_ns + self._base_ns + int(self._slope * (self._device_ns - self._at_ns))
         self._wanted_ns = mapped
         if mapped < self._mapped_ns:
@@ -118,20 +135,25 @@ class DeviceClock:
         if mapped > receipt_ns:
             mapped = receipt_ns
         self._mapped_ns = mapped
-        return mapped
+        return mapped + self.slewed_ns
 
     @property
     def uncertainty_ns(self) -> int | None:
         """Bound on the error of the newest time, without the constant least delay; None while not known."""
-        if not self._locked:
+        if not self.locked:
             return None
         held = max(0, self._mapped_ns - self._wanted_ns)
         return round(self._bound_at(self._device_ns)) + held
 
     @property
+    def late_ns(self) -> int:
+        """Lasting delay of the readings beyond the least one known, ns; 0 unless the state is "delayed"."""
+        return self._late_by(self._late[-1]) if self.state == "delayed" else 0
+
+    @property
     def drift_ppm(self) -> float | None:
         """Rate error of the device's clock, ppm, positive if fast; None while not known."""
-        return -1e6 * self._slope / (1.0 + self._slope) if self._locked else None
+        return -1e6 * self._slope / (1.0 + self._slope) if self.locked else None
 
     def _advance(self, device_time_ns: int, step: int, receipt_ns: int) -> None:
         """Update with the first reading of a read, or with one whose device time went back."""
@@ -149,6 +171,8 @@ class DeviceClock:
                 self._jumps += 1
                 if self._jumps >= JUMPS:
                     self._fail(receipt_ns)
+            elif step > PAUSE_NS:
+                self._begin(device_time_ns, receipt_ns)
             else:
                 self._device_ns += step
                 if fresh and not 0 < self._grid_ns <= FINEST_GRID_NS:
@@ -172,7 +196,7 @@ class DeviceClock:
         lag = receipt_ns - device_ns
         late = lag - self._lag_ns - int(self._slope * (device_ns - self._at_ns))
         if late < 0:
-            early = EARLY_NS + 3.0 * self._bound_at(device_ns) if self._locked else EARLY_SETTLING_NS
+            early = EARLY_NS + 3.0 * self._bound_at(device_ns) if self.locked else EARLY_SETTLING_NS
             if late < -early:  # the clock jumped ahead, or all previous readings were late
                 self._begin(device_ns, receipt_ns)
             else:
@@ -184,35 +208,69 @@ class DeviceClock:
             self._open = step - late, step
         tilted = lag - int(self._slope * (device_ns - self._at_ns))
         if self._least is None or tilted < self._least[0]:
-            self._least = tilted, device_ns, lag
+            self._least = tilted, (device_ns, lag, self._readings - 1)
         if receipt_ns >= self._slice_end_ns:
-            self._slices.append(self._least[1:])
+            newest = self._least[1]
             if self._open[1]:
                 self._opens.append(self._open)
             self._least, self._open, self._slice_end_ns = None, _NOTHING_OPEN, receipt_ns + SLICE_NS
+            if self.locked and self._late_by(newest) > self._punctual_ns(device_ns):
+                self._hold(newest, receipt_ns)
+                return
+            self._late.clear()
+            if self.state == "delayed":
+                self.state = "locked"
+            self._slices.append(newest)
             if receipt_ns - self._from_ns >= self._settle_ns and self._receipts >= SETTLE_RECEIPTS:
                 self._fit(receipt_ns)
 
+    def _late_by(self, newest: Slice) -> int:
+        return newest[1] - self._lag_ns - int(self._slope * (newest[0] - self._at_ns))
+
+    def _punctual_ns(self, device_ns: int) -> float:
+        """Return the largest lag beyond the line that its own error and the reads' phase explain."""
+        error_ns = self._spread_ns + self._rate_bound * abs(device_ns - self._at_ns)
+        return LATE_NS + min(3.0 * error_ns, MOST_LATE_NS)
+
+    def _hold(self, newest: Slice, receipt_ns: int) -> None:
+        """Keep the line beneath a slice whose readings are all late, unless the clock itself shows why."""
+        self._late.append(newest)
+        if self.state == "delayed" or len(self._late) < LATE_SLICES:
+            return
+        late_ns = self._late_by(newest)
+        period_ns = period_of_step(self._slices, newest, late_ns)
+        if period_ns is None:
+            self.state = "delayed"
+        elif late_ns > period_ns:  # the clock is stuck, or has slowed down
+            self._fail(receipt_ns)
+        else:  # it went back by less than the time between two readings
+            self._slices.clear()
+            self._slices.extend(self._late)
+            self._late.clear()
+            self._grid_ns, self._uneven = 0, 0.0
+            self._fit(receipt_ns)
+
     def _fit(self, receipt_ns: int) -> None:
         shared = bool(self._opens) and self._shared > SHARED_READS
-        open_ns, period_ns = sorted(self._opens)[len(self._opens) // 2] if shared else (self._poll_ns,) * 2
+        open_ns = sorted(self._opens)[len(self._opens) // 2][0] if shared else self._poll_ns
         line = lowest_line(self._slices)
-        if line is None:
-            self._fail(receipt_ns)
-            return
-        if line.stepped_ns > period_ns:
-            while len(self._slices) > STEP_SLICES:
-                self._slices.popleft()
-            line = lowest_line(self._slices) or line
-            self._grid_ns, self._uneven = 0, 0.0
+        if line is None or line.slope > self._steepest:
+            if line is None or not self.locked:
+                self._fail(receipt_ns)
+            return  # otherwise the delay grows
         self._slope, self._at_ns, self._lag_ns = line.slope, line.at_ns, line.lag_ns
         self._bound_ns, self._rate_bound = line.bound_ns, line.rate_bound
         rounded = self._grid_ns > FINEST_GRID_NS and self._uneven > UNEVEN_STEPS
         grid_ns = self._grid_ns if rounded else 0
-        self._bound_ns += OPEN_SHARE * open_ns + 0.5 * grid_ns
+        self._spread_ns = self._bound_ns + OPEN_SHARE * open_ns
+        self._bound_ns = self._spread_ns + 0.5 * grid_ns
         self._rate_bound += open_ns / max(1, self._slices[-1][0] - self._slices[0][0])
         self._base_ns = line.lag_ns + (grid_ns - open_ns) // 2
-        self._locked, self.state, self._settle_ns = True, "locked", SETTLE_NS
+        self.locked, self.state, self._settle_ns = True, "locked", SETTLE_NS
+        if len(self._slices) == SLICES:
+            steepest = self._slope + self._rate_bound + RAMP
+            share = STEEPEST_SHARE if self._steepest < MOST_SLOPE else 1.0
+            self._steepest = min(self._steepest + share * (steepest - self._steepest), MOST_SLOPE)
         if receipt_ns - self._from_ns >= STEADY_NS:
             self._jumps = 0
 
@@ -225,28 +283,18 @@ class DeviceClock:
         self._begin(self._device_ns, receipt_ns)
 
     def _begin(self, device_ns: int, receipt_ns: int) -> None:
-        self._locked = False
-        if self.state == "locked":
+        self.locked = False
+        if self.state in ("locked", "delayed"):
             self.state = "settling"
         self._device_ns = self._at_ns = device_ns
         self._lag_ns = self._base_ns = receipt_ns - device_ns
-        self._slope = self._bound_ns = self._rate_bound = 0.0
+        self._slope = self._bound_ns = self._spread_ns = self._rate_bound = 0.0
         self._slices.clear()
+        self._late.clear()
+        self._steepest = MOST_SLOPE
         self._least = None
         self._receipts = 0
         self._from_ns, self._slice_end_ns = receipt_ns, receipt_ns + SLICE_NS
         self._grid_ns, self._uneven = 0, 0.0
         self._first_ns, self._shared, self._open = device_ns, 0.0, _NOTHING_OPEN
         self._opens.clear()
-
-
-def host_time(device_time_ns: int | None, receipt_ns: int) -> tuple[int, bool]:
-    """Return the time of acquisition of a reading whose clock is the host's CLOCK_MONOTONIC.
-
-    Returns:
-        The stated time and True; the receipt and False if no time is stated, or one in the future or older than
-        ``OLDEST_HOST_NS``.
-    """
-    if device_time_ns is not None and 0 <= receipt_ns - device_time_ns <= OLDEST_HOST_NS:
-        return device_time_ns, True
-    return receipt_ns, False

@@ -14,6 +14,7 @@ from operator import mul
 
 MAX_PPM = 1_000.0
 """Largest rate error of a clock, ppm: twice that of crystals in use."""
+MOST_SLOPE = MAX_PPM * 1e-6
 SLICES = 64
 """Number of slices that are fitted (8 s without gaps): long enough to resolve some ppm, short compared to warming."""
 FADE = 0.97
@@ -26,10 +27,14 @@ FEW = 4.0
 """Number of slices at which the bound doubles, because the mean delay is not known well."""
 WANDER = 1e-6
 """Largest change of a crystal's rate during a stall."""
-STEP_SLICES, STEP_NS = 6, 500_000
-"""This many slices with an equal delay of at least this much are a backward step of less than a period."""
 RATE_FACTOR, RATE_SLACK_NS = 6.0, 4_000_000
 """Tolerance of the rate limit: this factor times mean delay, plus the slack, over the length."""
+
+OWN_SHARE = 0.75
+"""A clock went back if its times per reading fell short by at least this share of the growth in lag."""
+
+Slice = tuple[int, int, int]
+"""The least delayed reading of a slice: device time, receipt less device time, readings until then."""
 
 _WEIGHTS = [FADE**age for age in reversed(range(SLICES))]
 
@@ -44,7 +49,6 @@ class Line:
         slope: Host seconds per device second, minus one.
         bound_ns: Bound on the line's error at ``at_ns``.
         rate_bound: Bound on the slope's error.
-        stepped_ns: Step back of the clock, shown by equal delays of the newest slices; 0 if there is none.
     """
 
     at_ns: int
@@ -52,35 +56,45 @@ class Line:
     slope: float
     bound_ns: float
     rate_bound: float
-    stepped_ns: float
 
 
-def lowest_line(points: Sequence[tuple[int, int]]) -> Line | None:
-    """Return the line beneath points (device time, lag) in rising time; None if no clock runs like that."""
-    at_ns, lag_ns = points[-1]
+def lowest_line(points: Sequence[Slice]) -> Line | None:
+    """Return the line beneath slices in rising time; None if no clock runs like that.
+
+    The slope exceeds ``MOST_SLOPE`` where the lag grows faster than any clock drifts: clock or line fall behind.
+    """
+    at_ns, lag_ns = points[-1][:2]
     x = [float(point[0] - at_ns) for point in points]
     y = [float(point[1] - lag_ns) for point in points]
     length = -x[0]
     if length <= 0.0:
         return None
     slope, least = _edge(x, y)
-    most = MAX_PPM * 1e-6
-    if abs(slope) > most:
+    if abs(slope) > MOST_SLOPE:
         mean = sum(y) / len(y) - slope * sum(x) / len(x) - least
-        if abs(slope) > most + (RATE_FACTOR * mean + RATE_SLACK_NS) / length:
+        tolerated = abs(slope) <= MOST_SLOPE + (RATE_FACTOR * mean + RATE_SLACK_NS) / length
+        if slope < 0.0 and not tolerated:
             return None
-        slope = math.copysign(most, slope)
-        least = min(b - slope * a for a, b in zip(x, y, strict=True))
+        if tolerated:
+            slope = math.copysign(MOST_SLOPE, slope)
+            least = min(b - slope * a for a, b in zip(x, y, strict=True))
     late = [b - slope * a - least for a, b in zip(x, y, strict=True)]
     mean = sum(late) / len(late)
     bound = LEAST_BOUND_NS + BOUND_FACTOR * (1.0 + FEW / len(late)) * max(mean, min(late[-2:]))
-    newest = late[-STEP_SLICES:]
-    before = sum(late[:-STEP_SLICES]) / max(1, len(late) - STEP_SLICES)
-    low = min(newest)
-    stepped = len(late) > STEP_SLICES and low > STEP_NS + 4.0 * before and max(newest) < 1.5 * low
-    return Line(
-        at_ns, lag_ns + round(least), slope, bound, BOUND_FACTOR * mean / length + WANDER, low if stepped else 0.0
-    )
+    return Line(at_ns, lag_ns + round(least), slope, bound, BOUND_FACTOR * mean / length + WANDER)
+
+
+def period_of_step(slices: Sequence[Slice], late: Slice, late_ns: int) -> float | None:
+    """Return whether the device's clock went back between the last of some slices and a late one.
+
+    It did if its time advanced less per reading than before. A delay does not change that; lost readings increase it.
+
+    Returns:
+        The device time between two readings, ns; None where the clock shows no step.
+    """
+    period_ns = min((b[0] - a[0]) / (b[2] - a[2]) for a, b in pairwise(slices))
+    own_ns = (late[2] - slices[-1][2]) * period_ns - (late[0] - slices[-1][0])
+    return period_ns if own_ns >= OWN_SHARE * late_ns else None
 
 
 def _edge(x: list[float], y: list[float]) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from simulation.bed import MS, SECOND, Bed, assert_sound
 from simulation.edits import pad, wrench
-from simulation.faults import Bunch, Delay, Edit
+from simulation.faults import Bunch, Chain, Delay, Edit
 
 US_SPAN = 1 << 32
 
@@ -109,6 +109,45 @@ def test_C4_a_lease_is_judged_by_the_time_that_passed(held, seed):
     held.stall(0.3)
     assert not held.ask("grip.set", force_n=9.0)["ok"]
     assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1])
+@pytest.mark.parametrize(
+    ("delay_ms", "tick_us"),
+    [(60, 1), *(pytest.param(*case, marks=pytest.mark.long) for case in ((200, 1000), (500, 1), (3000, 1000)))],
+)
+def test_F1_a_line_that_is_late_for_good_stays_stale_until_it_is_prompt_again(held, seed, delay_ms, tick_us):
+    def coarse(us):
+        return us // tick_us * tick_us
+
+    clocks = {
+        "left.wrench": Edit(wrench(clock_us=coarse), lies=False),
+        "left.pad": Edit(pad(clock_us=coarse), lies=False),
+    }
+    for stream, clock in clocks.items():
+        held.line(stream).fault = clock
+    held.run(0.2)
+    for stream, clock in clocks.items():
+        held.line(stream).fault = Chain([clock, Delay(delay_ms * MS)])
+    held.run(0.1)
+    told = len(held.watch.changes)
+    for _ in range(5):
+        held.ask("lease.acquire", ttl_ms=500)
+        assert not held.ask("grip.set", force_n=9.0)["ok"]
+        held.run(0.25 + delay_ms * 2e-4)
+    assert (held.level(), held.reasons()) == ("unknown", ["stale"])
+    assert [change for change in held.watch.changes[told:] if change[1] == "left"] == []
+    assert (held.health("left.pad")["clock"], held.health("left.pad")["health"]) == ("delayed", 3)
+    assert f"are {delay_ms * 1e-3:.2f} s older" in held.health("left.pad")["message"]
+    for stream, clock in clocks.items():
+        held.line(stream).fault = clock
+        held.line(stream).queue.clear()
+    held.run(0.3)
+    assert held.health("left.pad")["clock"] == "locked"
+    if delay_ms < 1000:  # the force sensor's session has given up by then, and begins its conversation anew
+        assert held.recovery_s("stable") <= 1.0
+    assert_sound(held)
+    assert held.replays()
 
 
 @pytest.mark.parametrize("seed", [1])

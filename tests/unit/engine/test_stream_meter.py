@@ -67,6 +67,16 @@ def test_an_unusable_clock_is_reported(stream: StreamMeter) -> None:
     )
 
 
+def test_F1_readings_that_come_later_than_before_make_the_stream_stale(stream: StreamMeter) -> None:
+    for k in range(2000):
+        date(stream, reading(T0 + k * MS, k * MS))
+    for k in range(2000, 3500):
+        date(stream, reading(T0 + (k + 60) * MS, k * MS))
+    health, message = stream.condition(T0 + (k + 60) * MS)
+    assert health is Health.STALE
+    assert message.startswith("its readings are 0.06 s older than before when they come: does a driver")
+
+
 def test_the_clock_of_a_scan_is_read_at_its_end(left: str, parse: Parse) -> None:
     stream = make_stream("left.pad", parse(left).streams()["left.pad"])
     for k in range(400):

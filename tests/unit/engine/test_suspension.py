@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from slipd.devices import bota
+from slipd.events import Bytes, Tick
+
 MS = 1_000_000
 
 Run = Any
@@ -49,3 +52,16 @@ class TestSuspension:
         run.ask("tare", finger="left", seconds=0.05)
         run.tick(suspended_ns=10**12)
         assert run.ask("tare.get", finger="left")["result"]["busy"] is False
+
+
+def test_C1_a_line_is_not_late_because_the_host_clock_is_slewed(run: Run) -> None:
+    """NTP makes CLOCK_MONOTONIC run 8 % fast for a second."""
+    begun_ns = run.t_ns
+    for k in range(2600):
+        run.t_ns = begun_ns + k * MS + min(max(0, k - 700), 1000) * MS // 12
+        if k % 5 == 0:
+            run.feed(Tick(raw_ns=begun_ns + k * MS))
+        run.feed(Bytes("left.wrench", bota.encode_frame((0.0, 0.0, -k * 1e-6), (0.0, 0.0, 0.0), k * 1000)))
+    status = run.ask("status")["result"]["streams"]["left.wrench"]
+    assert status["clock"] == "locked"
+    assert run.published("slip.left")[-1]["age_s"] < 0.002

@@ -9,8 +9,9 @@ from chart.clocks_streams import BOOT_NS, Stream
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slipd.signals.clock import OLDEST_HOST_NS, PROBATION_NS, DeviceClock, host_time
+from slipd.signals.clock import PROBATION_NS, DeviceClock
 from slipd.signals.clock_fit import MAX_PPM
+from slipd.signals.host_time import OLDEST_HOST_NS, host_time
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -284,3 +285,88 @@ def test_the_hosts_own_time_is_taken_where_it_can_be_true() -> None:
     assert host_time(20 * S - OLDEST_HOST_NS, 20 * S) == (20 * S - OLDEST_HOST_NS, True)
     for own in (None, 20 * S + 1, 20 * S - OLDEST_HOST_NS - 1):
         assert host_time(own, 20 * S) == (20 * S, False)
+
+
+def delayed_by(
+    delay_s: float, stream: Stream, seed: int, *, onset_s: float = 12.0, ramp: float = 0.0, settle_s: float = 0.5
+) -> tuple[DeviceClock, float]:
+    """A stream whose line is late for good from an onset on; returns the clock and the largest error after it, s.
+
+    Args:
+        delay_s: The delay that lasts.
+        stream: The readings without it.
+        seed: Of the stream.
+        onset_s: When the delay begins.
+        ramp: Growth of the delay, s/s; 0: it is there at once.
+        settle_s: Time after the onset, beside the ramp, that is not judged.
+    """
+    device, receipt, true = stream.readings(onset_s + 30.0 + (delay_s / ramp if ramp else 0.0), seed)
+    since_s = np.maximum((receipt - BOOT_NS) * 1e-9 - onset_s, 0.0)
+    extra_s = np.minimum(since_s * ramp, delay_s) if ramp else delay_s * (since_s > 0.0)
+    receipt = np.maximum.accumulate(receipt + np.rint(extra_s * 1e9).astype(np.int64))
+    clock = DeviceClock(None)
+    error, _ = follow(device, receipt, true, clock)
+    return clock, float(error[since_s > settle_s].max())
+
+
+KINDS = {
+    "µs at 1 kHz": Stream(1000.0, ppm=500.0),
+    "counter at 100 Hz": Stream(100.0, ppm=-500.0),
+    "ms at 30 Hz": Stream(30.0, tick_ns=MS, ppm=50.0),
+    "bunched by 16 ms": Stream(1000.0, ppm=-500.0, poll_s=0.016),
+    "jittering": Stream(60.0, delay_s=2e-3, delay="lognormal"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_F1_a_delay_that_lasts_is_no_step_of_the_clock(kind: str) -> None:
+    for seed, delay_s in enumerate((0.06, 0.2, 0.5, 3.0)):
+        clock, worst = delayed_by(delay_s, KINDS[kind], seed)
+        assert worst < 0.025, delay_s
+        assert clock.state == "delayed"
+        assert clock.late_ns == pytest.approx(delay_s * 1e9, abs=0.025e9)
+
+
+@pytest.mark.parametrize("kind", ["µs at 1 kHz", "counter at 100 Hz", "bunched by 16 ms"])
+@pytest.mark.parametrize("ramp", [0.05, 0.0012, 0.0003])
+def test_F1_a_delay_that_grows_is_no_drift_of_the_clock(kind: str, ramp: float) -> None:
+    clock, worst = delayed_by(0.1, KINDS[kind], 1, onset_s=20.0, ramp=ramp)
+    assert worst < 0.025
+    assert clock.state == "delayed"
+
+
+def test_C3_a_device_that_restarts_behind_a_delay_is_read_again_within_a_second() -> None:
+    clock = locked()
+    for k in range(3000, 5000):
+        clock.map(k * MS, BOOT_NS + k * MS + 200 * MS)
+    assert clock.locked
+    assert clock.state == "delayed"
+    for k in range(5300, 5600):
+        clock.map(k * MS, BOOT_NS + k * MS)
+    assert clock.state == "locked"
+    for k in range(5600, 7000):
+        clock.map(k * MS, BOOT_NS + k * MS + 200 * MS)
+    assert clock.state == "delayed"
+    for k in range(1001):
+        told = clock.map(k * MS, BOOT_NS + (8000 + k) * MS)
+    assert (clock.state, clock.late_ns) == ("locked", 0)
+    assert told == pytest.approx(BOOT_NS + 9000 * MS, abs=1000)
+
+
+def test_C3_a_device_that_paused_for_long_is_learned_anew() -> None:
+    clock = locked(1.0005)
+    for k in range(7_200_000, 7_201_001):
+        told = clock.map(round(k * MS * 1.0005), BOOT_NS + k * MS)
+    assert clock.state == "locked"
+    assert told == pytest.approx(BOOT_NS + 7_201_000 * MS, abs=1000)
+
+
+def test_C1_a_host_clock_that_is_slewed_is_no_delay() -> None:
+    """NTP may speed CLOCK_MONOTONIC up by some percent until half a second is made good."""
+    clock = locked()
+    for k in range(3000, 12_000):
+        if k % 5 == 0:
+            clock.slewed_ns = min(max(0, k - 4000) * MS // 12, 500 * MS)
+        told = clock.map(k * MS, BOOT_NS + k * MS + min(max(0, k - 4000) * MS // 12, 500 * MS))
+    assert clock.state == "locked"
+    assert told == pytest.approx(BOOT_NS + 12_499 * MS, abs=MS)

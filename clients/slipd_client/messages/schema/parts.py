@@ -127,8 +127,9 @@ class StreamStatus:
     )
     reconnects: int | None = wire("times that the link came up again", default=None)
     clock: str | None = wire(
-        'source of the times: "locked" (the device\'s clock: times are those of the acquisition), "settling", '
-        '"not_a_clock" or "none" (the receipt), or "host" (the clock of the program that sends the readings)',
+        'source of the times: "locked" (the device\'s clock: times are those of the acquisition), "delayed" '
+        '(likewise, and the readings come later than before for a lasting time), "settling", "not_a_clock" or "none" '
+        '(the receipt), or "host" (the clock of the program that sends the readings)',
         default=None,
     )
     clock_uncertainty_s: float | None = wire(
