@@ -19,6 +19,11 @@ def runtime_dir() -> Path:
     return Path(f"/tmp/slipd-{os.getuid()}")  # noqa: S108 - whoever creates the directory checks its owner
 
 
+def log_file() -> Path:
+    """Return the file in which a daemon keeps its log while no journal does; the log before it ends in ``.1``."""
+    return runtime_dir() / "log"
+
+
 def publish_endpoint() -> str:
     """Return the ZeroMQ endpoint of the messages when none is configured."""
     return f"ipc://{runtime_dir()}/publish"

@@ -83,9 +83,9 @@ def _show_once(newest: dict[str, Message], as_json: bool) -> None:
     print_view(view)
 
 
-def print_view(view: LiveView) -> None:
-    """Print a view once, as wide as the terminal where standard output is one."""
-    for line in view.render(terminal_of(sys.stdout, size_of(sys.stdout).columns, UNCUT)):
+def print_view(view: LiveView, columns: int | None = None) -> None:
+    """Print a view once, as wide as the terminal where standard output is one, or in ``columns``."""
+    for line in view.render(terminal_of(sys.stdout, columns or size_of(sys.stdout).columns, UNCUT)):
         print(line)
 
 

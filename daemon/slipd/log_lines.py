@@ -7,8 +7,11 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -23,6 +26,9 @@ EVERY_S = 5.0
 
 KINDS = 256
 """Kinds of lines that are counted separately; beyond this number all counts are reset."""
+
+KEPT_BYTES = 1_000_000
+"""Length of a file of the log, after which the next begins."""
 
 _log = logging.getLogger(__name__)
 
@@ -105,6 +111,42 @@ def _log_uncaught(kind: type[BaseException], error: BaseException | None, trace:
     _log.critical("ended by an unexpected exception", exc_info=(kind, error or kind(), trace))
 
 
+class TerminalHandler(logging.StreamHandler):  # type: ignore[type-arg]
+    """Write the log to standard error, and a copy of every line that passes to a file, where one is kept."""
+
+    copy: logging.Handler | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record."""
+        super().emit(record)
+        if self.copy is not None:
+            self.copy.handle(record)
+
+
+@contextmanager
+def log_kept(path: Path) -> Iterator[None]:
+    """Keep the log in a file too, for ``slipctl diagnose``; not where the journal keeps it, or this program has no log.
+
+    Args:
+        path: The file, in a folder that only this user may change; it grows up to ``KEPT_BYTES``, with one before it.
+    """
+    handlers = [each for each in logging.getLogger().handlers if isinstance(each, TerminalHandler)]
+    try:
+        copies = [RotatingFileHandler(path, maxBytes=KEPT_BYTES, backupCount=1, encoding="utf-8") for _ in handlers]
+    except OSError as error:
+        _log.warning("%s: the log is not kept: %s", path, error.strerror)
+        copies = []
+    for handler, copy in zip(handlers, copies, strict=False):
+        copy.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+        handler.copy = copy
+    try:
+        yield
+    finally:
+        for handler, copy in zip(handlers, copies, strict=False):
+            handler.copy = None
+            copy.close()
+
+
 def open_log(environment: Mapping[str, str] = os.environ, journal: str = JOURNAL) -> None:
     """Send the log to standard error, through the filter; to the journal, with fields, where it reads standard error.
 
@@ -112,7 +154,7 @@ def open_log(environment: Mapping[str, str] = os.environ, journal: str = JOURNAL
         environment: Has ``JOURNAL_STREAM`` where systemd started this process.
         journal: Socket of the journal.
     """
-    handler: logging.Handler = logging.StreamHandler()
+    handler: logging.Handler = TerminalHandler()
     if is_journal(sys.stderr, environment):
         handler.setFormatter(PriorityFormatter(LogFormatter("%(name)s: %(message)s")))
         handler = JournalHandler(journal, handler)

@@ -25,6 +25,7 @@ from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, HostNotice, Publish, Record, Reply, Request, Tick, Write
+from slipd.log_lines import log_kept
 from slipd.recording.continuous_recording import PREFIX, ContinuousRecording, delete_oldest, run_name
 from slipd.recording.incidents import Incidents, file_of_run
 from slipd.recording.mcap_file import check_new
@@ -38,7 +39,7 @@ from slipd.zmtp.endpoint import check_free
 from slipd.zmtp.listener_progress import ListenerProgress
 from slipd_client.health.repairs import summary
 from slipd_client.messages import GRASP_TOPIC, STATUS_TOPIC, WARNING_TOPIC, encode
-from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
+from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, runtime_dir
 
 KEEP_NS = 100_000_000
 """Time between two looks at the state that is kept for the next run: what a kill may cost of it."""
@@ -103,6 +104,8 @@ class ServiceRun:
             self._allowed = guard(bus)
             in_home = None in (bus.publish, bus.requests)
             self._home = stack.enter_context(RuntimeDirectory(runtime_dir())) if in_home else None
+            if in_home:
+                stack.enter_context(log_kept(log_file()))
             for endpoint, access in ((bus.publish, self._allowed.publish), (bus.requests, self._allowed.requests)):
                 if endpoint is not None:
                     check_free(endpoint, access)

@@ -88,5 +88,6 @@ def test_the_program_of_readme_outlives_the_daemon_that_it_steers(tmp_path: Path
                 wait(steered, "it steers")
                 daemon.send_signal(signal.SIGKILL)
                 wait(lambda: printed.about("the lease is lost"), "it notices the end of its lease")
+                assert "left.wrench" in (runtime / "log").read_text(), "a killed daemon leaves its log"
             with part(log, *serve):
                 wait(steered, "it steers by the next daemon")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -99,3 +100,22 @@ def test_an_exception_that_ends_a_thread_or_the_process_is_logged_with_its_text_
     assert told.count("CRITICAL slipd.log_lines: ended by an unexpected exception") == 2
     assert told.count("  ZeroDivisionError: why") == 2
     assert told.count(r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028") == 2
+
+
+def test_where_no_journal_reads_it_the_log_is_kept_in_a_file_too(tmp_path: Path) -> None:
+    """A daemon that was killed leaves its log there, and the next one goes on with it."""
+    program = (
+        "import logging, pathlib, sys; from slipd.log_lines import *; open_log()\n"
+        "with log_kept(pathlib.Path(sys.argv[1])): logging.getLogger('slipd.a').warning('gone: %s', 'a\\nb')\n"
+        "logging.getLogger('slipd.a').warning('after')"
+    )
+    kept = tmp_path / "log"
+    for _ in range(2):
+        shown = subprocess.run(
+            [sys.executable, "-c", program, str(kept)], check=True, capture_output=True, encoding="utf-8"
+        ).stderr
+        assert shown == "WARNING slipd.a: gone: a\\nb\nWARNING slipd.a: after\n"
+    assert [text.partition(" WARNING ")[2] for text in kept.read_text().splitlines()] == ["slipd.a: gone: a\\nb"] * 2
+    (tmp_path / "folder").mkdir()
+    broken = [sys.executable, "-c", program, str(tmp_path / "folder")]
+    assert "the log is not kept" in subprocess.run(broken, check=True, capture_output=True, encoding="utf-8").stderr

@@ -20,6 +20,7 @@ from slipd_client.grip import GripClient
 from slipd_client.health.repairs import repairs
 from slipd_client.health.status_command import repairs_text
 from slipd_client.keys import Keys
+from slipd_client.paths import log_file
 from slipd_client.subscriber import Subscriber
 
 MOST_RECORDING_BYTES = 200_000_000
@@ -168,13 +169,17 @@ def _messages(endpoint: str | None, keys: Keys | None, seconds: float) -> str:
 
 
 def _log() -> str:
-    """Return the end of the log of the service, of the system and of this user."""
-    program = shutil.which("journalctl")
-    if program is None:
-        raise FileNotFoundError("there is no journalctl on this machine: add the output of slipd yourself")
+    """Return the end of the log: of the service, of the system and of this user, and the file of a run without it."""
     found = ""
-    for unit in (("--unit", "slipd"), ("--user-unit", "slipd")):
-        command = [program, *unit, "--lines", str(LOG_LINES), "--no-pager", "--output", "short-iso-precise"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=20.0, check=False)  # noqa: S603
-        found += f"== {' '.join(unit)}\n{done.stdout}{done.stderr}"
+    if program := shutil.which("journalctl"):
+        for unit in (("--unit", "slipd"), ("--user-unit", "slipd")):
+            command = [program, *unit, "--lines", str(LOG_LINES), "--no-pager", "--output", "short-iso-precise"]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=20.0, check=False)  # noqa: S603
+            found += f"== {' '.join(unit)}\n{done.stdout}{done.stderr}"
+    for path in (Path(f"{log_file()}.1"), log_file()):
+        if path.is_file():
+            lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
+            found += f"== {path}\n{''.join(lines[-LOG_LINES:])}"
+    if not found:
+        raise FileNotFoundError(f"there is no journalctl here and no {log_file()}: add the output of slipd yourself")
     return found

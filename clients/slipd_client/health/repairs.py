@@ -18,7 +18,7 @@ Severity = Literal["error", "warning"]
 DOCUMENT = "docs/health.md"
 
 FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
-    "not_tared": ("finger-not-tared", "error", "slipctl tare take {finger}"),
+    "not_tared": ("finger-not-tared", "error", "slipctl tare {finger} all"),
     "no_mu": ("friction-unknown", "warning", "slipctl friction {finger}"),
     "weight_unknown": ("gravity-unknown", "error", "slipctl gravity {finger} --help"),
     "pulled": ("finger-pulled", "error", "slipctl tare take {finger}"),
@@ -33,6 +33,9 @@ READ_ONLY = "Read-only file system"
 
 DISK_ERROR = "Input/output error"
 """Text of the error EIO: the disk fails. Often the kernel mounts it read-only soon after."""
+
+READ_S = 1.0
+"""A stream with a newer reading is connected: what is wrong is not its port or host."""
 
 LATE_S = 0.1
 """Shorter stalls need no repair: the readings are only judged a little later, and the status shows them anyway."""
@@ -110,8 +113,10 @@ def _streams(status: Mapping[str, Any]) -> Iterator[Repair]:
         elif health == Health.STALE:
             yield Repair("stream-silent", "error", name, problem, where)
         else:
-            missing = stream.get("age_s") is None
-            yield Repair("stream-missing" if missing else "stream-fault", "error", name, problem, where)
+            age_s = stream.get("age_s")
+            number = "stream-missing" if age_s is None else "stream-fault"
+            read = age_s is not None and age_s < READ_S
+            yield Repair(number, "error", name, problem, "slipctl watch" if read else where)
 
 
 def _unwell(status: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

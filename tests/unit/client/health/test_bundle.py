@@ -95,3 +95,20 @@ def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: p
     assert "not in it: status.json" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         slipctl.main([*arguments, "--seconds", "0.1"])
+
+
+def test_without_a_journal_the_log_is_that_which_the_daemon_keeps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("PATH", "")
+    made = Bundle()
+    made.add("log.txt", bundle._log)
+    assert "no journalctl" in made.problems[0]
+    (tmp_path / "log.1").write_text("ERROR before\n")
+    (tmp_path / "log").write_text("ERROR left.wrench: gone, token=abc\n")
+    made.add("log.txt", bundle._log)
+    assert re.search(
+        f"ERROR before\n== .*/log\nERROR left.wrench: gone, token={re.escape(REMOVED)}\n",
+        made.parts["log.txt"].decode(),
+    )

@@ -11,7 +11,9 @@ from project import DOCS
 
 from slipd.events import HostNotice, RecordingChanged
 from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
+from slipd_client.health.status_command import print_status
 from slipd_client.messages.names import DAEMON_LATE, REASONS
+from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.slipctl_parser import parser
 
 WELL: dict[str, Any] = {
@@ -54,9 +56,10 @@ def test_an_empty_status_of_an_older_daemon_is_no_fault() -> None:
     [
         ({"health": 1}, "stream-degraded", "slipctl watch"),
         ({"health": 3}, "stream-silent", "ls -l /dev/left /dev/serial/by-id"),
-        ({"health": 2}, "stream-fault", "ls -l /dev/left /dev/serial/by-id"),
+        ({"health": 2}, "stream-fault", "slipctl watch"),
+        ({"health": 2, "age_s": 5.0}, "stream-fault", "ls -l /dev/left /dev/serial/by-id"),
         ({"health": 2, "age_s": None, "address": "udp://192.168.1.1:49152"}, "stream-missing", "ping -c 3 192.168.1.1"),
-        ({"health": 2, "address": "tcp://[fe80::1]:1000"}, "stream-fault", "ping -c 3 fe80::1"),
+        ({"health": 2, "age_s": 5.0, "address": "tcp://[fe80::1]:1000"}, "stream-fault", "ping -c 3 fe80::1"),
         ({"health": 3, "address": "ws://sensors"}, "stream-silent", "ping -c 3 sensors"),
         ({"health": 3, "address": "ipc:///run/own"}, "stream-silent", "slipctl status --json"),
     ],
@@ -147,3 +150,14 @@ def test_a_path_with_a_space_is_one_word_of_the_command() -> None:
     failure = "/r/my run.mcap: the recording stopped: Read-only file system"
     [repair] = repairs({"recording": {"state": "failed", "failure": failure, "path": "/r/my run.mcap"}})
     assert repair.command == "findmnt --target '/r/my run.mcap'"
+
+
+def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:
+    reading = {"health": 2, "address": "udp://192.168.1.1:49152", "message": "its readings are far too long " * 9}
+    found = stream(**reading) | {"fingers": {"left": {"level": "unknown", "reasons": ["not_tared"]}}}
+    print_status(StatusReply(found), as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert "          slipctl tare left all" in lines
+    assert not any("ping" in line for line in lines), "the device sends"
+    assert any(line.endswith("docs/health.md, under its id: slipd docs health") for line in lines)
