@@ -5,6 +5,7 @@ Not emulated: the tare of a DAQ, which the daemon never requests.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,19 +28,29 @@ _MS = 1_000_000
 class OptoforceDaq:
     """The serial DAQ on its line; its caller passes the time. It sends from power-on, at 100 Hz until configured.
 
+    Its counter counts milliseconds, as that of a HEX does.
+
     Args:
         seed: Seed of its noise.
         rate_hz: Readings per second that its session must request.
+        counts_per_n: Counts per newton of its axes.
+        counts_per_nm: Counts per newton metre of its axes.
     """
 
-    def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
-        self.options: dict[str, Any] = {"counts_per_n": COUNTS_PER_N, "counts_per_nm": COUNTS_PER_NM}
+    def __init__(
+        self,
+        seed: int,
+        rate_hz: float = 1000.0,
+        counts_per_n: Sequence[float] = COUNTS_PER_N,
+        counts_per_nm: Sequence[float] = COUNTS_PER_NM,
+    ) -> None:
+        self.options: dict[str, Any] = {"counts_per_n": counts_per_n, "counts_per_nm": counts_per_nm}
         self.rate_hz = rate_hz
         self.status = 0
         """Status word of the readings from now on."""
         self._stream = WrenchStream(seed, POWER_ON_HZ)
         self._stream.start(0)
-        self._counts_per_unit = np.array(COUNTS_PER_N + COUNTS_PER_NM)
+        self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm])
         self._received = b""
         self._counter = 0
 
@@ -61,7 +72,7 @@ class OptoforceDaq:
         output: list[bytes] = []
         for _, values in self._stream.due(t_ns):
             output.append(frames.encode_reading(whole(values * self._counts_per_unit, 16), self._counter, self.status))
-            self._counter += 1
+            self._counter += round(1000.0 / self._stream.rate_hz)
         return output
 
     def _answer(self, request: frames.Configuration | None, t_ns: int) -> bytes:
@@ -119,6 +130,9 @@ class OptoforceConverter:
         return output
 
 
-def make(seed: int, wiring: str = "serial") -> OptoforceDaq | OptoforceConverter:
-    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with seeded noise."""
-    return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed)
+def make(seed: int, wiring: str = "serial", **scales: Any) -> OptoforceDaq | OptoforceConverter:
+    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with seeded noise.
+
+    For the scales of the DAQ see `OptoforceDaq`.
+    """
+    return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed, **scales)

@@ -219,15 +219,15 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
     if device == "gauges":
         settings = {
             "rate_hz": first.rate_hz,
-            **{key: first.options[key] for key in ("matrix", "offset") if key in first.options},
+            **_given(first, "matrix", "offset"),
         }
     elif device == "netft":
         settings = {"rate_hz": first.rate_hz}
     elif device == "robotous":
-        settings = {"baud": first.baud or DEVICES[device].baud}
-        settings |= {key: first.options[key] for key in ("torque_divider",) if key in first.options}
+        settings = {"baud": first.baud or DEVICES[device].baud, **_given(first, "torque_divider")}
     elif device == "optoforce":
-        settings = {"wiring": config.transport_of(first.port)}
+        wiring = config.transport_of(first.port)
+        settings = {"wiring": wiring, **(_given(first, "counts_per_n", "counts_per_nm") if wiring == "serial" else {})}
     elif device == "wts" and isinstance(first, config.Pad):
         settings = {"cols": first.cols, "rows": first.rows}
     elif device == "dsacon32":
@@ -245,6 +245,11 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
     elif device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
         settings = {"force_table": first.force_table, "width_table": first.width_table}
     return settings
+
+
+def _given(stream: config.Stream, *names: str) -> dict[str, Any]:
+    """Return those of these options that the config gives."""
+    return {name: stream.options[name] for name in names if name in stream.options}
 
 
 def _address(folder: Path, port: str, name: str, number: int) -> str:

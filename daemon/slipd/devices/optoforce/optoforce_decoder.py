@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 
 from slipd.devices.optoforce import optoforce_frames as frames
+from slipd.devices.optoforce.optoforce_counter import FrameCounter
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
-from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.samples import WrenchSample
 
 CHANNELS = 4
@@ -25,9 +25,10 @@ _HEAD = struct.Struct(">HH")  # counter, status; the counts follow
 _COUNTS_AT = frames.HEADER + _HEAD.size
 _THREE_COUNTS, _SIX_COUNTS = struct.Struct(">3h"), struct.Struct(">6h")
 _RAILS = frozenset((-(1 << 15), (1 << 15) - 1))
-_COUNTER_SPAN = 1 << 16
 _UDP_TICK_NS = 1_000_000
 _UDP_RESERVED = 0xFFFF_0000
+_SCALE_TOLERANCE = 0.15
+"""Relative difference of the sensor's own scale that is no mistake: that of tension and compression."""
 
 _OVERLOAD = 0x03F0
 _SENSOR_ERRORS = {1: ("not_detected", "invalid"), 2: ("sensor_failure", "invalid"), 4: ("temperature",)}
@@ -41,6 +42,9 @@ class Decoder:
     converter sends N and N·m. Its records carry the converter's millisecond counter as ``device_time_ns``; serial
     frames have no time.
 
+    Some six-axis DAQs send what looks like the sensitivity report. The decoder does not use it, because no document
+    explains it; `health.note` names its scales if the options differ.
+
     Status names: "overload" (on any axis, because the manuals disagree which bit is which; or a count at the end of its
     range), "invalid" with "not_detected", "sensor_failure", "sensor_error", "daq_error" or "daq_communication",
     "temperature"; "sensor_<n>" and "several_sensors" tell whose error it is; "unknown" is a reserved bit.
@@ -51,7 +55,7 @@ class Decoder:
             load divided by nominal load; serial only. A negative number reverses the axis. With 1, readings are counts.
         counts_per_nm: Counts per newton metre of each axis of a six-axis sensor; serial only.
         channel: The sensor of a four-channel DAQ to read, 0 to 3; other DAQs have only one.
-        counted: Whether the counter of the serial frames rises by one per frame, so that it shows losses.
+        counted: Whether the counter of the serial frames shows losses; see `FrameCounter`.
 
     Raises:
         ValueError: An option is out of range or unknown.
@@ -78,8 +82,9 @@ class Decoder:
         self.health = DecoderHealth()
         self.replies: list[tuple[bytes, bytes]] = []
         self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm], dtype=np.float64)
+        self._nominal = b""  # body of the frame of this name
         self._channel_at = _COUNTS_AT + channel * _THREE_COUNTS.size
-        self._sequence = SequenceTracker(_COUNTER_SPAN, self.health, in_order=True) if counted else None
+        self._sequence = FrameCounter(self.health) if counted else None
         self._frames = FrameScanner(frames.SYNC, frames.measure, frames.TYPICAL_LENGTH, self.health)
         self._records = rdt.RecordScanner(self.health, _UDP_RESERVED)
         self._decode = self._decode_records if wiring == "udp" else self._decode_frames
@@ -88,6 +93,7 @@ class Decoder:
         """Drop a partial frame and the expected sequence number, because the line was closed."""
         self._records.forget()
         self._frames.forget()
+        self._nominal, self.health.note = b"", ""
         if self._sequence:
             self._sequence.forget()
 
@@ -111,8 +117,8 @@ class Decoder:
         self.replies = []
         for at, _ in found:
             header = buffer[at : at + frames.HEADER]
-            if header in (frames.ACK, frames.SERIAL_NUMBER):
-                self.replies.append((header, buffer[at + frames.HEADER : at + frames.HEADER + header[3]]))
+            if header in frames.ANSWERS:
+                self._handle_answer(header, buffer[at + frames.HEADER : at + frames.HEADER + header[3]])
                 continue
             counter, status = _HEAD.unpack_from(buffer, at + frames.HEADER)
             if self._sequence and not self._sequence.accept(counter):
@@ -128,6 +134,22 @@ class Decoder:
             torque = values[3:] if len(values) > 3 else None
             samples.append(WrenchSample(t_ns, None, values[:3], torque, _status_names(status)))
         return samples
+
+    def _handle_answer(self, header: bytes, body: bytes) -> None:
+        if header == frames.NOMINAL:
+            self._nominal = body
+        elif header != frames.SENSITIVITY:
+            self.replies.append((header, body))
+        elif self._nominal:
+            self._compare_scales(frames.parse_report(self._nominal, body))
+
+    def _compare_scales(self, sent: list[float]) -> None:
+        """Name the scales that the sensor sends if those of the options differ."""
+        scales = np.abs(self._counts_per_unit)
+        away = np.abs(scales - sent) > _SCALE_TOLERANCE * scales
+        per_n, per_nm = (", ".join(f"{scale:.4g}" for scale in part) for part in (sent[:3], sent[3:]))
+        text = f"the sensor seems to have {per_n} counts/N and {per_nm} counts/N·m: compare counts_per_n, counts_per_nm"
+        self.health.note = text if away.any() else ""
 
 
 @lru_cache(maxsize=64)  # a condition lasts for many readings, and few exist at a time

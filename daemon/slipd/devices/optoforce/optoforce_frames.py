@@ -13,6 +13,13 @@ from dataclasses import dataclass
 
 ONE_3_AXIS, ONE_6_AXIS, FOUR_3_AXIS = b"\xaa\x07\x08\x0a", b"\xaa\x07\x08\x10", b"\xaa\x07\x08\x1c"
 ACK, SERIAL_NUMBER = b"\xaa\x00\x50\x01", b"\xaa\x00\x12\x08"
+NOMINAL, SENSITIVITY = b"\xaa\x01\x5e\x0e", b"\xaa\x01\xc2\x0e"
+"""Frames of seven u16 that a six-axis DAQ sends among its readings (shadow-robot/optoforce#31).
+
+No document explains them. The first fits the nominal loads of a HEX-E, Fx Fy Fz in N and Tx Ty Tz in N mm, and the
+second the counts at these loads, the two parts of a sensitivity report. The seventh of each may be Fz in the other
+direction.
+"""
 SYNC = b"\xaa"
 HEADER = 4
 TYPICAL_LENGTH = 22
@@ -21,7 +28,9 @@ TYPICAL_LENGTH = 22
 GET_SERIAL_NUMBER = b"\xab\x00\x12\x08\x00\xc5"
 
 _SUM = 2
-_LENGTHS = {header: HEADER + header[3] + _SUM for header in (ONE_3_AXIS, ONE_6_AXIS, FOUR_3_AXIS, ACK, SERIAL_NUMBER)}
+ANSWERS = frozenset((ACK, SERIAL_NUMBER, NOMINAL, SENSITIVITY))
+_LENGTHS = {header: HEADER + header[3] + _SUM for header in (ONE_3_AXIS, ONE_6_AXIS, FOUR_3_AXIS, *ANSWERS)}
+_REPORT = struct.Struct(">7H")
 _READING_HEADERS = {3: ONE_3_AXIS, 6: ONE_6_AXIS, 12: FOUR_3_AXIS}
 _CONFIGURE = b"\xaa\x00\x32\x03"
 _CONFIGURE_LENGTH = 9
@@ -68,6 +77,12 @@ def encode_reading(counts: Sequence[int], counter: int, status: int = 0) -> byte
     """
     body = struct.pack(f">HH{len(counts)}h", counter % _COUNTER_SPAN, status, *counts)
     return encode_frame(_READING_HEADERS[len(counts)], body)
+
+
+def parse_report(nominal: bytes, counts: bytes) -> list[float]:
+    """Return counts per N of x y z and per N·m of x y z from the bodies of `NOMINAL` and `SENSITIVITY`."""
+    loads = [load * (1.0 if axis < 3 else 1e-3) for axis, load in enumerate(_REPORT.unpack(nominal)[:6])]
+    return [count / load if load else 0.0 for count, load in zip(_REPORT.unpack(counts)[:6], loads, strict=True)]
 
 
 def encode_configuration(configuration: Configuration) -> bytes:

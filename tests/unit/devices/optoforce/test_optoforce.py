@@ -113,6 +113,50 @@ def test_D3_gap_duplicate_and_restart_are_distinguished() -> None:
     assert decoder.health == DecoderHealth(good=7, lost=2 + 4995, duplicates=1, restarts=1)
 
 
+CAPTURE = bytes.fromhex(
+    "AA 07 08 10 23 61 00 00 FF 05 00 26 FE 52 00 5E FC 64 00 06 05 8B AA 07 08 10 23 6B 00 00 FF 05 00 26 FE 52 00 5E"
+    "FC 64 00 06 05 95 AA 07 08 10 23 75 00 00 FF 05 00 26 FE 53 00 5F FC 63 00 05 05 9F AA 07 08 10 23 7F 00 00 FF 05"
+    "00 26 FE 53 00 60 FC 64 00 06 05 AC AA 01 5E 0E 00 C8 00 C8 00 C8 27 10 27 10 19 64 00 C8 05 22 AA 01 C2 0E 20 48"
+    "20 1E 05 F8 2B FB 2A 44 24 64 06 78 05 B8 AA 07 08 10 23 89 00 00 FF 05 00 25 FE 53 00 5F FC 63 00 05 05 B2"
+)
+"""From the capture of a HEX at 100 Hz in shadow-robot/optoforce#31, without its torn frames."""
+
+
+def test_a_captured_hex_at_100_hz_loses_nothing_though_its_counter_rises_by_ten() -> None:
+    decoder = optoforce.Decoder()
+    samples = decoder.receive(CAPTURE, 0)
+    assert samples[0].force_n.tolist() == [-251, 38, -430]
+    assert samples[0].torque_nm.tolist() == [94, -924, 6]
+    assert decoder.health.note == (
+        "the sensor seems to have 41.32, 41.11, 7.64 counts/N and 1126, 1082, 1433 counts/N·m: compare counts_per_n,"
+        " counts_per_nm"
+    )
+    decoder.receive(reading(0x2389 + 30), 0)
+    decoder.health.note = ""
+    assert decoder.health == DecoderHealth(good=6, lost=2)
+    scaled = optoforce.Decoder(counts_per_n=[41.3, -41.1, 8.3], counts_per_nm=[1126, 1082, 1433])
+    scaled.receive(CAPTURE, 0)
+    assert scaled.health == DecoderHealth(good=5)
+    scaled.forget()
+    scaled.receive(CAPTURE[-42:], 0)  # counts without the nominal loads
+    assert scaled.health.note == ""
+
+
+@pytest.mark.parametrize("step", [1, 3, 10, 33, 100])
+def test_D3_losses_are_counted_in_frames_whatever_the_step_of_the_counter(step: int) -> None:
+    decoder = optoforce.Decoder()
+    for frame in [*range(700), *range(703, 1400), 1399, *range(1400, 1410)]:
+        decoder.receive(reading(frame * step % 65_536), 0)
+    assert decoder.health == DecoderHealth(good=1407, lost=3, duplicates=1)
+
+
+def test_D3_another_rate_changes_the_step_at_the_cost_of_a_reading() -> None:
+    decoder = optoforce.Decoder()
+    for counter in [*range(0, 200, 10), *range(191, 300)]:
+        decoder.receive(reading(counter), 0)
+    assert (decoder.health.good, decoder.health.duplicates) == (128, 1)
+
+
 def test_an_untrusted_counter_is_not_used() -> None:
     decoder = optoforce.Decoder(counted=False)
     decoder.forget()
