@@ -90,7 +90,8 @@ class GripClientBase:
         timeout_s: The same; may be changed.
 
     Raises:
-        CallError: ``endpoint`` is not a ZeroMQ endpoint, or ``timeout_s`` is not a positive time.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, another user could listen there, or ``timeout_s`` is not a
+            positive time.
     """
 
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:

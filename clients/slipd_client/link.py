@@ -6,11 +6,13 @@ import contextlib
 import math
 import time
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import zmq
 
 from slipd_client.errors import CallError, ConnectionClosed
+from slipd_client.path_trust import claim_socket
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -39,13 +41,14 @@ class Link:
         options: Further socket options.
 
     Raises:
-        CallError: ``endpoint`` is not a ZeroMQ endpoint.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, or another user could listen there in place of the daemon.
     """
 
     def __init__(
         self, kind: int, endpoint: str, keys: Keys | None = None, options: Mapping[int, int] | None = None
     ) -> None:
         self.endpoint = endpoint
+        _check_trust(endpoint)
         self._context = zmq.Context()
         self.socket = self._context.socket(kind)
         self.socket.setsockopt(zmq.LINGER, 0)
@@ -131,6 +134,22 @@ class Link:
             if self.socket.closed:
                 raise ConnectionClosed(f"the connection to {self.endpoint} was closed") from None
             raise
+
+
+def _check_trust(endpoint: str) -> None:
+    """Refuse a socket of this machine on which another user could pretend to be the daemon.
+
+    Raises:
+        CallError: The text says which folder or socket is at fault, and what would be right.
+    """
+    if not isinstance(endpoint, str) or not endpoint.startswith("ipc:///"):
+        return
+    try:
+        faults = claim_socket(Path(endpoint.removeprefix("ipc://")))
+    except OSError as error:
+        faults = [f"{error.filename} cannot be created: {error.strerror}"]
+    if faults:
+        raise CallError(f"{endpoint}: another user could listen here in place of the daemon: {'; '.join(faults)}")
 
 
 def _left_ms(until: float | None) -> int:

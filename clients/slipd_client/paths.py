@@ -16,7 +16,7 @@ def runtime_dir() -> Path:
         return Path(chosen)
     if session := os.environ.get("XDG_RUNTIME_DIR"):
         return Path(session) / "slipd"
-    return Path(f"/tmp/slipd-{os.getuid()}")  # noqa: S108 - whoever creates the directory checks its owner
+    return Path(f"/tmp/slipd-{os.getuid()}")  # noqa: S108 - daemon and clients check its owner (path_trust)
 
 
 def log_file() -> Path:

@@ -38,8 +38,8 @@ class SubscriberBase:
             the block of a lease, iteration raises LeaseLost as soon as that lease may have ended.
 
     Raises:
-        CallError: ``endpoint`` is not a ZeroMQ endpoint, ``topics`` is not a sequence of strings, one of them begins
-            no topic that this client knows, or ``silence_s`` is not a positive time.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, another user could listen there, ``topics`` is not a sequence
+            of strings, one of them begins no topic that this client knows, or ``silence_s`` is not a positive time.
     """
 
     def __init__(

@@ -17,13 +17,13 @@ from pydantic import ValidationError
 from slipd.config.checks import semantic_faults
 from slipd.config.fault_texts import explain
 from slipd.config.model import Config
-from slipd.config.path_trust import trust_faults, user_name
 from slipd.config.toml_lines import key_lines, line_of, syntax_fault
 from slipd.errors import ConfigError, ConfigFault
+from slipd_client.path_trust import trust_faults, user_name
 
 
 def load(path: Path) -> Config:
-    """Read a config file that no other user may change (see `slipd.config.path_trust`).
+    """Read a config file that no other user may change (see `slipd_client.path_trust`).
 
     Raises:
         ConfigError: The file cannot be read, other users may change it, or it has faults; the error lists them all.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def with_client(call: Callable[[GripClient], object]) -> None:
-    with GripClient("ipc:///tmp/no-daemon", timeout_s=0.01) as client:
+    with GripClient("ipc:///run/slipd-test/no-daemon", timeout_s=0.01) as client:
         call(client)
 
 
@@ -29,7 +29,7 @@ def with_client(call: Callable[[GripClient], object]) -> None:
     [
         lambda: GripClient("tcp://robot"),
         lambda: Subscriber("nowhere"),
-        lambda: Subscriber("ipc:///tmp/none", topics="slip"),
+        lambda: Subscriber("ipc:///run/slipd-test/none", topics="slip"),
         lambda: with_client(lambda client: client.tare("left", 0.0)),
         lambda: with_client(lambda client: client.status()),
         lambda: decode(b""),
@@ -69,8 +69,11 @@ def test_a_wrong_call_names_the_argument_the_rule_and_the_value() -> None:
     with pytest.raises(CallError, match=r"^endpoint must be of the form .*, got 'nowhere'"):
         Subscriber("nowhere")
     with pytest.raises(CallError, match=r"^topics must be a sequence of strings, .*got 'slip'"):
-        Subscriber("ipc:///tmp/none", topics="slip")
-    with GripClient("ipc:///tmp/no-daemon") as client, pytest.raises(CallError, match=r"^seconds must be .*, got -1"):
+        Subscriber("ipc:///run/slipd-test/none", topics="slip")
+    with (
+        GripClient("ipc:///run/slipd-test/no-daemon") as client,
+        pytest.raises(CallError, match=r"^seconds must be .*, got -1"),
+    ):
         client.tare("left", -1.0)
 
 
@@ -87,21 +90,21 @@ def test_a_value_that_no_message_can_carry_is_named_with_its_field(daemon: Daemo
 @pytest.mark.parametrize("seconds", [0, -1.0, float("nan"), float("inf"), "1"])
 def test_a_duration_must_be_a_positive_time(seconds: float) -> None:
     with pytest.raises(CallError, match=r"^timeout_s must be a positive time in seconds, e.g. 1, got"):
-        GripClient("ipc:///tmp/none", timeout_s=seconds)
+        GripClient("ipc:///run/slipd-test/none", timeout_s=seconds)
     with pytest.raises(CallError, match=r"^silence_s must be a positive time in seconds, e.g. 3, got"):
-        Subscriber("ipc:///tmp/none", silence_s=seconds)
+        Subscriber("ipc:///run/slipd-test/none", silence_s=seconds)
 
 
 @pytest.mark.parametrize("topics", [b"slip", (b"slip",), None, 1])
 def test_topics_that_are_no_strings_are_a_wrong_call(topics: object) -> None:
     with pytest.raises(CallError, match=r"^topics must be a sequence of strings, e.g. "):
-        Subscriber("ipc:///tmp/none", topics=topics)  # type: ignore[arg-type]
+        Subscriber("ipc:///run/slipd-test/none", topics=topics)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("topic", ["slips", "slip.Left", "sli.left", "warning.left", "status.", "Slip", "slip left"])
 def test_a_topic_that_does_not_exist_is_a_wrong_call(topic: str) -> None:
     with pytest.raises(CallError) as caught:
-        Subscriber("ipc:///tmp/none", topics=("slip", topic))
+        Subscriber("ipc:///run/slipd-test/none", topics=("slip", topic))
     assert str(caught.value) == (
         "topics must be beginnings of slip.FINGER, warning, wrench.FINGER, tactile.FINGER, grasp, gripper, status, "
         f'or "" for everything, got {topic!r}'

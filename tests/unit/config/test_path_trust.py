@@ -13,8 +13,8 @@ from project import CONFIG, TRIAL
 
 from slipd import config
 from slipd.cli import main
-from slipd.config import path_trust
 from slipd.errors import ConfigError
+from slipd_client import path_trust
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 SOMEBODY = 54321

@@ -1,10 +1,14 @@
-"""Check that no other user can change a config: whoever can write it decides what moves.
+"""Check that no other user can change a config or stand in for the daemon. The daemon imports this too.
+
+Whoever can write the config decides what moves, and whoever can create the sockets decides what clients believe.
 
 The rule is that of OpenSSH's ``StrictModes``, as Debian ships it: the file and every folder on its path belong to root
 or to the user who runs slipd, and nobody else may write to them; a private group of that user counts as the user. It
 differs in two ways. Links are followed one by one, so the folder of a link counts too. And a folder with the sticky
 bit, such as ``/tmp``, is accepted if root or that user owns it: others may add files there, but can neither replace nor
 rename those of its owner.
+
+The socket of a daemon may belong to one more user: one whose folder root made, such as ``/run/slipd`` of the service.
 """
 
 from __future__ import annotations
@@ -28,10 +32,40 @@ def trust_faults(path: Path) -> list[str]:
     Raises:
         OSError: The file does not exist, or a folder cannot be entered.
     """
+    trusted = {ROOT_UID, os.geteuid()}
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):  # such as a pipe of the shell, which has no folder
-        return _faults(path, found)
-    return [fault for here, entry in _walk(path) for fault in _faults(here, entry)]
+        return _faults(path, found, trusted)
+    return [fault for here, entry in _walk(path) for fault in _faults(here, entry, trusted)]
+
+
+def claim_socket(path: Path) -> list[str]:
+    """Find what lets another user listen in the place of the daemon: on this socket, or on one created later.
+
+    If the folder of the socket is missing where any user could create it, such as in ``/tmp``, create it for this user
+    alone. A socket that does not exist yet, or cannot be reached, is otherwise judged by the folders above it.
+    """
+    trusted = {ROOT_UID, os.geteuid()}
+    faults: list[str] = []
+    others_create, only_root = False, False
+    try:
+        for here, entry in _walk(path):
+            if only_root:
+                trusted.add(entry.st_uid)
+            is_folder = stat.S_ISDIR(entry.st_mode)
+            others_create = is_folder and bool(entry.st_mode & stat.S_IWOTH)
+            only_root = is_folder and entry.st_uid == ROOT_UID and not entry.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+            if is_folder or entry.st_uid not in trusted:  # who may connect to the socket is not the question here
+                faults += _faults(here, entry, trusted)
+    except FileNotFoundError:
+        if others_create and not faults:
+            if path.parent.is_dir():
+                return [f"{path} may be created by any user: its folder must not be writable by other users"]
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            return claim_socket(path)
+    except OSError:  # a folder that cannot be entered: ZeroMQ cannot connect either
+        return faults
+    return faults
 
 
 def _walk(path: Path) -> Iterator[tuple[Path, os.stat_result]]:
@@ -58,10 +92,10 @@ def _walk(path: Path) -> Iterator[tuple[Path, os.stat_result]]:
         pending += [part for part in reversed(target.parts) if part != "/"]
 
 
-def _faults(path: Path, entry: os.stat_result) -> list[str]:
+def _faults(path: Path, entry: os.stat_result, trusted: set[int]) -> list[str]:
     is_folder = stat.S_ISDIR(entry.st_mode)
     what = f"the folder {path} on its path" if is_folder else str(path)
-    if entry.st_uid not in (ROOT_UID, os.geteuid()):
+    if entry.st_uid not in trusted:
         mend = f"chown {user_name(os.geteuid())} {path}"
         return [f"{what} must belong to root or to {user_name(os.geteuid())}, not to {user_name(entry.st_uid)}: {mend}"]
     if stat.S_ISLNK(entry.st_mode) or (is_folder and entry.st_mode & stat.S_ISVTX):
