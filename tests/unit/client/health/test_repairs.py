@@ -13,7 +13,6 @@ from slipd.events import HostNotice, RecordingChanged
 from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
 from slipd_client.health.status_command import print_status
 from slipd_client.messages.names import DAEMON_LATE, REASONS
-from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.slipctl_parser import parser
 
 WELL: dict[str, Any] = {
@@ -155,7 +154,7 @@ def test_a_path_with_a_space_is_one_word_of_the_command() -> None:
 def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:
     reading = {"health": 2, "address": "udp://192.168.1.1:49152", "message": "its readings are far too long " * 9}
     found = stream(**reading) | {"fingers": {"left": {"level": "unknown", "reasons": ["not_tared"]}}}
-    print_status(StatusReply(found), as_json=False)
+    print_status(found, as_json=False)
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert "          slipctl tare left all" in lines
