@@ -154,8 +154,9 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _recover(arguments: argparse.Namespace) -> int:
     from slipd.recording.recover import recover
+    from slipd_client.health.bundle import without_secrets
 
-    found = recover(arguments.file, arguments.out)
+    found = recover(arguments.file, arguments.out, without_secrets if arguments.without_secrets else str)
     for fault in found.faults:
         print(f"{arguments.file}: {fault}")
     lost = f"{found.lost} known to be missing" if found.lost or found.faults else "nothing was missing"

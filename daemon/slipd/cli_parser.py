@@ -61,6 +61,9 @@ def parser() -> argparse.ArgumentParser:
     )
     recover.add_argument("file", type=Path, metavar="FILE", help="truncated or damaged recording, MCAP; only read")
     recover.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    recover.add_argument(
+        "--without-secrets", action="store_true", help="remove passwords, tokens and keys from the config and all texts"
+    )
     recover.set_defaults(command="recover")
 
     view = add_command(commands, "view", "show a recording in a browser; prints the address of the page")

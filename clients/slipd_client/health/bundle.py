@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import platform
 import re
 import shutil
+import stat
 import subprocess
 import sys
 import tarfile
+import tempfile
 import time
 from collections.abc import Callable
 from importlib import metadata
@@ -20,6 +23,7 @@ from slipd_client.grip import GripClient
 from slipd_client.health.repairs import repairs
 from slipd_client.health.status_command import repairs_text
 from slipd_client.keys import Keys
+from slipd_client.path_trust import trust_faults
 from slipd_client.paths import log_file
 from slipd_client.subscriber import Subscriber
 
@@ -45,6 +49,9 @@ _KEYS = re.compile(
 """Keys of ZeroMQ as text (Z85), by their length; most punctuation may be part of one."""
 
 _USERS = re.compile(r"(\w+://)[^/\s@]+@")
+_RECORDING = re.compile(rb"\x89MCAP0\r\n\x01.{8}\x05\0\0\0slipd", re.DOTALL)
+"""Start of a recording: magic bytes of MCAP, and a header with the profile of slipd."""
+
 _HOMES = re.compile(r"/(?:home|Users)/[\w.-]+")
 
 
@@ -71,15 +78,25 @@ class Bundle:
             self.problems.append(f"{name}: {error}")
 
     def add_recording(self, path: Path) -> None:
-        """Add the file of a recording as it is."""
+        """Add a recording of this user without its secrets; a daemon could name any file, so any other is left out."""
         try:
-            size = path.stat().st_size
-            if size > MOST_RECORDING_BYTES:
-                self.problems.append(f"{path}: left out, it has {size} bytes")
-            else:
-                self.parts[path.name] = path.read_bytes()
+            fault = _fault_of_recording(path) or self._add_clean(path)
         except OSError as error:
-            self.problems.append(f"{path}: {error}")
+            fault = str(error)
+        if fault:
+            self.problems.append(f"{path}: left out: {fault}")
+
+    def _add_clean(self, recording: Path) -> str:
+        """Add a recording without its secrets, which only slipd itself can rewrite; return why that failed, or ""."""
+        with tempfile.TemporaryDirectory() as folder:
+            clean = Path(folder, recording.name)
+            command = [sys.executable, "-m", "slipd", "recover", str(recording), str(clean), "--without-secrets"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+            if done.returncode:
+                why = (done.stderr or done.stdout).strip().rpartition("\n")[2]
+                return f"slipd cannot remove its secrets: {why}"
+            self.parts[recording.name] = clean.read_bytes()
+        return ""
 
     def write(self, path: Path) -> None:
         """Write a new file that only this user can read.
@@ -140,10 +157,33 @@ def diagnose(
     bundle.add("log.txt", _log)
     for path in recordings:
         bundle.add_recording(Path(path))
-    bundle.write(out)
-    print(f"{out}: {', '.join(bundle.parts)}")
+    for name, data in bundle.parts.items():
+        print(f"{name}: {len(data)} bytes")
     for problem in bundle.problems:
         print(f"not in it: {problem}")
+    if sys.stdin.isatty():
+        input(f"Enter writes this to {out}, Ctrl-C writes nothing ")
+    bundle.write(out)
+    print(f"{out}: written")
+
+
+def _fault_of_recording(path: Path) -> str:
+    """Return why a file is not a recording of slipd that this user, and nobody else, could have written; "" if it is.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    found = path.lstat()
+    if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid():
+        return "it must be a file of the user who runs this command"
+    if faults := trust_faults(path):
+        return "; ".join(faults)
+    with path.open("rb") as file:
+        if not _RECORDING.match(file.read(64)):
+            return "it is not a recording of slipd"
+    if found.st_size > MOST_RECORDING_BYTES:
+        return f"it has {found.st_size} bytes, and the most is {MOST_RECORDING_BYTES}"
+    return ""
 
 
 def _versions() -> str:

@@ -9,18 +9,22 @@ from __future__ import annotations
 import mmap
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
+import msgpack
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from slipd.errors import RecordingError
+from slipd.events import Bytes
 from slipd.recording.entry_walk import Entered, EntryWalk, Published
 from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile, check_new
 from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
@@ -49,12 +53,13 @@ class Recovered:
     faults: list[str] = field(default_factory=list)
 
 
-def recover(source: Path, out: Path) -> Recovered:
+def recover(source: Path, out: Path, clean: Callable[[str], str] = str) -> Recovered:
     """Write every intact entry of a recording to a new, complete file.
 
     Args:
         source: The recording; it is only read.
         out: The new file. It states as missing what is missing in the source.
+        clean: Returns what to write for the config, and for each text of an event or message.
 
     Raises:
         RecordingError: The source is no recording, its start or all of its entries are damaged, or ``out`` exists or
@@ -73,16 +78,17 @@ def recover(source: Path, out: Path) -> Recovered:
             raise RecordingError(f"{source}: holds no entry that is intact; {'; '.join(found.faults)}")
         written = RecordingFile(
             out,
-            config_text=recording.config_text,
+            config_text=clean(recording.config_text),
             boot=recording.boot,
             wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
             versions=recording.versions,
             first=recording.first,
         )
+        write = _write if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
         try:
-            _write(written, first)
+            write(written, first)
             for entry in entries:
-                _write(written, entry)
+                write(written, entry)
             written.finish(salvage.end, salvage.stopped)
         except OSError as error:
             written.remove()
@@ -96,6 +102,31 @@ def _write(file: RecordingFile, entry: Entered | Published) -> None:
         file.event(entry.n, entry.t_ns, entry.event)
     else:
         file.published(entry.n, entry.t_ns, entry.topic, entry.payload)
+
+
+def _cleaning(clean: Callable[[str], str]) -> Callable[[RecordingFile, Entered | Published], None]:
+    """Return a `_write` that cleans each text first."""
+
+    def cleaned(value: Any) -> Any:
+        if isinstance(value, str):
+            return clean(value)
+        if isinstance(value, dict):
+            return {key: cleaned(each) for key, each in value.items()}
+        if isinstance(value, list):
+            return [cleaned(each) for each in value]
+        return value
+
+    def write(file: RecordingFile, entry: Entered | Published) -> None:
+        if isinstance(entry, Published):
+            payload = msgpack.packb(cleaned(msgpack.unpackb(entry.payload)))
+            file.published(entry.n, entry.t_ns, entry.topic, payload)
+            return
+        event: Any = entry.event
+        if not isinstance(event, Bytes):
+            event = replace(event, **{each.name: cleaned(getattr(event, each.name)) for each in fields(event)})
+        file.event(entry.n, entry.t_ns, event)
+
+    return write
 
 
 def _verify(out: Path, found: Recovered) -> None:

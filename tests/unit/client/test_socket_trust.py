@@ -39,12 +39,13 @@ def home(shared: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def reached(tmp_path: Path) -> Iterator[None]:
     """Let another user reach the folders of this test."""
-    before = {folder: folder.stat().st_mode for folder in (tmp_path, *tmp_path.parents[:2])}
-    for folder, mode in before.items():
-        folder.chmod(stat.S_IMODE(mode) | 0o011)
+    closed = [folder for folder in (tmp_path, *tmp_path.parents) if not folder.stat().st_mode & stat.S_IXOTH]
+    modes = [stat.S_IMODE(folder.stat().st_mode) for folder in closed]
+    for folder, mode in zip(closed, modes, strict=True):
+        folder.chmod(mode | stat.S_IXOTH)
     yield
-    for folder, mode in before.items():
-        folder.chmod(stat.S_IMODE(mode))
+    for folder, mode in zip(closed, modes, strict=True):
+        folder.chmod(mode)
 
 
 def as_somebody(*command: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import stat
 import tarfile
@@ -10,12 +11,17 @@ from pathlib import Path
 
 import pytest
 
+from slipd.events import LinkDown
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
 from slipd_client import slipctl
 from slipd_client.errors import CallError
 from slipd_client.health import bundle
 from slipd_client.health.bundle import REMOVED, Bundle, without_secrets
 from slipd_client.keys import create
+from slipd_client.messages import decode, encode
 
+SECRET_URL = "ws://robot:hunter2@host:5000"
 KEY = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
 
 
@@ -59,25 +65,73 @@ def test_a_bundle_is_private_and_overwrites_nothing(tmp_path: Path) -> None:
     made, path = Bundle(), tmp_path / "out.tar.gz"
     made.add("config.toml", lambda: 'token = "x"\n')
     made.add("log.txt", lambda: (_ for _ in ()).throw(FileNotFoundError("no journal")))
-    made.add_recording(tmp_path / "none.mcap")
     made.write(path)
     found = contents(path)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert found["config.toml"] == f'token = "{REMOVED}"\n'
     assert "log.txt: no journal" in found["problems.txt"]
-    assert "none.mcap" in found["problems.txt"]
     with pytest.raises(CallError, match="exists, and is not overwritten"):
         made.write(path)
     with pytest.raises(CallError, match="cannot be written"):
         made.write(tmp_path / "nowhere" / "out.tar.gz")
 
 
-def test_a_long_recording_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bundle, "MOST_RECORDING_BYTES", 3)
-    (tmp_path / "run.mcap").write_bytes(b"1234")
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A recording with a password in its config, in a message and in an event."""
+    file = RecordingFile(
+        tmp_path / "run.mcap", config_text=f'port = "{SECRET_URL}"\n', boot="b", wall_minus_monotonic_ns=0
+    )
+    file.event(0, 1, LinkDown("pads", f"{SECRET_URL} does not answer"))
+    file.published(1, 2, "status", encode({"streams": [{"address": SECRET_URL, "rate_hz": 0.1}]}))
+    file.finish(2)
+    return tmp_path / "run.mcap"
+
+
+def test_the_secrets_inside_a_recording_are_removed_and_the_rest_stays(recording: Path, tmp_path: Path) -> None:
     made = Bundle()
-    made.add_recording(tmp_path / "run.mcap")
-    assert (made.parts, made.problems) == ({}, [f"{tmp_path}/run.mcap: left out, it has 4 bytes"])
+    made.add_recording(recording)
+    assert made.problems == []
+    clean = tmp_path / "clean.mcap"
+    clean.write_bytes(made.parts["run.mcap"])
+    found = open_recording(clean)
+    (_, event), (_, payload) = *found.events(), *found.messages()
+    address = f"ws://{REMOVED}@host:5000"
+    assert found.config_text == f'port = "{address}"\n'
+    assert event == LinkDown("pads", f"{address} does not answer")
+    assert decode(payload)["streams"] == [{"address": address, "rate_hz": 0.1}]
+
+
+def test_only_recordings_of_this_user_are_added(recording: Path, tmp_path: Path) -> None:
+    (key := tmp_path / "key.mcap").write_text("-----BEGIN OPENSSH PRIVATE KEY-----\n", encoding="utf-8")
+    (link := tmp_path / "link.mcap").symlink_to(recording)
+    (open_to_all := tmp_path / "open.mcap").write_bytes(recording.read_bytes())
+    open_to_all.chmod(0o666)
+    left_out = {
+        key: "it is not a recording of slipd",
+        link: "it must be a file of the user",
+        open_to_all: "must not be writable by other users",
+        tmp_path / "none.mcap": "No such file",
+    }
+    if os.geteuid() == 0:  # only root gives files away
+        (other := tmp_path / "other.mcap").write_bytes(recording.read_bytes())
+        os.chown(other, 54321, -1)
+        left_out[other] = "it must be a file of the user"
+    made = Bundle()
+    for path in left_out:
+        made.add_recording(path)
+    assert made.parts == {}
+    for (path, why), problem in zip(left_out.items(), made.problems, strict=True):
+        assert problem.startswith(f"{path}: left out: ")
+        assert why in problem
+
+
+def test_a_long_recording_is_left_out(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bundle, "MOST_RECORDING_BYTES", 3)
+    made = Bundle()
+    made.add_recording(recording)
+    size = recording.stat().st_size
+    assert (made.parts, made.problems) == ({}, [f"{recording}: left out: it has {size} bytes, and the most is 3"])
 
 
 def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
