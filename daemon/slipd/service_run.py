@@ -26,11 +26,12 @@ from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, HostNotice, Publish, Record, Reply, Request, Tick, Write
 from slipd.log_lines import log_kept
-from slipd.recording.continuous_recording import PREFIX, ContinuousRecording, delete_oldest, run_name
+from slipd.recording.continuous_recording import KIND, ContinuousRecording, run_name
 from slipd.recording.incidents import Incidents, file_of_run
 from slipd.recording.mcap_file import check_new
 from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
+from slipd.recording.run_files import RunFiles
 from slipd.recording.state_file import StateFile
 from slipd.recording.writer import Recorder, Room
 from slipd.stored_state import rig_of
@@ -121,6 +122,7 @@ class ServiceRun:
         """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
         self._requested = self._stack.enter_context(contextlib.closing(self._requested_recordings()))
         self._recorders.append(self._requested)
+        files = self._stack.enter_context(contextlib.closing(RunFiles(self._recordings_dir, self.boot)))
         recording = self._stack.enter_context(ExitStack())  # closed after the sockets, with the last messages
         self._open_bus(self._stack)
         if self._record is not None:
@@ -129,10 +131,10 @@ class ServiceRun:
             self._recorders.append(recorder)
             recording.callback(self._close_recording, self._recording)
         elif self._config.recording.continuous.enabled:
-            self._continuous = recording.enter_context(contextlib.closing(self._continuous_recording()))
+            self._continuous = recording.enter_context(contextlib.closing(self._continuous_recording(files)))
             self._recorders.append(self._continuous)
         if self._config.recording.incidents.enabled:
-            self._incidents = recording.enter_context(contextlib.closing(self._make_incidents()))
+            self._incidents = recording.enter_context(contextlib.closing(self._make_incidents(files)))
             self._recorders.append(self._incidents)
         if self._config.restart.tare_age_s > 0.0:
             path = state_dir() / f"state-{rig_of(self._config)}.json"
@@ -171,19 +173,20 @@ class ServiceRun:
 
         return RequestedRecordings(folder, partial(self._make_recorder, room=room), prepare)
 
-    def _continuous_recording(self) -> ContinuousRecording:
+    def _continuous_recording(self, files: RunFiles) -> ContinuousRecording:
         folder, limits = self._recordings_dir, self._config.recording
         continuous = limits.continuous
         room = Room(sys.maxsize, limits.min_free_bytes)
 
         def prepare() -> None:
             private_directory(folder)
-            delete_oldest(folder, PREFIX, continuous.keep_files - 1, continuous.keep_bytes - continuous.file_bytes)
+            files.delete_oldest(KIND, continuous.keep_files - 1, continuous.keep_bytes - continuous.file_bytes)
 
-        recordings = RequestedRecordings(folder, partial(self._make_recorder, room=room), prepare)
+        make = partial(self._make_recorder, room=room, place=files.place)
+        recordings = RequestedRecordings(folder, make, prepare)
         return ContinuousRecording(recordings, continuous, run_name(self.boot, self._wall_minus_monotonic_ns))
 
-    def _make_incidents(self) -> Incidents:
+    def _make_incidents(self, files: RunFiles) -> Incidents:
         folder, limits = self._recordings_dir, self._config.recording
 
         def prepare() -> None:
@@ -192,10 +195,15 @@ class ServiceRun:
 
         create = file_of_run(self._config.text, self.boot, self._wall_minus_monotonic_ns)
         name = run_name(self.boot, self._wall_minus_monotonic_ns)
-        return Incidents(folder, limits.incidents, name, create, prepare)
+        return Incidents(files, limits.incidents, name, create, prepare)
 
     def _make_recorder(
-        self, path: Path, prepare: Callable[[], None] | None = None, *, room: Room | None = None
+        self,
+        path: Path,
+        prepare: Callable[[], None] | None = None,
+        *,
+        room: Room | None = None,
+        place: Callable[[Path], Path] | None = None,
     ) -> Recorder:
         return Recorder(
             path,
@@ -203,6 +211,7 @@ class ServiceRun:
             boot=self.boot,
             wall_minus_monotonic_ns=self._wall_minus_monotonic_ns,
             prepare=prepare,
+            place=place,
             room=room,
         )
 

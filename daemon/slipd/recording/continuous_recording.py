@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 
 from slipd.config import Continuous
 from slipd.events import Event, FirstEvents, Record, RecordingChanged
@@ -16,23 +13,7 @@ from slipd.requests.recording_state import utc_stamp
 RETRY_NS = 60_000_000_000
 """Time from the failure of a file to the next attempt, ns."""
 
-PREFIX = "run-"
-
-_log = logging.getLogger(__name__)
-
-
-def delete_oldest(directory: Path, prefix: str, keep_files: int, keep_bytes: float = float("inf")) -> None:
-    """Delete the oldest recordings of a kind, so that no more than some files and bytes remain.
-
-    The names begin with the time, so the oldest come first. A file that cannot be deleted stays.
-    """
-    kept = kept_bytes = 0
-    for path in sorted(directory.glob(f"{prefix}*.mcap"), reverse=True):
-        with suppress(OSError):
-            kept, kept_bytes = kept + 1, kept_bytes + path.stat().st_size
-            if kept > keep_files or kept_bytes > keep_bytes:
-                path.unlink()
-                _log.info("%s: deleted, it was the oldest", path)
+KIND = "run"
 
 
 class ContinuousRecording:
@@ -41,7 +22,7 @@ class ContinuousRecording:
     Args:
         recordings: Writes the files, one at a time.
         limits: ``[recording.continuous]``.
-        name: Returns the name of a file that begins at a time, without number and suffix.
+        name: Returns the name of a file that begins at a time, without kind, number and suffix.
     """
 
     def __init__(self, recordings: RequestedRecordings, limits: Continuous, name: Callable[[int], str]) -> None:
@@ -76,7 +57,7 @@ class ContinuousRecording:
 
     def _begin(self, t_ns: int, first: FirstEvents) -> None:
         self._count += 1
-        self._name = f"{PREFIX}{self._name_at(t_ns)}-{self._count:04}.mcap"
+        self._name = f"{KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
         self._due_ns = t_ns + round(self._limits.file_s * 1e9)
         self._recordings.handle(Record(self._name, first), t_ns)
 

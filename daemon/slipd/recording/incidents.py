@@ -17,12 +17,12 @@ from typing import Any
 from slipd.config import Incidents as IncidentLimits
 from slipd.errors import RecordingError
 from slipd.events import Event, IncidentsChanged
-from slipd.recording.continuous_recording import delete_oldest
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.run_files import RunFiles
 from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT
 
-PREFIX = "incident-"
+KIND = "incident"
 
 LEVELS = ("caution", "warning", "slipping")
 """Levels that may count as an incident, the least alarming first."""
@@ -62,7 +62,7 @@ class Incidents:
     Call all methods from one thread. None of them blocks but `close`, and none raises because of a disk.
 
     Args:
-        directory: Folder of the files.
+        files: The files of the run.
         limits: ``[recording.incidents]``.
         name: Returns the first part of the name of a file, by its time.
         create: Returns a new file, given its path and the index of its first entry.
@@ -71,13 +71,13 @@ class Incidents:
 
     def __init__(
         self,
-        directory: Path,
+        files: RunFiles,
         limits: IncidentLimits,
         name: Callable[[int], str],
         create: Callable[[Path, int], RecordingFile],
         prepare: Callable[[], None],
     ) -> None:
-        self._directory, self._limits, self._name = directory, limits, name
+        self._files, self._limits, self._name = files, limits, name
         self._create, self._prepare = create, prepare
         self._levels = LEVELS[LEVELS.index(limits.level) :]
         self._next_ns: dict[str, int] = {}  # before it nothing of a kind is saved
@@ -130,7 +130,7 @@ class Incidents:
         if self._ignored:
             _log.info("%d incidents within %g s of the last saved one", self._ignored, self._limits.pause_s)
         self._ignored, self._next_ns[kind] = 0, t_ns + round(self._limits.pause_s * 1e9)
-        path = self._directory / f"{PREFIX}{self._name(t_ns)}-{what}.mcap"
+        path = self._files.folder / f"{KIND}-{self._name(t_ns)}-{what}.mcap"
         self._queue.put(_Save(path, t_ns + round(self._limits.after_s * 1e9)))
 
     def change(self, t_ns: int) -> IncidentsChanged | None:
@@ -176,8 +176,8 @@ class Incidents:
         """Write the file; a disk that fails costs this file only."""
         try:
             self._prepare()
-            delete_oldest(self._directory, PREFIX, self._limits.keep_files - 1)
-            file = self._create(order.path, self._ring.first)
+            self._files.delete_oldest(KIND, self._limits.keep_files - 1)
+            file = self._create(self._files.place(order.path), self._ring.first)
         except (RecordingError, OSError) as error:
             self._note_failure(order.path, str(error))
             return
@@ -185,10 +185,10 @@ class Incidents:
             self._ring.write(file)
         except OSError as error:
             file.remove()
-            self._note_failure(order.path, str(error.strerror))
+            self._note_failure(file.path, str(error.strerror))
             return
-        self._outcome = replace(self._outcome, saved=self._outcome.saved + 1, path=str(order.path), reason="")
-        _log.warning("%s: saved, with what happened before", order.path, extra={"slipd_recording": order.path})
+        self._outcome = replace(self._outcome, saved=self._outcome.saved + 1, path=str(file.path), reason="")
+        _log.warning("%s: saved, with what happened before", file.path, extra={"slipd_recording": file.path})
 
     def _note_failure(self, path: Path, reason: str) -> None:
         why = f"{path}: not saved: {reason}"

@@ -130,6 +130,9 @@ class RecordingFile:
         versions: Versions of Python, slipd and its libraries in the recorded run; None: those of this process.
         first: Index of the first entry.
 
+    Attributes:
+        path: The file.
+
     Raises:
         RecordingError: The file cannot be created. Every other method raises OSError when the disk fails.
     """
@@ -144,6 +147,7 @@ class RecordingFile:
         versions: dict[str, str] | None = None,
         first: int = 0,
     ) -> None:
+        self.path = path
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._channels: dict[str, int] = {}
         check_new(path)

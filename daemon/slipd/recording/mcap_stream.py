@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -44,8 +45,10 @@ class RecordStream:
         self._whole = self._written
 
     def sync(self) -> None:
-        """Pass everything to the disk, so that it survives a power cut."""
+        """Pass everything to the disk, so that it survives a power cut; a file that was deleted is a failed disk."""
         os.fdatasync(self._file.fileno())
+        if not os.fstat(self._file.fileno()).st_nlink:
+            raise OSError(errno.ENOENT, "the file was deleted while it was written")
 
     def free_bytes(self) -> int:
         """Return the free space of the disk, bytes."""

@@ -82,6 +82,7 @@ class Recorder:
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
         prepare: Called on the writer thread, which then also creates the file, so that the caller never waits for a
             disk. A RecordingError from it becomes the failure or limit. None: the file is created at once.
+        place: Called after ``prepare`` with the path; returns the one to create. None: the path itself.
         room: Limits on the disk space; None: no limit.
 
     Raises:
@@ -96,17 +97,18 @@ class Recorder:
         boot: str,
         wall_minus_monotonic_ns: int,
         prepare: Callable[[], None] | None = None,
+        place: Callable[[Path], Path] | None = None,
         room: Room | None = None,
     ) -> None:
         self.path = path
         self.failure: str | None = None
         self.limit: str | None = None
-        self._prepare = prepare
+        self._prepare, self._place = prepare, place
         self._room = room
         self._create = partial(
-            RecordingFile, path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
+            RecordingFile, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
         )
-        self._file = self._create() if prepare is None else None
+        self._file = self._create(path) if prepare is None else None
         self.begun = self._file is not None
         self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
         self._entries = 0
@@ -184,7 +186,9 @@ class Recorder:
         try:
             if self._prepare is not None:
                 self._prepare()
-            self._file = file = file or self._create()
+            if self._place is not None:
+                self.path = self._place(self.path)
+            self._file = file = file or self._create(self.path)
             self.begun = True
             self._write_until_closed(file)
             file.finish(self._entries)

@@ -6,11 +6,9 @@ import os
 import time
 from pathlib import Path
 
-import pytest
-
 from slipd.config import Continuous
 from slipd.events import LinkUp, Tick
-from slipd.recording.continuous_recording import RETRY_NS, ContinuousRecording, delete_oldest, run_name
+from slipd.recording.continuous_recording import RETRY_NS, ContinuousRecording, run_name
 from slipd.recording.entry_walk import Entered
 from slipd.recording.reader import open_recording
 from slipd.recording.requested_recordings import RequestedRecordings
@@ -94,15 +92,3 @@ def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried
     assert (run.changes[-1].name, run.changes[-1].state) == ("", "running")
     run.recording.close()
     assert open_recording(run.files()[0]).closed
-
-
-@pytest.mark.parametrize(("files", "size", "left"), [(3, 10**6, "678"), (100, 25, "78"), (100, 5, ""), (0, 100, "")])
-def test_the_oldest_files_are_deleted_and_others_are_left(tmp_path: Path, files: int, size: int, left: str) -> None:
-    for n in range(9):
-        (tmp_path / f"run-2026{n}.mcap").write_bytes(bytes(10))
-    others = ["slipd-2020.mcap", "incident-2020.mcap", "run-2020.txt"]
-    for name in others:
-        (tmp_path / name).write_bytes(bytes(10))
-    delete_oldest(tmp_path, "run-", files, size)
-    kept = {path.name for path in tmp_path.iterdir()}
-    assert kept == {f"run-2026{n}.mcap" for n in left} | set(others)

@@ -12,11 +12,13 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, IncidentsChanged, LinkDown, LinkUp
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
+from slipd.recording.continuous_recording import run_name
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.entry_walk import Entered
 from slipd.recording.incidents import Incidents, file_of_run
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
+from slipd.recording.run_files import RunFiles
 
 SECOND_NS = 1_000_000_000
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
@@ -25,13 +27,19 @@ WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
 @pytest.fixture
 def incidents(tmp_path: Path, about_run):
     def make(prepare=lambda: None, **limits: object) -> Incidents:
-        return Incidents(tmp_path, Limits(**limits), lambda t_ns: f"{t_ns:020}", file_of_run(**about_run), prepare)
+        return Incidents(
+            RunFiles(tmp_path, "b00t"), Limits(**limits), run_name("b00t", 0), file_of_run(**about_run), prepare
+        )
 
     return make
 
 
+def called(number: int, second: int, what: str) -> str:
+    return f"incident-{number:06}-{run_name('b00t', 0)(second * SECOND_NS)}-{what}.mcap"
+
+
 def files(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
+    return sorted(path.name for path in folder.glob("*.mcap"))
 
 
 def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_the_pause(
@@ -46,9 +54,9 @@ def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_t
         if n in (5, 6, 7, 100, 199):
             kept.note_warning(WARNING, t_ns)
     kept.close()
-    assert files(tmp_path) == [f"incident-{n * SECOND_NS:020}-left-warning.mcap" for n in (5, 100, 199)]
+    assert files(tmp_path) == [called(k, n, "left-warning") for k, n in enumerate((5, 100, 199), 1)]
     ends = []
-    for path in sorted(tmp_path.iterdir()):
+    for path in sorted(tmp_path.glob("*.mcap")):
         recording = open_recording(path)
         entries = list(recording.entries())
         assert recording.complete
@@ -77,7 +85,7 @@ def test_the_level_decides_what_is_an_incident(
     kept = incidents(level=least)
     kept.note_warning({"finger": "left", "level": level, "previous": previous}, 0)
     kept.close()
-    assert files(tmp_path) == ([f"incident-{0:020}-{name}.mcap"] if name else [])
+    assert files(tmp_path) == ([called(1, 0, name)] if name else [])
 
 
 def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_path: Path, incidents) -> None:
@@ -90,7 +98,7 @@ def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_
         kept.note_grasp({"state": state, "state_t_ns": since}, t_ns)
     kept.close()
     names = (1, "left-warning"), (3, "grasp-lost"), (70, "grasp-lost")
-    assert files(tmp_path) == [f"incident-{second * SECOND_NS:020}-{what}.mcap" for second, what in names]
+    assert files(tmp_path) == [called(number, *name) for number, name in enumerate(names, 1)]
 
 
 def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
@@ -120,7 +128,7 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     change = kept.change(9 * SECOND_NS)
     assert change is not None
     assert 0 < change.dropped < 100
-    path = tmp_path / f"incident-{2 * SECOND_NS:020}-grasp-lost.mcap"
+    path = tmp_path / called(1, 2, "grasp-lost")
     assert change == IncidentsChanged(1, 1, 1, change.dropped, str(path), "")
 
 
@@ -142,14 +150,14 @@ def test_a_disk_without_room_or_that_fails_costs_the_file_only(
     kept = incidents(full)
     kept.note_warning(WARNING, 0)
     kept.close()
-    assert "incident-00000000000000000000-left-warning.mcap: not saved: no room" in caplog.text
+    assert "incident-19700101T000000Z-b00t-left-warning.mcap: not saved: no room" in caplog.text
     kept = incidents()
     for n in range(1000):
         kept.event(Bytes("left.wrench", bytes(range(n % 256))), n)
     kept.note_warning(WARNING, 1)
     with small_disk(5000):
         kept.close()
-    assert "incident-00000000000000000001-left-warning.mcap: not saved: File too large" in caplog.text
+    assert "incident-000001-19700101T000000Z-b00t-left-warning.mcap: not saved: File too large" in caplog.text
     assert files(tmp_path) == []
 
 
