@@ -213,6 +213,16 @@ def _export(arguments: argparse.Namespace) -> int:
     return DONE if whole else FAULT
 
 
+def _devices(arguments: argparse.Namespace) -> int:
+    from slipd.devices_command import print_device, print_devices
+
+    if arguments.name is None:
+        print_devices()
+    else:
+        print_device(arguments.name)
+    return DONE
+
+
 def _init(arguments: argparse.Namespace) -> int:
     from slipd.discovery.init_command import init_command
 
@@ -279,6 +289,7 @@ COMMANDS = {
     "export": _export,
     "plot": _plot,
     "identify": _identify,
+    "devices": _devices,
     "init": _init,
     "commission": _commission,
     "emulate": _emulate,

@@ -113,6 +113,7 @@ def parser() -> argparse.ArgumentParser:
     identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
     identify.set_defaults(command="identify")
 
+    _add_devices(commands)
     _add_init(commands)
     _add_commission(commands)
     _emulation(commands)
@@ -164,6 +165,12 @@ def _add_shipped(commands: Any) -> None:
     docs = add_command(commands, "docs", "list the pages of the documentation, or print one")
     docs.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
     docs.set_defaults(command="docs")
+
+
+def _add_devices(commands: Any) -> None:
+    devices = add_command(commands, "devices", "list the installed devices with their packages, or describe one")
+    devices.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
+    devices.set_defaults(command="devices")
 
 
 def _add_init(commands: Any) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from inspect import Parameter
 
 from slipd.config.docstring_parts import arguments_of
-from slipd.devices import DEVICES, Device
+from slipd.devices import SLIPD, Device, installed
 
 _TYPES = {
     "int": "integer",
@@ -26,9 +26,17 @@ _KEYS = {"rows", "cols", "wiring", "force_table", "width_table", "speed_table"}
 
 def option_rows() -> Iterator[tuple[str, ...]]:
     """Yield device, option, type, default and meaning of every option."""
-    for name, device in DEVICES.items():
-        for option, parameter in _parameters(device).items():
-            yield f"`{name}`", f"`{option}`", _TYPES[parameter.annotation], _default(parameter), _text(device, option)
+    for each in installed():
+        if each.package == SLIPD and each.device is not None:
+            for row in options_of(each.device):
+                yield f"`{each.name}`", *row
+
+
+def options_of(device: Device) -> Iterator[tuple[str, str, str, str]]:
+    """Yield option, type, default and meaning of every option of a device."""
+    for option, parameter in _parameters(device).items():
+        annotation = str(parameter.annotation)
+        yield f"`{option}`", _TYPES.get(annotation, annotation), _default(parameter), _text(device, option)
 
 
 def _parameters(device: Device) -> dict[str, Parameter]:
@@ -52,6 +60,8 @@ def _text(device: Device, option: str) -> str:
 
 
 def _default(parameter: Parameter) -> str:
+    if parameter.default is Parameter.empty:
+        return "required"
     if parameter.default is None:
         return "left out"
     return f"`{json.dumps(parameter.default)}`"

@@ -7,7 +7,8 @@ from urllib.parse import urlsplit
 from slipd.config.stream_model import Stream
 from slipd.config.stream_settings import device_options, stale_after_ns, transport_of
 from slipd.config.value_bounds import MARGIN, Fault
-from slipd.devices import DEVICES, Device
+from slipd.devices import DEVICES, SLIPD, Decoder, Device, GripperSession, Session, find_device
+from slipd.devices.shared.other_packages import is_installed, normalized
 
 _KINDS = {
     "wrench": ("wrench",),
@@ -42,10 +43,12 @@ def stream_faults(path: str, stream: Stream, kind: str) -> list[Fault]:
         stream: The stream.
         kind: Kind of device that belongs here: "wrench", "tactile", "gripper" or "object".
     """
+    faults = _package_faults(path, stream)
+    if faults:
+        return faults
     device = DEVICES.get(stream.device)
-    fitting = {name: known for name, known in DEVICES.items() if kind in _KINDS[known.kind]}
-    if device is None or stream.device not in fitting:
-        known = ", ".join(sorted(fitting))
+    if device is None or kind not in _KINDS[device.kind]:
+        known = ", ".join(sorted(name for name, known in DEVICES.items() if kind in _KINDS[known.kind]))
         return [(f"{path}.device", f"must be a {kind} device, got {stream.device!r}; known: {known}")]
     return (
         _port_faults(path, stream, device)
@@ -54,6 +57,23 @@ def stream_faults(path: str, stream: Stream, kind: str) -> list[Fault]:
         or _staleness_faults(path, stream)
         or _option_faults(path, stream, device)
     )
+
+
+def _package_faults(path: str, stream: Stream) -> list[Fault]:
+    """Find a package that is not installed, or that does not provide a device that can be used."""
+    found, key = find_device(stream.device), f"{path}.package"
+    if found is None:
+        if not stream.package:
+            return []
+        why = "does not provide it" if is_installed(stream.package) else "is not installed"
+        return [(key, f"{stream.device!r} needs the package {stream.package!r}, which {why}: install it with pip")]
+    if found.fault:
+        return [(f"{path}.device", f"{stream.device!r} of {found.package} cannot be used: {found.fault}")]
+    if normalized(found.package) == normalized(stream.package or SLIPD):
+        return []
+    if found.package == SLIPD:
+        return [(key, f"must be left out: {stream.device!r} is a device of slipd, got {stream.package!r}")]
+    return [(key, f"must be {found.package!r}, the package that provides {stream.device!r}, got {stream.package!r}")]
 
 
 def _port_faults(path: str, stream: Stream, device: Device) -> list[Fault]:
@@ -133,9 +153,14 @@ def _option_faults(path: str, stream: Stream, device: Device) -> list[Fault]:
     if device.needs_wiring and "wiring" in stream.options:
         return [(f"{path}.options.wiring", "must be left out: the address in port determines it")]
     try:
-        (device.session or device.decoder)(**device_options(stream))
+        made = (device.session or device.decoder)(**device_options(stream))
     except (TypeError, ValueError, OverflowError) as error:
         return [(f"{path}.options", str(error))]
     except ZeroDivisionError:  # two rows of a table are equal, which `gripper_faults` reports
         return []
+    except Exception as error:  # of a device of another package
+        return [(f"{path}.device", f"{device.name!r} cannot be used: {type(error).__name__}: {error}")]
+    needed = GripperSession if device.kind == "gripper" else Session if device.session else Decoder
+    if not isinstance(made, needed):
+        return [(f"{path}.device", f"{device.name!r} cannot be used: it makes no slipd.devices.{needed.__name__}")]
     return []

@@ -27,6 +27,8 @@ class Stream(StrictModel):
     Attributes:
         device: Name of the device, as listed in docs/devices.md. Wrong: its bytes are not understood: no reading, and
             `slipctl status` shows what arrives instead.
+        package: Package that provides the device, if it is not one of slipd's own; `slipd devices` lists the installed
+            ones. "": slipd. Wrong: the config is refused; the error names the package to install.
         port: Path of a serial port, ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``ws://HOST:PORT``, or the local socket
             (``ipc:///PATH``, ``unix:///PATH``) to which another program connects. Wrong: no reading, or those of
             another device; `slipctl status` shows what arrives.
@@ -56,6 +58,7 @@ class Stream(StrictModel):
     """
 
     device: str
+    package: str = ""
     port: str = Field(min_length=1, pattern=r"^[^\x00-\x1f]+$")
     sensor: str = ""
     hardware_id: str = ""

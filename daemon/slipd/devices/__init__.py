@@ -1,311 +1,139 @@
 """Devices, one file or folder each: bytes to samples, permits to bytes; pure. `shared` has their common parts.
 
-`DEVICES` maps names to devices. A device is a module or package of this folder with a ``DEVICE``; it is loaded on first
-use (docs/adding_a_device.md).
+`DEVICES` maps names to devices. A device is a module or package of this folder with a ``DEVICE``, or the ``DEVICE`` of
+another installed package, named by its entry points ``slipd.devices`` (docs/adding_a_device.md). It is loaded on first
+use.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, Literal, Protocol, cast
 
-if TYPE_CHECKING:
-    from slipd.devices.shared.decoder_health import DecoderHealth
-    from slipd.permit import Permit
-    from slipd.samples import Sample
+from slipd import __version__
+from slipd.devices.shared.device_interface import (
+    EVIDENCE,
+    INTERFACE,
+    Decoder,
+    Device,
+    Evidence,
+    GripperSession,
+    GripRange,
+    Inquiry,
+    Need,
+    RateOption,
+    Session,
+)
+from slipd.devices.shared.other_packages import providers
 
+__all__ = [
+    "DEVICES",
+    "EVIDENCE",
+    "INTERFACE",
+    "Decoder",
+    "Device",
+    "Evidence",
+    "GripRange",
+    "GripperSession",
+    "Inquiry",
+    "Installed",
+    "Need",
+    "RateOption",
+    "Session",
+    "find_device",
+    "installed",
+]
 
-class Decoder(Protocol):
-    """Convert a device's bytes to samples, however the stream is split; count bad bytes, and never raise for them."""
-
-    health: DecoderHealth
-
-    def receive(self, data: bytes, t_ns: int) -> Sequence[Sample]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
-        ...
-
-    def forget(self) -> None:
-        """Drop a partial frame and any expectation of what follows, because the line was closed."""
-        ...
-
-
-class Session(Protocol):
-    """Protocol session with a device that needs requests; it owns the decoder of the answers.
-
-    The caller sends the bytes that `start`, `on_time` and `stop` return, and calls `on_time` when `next_deadline` is
-    reached; at once if a call to `receive` or a command brings the deadline forward.
-    """
-
-    health: DecoderHealth
-
-    @property
-    def state(self) -> str:
-        """State of the session, as a short text for people."""
-        ...
-
-    @property
-    def identity(self) -> str:
-        """Identity that the device reports, such as its serial number; "" if it reports none, or none yet."""
-        ...
-
-    def start(self, now_ns: int) -> bytes:
-        """Begin, on a freshly opened link."""
-        ...
-
-    def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
-        """Decode bytes received at ``now_ns``; return the readings they complete."""
-        ...
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None for never."""
-        ...
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the bytes that are due to be sent at ``now_ns``; empty if there are none."""
-        ...
-
-    def stop(self) -> bytes:
-        """End; return the last bytes to send."""
-        ...
-
-
-class GripperSession(Session, Protocol):
-    """Protocol session with a gripper, in metres between the pads and newtons on one pad.
-
-    Nothing moves without a permit, and a permit that the gripper cannot accept sends nothing. A table in a module of
-    its own (``<device>_states``) defines what the session accepts in each state.
-    """
-
-    @property
-    def activating(self) -> bool:
-        """Whether an activation is queued or in progress; until it is over no move and no force is accepted."""
-        ...
-
-    @property
-    def command_lost(self) -> bool:
-        """Whether the gripper refused the last command, or never acknowledged it."""
-        ...
-
-    @property
-    def width_range_m(self) -> tuple[float, float]:
-        """Smallest and largest width between the pads, m; (0, inf) until the gripper reports them."""
-        ...
-
-    @property
-    def width_step_m(self) -> float:
-        """Resolution of the reported width, m; 0: as fine as its numbers."""
-        ...
-
-    @property
-    def speed_range_mps(self) -> tuple[float, float] | None:
-        """Smallest and largest speed, m/s; None if the speed cannot be set."""
-        ...
-
-    @property
-    def force_range_n(self) -> tuple[float, float]:
-        """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
-        ...
-
-    @property
-    def force_sent_n(self) -> float | None:
-        """Force in effect after all queued commands, N on one pad; None if none was sent since the activation."""
-        ...
-
-    def applied_n(self, force_n: float) -> float:
-        """Return the force that would be sent for ``force_n``; the gripper may only have discrete settings."""
-        ...
-
-    def execute(self, permit: Permit, now_ns: int) -> bool:
-        """Carry out a permit, the only way to command the gripper.
-
-        - "activate" makes the gripper ready; some grippers open and close fully meanwhile. All queued commands are
-          dropped.
-        - "move" moves the fingers to a width, with a force and a speed (None: the session's default).
-        - "set_force" changes the force at the width sent last; a move that is not sent yet is sent with that force.
-        - "halt" stops the fingers where they are, before all else. A move or an activation that is not sent yet is
-          dropped; a force that is not sent yet may still be sent.
-
-        Args:
-            permit: Permit of the motion gate.
-            now_ns: Time of the call.
-
-        Returns:
-            True if the permit is accepted: something will be sent, or, for "halt", something unsent was dropped.
-            `force_sent_n` is then the new force, at most ``permit.force_n`` or else the gripper's smallest force.
-            False if nothing will be sent, because the gripper is not known to be active, reports a fault, or is
-            activating.
-
-        Raises:
-            ValueError: The width or speed is out of the gripper's range, or a value is missing or not finite.
-        """
-        ...
-
-    def drop(self) -> bool:
-        """Drop commands that are not sent yet, except a stop; return whether there were any.
-
-        An unanswered command remains, but is not repeated.
-        """
-        ...
-
-    def acknowledge(self) -> None:
-        """Forget that a command was lost, and acknowledge the fault to the gripper; move nothing."""
-        ...
+SLIPD = "slipd"
+"""Name of the package that provides the devices of this folder."""
 
 
 @dataclass(frozen=True, slots=True)
-class Inquiry:
-    """Request to a device over TCP before its stream is opened.
+class Installed:
+    """An installed device.
 
     Attributes:
-        port: TCP port of the device's host.
-        request: Bytes to send.
-        reply_bytes: Length of the answer; 0 if it ends with the connection.
-        check: ``check(answer)`` returns what is wrong with a complete answer, "" if nothing is. After a wrong answer
-            the request is repeated.
-    """
-
-    port: int
-    request: bytes
-    reply_bytes: int
-    check: Callable[[bytes], str] = lambda _: ""
-
-
-@dataclass(frozen=True, slots=True)
-class GripRange:
-    """Maximum range of the grippers of one device, from the data sheets of the largest models.
-
-    Attributes:
-        force_n: Force, N on one pad.
-        stroke_m: Change of the width between the pads, m.
-        speed_mps: Speed of the jaws, m/s.
-    """
-
-    force_n: float
-    stroke_m: float
-    speed_mps: float
-
-
-@dataclass(frozen=True, slots=True)
-class Need:
-    """Value that the device does not report, so that a person must measure it or look it up.
-
-    Attributes:
-        key: Key of the stream's table; an option of the device begins with "options.".
-        guess: Value in a first config, as TOML; "" where none makes sense, so that the key is only a comment there.
-        how: How it is measured, or where it is stated, and what is wrong until it is.
-        transports: Transports for which it is needed; empty: all.
-        scales: Whether the readings are in another unit than newtons until it is right.
-    """
-
-    key: str
-    guess: str
-    how: str
-    transports: tuple[str, ...] = ()
-    scales: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class RateOption:
-    """Option of a device that sets the rate of its readings.
-
-    Attributes:
-        name: Its name.
-        product: Rate times value of the option, Hz, where the option is a period or a length; None: it is the rate.
+        name: Its name in a config.
+        package: Package that provides it; "slipd" for the devices of this folder.
+        version: Version of that package.
+        device: The device; None if it cannot be used.
+        fault: Why it cannot be used; "" if it can.
     """
 
     name: str
-    product: float | None = None
-
-    def convert(self, value: float) -> float:
-        """Return the rate that a value of the option sets, Hz; or, of a rate, the value that sets it; inf for 0."""
-        if self.product is None:
-            return value
-        return self.product / value if value else math.inf
+    package: str
+    version: str
+    device: Device | None
+    fault: str = ""
 
 
-@dataclass(frozen=True)
-class Device:
-    """Description of a supported device, the ``DEVICE`` of its module.
+def find_device(name: str) -> Installed | None:
+    """Return what is installed by the name of a device; None if nothing is. Only that device is loaded."""
+    if name in DEVICES and name in _modules():
+        return Installed(name, SLIPD, __version__, DEVICES[name])
+    return _other(name) if name in providers() else None
 
-    Attributes:
-        name: Name in a config, and of the module.
-        kind: Kind of its samples.
-        transports: Possible transports: "serial", "tcp", "udp", "websocket", "external" or "local".
-        decoder: Makes a decoder from the device's options.
-        session: Makes a session from the device's options; None if the device sends without requests.
-        rates_hz: Lowest and highest rate of its readings or images, 1/s.
-        baud: Default speed of a serial port, bit/s; None if the device has none. All serial lines are 8N1.
-        frame_bytes: Bytes per reading on a UART, if ``baud`` limits the rate; 0 if it does not, as over USB.
-        axes: Number of components that a taxel measures: 1 or 3; 0 for devices without taxels.
-        measures_newtons: Whether its taxels measure newtons, so that ``axis_scale`` only reverses axes.
-        needs_size: Whether the decoder needs the pad's ``rows`` and ``cols``.
-        needs_wiring: Whether the decoder needs the option ``wiring``, because its bytes depend on the transport.
-        taxels: Number of taxels of each pad; None if pads differ.
-        shared: Whether one port carries several sensors, distinguished by the ``source`` of their samples.
-        sensors: Names of those sensors; empty if they are not known beforehand.
-        needs_tables: Whether the gripper has its own units, so that the session needs ``force_table``, ``width_table``
-            and ``speed_table`` (None if the speed cannot be set).
-        clock_span_ns: Time after which the device's clock wraps, ns; None if it never does, or there is no clock.
-        host_clock: Whether the device's clock is the host's own CLOCK_MONOTONIC.
-        grip: Range of a gripper; None for other devices, and if the gripper reports it.
-        inquiry: Returns for the device's options the request to send over TCP first; its answer is the first data on
-            the link. None if there is never one.
-        needs: What a config must state, because the device does not report it.
-        rate_option: Option that sets the rate of its readings; None if none does.
-        frame: What the device sends, for people and with an article, such as "a Bota frame".
-    """
 
-    name: str
-    kind: Literal["wrench", "tactile", "gripper", "any"]
-    transports: tuple[str, ...]
-    decoder: Callable[..., Decoder]
-    session: Callable[..., Session] | None = None
-    rates_hz: tuple[float, float] = (1e-3, 1e6)
-    baud: int | None = None
-    frame_bytes: int = 0
-    axes: int = 0
-    measures_newtons: bool = False
-    needs_size: bool = False
-    needs_wiring: bool = False
-    taxels: int | None = None
-    shared: bool = False
-    sensors: tuple[str, ...] = ()
-    needs_tables: bool = False
-    clock_span_ns: int | None = None
-    host_clock: bool = False
-    grip: GripRange | None = None
-    inquiry: Callable[..., Inquiry | None] | None = None
-    needs: tuple[Need, ...] = ()
-    rate_option: RateOption | None = None
-    frame: str = "a frame of this device"
+@cache
+def installed() -> tuple[Installed, ...]:
+    """Return all devices, those of this folder first, also those that cannot be used."""
+    own = [found for name in _modules() if (found := find_device(name)) is not None and found.package == SLIPD]
+    return (*own, *(_other(name) for name in sorted(providers())))
+
+
+@cache
+def _modules() -> tuple[str, ...]:
+    return tuple(sorted(module.name for module in iter_modules(__path__)))
+
+
+@cache
+def _other(name: str) -> Installed:
+    """Return the device that other packages provide by a name."""
+    first, *others = providers()[name]
+    packages = ", ".join(f"{each.package} {each.version}" for each in (first, *others))
+    if name in _modules():
+        return Installed(name, packages, "", None, f"slipd {__version__} uses the name itself")
+    if others:
+        return Installed(name, packages, "", None, "more than one package provides it; uninstall all but one")
+    loaded, fault = first.load()
+    if not fault:
+        fault = _misfit(name, loaded)
+    device = loaded if isinstance(loaded, Device) and not fault else None
+    return Installed(name, first.package, first.version, device, fault)
+
+
+def _misfit(name: str, loaded: object) -> str:
+    """Return why what a package provides is not a device that this slipd can use; "" if it is one."""
+    if not isinstance(loaded, Device):
+        return f"its entry point must name a slipd.devices.Device, got {type(loaded).__name__}"
+    if loaded.name != name:
+        return f"its entry point must have the name of the device, {loaded.name!r}, got {name!r}"
+    if loaded.interface != INTERFACE:
+        return f"it must be written for interface {INTERFACE} of slipd {__version__}, got {loaded.interface}"
+    return ""
 
 
 class _Devices(Mapping[str, Device]):
-    """The devices of this folder by name; a lookup loads only that device, iteration loads all."""
+    """The devices that can be used, by name; a lookup loads only that device, iteration loads all."""
 
     def __getitem__(self, name: str) -> Device:
-        if name not in self._modules():
+        device: object = None
+        if name in _modules():
+            device = getattr(import_module(f"slipd.devices.{name}"), "DEVICE", None)
+        elif name in providers():
+            device = _other(name).device
+        if not isinstance(device, Device):  # the folder of shared parts, or a device that cannot be used
             raise KeyError(name)
-        device = getattr(import_module(f"slipd.devices.{name}"), "DEVICE", None)
-        if device is None:  # the folder of shared parts
-            raise KeyError(name)
-        return cast("Device", device)
+        return device
 
     def __iter__(self) -> Iterator[str]:
-        return (name for name in self._modules() if name in self)
+        return (each.name for each in installed() if each.device is not None)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
-
-    @staticmethod
-    @cache
-    def _modules() -> tuple[str, ...]:
-        return tuple(sorted(module.name for module in iter_modules(__path__)))
 
 
 DEVICES: Mapping[str, Device] = _Devices()

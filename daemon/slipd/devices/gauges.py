@@ -155,4 +155,5 @@ DEVICE = Device(
         ),
     ),
     frame="a frame of strain gauges",
+    evidence="own",
 )

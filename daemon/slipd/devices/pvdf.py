@@ -220,4 +220,5 @@ DEVICE = Device(
         ),
     ),
     frame="a frame of a PVDF pad",
+    evidence="own",
 )

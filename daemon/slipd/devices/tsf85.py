@@ -236,4 +236,5 @@ DEVICE = Device(
     shared=True,
     sensors=tuple(map(str, range(FINGERS))),
     frame="a TSF-85 packet",
+    evidence="maker",
 )

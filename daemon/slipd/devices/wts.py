@@ -177,4 +177,5 @@ DEVICE = Device(
     clock_span_ns=(1 << 32) * 1_000_000,
     rate_option=RateOption("interval_ms", 1000.0),
     frame="a WTS packet",
+    evidence="driver",
 )

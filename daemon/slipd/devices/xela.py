@@ -253,4 +253,5 @@ DEVICE = Device(
     axes=3,
     shared=True,
     frame="a message of a XELA server",
+    evidence="driver",
 )

@@ -86,8 +86,13 @@ class DeviceLink:
         self._opened_ns, self._received_ns = t_ns, None
         self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
         self.interrupt()
-        greeting = b"" if self.session is None else self.session.start(t_ns)
-        if self.session is None:
+        greeting = b""
+        if self.session is not None:
+            try:
+                greeting = self.session.start(t_ns)
+            except Exception as error:  # a device of another package ends no other stream
+                self._fail(error, t_ns)
+        else:
             cast("Decoder", self._decoder).forget()
         self._identity.check(self.session)
         return greeting

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 from importlib import import_module
 from typing import Any, Protocol
+
+from slipd.devices import DEVICES
 
 
 class Emulator(Protocol):
@@ -34,12 +37,27 @@ class Emulator(Protocol):
 
 
 def make_emulator(device: str, seed: int = 0, **options: Any) -> Emulator:
-    """Return the emulator of a device, which ``slipd.sim.emulated_<device>`` defines.
+    """Return the emulator of a device, which the ``make`` of its module returns.
 
     Args:
         device: Name in the list of devices.
         seed: Seed of its noise.
         options: Other arguments of its ``make``, such as ``wiring`` of a device whose protocol depends on the line.
+
+    Raises:
+        ValueError: The device is of another package and has no emulator.
     """
-    emulator: Emulator = import_module(f"slipd.sim.emulated_{device}").make(seed, **options)
+    emulator: Emulator = _module(device).make(seed, **options)
     return emulator
+
+
+def accepted(device: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return those settings that the ``make`` of a device has arguments for."""
+    return {name: settings[name] for name in inspect.signature(_module(device).make).parameters if name in settings}
+
+
+def _module(device: str) -> Any:
+    known = DEVICES[device]
+    if not known.emulator and known.interface is not None:
+        raise ValueError(f"{device} cannot be emulated: its package has no emulator")
+    return import_module(known.emulator or f"slipd.sim.emulated_{device}")

@@ -25,7 +25,7 @@ from slipd.signals.mounting import Mounting
 from slipd.signals.pad import PadGeometry
 from slipd.sim.emulated_pvdf import PressedPad, PvdfElectronics
 from slipd.sim.emulated_xela import REST_COUNTS
-from slipd.sim.emulators import Emulator, make_emulator
+from slipd.sim.emulators import Emulator, accepted, make_emulator
 from slipd.sim.hand import Hand, PadLoad
 
 BIAS = np.array((0.6, -0.4, 0.9, 0.004, -0.003, 0.002))
@@ -244,6 +244,9 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
         settings = {"wrenches": wrenches, "pads": shapes, "rates_hz": rates_hz}
     elif device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
         settings = {"force_table": first.force_table, "width_table": first.width_table}
+    elif DEVICES[device].interface is not None:
+        sizes = {"rows": first.rows, "cols": first.cols} if isinstance(first, config.Pad) else {}
+        settings = accepted(device, {"rate_hz": first.rate_hz, **sizes, **config.device_options(first)})
     return settings
 
 

@@ -97,4 +97,4 @@ def test_together_they_show_every_key() -> None:
     shown = {found for path in SHIPPED for found in keys_of(Config, tomllib.loads(path.read_text(encoding="utf-8")))}
     models: list[type[BaseModel]] = [Config, Finger, PadPlace, *INNER.values()]
     known = {(owner(model, key), key) for model in models for key in model.model_fields}
-    assert known - shown == RETIRED
+    assert known - shown == RETIRED | {("Stream", "package")}, "no shipped file needs another package"

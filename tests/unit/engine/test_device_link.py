@@ -208,3 +208,17 @@ def test_bytes_on_which_a_decoder_fails_are_dropped_and_reported(links: dict[str
         assert health(link, T0 + MS) == (Health.ERROR, "its bytes cannot be read (KeyError: 'rate'): they are dropped")
     link._decoder, link.session = good, session
     assert health(link, T0 + 2 * S)[0] is Health.STALE
+
+
+def test_a_session_that_cannot_start_is_an_error_of_its_own_stream_only(
+    links: dict[str, DeviceLink], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start(now_ns: int) -> bytes:
+        raise KeyError("speed")
+
+    link = links["left.wrench"]
+    monkeypatch.setattr(link.session, "start", start)
+    assert link.open("/dev/left-wrench", T0) == b""
+    level, message = health(link, T0)
+    assert level is Health.ERROR
+    assert "KeyError: 'speed'" in message

@@ -24,4 +24,5 @@ DEVICE = Device(
     clock_span_ns=US_SPAN * 1_000,
     rate_option=RateOption("sinc_length", SAMPLES_HZ),
     frame="a Bota frame",
+    evidence="maker",
 )

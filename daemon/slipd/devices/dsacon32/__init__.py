@@ -25,4 +25,5 @@ DEVICE = Device(
     clock_span_ns=(1 << 32) * 1_000_000,
     rate_option=RateOption("rate_hz"),
     frame="a DSACON32m packet",
+    evidence="maker",
 )

@@ -25,4 +25,5 @@ DEVICE = Device(
     shared=True,
     host_clock=True,
     frame="a reading",
+    evidence="own",
 )

@@ -20,4 +20,5 @@ DEVICE = Device(
     Session,
     rates_hz=(1.0, 1000.0),
     frame="a message of a gripper's driver",
+    evidence="own",
 )

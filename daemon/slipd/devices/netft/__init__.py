@@ -24,4 +24,5 @@ DEVICE = Device(
     rates_hz=(1.0, FASTEST_HZ),
     inquiry=inquiry,
     frame="a record of a Net F/T",
+    evidence="driver",
 )

@@ -39,4 +39,5 @@ DEVICE = Device(
     ),
     rate_option=RateOption("period_ms", 1000.0),
     frame="an OptoForce frame",
+    evidence="capture",
 )

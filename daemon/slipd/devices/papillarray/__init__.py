@@ -28,4 +28,5 @@ DEVICE = Device(
     sensors=tuple(map(str, range(SENSORS))),
     rate_option=RateOption("rate_hz"),
     frame="a PTS frame",
+    evidence="maker",
 )

@@ -41,4 +41,5 @@ DEVICE = Device(
     ),
     rate_option=RateOption("poll_period_s", 1.0),
     frame="a reply of a Robotiq gripper",
+    evidence="driver",
 )

@@ -20,4 +20,5 @@ DEVICE = Device(
     frame_bytes=RESPONSE_LENGTH,
     rate_option=RateOption("output_hz"),
     frame="a Robotous packet",
+    evidence="maker",
 )

@@ -28,4 +28,5 @@ DEVICE = Device(
     grip=GRIP,
     rate_option=RateOption("period_ms", 1000.0),
     frame="a WSG packet",
+    evidence="driver",
 )

@@ -1,0 +1,146 @@
+"""AnySkin and eFlesh boards on USB: the magnetic field at five magnetometers, streamed without a request.
+
+A frame is, for each magnetometer, temperature and field x, y, z as little-endian floats, then CR LF. It has neither
+counter nor checksum. Sources: github.com/raunaqbhirangi/anyskin, ``anyskin/sensor.py`` (the frame, 115200 bit/s) and
+``arduino/5X_binary_burst_stream`` (the firmware); github.com/tedyapo/arduino-MLX90393, ``MLX90393.h`` (order, µT, °C);
+eFlesh uses the same boards (github.com/notvenky/eFlesh, README).
+
+The field is no force: it depends on the skin, its magnets and every magnet nearby, and no source gives a conversion.
+So every image has the status "raw": slipd records the field, but concludes nothing from it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slipd.devices import Device
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.samples import TactileSample
+
+MAGNETOMETERS = 5
+END = b"\r\n"
+
+_LARGEST = np.array((1e3, 3e5, 3e5, 3e5), dtype=np.float32)
+"""Beyond what the 16-bit converter of a magnetometer can report, °C and µT."""
+
+
+class Decoder:
+    """Decode frames into images of the field, shape (magnetometers, 3), µT.
+
+    A frame follows the end of the one before; after damage, two ends with one frame between them are needed.
+
+    Args:
+        magnetometers: Number of magnetometers on the board.
+
+    Raises:
+        ValueError: The number is not from 1 to 16.
+    """
+
+    def __init__(self, magnetometers: int = MAGNETOMETERS) -> None:
+        if not 1 <= magnetometers <= 16:
+            raise ValueError(f"magnetometers must be from 1 to 16, got {magnetometers}")
+        self.health = DecoderHealth()
+        self._shape = (magnetometers, 4)
+        self._body = 16 * magnetometers
+        self._buffer = b""
+        self._in_step = False
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Return the images that bytes received at ``t_ns`` complete."""
+        buffer, at = self._buffer + data, 0
+        samples = []
+        length = self._body + len(END)
+        while True:
+            if not self._in_step:
+                found = buffer.find(END, at)
+                if found < 0:
+                    at = self._skip(at, max(at, len(buffer) - 1))
+                    break
+                at = self._skip(at, found)
+                if len(buffer) - at < len(END) + length:
+                    break
+                sample = self._sample(buffer[at + len(END) : at + len(END) + length], t_ns)
+                at = self._skip(at, at + len(END)) if sample is not None else self._skip(at, at + 1)
+                self._in_step = sample is not None
+                continue
+            if len(buffer) - at < length:
+                break
+            sample = self._sample(buffer[at : at + length], t_ns)
+            if sample is None:
+                self._in_step = False
+                self.health.bad += 1
+                continue
+            samples.append(sample)
+            at += length
+        self._buffer = buffer[at:]
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Discard an incomplete frame: the line was closed."""
+        self._skip(0, len(self._buffer))
+        self._buffer, self._in_step = b"", False
+
+    def _sample(self, frame: bytes, t_ns: int) -> TactileSample | None:
+        """Return the image of a frame; None if it cannot be one."""
+        if not frame.endswith(END):
+            return None
+        values = np.frombuffer(frame, "<f4", self._body // 4).reshape(self._shape)
+        if not np.all(np.abs(values) <= _LARGEST):
+            return None
+        return TactileSample(t_ns, None, values[:, 1:].astype(np.float64), ("raw",))
+
+    def _skip(self, start: int, end: int) -> int:
+        """Count the bytes from ``start`` to ``end``, which belong to no frame; return ``end``."""
+        self.health.bad_bytes += end - start
+        return end
+
+
+def encode_frame(field_ut: np.typing.ArrayLike, temperature_c: float = 25.0) -> bytes:
+    """Encode a frame as the board sends it.
+
+    Args:
+        field_ut: Field at each magnetometer, shape (magnetometers, 3), µT.
+        temperature_c: Temperature of all magnetometers, °C.
+    """
+    values = np.insert(np.asarray(field_ut, dtype=np.float64), 0, temperature_c, axis=1)
+    return values.astype("<f4").tobytes() + END
+
+
+ABOUT = """\
+AnySkin and eFlesh: a skin with magnets over a board with five magnetometers (MLX90393), USB serial.
+
+    [finger.left.pad]
+    device = "anyskin"
+    package = "slipd-anyskin"
+    port = "/dev/serial/by-id/usb-Adafruit_QT_Py_M0-if00"
+    rate_hz = 100.0            # MEASURE: `slipctl status` shows the rate
+    rows = 1                   # five magnetometers in scan order; the board has them in a cross, which is no grid
+    cols = 5
+    pitch_m = 0.007
+    electrode_m = 0.007
+    axis_scale = [1.0, 1.0, 1.0]
+
+What slipd can do: record and replay the field beside everything else, and report a board that falls silent or sends
+damaged frames. What it cannot: the field is not a force, so each image is refused as "raw", and a finger with this pad
+alone is "unknown". A program that converts the field into forces, such as a trained model, pushes them to the device
+`external` instead.
+
+Not shown by the sources: the rate; what the board sends for a magnetometer that does not answer. A damaged value is not
+detected, because a frame has no checksum.
+"""
+
+DEVICE = Device(
+    "anyskin",
+    "tactile",
+    ("serial",),
+    Decoder,
+    rates_hz=(1.0, 1000.0),
+    baud=115_200,
+    axes=3,
+    frame="an AnySkin frame",
+    evidence="maker",
+    emulator="slipd_anyskin.emulator",
+    about=ABOUT,
+    interface=1,
+)

@@ -1,0 +1,96 @@
+"""The example packages of clients/examples/devices, on bytes as their published sources give them."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import slipd_anyskin
+import slipd_paxini
+from slipd_paxini import POLL_NS, REPLY_TIMEOUT_NS
+
+SplitCheck = Callable[..., list[tuple[Any, ...]]]
+
+EFLESH_UT = np.array(
+    (604.800048828125, 158.40000915527344, 9439.935546875, 1531.2000732421875, -357.6000061035156, 11302.3681640625,
+     -273.6000061035156, 1024.800048828125, 10988.736328125, 768.0, 213.60000610351562, 9912.3203125,
+     -144.0, 2004.0001220703125, 11828.9599609375)
+).reshape(5, 3)  # fmt: skip
+"""First row of normal_force/20250401_014340_probe/sensor.csv in the eFlesh repository: as the board sent it."""
+
+FRAME = slipd_anyskin.encode_frame(EFLESH_UT)
+
+
+def test_anyskin_a_published_reading_is_decoded_to_the_last_bit() -> None:
+    decoder = slipd_anyskin.Decoder()
+    (sample,) = decoder.receive(b"\r\n" + FRAME, 7)
+    assert len(FRAME) == 82
+    assert (sample.values == EFLESH_UT).all()
+    assert (sample.t_ns, sample.status) == (7, ("raw",))
+
+
+def test_anyskin_every_split_gives_the_same(same_for_every_split: SplitCheck) -> None:
+    cut = FRAME[:30]
+    assert len(same_for_every_split(slipd_anyskin.Decoder, cut + FRAME + FRAME + b"\xff" + 3 * FRAME)) == 3
+
+
+def test_anyskin_damage_is_counted_and_noise_gives_nothing() -> None:
+    decoder = slipd_anyskin.Decoder()
+    assert decoder.receive(random.Random(1).randbytes(20_000), 0) == []
+    assert decoder.health.bad_bytes > 19_900
+    decoder.forget()
+    assert len(decoder.receive(3 * FRAME, 0)) == 2
+    wild = slipd_anyskin.encode_frame(np.full((5, 3), 1e9))
+    assert len(decoder.receive(wild + 2 * FRAME, 0)) == 2
+    assert (decoder.health.good, decoder.health.bad) == (4, 1)
+    with pytest.raises(ValueError, match="from 1 to 16, got 0"):
+        slipd_anyskin.Decoder(0)
+
+
+def reply(x: int, y: int, z: int, end: bytes = b"") -> bytes:
+    return b"\xaa\x55" + bytes(12) + bytes((x & 0xFF, y & 0xFF, z)) + end
+
+
+def test_paxini_the_request_is_that_of_the_makers_program() -> None:
+    assert slipd_paxini.encode_request(2) == bytes.fromhex("55AA09000300FBF003000003 00 04")
+
+
+def test_paxini_x_and_y_are_signed_and_z_is_not(same_for_every_split: SplitCheck) -> None:
+    for end in (b"", b"\x42"):
+        (sample,) = slipd_paxini.Decoder().receive(reply(-3, 20, 200, end), 0)
+        assert sample.force_n == pytest.approx((-0.3, 2.0, 20.0))
+        assert (sample.torque_nm, sample.status) == (None, ())
+        same_for_every_split(slipd_paxini.Decoder, b"\x00" + 3 * reply(-3, 20, 200, end))
+    for full in ((127, 0, 0), (0, -128, 0), (0, 0, 255)):
+        (sample,) = slipd_paxini.Decoder().receive(reply(*full), 0)
+        assert sample.status == ("overload",)
+
+
+def test_paxini_one_byte_may_follow_a_reply_and_other_bytes_are_counted() -> None:
+    decoder = slipd_paxini.Decoder()
+    decoder.receive(reply(1, 1, 1, b"\x42") + reply(1, 1, 1, b"\x42\x43") + reply(1, 1, 1), 0)
+    assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (3, 1, 1)
+
+
+def test_paxini_one_poll_is_outstanding_in_its_period_and_a_lost_one_is_repeated() -> None:
+    session = slipd_paxini.Session(module=1)
+    assert (session.state, session.next_deadline(), session.on_time(5)) == ("closed", None, b"")
+    request = slipd_paxini.encode_request(1)
+    assert session.start(0) == request
+    assert session.on_time(REPLY_TIMEOUT_NS - 1) == b""
+    assert session.on_time(REPLY_TIMEOUT_NS) == request
+    for late_ns in (0, 3_000_000, 0):
+        due_ns = REPLY_TIMEOUT_NS + late_ns
+        (_,) = session.receive(reply(0, 0, 0), due_ns + 1_000_000)
+    assert (session.state, session.next_deadline()) == ("running", REPLY_TIMEOUT_NS + POLL_NS)
+    assert session.on_time(REPLY_TIMEOUT_NS + POLL_NS + 3_000_000) == request
+    session.receive(reply(0, 0, 0), REPLY_TIMEOUT_NS + POLL_NS + 4_000_000)
+    assert session.next_deadline() == REPLY_TIMEOUT_NS + 2 * POLL_NS, "a late poll delays none of the next"
+    assert session.stop() == b""
+    assert session.receive(reply(0, 0, 0), 0)
+    assert session.state == "closed"
+    with pytest.raises(ValueError, match="from 0 to 7, got 8"):
+        slipd_paxini.Session(module=8)
