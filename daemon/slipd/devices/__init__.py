@@ -20,13 +20,13 @@ from slipd.devices.shared.device_interface import (
     Decoder,
     Device,
     Evidence,
-    GripperSession,
     GripRange,
     Inquiry,
     Need,
     RateOption,
     Session,
 )
+from slipd.devices.shared.gripper_interface import GripperSession
 from slipd.devices.shared.other_packages import providers
 
 __all__ = [
