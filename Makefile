@@ -130,10 +130,11 @@ PREFIX ?= /usr/local
 override PREFIX := $(patsubst ~/%,$(HOME)/%,$(PREFIX))
 HOME_OF_PROGRAM := $(DESTDIR)$(PREFIX)/lib/slipd
 UNPRIVILEGED := $(if $(DESTDIR),,$(filter-out 0,$(shell id -u)))
-USER_UNITS := $(or $(XDG_CONFIG_HOME),$(HOME)/.config)/systemd/user
-UNITS := $(if $(UNPRIVILEGED),$(USER_UNITS),$(DESTDIR)/etc/systemd/system)
-RULES := $(DESTDIR)/etc/udev/rules.d/70-slipd.rules
-UNIT := $(if $(UNPRIVILEGED),slipd-user.service,slipd.service)
+SERVICE = PYTHONPATH=daemon:clients $(PYTHON) -B -m slipd service $(1) $(if $(UNPRIVILEGED),--user,--system) \
+	--program "$(PREFIX)/bin/slipd" $(if $(DESTDIR),--root "$(DESTDIR)")
+# Exchanges two folders in one step: every moment has a whole slipd.
+EXCHANGE := import ctypes, os, sys; \
+	sys.exit(ctypes.CDLL(None).renameat2(-100, os.fsencode(sys.argv[1]), -100, os.fsencode(sys.argv[2]), 2) != 0)
 NO_CACHE := $(shell [ -w "$(HOME)" ] || echo --no-cache-dir)
 
 install:
@@ -144,32 +145,28 @@ endif
 	@[ -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || [ -z "$$(ls -A "$(HOME_OF_PROGRAM)" 2>/dev/null)" ] || { \
 		echo "$(HOME_OF_PROGRAM) holds something else, which make install does not replace. Name another PREFIX."; exit 2; }
 	@echo "== slipd into $(HOME_OF_PROGRAM)"
-	@mkdir -p "$(HOME_OF_PROGRAM)" "$(DESTDIR)$(PREFIX)/bin" || { \
+	@umask 022; mkdir -p "$(DESTDIR)$(PREFIX)/lib" "$(DESTDIR)$(PREFIX)/bin" \
+		&& [ -w "$(DESTDIR)$(PREFIX)/lib" ] && [ -w "$(DESTDIR)$(PREFIX)/bin" ] || { \
 		echo "$(DESTDIR)$(PREFIX) cannot be written. Name a place that you may write to: make install PREFIX=$(if $(filter $(HOME)/%,$(PREFIX)),/PLACE,~/.local)"; exit 2; }
-	@$(PYTHON) -m venv --clear "$(HOME_OF_PROGRAM)"
-	@"$(HOME_OF_PROGRAM)/bin/python" -m pip install --quiet --disable-pip-version-check $(NO_CACHE) .
-	@grep -rlIF "$(HOME_OF_PROGRAM)" "$(HOME_OF_PROGRAM)/bin" "$(HOME_OF_PROGRAM)/pyvenv.cfg" \
-		| xargs sed -i 's|$(HOME_OF_PROGRAM)|$(PREFIX)/lib/slipd|g'
+	@set -e; umask 022; new=$$(mktemp -d "$(HOME_OF_PROGRAM).XXXXXX"); trap 'rm -rf "$$new"' EXIT; \
+	$(PYTHON) -m venv "$$new"; \
+	"$$new/bin/python" -m pip install --quiet --disable-pip-version-check $(NO_CACHE) . \
+		|| { echo "== pip failed; nothing was changed"; exit 2; }; \
+	grep -rlIF "$$new" "$$new/bin" "$$new/pyvenv.cfg" | xargs sed -i "s|$$new|$(PREFIX)/lib/slipd|g"; \
+	chmod -R u+rwX,go+rX,go-w "$$new"; \
+	if [ -e "$(HOME_OF_PROGRAM)" ]; then \
+		$(PYTHON) -c '$(EXCHANGE)' "$$new" "$(HOME_OF_PROGRAM)" \
+			|| { mv "$(HOME_OF_PROGRAM)" "$$new.old"; mv "$$new" "$(HOME_OF_PROGRAM)"; rm -rf "$$new.old"; }; \
+	else mv "$$new" "$(HOME_OF_PROGRAM)"; fi
 	@for program in slipd slipctl; do ln -sf "$(PREFIX)/lib/slipd/bin/$$program" "$(DESTDIR)$(PREFIX)/bin/$$program"; done
-	@mkdir -p "$(UNITS)" 2>/dev/null && sed 's|^ExecStart=[^ ]*|ExecStart=$(PREFIX)/bin/slipd|' config/$(UNIT) > "$(UNITS)/slipd.service" \
-		|| echo "== no systemd unit: $(UNITS) cannot be written; slipd run works without"
-ifeq ($(UNPRIVILEGED),)
-	@[ ! -e "$(RULES)" ] || cmp -s config/70-slipd.rules "$(RULES)" || echo "== kept: $(RULES); new ones are in config/70-slipd.rules"
-	@[ -e "$(RULES)" ] || install -D -m 644 config/70-slipd.rules "$(RULES)"
-	@install -D -m 644 config/slipd.sysusers "$(DESTDIR)/etc/sysusers.d/slipd.conf"
-	@install -d -m 755 "$(DESTDIR)/etc/slipd"
-endif
-	@echo "== installed; next: docs/service.md"
+	@$(call SERVICE,install) || echo "== no systemd unit; slipd run works without"
+	@echo "== installed; docs/service.md says more"
 
 uninstall:
+	@$(call SERVICE,uninstall) || echo "== a systemd unit, if there is one, is left"
 	@[ ! -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || rm -rf "$(HOME_OF_PROGRAM)"
 	@for program in slipd slipctl; do \
 		[ "$$(readlink "$(DESTDIR)$(PREFIX)/bin/$$program")" != "$(PREFIX)/lib/slipd/bin/$$program" ] || rm "$(DESTDIR)$(PREFIX)/bin/$$program"; done
-	@! grep -qsF "ExecStart=$(PREFIX)/bin/slipd " "$(UNITS)/slipd.service" || rm "$(UNITS)/slipd.service"
-ifeq ($(UNPRIVILEGED),)
-	@! cmp -s config/70-slipd.rules "$(RULES)" || rm "$(RULES)"
-	@! cmp -s config/slipd.sysusers "$(DESTDIR)/etc/sysusers.d/slipd.conf" || rm "$(DESTDIR)/etc/sysusers.d/slipd.conf"
-endif
 	@echo "== uninstalled; configs, keys, recordings and udev rules that were changed are kept"
 
 clean:

@@ -145,6 +145,14 @@ def _docs(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _service(arguments: argparse.Namespace) -> int:
+    from slipd.service_command import ServiceFiles, own_program
+
+    files = ServiceFiles(arguments.system, arguments.root, arguments.program or own_program())
+    (files.install if arguments.command == "service install" else files.uninstall)()
+    return DONE
+
+
 def _replay(arguments: argparse.Namespace) -> int:
     from slipd.replay_command import replay_command
 
@@ -282,6 +290,8 @@ COMMANDS = {
     "config list": _config_list,
     "config show": _config_show,
     "docs": _docs,
+    "service install": _service,
+    "service uninstall": _service,
     "replay": _replay,
     "recover": _recover,
     "view": _view,

@@ -114,6 +114,7 @@ def parser() -> argparse.ArgumentParser:
     identify.set_defaults(command="identify")
 
     _add_devices(commands)
+    _add_service(commands)
     _add_init(commands)
     _add_commission(commands)
     _emulation(commands)
@@ -171,6 +172,23 @@ def _add_devices(commands: Any) -> None:
     devices = add_command(commands, "devices", "list the installed devices with their packages, or describe one")
     devices.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
     devices.set_defaults(command="devices")
+
+
+def _add_service(commands: Any) -> None:
+    actions = add_command(commands, "service", "install or uninstall slipd as a systemd service").add_subparsers(
+        required=True, metavar="install|uninstall"
+    )
+    for name, purpose in (
+        ("install", "write the systemd unit that starts this program, and print the next steps"),
+        ("uninstall", "remove what install wrote; configs, keys and recordings stay"),
+    ):
+        action = add_command(actions, name, purpose)
+        who = action.add_mutually_exclusive_group(required=True)
+        who.add_argument("--system", action="store_true", help="for all users; as root")
+        who.add_argument("--user", action="store_true", help="for this user, without root")
+        action.add_argument("--program", type=Path, metavar="FILE", help="the installed slipd (default: this one)")
+        action.add_argument("--root", type=Path, default=Path("/"), metavar="DIR", help="write below DIR, for packages")
+        action.set_defaults(command=f"service {name}")
 
 
 def _add_init(commands: Any) -> None:

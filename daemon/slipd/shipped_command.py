@@ -7,6 +7,7 @@ import textwrap
 from pathlib import Path
 
 from slipd import __version__
+from slipd.service_command import own_program, with_program
 from slipd.shipped_files import CONFIGS, DOCS, config_file, config_files, page_file, pages
 
 FIRST_STEPS = f"""\
@@ -38,12 +39,14 @@ def print_configs() -> None:
 
 
 def print_config(name: str) -> None:
-    """Print a shipped config as it is, so that it can be redirected to a file.
+    """Print a shipped config as it is, so that it can be redirected to a file; a systemd unit starts this program.
 
     Raises:
         SlipdError: There is no such file.
     """
-    print(config_file(name).read_text(encoding="utf-8"), end="")
+    path = config_file(name)
+    text = path.read_text(encoding="utf-8")
+    print(with_program(text, own_program()) if path.suffix == ".service" else text, end="")
 
 
 def print_pages() -> None:

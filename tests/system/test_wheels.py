@@ -105,13 +105,25 @@ def test_an_installed_slipd_prints_its_configs_and_docs_outside_the_repository(i
         (["--version"], f"slipd {__version__}"),
         (["config", "list"], f"{shipped}/"),
         (["config", "show", "external"], (CONFIG / "external.toml").read_text(encoding="utf-8")),
-        (["config", "show", "slipd.service"], (CONFIG / "slipd.service").read_text(encoding="utf-8")),
+        (["config", "show", "slipd.service"], own_unit("slipd.service", installed)),
         (["docs"], f"{shipped}/"),
         (["docs", "physics"], (DOCS / "physics.md").read_text(encoding="utf-8")),
     ):
         done = run(installed / "slipd", *command, folder=tmp_path)
         assert (done.returncode, done.stderr) == (0, ""), command
         assert done.stdout.startswith(expected), command
+
+
+def own_unit(name: str, installed: Path) -> str:
+    """A unit that starts the installed program."""
+    return (CONFIG / name).read_text(encoding="utf-8").replace("/opt/slipd/bin", str(installed))
+
+
+def test_an_installed_slipd_makes_itself_a_service(installed: Path, tmp_path: Path) -> None:
+    done = run(installed / "slipd", "service", "install", "--user", folder=tmp_path, XDG_CONFIG_HOME=str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    unit = tmp_path / "systemd/user/slipd.service"
+    assert unit.read_text(encoding="utf-8") == own_unit("slipd-user.service", installed)
 
 
 def test_an_installed_slipd_runs_a_config_that_it_ships(installed: Path, tmp_path: Path) -> None:
