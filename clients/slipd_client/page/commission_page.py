@@ -103,7 +103,7 @@ async def _pass_choices(connection: ServerConnection, guide: asyncio.subprocess.
     async for text in connection:
         try:
             word = json.loads(text)["choose"]
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             continue
         if isinstance(word, str) and word.isprintable() and len(word) <= LONGEST_WORD:
             stdin.write(f"{word}\n".encode())

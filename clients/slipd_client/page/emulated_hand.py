@@ -83,7 +83,7 @@ class EmulatedHand:
         """
         try:
             line = _command(json.loads(text), self.fingers)
-        except (ValueError, TypeError, KeyError, OverflowError):
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return refused("the page sent no touch that is understood")
         try:
             last = (await self._ask(line))[-1]

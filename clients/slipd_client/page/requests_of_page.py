@@ -68,7 +68,7 @@ class PageRequests:
         try:
             asked = json.loads(text)
             kind, finger, delta_n = asked.get("do"), asked.get("finger"), asked.get("delta_n")
-        except (ValueError, AttributeError):
+        except (ValueError, AttributeError, RecursionError):  # no JSON, no object, or thousands of "["
             return refused("the page sent no request that is understood")
         try:
             async with AsyncGripClient(self._endpoint, keys=self._keys) as client:

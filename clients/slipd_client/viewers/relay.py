@@ -7,10 +7,14 @@ a third frame breaks it. The relay only publishes; requests do not cross it.
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
+import os
 import re
+import socket
 import sys
 import time
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import zmq
@@ -26,6 +30,12 @@ from slipd_client.viewers.viewers_arguments import RELAY_LISTEN
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
+
+MOST_SUBSCRIPTIONS = 1000
+"""Subscriptions of one program; one that has more is disconnected, because ZeroMQ keeps every one of them."""
+
+SUBSCRIPTION_BYTES = 256
+"""Longest subscription, bytes; ZeroMQ disconnects a program that sends a longer one."""
 
 _LISTEN = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\d.]+):(\d{1,5}|\*)")
 
@@ -46,8 +56,9 @@ def relay(endpoint: str | None, listen: str, *, keys: Keys | None, time_frame: b
     source = Link(zmq.SUB, publish_endpoint() if endpoint is None else endpoint, keys)
     try:
         source.socket.setsockopt(zmq.SUBSCRIBE, b"")
-        with zmq.Context() as context, context.socket(zmq.PUB) as out:
+        with zmq.Context() as context, context.socket(zmq.XPUB) as out:
             out.setsockopt(zmq.LINGER, 0)
+            out.setsockopt(zmq.MAXMSGSIZE, SUBSCRIPTION_BYTES)
             out.setsockopt(zmq.IPV6, int("[" in listen))
             try:
                 out.bind(listen)
@@ -61,8 +72,10 @@ def relay(endpoint: str | None, listen: str, *, keys: Keys | None, time_frame: b
 
 def _forward(source: Link, out: zmq.Socket[bytes], *, time_frame: bool) -> None:
     silent = False
+    subscriptions: Counter[int] = Counter()
     while True:
         frames = source.receive(time.monotonic() + SILENCE_S)
+        _limit_subscriptions(out, subscriptions)
         if frames is None:
             if not silent:
                 why = f"no message from {source.endpoint} for {SILENCE_S:g} s. {hint_for(source.endpoint)}"
@@ -77,6 +90,22 @@ def _forward(source: Link, out: zmq.Socket[bytes], *, time_frame: bool) -> None:
                 continue  # of another version: nobody knows its time
             frames.append(f"{seconds:.6f}".encode())
         out.send_multipart(frames)
+
+
+def _limit_subscriptions(out: zmq.Socket[bytes], subscriptions: Counter[int]) -> None:
+    """Count the subscriptions that arrived, by the descriptor of their connection; end one that has too many."""
+    with contextlib.suppress(zmq.Again):
+        for _ in range(10 * MOST_SUBSCRIPTIONS):
+            frame = out.recv(zmq.NOBLOCK, copy=False)
+            try:
+                connection = frame.get(zmq.SRCFD)
+            except zmq.ZMQError:  # the end of a subscription with its connection
+                continue
+            subscriptions[connection] += 1 if frame.bytes.startswith(b"\x01") else -1
+            if subscriptions[connection] > MOST_SUBSCRIPTIONS:
+                del subscriptions[connection]
+                with contextlib.suppress(OSError), socket.socket(fileno=os.dup(connection)) as peer:
+                    peer.shutdown(socket.SHUT_RDWR)
 
 
 def _check(listen: str) -> None:

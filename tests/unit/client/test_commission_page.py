@@ -60,7 +60,7 @@ async def test_a_config_with_faults_ends_the_guide_with_the_reason_and_one_windo
         assert await heard(socket) == {"config": str(file)}
         async with browser(url) as second:
             assert await heard(second) == {"unavailable": commission_page.BUSY}
-        for text in ("skip", "[]", "{}", '{"choose": 1}', '{"choose": "a\\nb"}', '{"choose": "skip"}'):
+        for text in ("skip", "[]", "[" * 4000, "{}", '{"choose": 1}', '{"choose": "a\\nb"}', '{"choose": "skip"}'):
             await socket.send(text)
         ended = (await heard(socket))["ended"]
         assert ended["code"] != 0

@@ -100,6 +100,7 @@ async def test_a_touch_is_a_press_with_push_and_twist_and_force_0_lets_go(tmp_pa
     [
         "",
         "[]",
+        "[" * 4000,
         "{}",
         '{"finger": "left"}',
         json.dumps(PRESS | {"finger": "left 5 N; quit"}),

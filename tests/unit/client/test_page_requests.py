@@ -51,6 +51,7 @@ async def test_a_refusal_is_shown_in_the_words_of_the_daemon(daemon: Daemon) -> 
     [
         "",
         "[]",
+        "[" * 4000,
         "1",
         "{}",
         '{"do": "gripper.open"}',

@@ -13,6 +13,7 @@ import zmq
 
 from slipd_client.messages import decode, encode
 from slipd_client.slipctl import main
+from slipd_client.viewers.relay import MOST_SUBSCRIPTIONS
 
 if TYPE_CHECKING:
     from conftest import Publisher
@@ -78,6 +79,29 @@ def test_a_third_frame_carries_the_time_as_text(
     topic, payload, seconds = following(listener)
     assert (topic, seconds) == (b"slip.left", b"1795353269.471519")
     assert decode(payload)["timestamp"] == 1_795_353_269.471519
+
+
+def test_Z8_a_program_that_subscribes_without_end_is_disconnected_and_another_loses_nothing(
+    publisher: Publisher, slipctl: Start, listener: zmq.Socket[bytes]
+) -> None:
+    start(publisher, slipctl, listener)
+    address = listener.getsockopt_string(zmq.LAST_ENDPOINT)
+    with zmq.Context() as context, context.socket(zmq.XSUB) as flood:
+        flood.setsockopt(zmq.LINGER, 0)
+        flood.setsockopt(zmq.SNDHWM, 0)
+        flood.setsockopt(zmq.RECONNECT_IVL, -1)
+        flood.monitor(monitored := "inproc://flood", zmq.EVENT_DISCONNECTED)
+        flood.connect(address)
+        for number in range(MOST_SUBSCRIPTIONS + 1):
+            flood.send(b"\x01%d" % number)
+        with context.socket(zmq.PAIR) as ended:
+            ended.connect(monitored)
+            for seq in range(400, 400 + PATIENCE_MS // 20):  # the relay looks after each message
+                publisher.send("slip.left", seq, timestamp=1.0)
+                assert following(listener)[0] == b"slip.left"
+                if ended.poll(20):
+                    return
+    pytest.fail("the program was not disconnected")
 
 
 @pytest.mark.parametrize(
