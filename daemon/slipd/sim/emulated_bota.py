@@ -1,6 +1,7 @@
 """A Bota force/torque sensor behind a pad, as seen from its line: banner, commands and acknowledgements, frames.
 
-Not emulated: the text data format, the calibration matrix, and saved settings.
+The maker's driver (bota-driver 1.1.16) configures it and reads it. Not emulated: the text data format, the calibration
+matrix, and saved settings.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ BOOT_NS = 200_000_000
 """Time from power-on to the first frame, ns; the banner comes in the middle."""
 
 TEMPERATURE_C = 31.5
+NAME, SERIAL = "MiniONE", 1
 
 RATE_HZ = 800.0
 """Rate of frames until a command sets another filter length, Hz."""
@@ -82,7 +84,7 @@ class BotaSensor:
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
         self._next_ns = t_ns + BOOT_NS
-        self._received, self._text = b"", bota_text.encode_banner("MiniONE")
+        self._received, self._text = b"", bota_text.encode_banner(NAME, SERIAL)
 
     def receive(self, data: bytes, t_ns: int) -> bytes:
         """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
@@ -126,6 +128,8 @@ class BotaSensor:
         if letter in "#I":
             self.restart(t_ns)
             return b""
+        if letter == "p":
+            return bota_text.encode_product(NAME, SERIAL)
         if letter == "C":
             self.mode = "config"
         elif letter == "R":

@@ -11,13 +11,13 @@ from slipd.samples import WrenchSample
 
 SAMPLES_HZ = 51_200
 """Internal sampling rate; the sinc filter averages this many samples per second over its length."""
-SINC_LENGTHS = (64, 1024)
-"""Shortest and longest documented filter: 51200 / 64 = 800 Hz and 51200 / 1024 = 50 Hz."""
+SINC_LENGTHS = (64, 2047)
+"""Filters from 51200 / 64 = 800 Hz, the fastest rate, to 51200 / 2047 = 25 Hz, the longest of the maker's driver."""
 
 BOOT_NS = 10_000_000_000
-"""Time for a sensor to boot, because opening the port may restart it; Bota's example waits this long for the banner."""
-QUIET_NS = 2_000_000_000
-"""Silence after which the first command is sent.
+"""Time for a sensor to boot, because opening the port restarts it; Bota's example waits this long for the banner."""
+QUIET_NS = 3_000_000_000
+"""Silence after which the first command is sent; the maker's driver waits as long.
 
 A sensor that was stopped, and that opening the port did not restart, sends nothing by itself. A booting sensor ignores
 the command.
@@ -44,7 +44,7 @@ class Session(SensorSession[WrenchSample]):
     received since the port was opened.
 
     Args:
-        sinc_length: Length of the sensor's filter, 64 to 1024; one frame is sent every sinc_length / 51200 s:
+        sinc_length: Length of the sensor's filter, 64 to 2047; one frame is sent every sinc_length / 51200 s:
             64 is 800 Hz, 512 is 100 Hz.
         temperature_compensation: Enable the sensor's temperature compensation; the manufacturer advises against it.
 

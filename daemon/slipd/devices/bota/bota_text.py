@@ -1,7 +1,9 @@
 """Text commands, acknowledgements and boot banner of Bota sensors, for both ends of the line.
 
-Commands have no terminator and are answered by ``r,0,<letter>,<code>``; after a reset the sensor sends a banner.
-Source: Bota serial example and driver. Line ends, and the meaning of codes other than 0, are unconfirmed.
+Commands end with a line feed and are answered by ``r,0,<letter>,<code>``; after a reset the sensor sends a banner.
+Sources: the maker's driver, package bota-driver 1.1.16 (``Bota_Binary_gen0``), whose commands and expectations show
+when it talks to the emulator; and Bota's serial example, which sends commands without an end. The meaning of codes
+other than 0 is unconfirmed.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ BANNER = b"App Init"
 BAUD_460800 = 4
 
 _ACK = re.compile(rb"r,\d,([A-Za-z]),(\d)")
-_COMMAND = re.compile(rb"[CRI#slw]|c,\d,\d,\d,\d|f,\d{1,4},\d,\d,\d")
+_COMMAND = re.compile(rb"[CRI#slw]|p(?=\?)|c,\d,\d,\d,\d|f,\d{1,4},\d,\d,\d")
 _IDENTITY = re.compile(rb"name: ([!-~][ -~]{0,39})[\r\n](?:[ -~]{0,80}[\r\n]+){0,4}?S/N: (\d{1,20})[\r\n]")
 _LONGEST_COMMAND = 64
 """Size of the sensor's own buffer, bytes; anything longer is not a command."""
@@ -26,7 +28,7 @@ class Command:
 
     Attributes:
         letter: "C" configure, "R" run, "I" soft reset, "#" hard reset, "c" communication, "f" filter, "s" save,
-            "l" load, "w" print.
+            "l" load, "w" print, "p" (``p?``) name and serial number.
         arguments: Arguments of "c" (temperature compensation, calibration, format, baud code) and of "f" (sinc length,
             chop, fast, FIR off).
     """
@@ -36,7 +38,7 @@ class Command:
 
     def encode(self) -> bytes:
         """Return the command as it is sent."""
-        return ",".join((self.letter, *map(str, self.arguments))).encode()
+        return ",".join((self.letter, *map(str, self.arguments))).encode() + b"\n"
 
 
 CONFIGURE = Command("C")
@@ -81,6 +83,11 @@ def parse_commands(received: bytes) -> tuple[list[Command], bytes]:
 def encode_ack(letter: str, code: int = 0) -> bytes:
     """Return the answer to the command ``letter``; code 0 is success."""
     return f"r,0,{letter},{code}\r\n".encode()
+
+
+def encode_product(name: str, serial_number: int) -> bytes:
+    """Return the answer to ``p?`` as the maker's driver reads it: the second and third field are unknown to it."""
+    return f"p,0,{serial_number},0,0,{name}\r\n".encode() + encode_ack("p")
 
 
 def encode_banner(name: str = "SensONE", serial_number: int = 1, firmware: str = "1.0.0") -> bytes:

@@ -83,7 +83,7 @@ class Bench:
             self.deliver(self.sensor.speak(self.now_ns))
 
 
-COMMANDS = [b"C", b"c,0,1,0,4", b"f,64,0,0,1", b"R"]
+COMMANDS = [b"C\n", b"c,0,1,0,4\n", b"f,64,0,0,1\n", b"R\n"]
 
 
 def test_a_booting_sensor_is_configured_after_its_banner_and_runs() -> None:
@@ -111,7 +111,7 @@ def test_options_reach_the_commands() -> None:
     bench = Bench(bota.Session(sinc_length=512, temperature_compensation=True), Sensor(running=True))
     bench.start()
     bench.run(0.1)
-    assert bench.written == [b"C", b"c,1,1,0,4", b"f,512,0,0,1", b"R"]
+    assert bench.written == [b"C\n", b"c,1,1,0,4\n", b"f,512,0,0,1\n", b"R\n"]
 
 
 def test_a_running_sensor_is_configured_at_once_and_its_readings_are_returned_meanwhile() -> None:
@@ -124,10 +124,10 @@ def test_a_running_sensor_is_configured_at_once_and_its_readings_are_returned_me
     assert bench.session.state == "running"
 
 
-def test_a_silent_sensor_is_configured_after_two_seconds() -> None:
+def test_a_silent_sensor_is_configured_after_three_seconds() -> None:
     bench = Bench(bota.Session(), Sensor())
     bench.start()
-    bench.run(1.98)
+    bench.run(2.98)
     assert bench.written == []
     bench.run(0.1)
     assert bench.session.state == "running"
@@ -137,12 +137,12 @@ def test_an_unanswered_command_is_repeated_and_then_the_sequence_restarts() -> N
     bench = Bench(bota.Session(), Sensor(running=True, deaf_to="f"))
     bench.start()
     bench.run(1.6)
-    assert bench.written == [b"C", b"c,0,1,0,4", *[b"f,64,0,0,1"] * 3]
+    assert bench.written == [b"C\n", b"c,0,1,0,4\n", *[b"f,64,0,0,1\n"] * 3]
     assert bench.session.state == "waiting"
-    bench.run(10)
+    bench.run(9)
     assert bench.session.state == "no answer to f"
     bench.sensor.deaf_to = ""
-    bench.run(4)
+    bench.run(5)
     assert bench.written[-4:] == COMMANDS
     assert bench.session.state == "running"
 
@@ -201,7 +201,7 @@ def test_a_refused_command_is_named_and_repeated_until_it_is_obeyed() -> None:
     bench.start()
     bench.run(3.5)
     assert bench.session.state == "refused f with code 2"
-    assert bench.written == [b"C", b"c,0,1,0,4", *[b"f,64,0,0,1"] * 4]
+    assert bench.written == [b"C\n", b"c,0,1,0,4\n", *[b"f,64,0,0,1\n"] * 4]
     bench.sensor.refuses = {}
     bench.run(1.0)
     assert bench.session.state == "running"
@@ -213,7 +213,7 @@ def test_frames_replace_a_lost_answer_to_run() -> None:
     bench = Bench(session, sensor)
     bench.start()
     bench.run(0.05)
-    assert bench.written[-1] == b"R"
+    assert bench.written[-1] == b"R\n"
     sensor.running = True
     bench.run(0.02)
     assert session.state == "running"
@@ -262,7 +262,7 @@ def test_an_answer_after_the_rest_of_a_frame_is_found() -> None:
     frame, answer = bota.encode_frame((0, 0, 1), (0, 0, 0), 0), b"r,0,C,0"
     session.start(0)
     session.receive(frame, 0)
-    assert session.on_time(0) == b"C"
+    assert session.on_time(0) == b"C\n"
     assert session.receive(frame[: len(answer)], MS) == []
     assert len(session.receive(frame[len(answer) :] + answer, MS)) == 1
     assert session.on_time(MS).startswith(b"c,")
@@ -273,7 +273,7 @@ def test_stop_sends_configure_and_ends_the_deadlines() -> None:
     assert session.next_deadline() is None
     session.start(5)
     assert session.next_deadline() == 5 + QUIET_NS
-    assert session.stop() == b"C"
+    assert session.stop() == b"C\n"
     assert session.next_deadline() is None
     assert session.on_time(10**12) == b""
     assert len(session.receive(bota.encode_frame((0, 0, 1), (0, 0, 0), 0), 10**12)) == 1
@@ -282,19 +282,26 @@ def test_stop_sends_configure_and_ends_the_deadlines() -> None:
     assert session.state == "closed"
 
 
-@pytest.mark.parametrize("sinc_length", [0, 63, 1025])
+@pytest.mark.parametrize("sinc_length", [0, 63, 2048])
 def test_a_sinc_length_beyond_the_sensor_is_refused(sinc_length: int) -> None:
-    with pytest.raises(ValueError, match="64 to 1024"):
+    with pytest.raises(ValueError, match="64 to 2047"):
         bota.Session(sinc_length=sinc_length)
 
 
 def test_commands_are_read_from_any_split_and_around_noise() -> None:
-    stream = b"C?c,0,1,0,4f,512,0,0,1\r\nR#"
+    stream = b"C?c,0,1,0,4f,512,0,0,1\r\nR#p?\n"
     commands, rest = [], b""
     for byte in stream:
         found, rest = bota_text.parse_commands(rest + bytes((byte,)))
         commands += found
-    assert [command.encode() for command in commands] == [b"C", b"c,0,1,0,4", b"f,512,0,0,1", b"R", b"#"]
+    assert [command.encode() for command in commands] == [
+        b"C\n",
+        b"c,0,1,0,4\n",
+        b"f,512,0,0,1\n",
+        b"R\n",
+        b"#\n",
+        b"p\n",
+    ]
     assert len(bota_text.parse_commands(b"x" * 1000)[1]) <= 64
 
 
