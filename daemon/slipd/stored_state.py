@@ -58,7 +58,8 @@ class StoredGrip(_Stored):
     Attributes:
         force_n: The force in force, N (`GripPolicy.force_n`).
         requested_n: The force that a client requested last, N; None: none did.
-        raised_n: Sum of all raises of this grasp, N: what is spent of the budget.
+        raised_n: Sum of all raises of this grasp by requests, N: what is spent of the budget.
+        reflexed_n: Likewise by the reflex, of its own budget.
         closed_to_m: Commanded width, m; None: not known.
         width_m: Width that the gripper reported, m; None: not known.
         object: What the gripper reported of the object, as `GripperSample.object`.
@@ -68,6 +69,7 @@ class StoredGrip(_Stored):
     force_n: float = Field(ge=0.0)
     requested_n: float | None
     raised_n: float = Field(ge=0.0)
+    reflexed_n: float = Field(default=0.0, ge=0.0)
     closed_to_m: float | None
     width_m: float | None
     object: str

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
-from slipd_client.messages.names import DAEMON_LATE, REASONS, Health
+from slipd_client.messages.names import DAEMON_LATE, GRIP_UNKNOWN, REASONS, Health
 
 Severity = Literal["error", "warning"]
 
@@ -70,13 +70,20 @@ class Repair:
 
 
 def repairs(status: Mapping[str, Any]) -> list[Repair]:
-    """Return what needs a repair, errors first.
+    """Return what needs a repair: a grip of unknown force first, then errors.
 
     Args:
         status: Body of the topic ``status``, or the reply to the request of that name. Fields that an older daemon does
             not send are skipped.
     """
-    found = [*_host(status), *_streams(status), *_fingers(status), *_gripper(status), *_recordings(status)]
+    found = [
+        *_unknown_grip(status),
+        *_host(status),
+        *_streams(status),
+        *_fingers(status),
+        *_gripper(status),
+        *_recordings(status),
+    ]
     return sorted(found, key=lambda repair: repair.severity != "error")
 
 
@@ -89,6 +96,12 @@ def summary(status: Mapping[str, Any]) -> str:
     problems = "; ".join(f"{repair.about}: {repair.problem}" for repair in found[:2])
     more = f" (and {len(found) - 2} more)" if len(found) > 2 else ""
     return f"{text}; {problems}{more}" if found else text
+
+
+def _unknown_grip(status: Mapping[str, Any]) -> Iterator[Repair]:
+    if GRIP_UNKNOWN in (_maps(_maps(status, "streams"), "gripper").get("message") or ""):
+        problem = f"{GRIP_UNKNOWN}, so no raise is possible: move gently, put it down, then open"
+        yield Repair("gripper-force-unknown", "error", "gripper", problem, "slipctl grip open --drop")
 
 
 def _host(status: Mapping[str, Any]) -> Iterator[Repair]:
@@ -120,11 +133,12 @@ def _streams(status: Mapping[str, Any]) -> Iterator[Repair]:
 
 
 def _unwell(status: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return the streams that are not well; one that only waited for the daemon is."""
+    """Return the streams that are not well; one that only waited for the daemon is, and a gripper of unknown force."""
     return {
         name: stream
         for name, stream in _maps(status, "streams").items()
-        if stream.get("health", Health.OK) != Health.OK and not (stream.get("message") or "").startswith(DAEMON_LATE)
+        if stream.get("health", Health.OK) != Health.OK
+        and not (stream.get("message") or "").startswith((DAEMON_LATE, GRIP_UNKNOWN))
     }
 
 

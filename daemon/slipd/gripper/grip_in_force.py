@@ -75,6 +75,7 @@ class GripInForce:
             force_n=force_n,
             requested_n=policy.requested_n,
             raised_n=policy.raised_n,
+            reflexed_n=policy.reflexed_n,
             closed_to_m=self.closed_to_m,
             width_m=finite_or_none(sample.width_m),
             object=sample.object,
@@ -160,13 +161,12 @@ class GripInForce:
         """Adopt a grip that no command of this run began as the one in force.
 
         Until a command changes it, its force is what the session knows to have been sent last, or else what the gripper
-        reports, or else the larger force that the fingers measure. A force outside the limits counts as the nearer
-        limit, so that every step from there can be judged.
+        reports, or else the larger force that the fingers measure.
         """
         stored, self._stored = self._stored, None
         if stored is not None and _confirms(sample, stored):
             self._held, self._claimed, self.closed_to_m = True, True, stored.closed_to_m
-            self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n)
+            self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n, stored.reflexed_n)
             return
         measured_n = self._fingers.pressed_n(sample.t_ns)
         if not sample.object.startswith("contact") and measured_n is None:
@@ -177,10 +177,7 @@ class GripInForce:
             self._policy.restore(sent_n)
             return
         reported_n = finite_or_none(sample.force_n) or 0.0
-        force_n = reported_n if reported_n > 0.0 else measured_n
-        limits, least_n = self._policy.limits, self._session.force_range_n[0]
-        most_n = math.inf if limits.max_n is None else limits.max_n
-        self._policy.adopt(None if force_n is None else min(max(force_n, least_n, limits.min_n), most_n))
+        self._policy.adopt(reported_n if reported_n > 0.0 else measured_n)
 
 
 def _confirms(sample: GripperSample, stored: StoredGrip) -> bool:

@@ -249,15 +249,20 @@ class GripPolicy:
         self._unknown, self._releasing = force_n is None, False
         self._raised_n = self._reflexed_n = 0.0
 
-    def resume(self, force_n: float, requested_n: float | None, raised_n: float) -> None:
-        """Continue a grasp of the run before: its force, what a client requested, and what is spent of its budget."""
+    def resume(self, force_n: float, requested_n: float | None, raised_n: float, reflexed_n: float) -> None:
+        """Continue a grasp of the run before: its force, what a client requested, and what is spent of both budgets."""
         self.adopt(force_n)
-        self._requested_n, self._raised_n = requested_n, raised_n
+        self._requested_n, self._raised_n, self._reflexed_n = requested_n, raised_n, reflexed_n
 
     @property
     def raised_n(self) -> float:
-        """Sum of all raises of this grasp, N."""
+        """Sum of all raises of this grasp by requests, N."""
         return self._raised_n
+
+    @property
+    def reflexed_n(self) -> float:
+        """Sum of all raises of this grasp by the reflex, N."""
+        return self._reflexed_n
 
     def restore(self, force_n: float | None, *, unknown: bool = False) -> None:
         """Restore the force in force after a command that never reached the gripper; what it spent stays spent."""

@@ -19,11 +19,12 @@ from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge, why_not_sent
+from slipd.gripper.motion_rules import PUT_DOWN
 from slipd.permit import Permit
 from slipd.refusal import Refusal
 from slipd.samples import GripperSample
 from slipd.stored_state import StoredGrip
-from slipd_client.messages import Health
+from slipd_client.messages.names import GRIP_UNKNOWN, Health
 
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
 """A gripper that sends no reading for this time, or for three of its periods, does not answer. A session gives up
@@ -179,13 +180,13 @@ class GripperControl:
         return None
 
     def conditions(self) -> list[tuple[Health, str]]:
-        """Return the latched fault, for the status of the stream."""
-        fault = self.policy.fault
-        return (
-            [(Health.ERROR, f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)")]
-            if fault
-            else []
-        )
+        """Return a grip of unknown force and the latched fault, for the status of the stream."""
+        fault, found = self.policy.fault, []
+        if self.policy.unknown:
+            found.append((Health.ERROR, f"{GRIP_UNKNOWN}, and stays as it is: {PUT_DOWN}"))
+        if fault:
+            found.append((Health.ERROR, f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)"))
+        return found
 
     def _latch(self, fault: str) -> None:
         if fault:

@@ -17,6 +17,9 @@ _NO_LIMIT = Refusal("no_limit", "gripper.max_force_n is not configured, so nothi
 _NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
 _NOTHING_GRIPPED = Refusal("not_ready", "no grip is in force: gripper.close begins one")
 
+PUT_DOWN = "put the object down, then open (gripper.open with drop: true)"
+"""What a client can do about a grip of unknown force."""
+
 _SHOWN_M = 1e-4
 """Error texts round widths to this, m, towards what would be accepted."""
 
@@ -107,20 +110,15 @@ def gripper_has_the_force(intent: Intent, situation: Situation) -> Refusal | Non
     return None
 
 
-def unknown_grip_starts_at_least_force(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse all but the least force while an unknown force holds an object: changes are judged from there."""
-    wanted_n = intent.force_wanted_n
-    if not situation.grip.unknown or wanted_n is None or wanted_n <= situation.least_n + ROUNDING_N:
+def force_in_force_is_known(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse any force while an unknown one holds an object: it could rise or fall by any amount."""
+    if not situation.grip.unknown or (situation.grip.releasing and intent.kind != "close"):
         return None
-    found = "an object is held with a force that is not known"
-    return _force("not_ready", f"must begin with the least, {situation.least_n:g} N: {found}", intent)
+    return Refusal("not_ready", f"the force of the grip in force is not known, and stays as it is: {PUT_DOWN}")
 
 
 def grip_is_in_force(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to change the force of a grip if none is in force, or its force is not known."""
-    if situation.grip.unknown and not situation.grip.releasing:
-        begin = f"gripper.close with the least, {situation.least_n:g} N, begins a known grip"
-        return Refusal("not_ready", f"the force of the grip in force is not known: {begin}")
+    """Refuse to change the force of a grip if none is in force."""
     return _NOTHING_GRIPPED if intent.force_in_force_n is None else None
 
 

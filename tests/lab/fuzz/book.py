@@ -7,6 +7,7 @@ asks the daemon nothing. Where the daemon may know of something a moment later t
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -92,7 +93,7 @@ class Book:
     _goal: str = ""
     _floor: int = 0
     _activations: int = 0
-    _raised_n: float = 0.0
+    _raised_n: Counter[str] = field(default_factory=Counter)
     _fault_seen: int = 0
     _asked_n: float = 0.0
     _reflex: Allowance = field(default_factory=lambda: Allowance(REFLEX_N_PER_S, REFLEX_STEP_N))
@@ -164,7 +165,8 @@ class Book:
         if not said.active or (self.held and not said.holds):
             self._let_go()
         elif said.holds and not self.held and self.grip_n is not None:
-            self.held, self._raised_n = True, 0.0
+            self.held = True
+            self._raised_n.clear()
             self._up, self._down = Allowance(RAISE_N_PER_S), Allowance(LOWER_N_PER_S)
 
     def _let_go(self) -> None:
@@ -287,9 +289,10 @@ class Book:
             self._look_for_blindness("the reflex", change_n, t_ns)
             if not self._reflex.take(change_n, t_ns):
                 self._blame(t_ns, f"the reflex raised by {change_n:.3f} N, faster than {REFLEX_N_PER_S:g} N/s")
-            self._spend("the reflex", change_n, t_ns)
         elif change_n < 0.0 and applied_n < min(self._asked_n, self._wire_n or 0.0) - EPS_N:
             self._blame(t_ns, f"the reflex lowered to {applied_n:.3f} N, below the {self._asked_n:.3f} N asked for")
+        if self.held:
+            self._change("the reflex", change_n, t_ns)
         self.force_n = self.grip_n = applied_n
 
     def _change_to(self, applied_n: float) -> float:
@@ -301,11 +304,11 @@ class Book:
         return applied_n - min(max(applied_n, min(before)), max(before))
 
     def _spend(self, who: str, change_n: float, t_ns: int) -> None:
-        """What all raises of one grasp add up to is bounded."""
-        if self.held:
-            self._raised_n += change_n
-            if self._raised_n > BUDGET_N + EPS_N:
-                self._blame(t_ns, f"{who} raised one grasp by {self._raised_n:.3f} N in all")
+        """What all raises of one grasp by requests, and by the reflex, add up to is bounded."""
+        budget = "the reflex" if who == "the reflex" else "requests"
+        self._raised_n[budget] += change_n
+        if self._raised_n[budget] > BUDGET_N + EPS_N:
+            self._blame(t_ns, f"{who} raised one grasp by {self._raised_n[budget]:.3f} N in all")
 
     def _change(self, op: str, change_n: float, t_ns: int) -> None:
         """The force on a held object changes."""

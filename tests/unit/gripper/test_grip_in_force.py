@@ -233,8 +233,8 @@ class TestAGripThatNoCommandBegan:
         assert refused(control.acknowledge()) == ("not_ready", "")
         control.update(reading(0.04, T0 + MS, **self.HOLDING))
         control.acknowledge()
-        assert refused(close_(control, 5.0, None, None, T0 + MS)) == ("not_ready", "force_n")
-        assert took(close_(control, 3.0, None, None, T0 + MS))
+        assert refused(close_(control, 3.0, None, None, T0 + MS)) == ("not_ready", "")
+        assert took(ask(control, "open", T0 + MS, drop=True))
         assert took(ask(control, "stop", T0 + MS))
         assert control.policy.unknown, "it was never sent"
         control.update(reading(0.04, T0 + 2 * MS, **self.HOLDING))

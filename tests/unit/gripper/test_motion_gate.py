@@ -163,12 +163,13 @@ def test_a_raise_on_a_blind_finger_is_refused_and_lowering_is_not() -> None:
     assert isinstance(judge(intent("close", force_wanted_n=20.0), situation(blind=("right",))), Permit)
 
 
-def test_an_unknown_force_begins_with_the_least() -> None:
-    seen = situation(replace(FREE, unknown=True))
-    for force_n, permitted in ((3.0, True), (3.1, False), (25.0, False)):
-        assert isinstance(judge(intent("close", force_wanted_n=force_n), seen), Permit) == permitted
-    for kind in FORCING[1:]:
-        assert code(judge(intent(kind, force_wanted_n=3.0), seen)) == "not_ready"
+@pytest.mark.parametrize("kind", FORCING)
+@pytest.mark.parametrize("force_n", [3.0, 6.0, 25.0])
+def test_an_unknown_force_is_neither_raised_nor_lowered(kind: IntentKind, force_n: float) -> None:
+    found = judge(intent(kind, force_wanted_n=force_n), situation(replace(FREE, unknown=True)))
+    assert isinstance(found, Refusal)
+    assert found.code == "not_ready"
+    assert "put the object down, then open" in found.message
 
 
 def test_a_grip_that_is_being_let_go_counts_for_a_close_alone() -> None:

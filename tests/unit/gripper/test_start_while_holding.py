@@ -6,6 +6,8 @@ import pytest
 from motions.cell import MOST_N, PART_M, STEP_N, Cell, brought_up
 from motions.jaws import GRIPPERS, Jaws, RobotiqJaws, Sent
 
+from slipd_client.messages.names import GRIP_UNKNOWN
+
 pytestmark = pytest.mark.no_cover
 
 EACH = pytest.mark.parametrize("jaws", GRIPPERS.values(), ids=GRIPPERS.keys())
@@ -108,58 +110,61 @@ def test_what_is_held_is_not_relieved_by_a_width(jaws: type[Jaws]) -> None:
 
 
 @pytest.mark.parametrize("feels", [True, False])
-def test_a_grip_of_unknown_force_must_begin_with_the_least_force(feels: bool) -> None:
+def test_A10_a_grip_of_unknown_force_stays_as_it_is(feels: bool) -> None:
     """A Robotiq does not report its force; with both fingers silent, or not known to be right, nobody does."""
     cell = found(RobotiqJaws, feels=False)
     sent_n = forces(cell)
     for op, fields in (
         ("gripper.close", {"force_n": MOST_N}),
-        ("gripper.close", {"force_n": HELD_N}),
+        ("gripper.close", {"force_n": RobotiqJaws.LEAST_N}),
         ("grip.set", {"force_n": HELD_N}),
         ("grip.adjust", {"delta_n": 1.0}),
     ):
         refused = cell.ask(op, **fields)["error"]
         assert refused["code"] == "not_ready"
-        assert "3 N" in refused["message"]
+        assert "put the object down" in refused["message"]
     assert cell.ask("grip.hold")["result"] == {"force_n": None}
+    assert GRIP_UNKNOWN in cell.ask("status")["result"]["streams"]["gripper"]["message"]
     if feels:
         cell.state = {"left": "good", "right": "good"}
         cell.run(200)
         assert cell.ask("grip.hold")["result"] == {"force_n": pytest.approx(HELD_N, abs=0.05)}
+        assert GRIP_UNKNOWN not in cell.ask("status")["result"]["streams"]["gripper"]["message"]
         return
     cell.run(100)
     assert sent_n == []
-    assert cell.code("gripper.close", force_n=RobotiqJaws.LEAST_N) is None
-    cell.run(100)
-    assert sent_n == [RobotiqJaws.LEAST_N]
-    assert cell.code("gripper.close", force_n=MOST_N) == "out_of_range", "from there it is a step"
-    assert cell.code("gripper.close", force_n=4.0) == "not_ready", "and nobody feels what a raise does"
+    assert cell.code("gripper.open", drop=True) is None
+    cell.run(1500)
+    cell.jaws.put(0.0)
+    assert cell.code("gripper.close", force_n=12.0) is None, "another grasp"
 
 
-def test_a_least_force_that_was_never_sent_leaves_the_force_unknown() -> None:
+def test_an_open_that_was_never_sent_leaves_the_force_unknown() -> None:
     cell = found(RobotiqJaws, feels=False)
     sent_n = forces(cell)
     cell.run(20)
     cell.mute = True
     cell.run(20)
-    assert cell.code("gripper.close", force_n=RobotiqJaws.LEAST_N) is None
+    assert cell.code("gripper.open", drop=True) is None
     cell.stall(60)
     cell.mute = False
     cell.run(400)
     assert sent_n == []
     cell.ask("lease.acquire", ttl_ms=200)
     assert cell.ask("fault.ack")["result"] == {"fault": "command_lost"}
-    assert cell.code("gripper.close", force_n=MOST_N) == "not_ready"
+    assert cell.code("gripper.close", force_n=RobotiqJaws.LEAST_N) == "not_ready"
 
 
-@pytest.mark.parametrize(("key", "limit_n", "next_n"), [("min_force_n", 8.0, 8.1), ("max_force_n", 4.0, 3.9)])
-def test_a_force_outside_the_limits_counts_as_the_nearer_limit(key: str, limit_n: float, next_n: float) -> None:
+@pytest.mark.parametrize(("key", "limit_n", "wanted_n"), [("min_force_n", 9.0, 9.0), ("max_force_n", 3.5, 3.5)])
+def test_A10_a_grip_far_outside_the_limits_is_not_changed_to_them_at_once(
+    key: str, limit_n: float, wanted_n: float
+) -> None:
     before = brought_up(RobotiqJaws, HELD_N)
     cell = Cell(before.jaws, before.now_ns, **{key: limit_n})
     cell.run(200)
     cell.lease()
-    assert cell.ask("grip.hold")["result"] == {"force_n": limit_n}
-    assert cell.code("grip.set", force_n=next_n) is None
+    assert cell.ask("grip.hold")["result"] == {"force_n": pytest.approx(HELD_N, abs=0.05)}
+    assert cell.code("grip.set", force_n=wanted_n) == "out_of_range"
 
 
 @EACH

@@ -12,7 +12,7 @@ from project import DOCS
 from slipd.events import HostNotice, RecordingChanged
 from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
 from slipd_client.health.status_command import print_status
-from slipd_client.messages.names import DAEMON_LATE, REASONS
+from slipd_client.messages.names import DAEMON_LATE, GRIP_UNKNOWN, REASONS
 from slipd_client.slipctl_parser import parser
 
 WELL: dict[str, Any] = {
@@ -44,6 +44,12 @@ def test_a_stream_that_waited_for_the_daemon_needs_no_repair_and_excuses_no_fing
     assert repairs(late) == []
     assert ids(repairs(late | {"fingers": {"left": {"level": "unknown", "reasons": ["stuck"]}}})) == ["finger-unknown"]
     assert ids(repairs(late | {"late_s": 0.3})) == ["daemon-late"]
+
+
+def test_a_grip_of_unknown_force_comes_first() -> None:
+    fault = {"streams": {"gripper": {"health": 2, "message": f"{GRIP_UNKNOWN}, and stays as it is"}}}
+    found = repairs(WELL | fault | {"notices": {"config": "cannot be read"}})
+    assert ids(found) == ["gripper-force-unknown", "config-kept"]
 
 
 def test_an_empty_status_of_an_older_daemon_is_no_fault() -> None:
