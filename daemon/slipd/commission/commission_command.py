@@ -67,8 +67,10 @@ def commission_command(file: Path, chosen: CommissionOptions) -> bool:
     guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, allowed)
     try:
         with (PageHost if chosen.page else TerminalHost)(file, rig.text, link, write=chosen.write) as host:
-            if not chosen.page:
-                host.say("s and Enter leaves the present step out; Ctrl-C ends the guide.")
+            if not isinstance(host, PageHost):
+                host.say("s and Enter leaves the present step or finger out; Ctrl-C ends the guide.")
+            elif not host.wait_for_begin():
+                return False
             complete = follow(guide.run(chosen.first), host.respond)
             host.say("\nDone." if complete else "\nNot all of it followed; see above.")
     except SlipdClientError as error:

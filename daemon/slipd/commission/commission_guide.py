@@ -97,6 +97,7 @@ class Commission:
         self._mounts: dict[str, Mount] = {}
         self._unwritten = self._contradicted = False
         self._zeroed = False
+        self._wrong_scale: list[str] = []
         self._complete: dict[str, bool] = {}
         self._take_mounts()
 
@@ -130,14 +131,15 @@ class Commission:
         found = changes(self._rig, {name: outcome.result for name, outcome in outcomes.items()})
         self._mounts |= {name: each.findings.mount for name, each in outcomes.items() if each.findings.mount}
         if not (yield from self._change(found)):
-            return not any(each.findings.problems for each in outcomes.values())
+            return len(outcomes) == len(self._fingers) and not any(e.findings.problems for e in outcomes.values())
         again = {name: outcome for name, outcome in outcomes.items() if outcome.needs_image}
         others = [each for name, each in outcomes.items() if name not in again]
-        complete = not any(each.findings.problems for each in others)
+        complete = len(outcomes) == len(self._fingers) and not any(each.findings.problems for each in others)
         if again:
             yield Say("\nNow the daemon can show the image of the pads: the presses are needed once more.")
             pushes = {name: {step: each.touches[step] for step in (PUSH_X, PUSH_Y)} for name, each in again.items()}
             seconds = yield from self._touch(pushes)
+            complete = complete and len(seconds) == len(again)
             complete = complete and not any(each.findings.problems for each in seconds.values())
             yield from self._change(changes(self._rig, {name: each.result for name, each in seconds.items()}))
         return complete
@@ -146,10 +148,17 @@ class Commission:
         guide = TouchGuide(self._rig, ReadingListener(self._rig.finger, self._rig.config_id), self._patience_s)
         outcomes: dict[str, FingerOutcome] = {}
         for name, known in pushes.items():
-            yield from take_zero(name, self._rig.finger[name])
-            outcomes[name] = yield from guide.run(name, known)
+            try:
+                yield from take_zero(name, self._rig.finger[name])
+                outcomes[name] = yield from guide.run(name, known)
+            except Skipped:
+                yield Say(f"  finger {name} is left out; later: slipd commission --finger {name}")
+                continue
             yield from _report(name, outcomes[name].findings.notes, outcomes[name].findings.problems)
-        self._zeroed = True
+        if not outcomes:
+            raise Skipped
+        self._wrong_scale += [name for name, each in outcomes.items() if each.wrong_scale]
+        self._zeroed = len(outcomes) == len(self._fingers)
         return outcomes
 
     def _weigh(self) -> Steps[bool]:
@@ -243,6 +252,8 @@ class Commission:
         """Return why a step that builds on what was found cannot be done; "" if it can."""
         if self._unwritten:
             return "what was found is not written, so the daemon does not run it"
+        if self._wrong_scale:
+            return f"the forces of finger {', '.join(self._wrong_scale)} are in another unit, see above"
         if self._contradicted:
             return "with a wrong mounting, its result would be wrong too; slipd commission --from mounting"
         return ""

@@ -17,7 +17,7 @@ from slipd.commission.dialogue import SKIP, Change, Choice, Event, Output, Promp
 from slipd.commission.terminal_host import TerminalHost
 from slipd_client.messages.schema.topics import Wrench
 
-WRITE = "write"
+BEGIN, WRITE = "begin", "write"
 
 LIVE_S = 0.1
 """Least time between two objects of live readings."""
@@ -39,6 +39,11 @@ class PageHost(TerminalHost):
             self._show(event)
         return event
 
+    def wait_for_begin(self) -> bool:
+        """Return whether the person begins; until then nothing is asked of the daemon, and nothing changes."""
+        text = "The guide takes the zero of the sensors, which must be free, then asks for touches. Nothing moves."
+        return self._chosen(Prompt("begin", text, choices=(BEGIN, SKIP))) == BEGIN
+
     def say(self, text: str) -> None:
         """Show a line."""
         _emit("say", text)
@@ -50,13 +55,18 @@ class PageHost(TerminalHost):
     def _change(self, change: Change) -> Written:
         """Write a change once the person agrees."""
         _emit("change", fragment(change.values))
-        self._prompt(Prompt("write", f"Write these lines into {self._file}?", choices=(WRITE, SKIP)))
-        while not isinstance(event := self._next(), Choice) or event.word not in (WRITE, SKIP):
-            pass
-        if event.word == SKIP:
+        prompt = Prompt("write", f"Write these lines into {self._file}?", choices=(WRITE, SKIP))
+        if self._chosen(prompt) == SKIP:
             self.say("Not written, as you chose.")
             return Written(None)
         return self._write_change(change)
+
+    def _chosen(self, prompt: Prompt) -> str:
+        """Ask, and return the word that the person chooses."""
+        self._prompt(prompt)
+        while not isinstance(event := self._next(), Choice) or event.word not in prompt.choices:
+            pass
+        return event.word
 
     def _show(self, message: Wrench) -> None:
         self._live = {**self._live, message.finger: (message.force_n, message.torque_nm)}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from slipd.commission.config_update import FingerResult
 from slipd.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.commission.mounting_search import find_mounting
 from slipd.commission.readings import FingerReadings, ReadingListener
+from slipd.commission.rest_noise import Noise, noise_at_rest
 from slipd.commission.three_axis_search import find_three_axis
 from slipd.commission.touches import CENTRE, CORNER, END, NAMES, PUSH_X, PUSH_Y, PUSHES, Findings, Touch, mount_of
 from slipd.config import Config, Pad
-from slipd.errors import SlipdError
+from slipd.config.stream_hints import needs_of
 
 TOUCH_N = 1.5
 """Force that counts as a touch, N; a person presses with some newtons."""
@@ -34,7 +35,10 @@ NOISE_STD = 4.0
 """Standard deviations by which the sum of an image that is held still may change."""
 
 MOST_TRIES = 20
-"""How often a touch may move before it is held still."""
+"""How often a touch may move before the guide asks what is wrong."""
+
+ASKED_N, MOST_PRESS_N = 5.0, 30.0
+"""Force that a press is asked for, and the most that a fingertip then presses with, N."""
 
 MOST_REPEATS = 3
 """How often touches that do not fit may be repeated: then something else is wrong."""
@@ -63,12 +67,14 @@ class FingerOutcome:
         findings: Notes and problems, for people.
         touches: By step, in the frame of the sensor: they hold whatever the config states.
         needs_image: Only the image is missing: the daemon shows that of a charge pad once it runs this result.
+        wrong_scale: The forces cannot be newtons, so nothing was found.
     """
 
     result: FingerResult
     findings: Findings
     touches: Mapping[str, Touch]
     needs_image: bool
+    wrong_scale: bool = False
 
 
 class TouchGuide:
@@ -83,6 +89,7 @@ class TouchGuide:
     def __init__(self, rig: Config, listener: ReadingListener, patience_s: float) -> None:
         self._rig, self._listener, self._patience_s = rig, listener, patience_s
         self._rest: dict[str, FingerReadings] = {}
+        self._noise: dict[str, FingerReadings] | None = None
 
     def run(self, finger: str, pushes: Mapping[str, Touch] | None = None) -> Steps[FingerOutcome]:
         """Lead through all touches of one finger.
@@ -93,8 +100,9 @@ class TouchGuide:
 
         Raises:
             Skipped: The person left the finger out.
-            SlipdError: Nothing was touched in time, or the daemon fell silent.
+            SlipdError: The daemon fell silent.
         """
+        self._noise = None
         touches = dict(pushes or {})
         streams: dict[str, str] = {}
         asked: Sequence[str] = [step for step in TEXTS if step not in touches]
@@ -113,31 +121,65 @@ class TouchGuide:
         """Ask for touches; add them to ``touches``, and the sensors that felt the first of all to ``streams``."""
         yield Say("Touch nothing.")
         self._rest = yield from self._listener.collect(REST_S)
+        self._noise = self._noise or self._rest
         for step in steps:
-            yield Prompt(step, TEXTS[step].format(finger=finger), finger)
-            held = yield from self._hold(step, touches.get(CENTRE), streams.get("wrench", ""))
+            prompt = Prompt(step, TEXTS[step].format(finger=finger), finger)
+            yield prompt
+            held = yield from self._hold(prompt, touches.get(CENTRE), streams.get("wrench", ""))
             if not streams:
                 streams.update(self._streams(finger, held))
             touches[step] = self._touch(held, streams)
             yield Say(f"  {NAMES[step]}: {np.linalg.norm(touches[step].force):.1f} N. Let go.")
-            if not (yield from self._listener.wait(self._released, self._patience_s)):
-                raise SlipdError(f"the pads were not released within {self._patience_s:g} s; nothing is changed")
+            if step == CENTRE and (remark := self._scale_remark(streams["wrench"], touches[step])):
+                yield Say(f"  {remark}")
+            while not (yield from self._listener.wait(self._released, self._patience_s)):
+                yield from _wait_longer(f"The pads were not released within {self._patience_s:g} s.", finger)
 
     def _outcome(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> FingerOutcome:
         settings = self._rig.finger[finger]
         swapped = {kind: other for kind, other in streams.items() if other != finger}
         if settings.wrench is None:
             findings, axes = find_three_axis(touches)
-            result = FingerResult(None, findings.symmetry, axes, swapped)
+            result = FingerResult(None, findings.symmetry, axes, streams)
         else:
             findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
-            result = FingerResult(findings.mount, findings.symmetry, None, swapped)
+            result = FingerResult(findings.mount, findings.symmetry, None, streams)
         findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
+        if remark := self._scale_remark(streams["wrench"], touches[CENTRE]):
+            nothing = FingerResult(None, None, None, streams)
+            findings = Findings(notes=findings.notes, problems=[remark])
+            return FingerOutcome(nothing, findings, touches, needs_image=False, wrong_scale=True)
+        result = replace(result, noise=self._noise_of(finger, streams, findings))
         needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
         return FingerOutcome(result, findings, touches, needs_image)
 
-    def _hold(self, step: str, centre: Touch | None, stream: str) -> Steps[dict[str, FingerReadings]]:
+    def _noise_of(self, finger: str, streams: Mapping[str, str], findings: Findings) -> Noise | None:
+        """Return the noise of a finger before its first touch; add it to the notes."""
+        sensor, rest = self._rig.finger[finger].wrench, self._noise
+        if sensor is None or rest is None:
+            return None
+        stated = mount_of(sensor)
+        noise = noise_at_rest(rest[streams["wrench"]], stated, findings.mount or stated)
+        if noise is None:
+            findings.notes.append("the noise is not measured: the readings moved, or did not change at all")
+            return None
+        taxels = "" if noise.threshold is None else f", ten times that of a taxel {noise.threshold:.2g}"
+        findings.notes.append(f"noise at rest {noise.force_std_n:.2g} N, {noise.torque_std_nm:.2g} N·m{taxels}")
+        return noise
+
+    def _scale_remark(self, stream: str, centre: Touch) -> str:
+        """Return why the force of a press cannot be right, and which keys may be wrong; "" if it can be right."""
+        sensor = self._rig.finger[stream].wrench
+        force_n = float(np.linalg.norm(centre.force))
+        if sensor is None or force_n <= MOST_PRESS_N:
+            return ""
+        suspects = [need.key for need in needs_of(sensor) if need.scales] or ["a gain or unit of the sensor"]
+        asked = f"you were asked for about {ASKED_N:g} N and the sensor reads {force_n:.0f} N"
+        return f"{asked}: {', '.join(suspects)}? Nothing of this finger is written; correct it, and begin again"
+
+    def _hold(self, prompt: Prompt, centre: Touch | None, stream: str) -> Steps[dict[str, FingerReadings]]:
         """Wait for a touch that is held still, and return the readings while it is."""
+        step = prompt.step
 
         def touched(newest: dict[str, Array]) -> bool:
             if self._largest_n(newest) < TOUCH_N:
@@ -150,15 +192,21 @@ class TouchGuide:
             return bool(np.linalg.norm(along) > PUSH_SHARE * np.linalg.norm(force))
 
         what = "push" if step in PUSHES else "press"
-        for _ in range(MOST_TRIES):
+        tries = 0
+        while True:
             if not (yield from self._listener.wait(touched, self._patience_s)):
-                raise SlipdError(f"no {what} was felt within {self._patience_s:g} s; nothing is changed")
+                yield from _wait_longer(f"No {what} was felt within {self._patience_s:g} s.", prompt.finger)
+                yield prompt
+                continue
             yield from self._listener.collect(SETTLE_S)
             held = yield from self._listener.collect(HOLD_S)
             if not (moved := self._what_moved(held)):
                 return held
             yield Say(f"  {moved}: hold it still")
-        raise SlipdError(f"the {what} was not held still in {MOST_TRIES} tries: {moved}; nothing is changed")
+            tries += 1
+            if tries % MOST_TRIES == 0:
+                yield from _wait_longer(f"The {what} was not held still in {MOST_TRIES} tries: {moved}.", prompt.finger)
+                yield prompt
 
     def _what_moved(self, held: dict[str, FingerReadings]) -> str:
         """Return what changed during a touch, for people; "" if it was held still."""
@@ -214,6 +262,12 @@ class TouchGuide:
         assert pad is not None  # noqa: S101 - a finger has a force sensor or a pad
         force = wrench[:3] * np.sign(pad.axis_scale)
         return np.concatenate((force[[1, 0, 2]] if pad.swap_xy else force, wrench[3:]))
+
+
+def _wait_longer(why: str, finger: str) -> Steps[None]:
+    """Ask whether to wait longer; SKIP leaves out this finger alone."""
+    text = f"{why} Try again, or leave finger {finger} out; what was found of the others is kept."
+    yield from choose(Prompt("touch_wait", text, finger, (AGAIN, SKIP)))
 
 
 def _agree(finger: str, findings: Findings) -> Steps[bool]:

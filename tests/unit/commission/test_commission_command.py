@@ -11,6 +11,7 @@ import pytest
 from slipd import config
 from slipd.commission import readings, terminal_host
 from slipd.commission.commission_command import CommissionOptions, commission_command
+from slipd.commission.page_host import PageHost
 from slipd.errors import ConfigError, SlipdError
 
 
@@ -33,14 +34,23 @@ def options(**more: object) -> CommissionOptions:
 def test_a_daemon_that_is_silent_is_named(
     rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], page: bool
 ) -> None:
+    monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: True)
     read, write = os.pipe()
     with io.open(read) as stdin, io.open(write, "w"):  # noqa: UP020 - sys.stdin is a file of io
         monkeypatch.setattr("sys.stdin", stdin)
         with pytest.raises(SlipdError, match=r"no message from the daemon for .* Is slipd running"):
             commission_command(rig, options(page=page))
     shown = capsys.readouterr().out
-    assert ("s and Enter leaves the present step out" in shown) is not page
+    assert ("s and Enter leaves the present step or finger out" in shown) is not page
     assert "Step 1 of 4: mounting" in shown
+
+
+def test_a_person_who_does_not_begin_on_the_page_changes_nothing(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: False)
+    assert not commission_command(rig, options(page=True))
+    assert "the zero of" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,17 @@ def test_a_change_is_written_only_once_the_person_agrees(
     assert second["prompt"]["choices"] == ["write", "skip"]
 
 
+@pytest.mark.parametrize(("answers", "begins"), [("perhaps\nbegin\n", True), ("skip\n", False)])
+def test_nothing_is_asked_of_the_daemon_before_the_person_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: str, begins: bool
+) -> None:
+    with hosted(tmp_path, monkeypatch, answers) as host:
+        monkeypatch.setattr(host, "_ask", None)
+        assert host.wait_for_begin() is begins
+    (prompt,) = said()
+    assert prompt["prompt"]["choices"] == ["begin", "skip"]
+
+
 def test_a_word_before_the_question_is_no_answer_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with hosted(tmp_path, monkeypatch, answers="skip\n", before="write\nwri") as host:
         assert host.respond(CHANGE) == Written(None)
