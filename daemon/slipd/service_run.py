@@ -182,8 +182,7 @@ class ServiceRun:
             private_directory(folder)
             files.delete_oldest(KIND, continuous.keep_files - 1, continuous.keep_bytes - continuous.file_bytes)
 
-        make = partial(self._make_recorder, room=room, place=files.place)
-        recordings = RequestedRecordings(folder, make, prepare)
+        recordings = RequestedRecordings(folder, partial(self._make_recorder, room=room, place=files.place), prepare)
         return ContinuousRecording(recordings, continuous, run_name(self.boot, self._wall_minus_monotonic_ns))
 
     def _make_incidents(self, files: RunFiles) -> Incidents:
@@ -194,8 +193,7 @@ class ServiceRun:
             check_room(folder, Room(sys.maxsize, limits.min_free_bytes), sys.maxsize)
 
         create = file_of_run(self._config.text, self.boot, self._wall_minus_monotonic_ns)
-        name = run_name(self.boot, self._wall_minus_monotonic_ns)
-        return Incidents(files, limits.incidents, name, create, prepare)
+        return Incidents(files, limits.incidents, run_name(self.boot, self._wall_minus_monotonic_ns), create, prepare)
 
     def _make_recorder(
         self,

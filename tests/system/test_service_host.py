@@ -104,9 +104,13 @@ async def test_P2_P4_G2_a_service_reports_is_watched_and_reads_its_config_again(
         status = (await until(lambda: [body for body in client.hear("status") if body["config_id"] != first_id]))[-1]
         assert status["boot"] != client.heard[0][1]["boot"], "a new run"
 
-        process.send_signal(signal.SIGTERM)
-        manager.until(b"^STOPPING=1$")
-        assert process.wait(PATIENCE_S) == 0
+        rig.file.unlink()
+        os.mkfifo(rig.file)
+        process.send_signal(signal.SIGHUP)
+        with rig.file.open("w", encoding="utf-8"):  # opens as soon as the daemon reads it, and nothing is written
+            process.send_signal(signal.SIGTERM)
+            manager.until(b"^STOPPING=1$")
+            assert process.wait(PATIENCE_S) == 0
 
 
 async def test_G2_a_config_with_which_no_run_can_start_is_left_for_the_one_before(rig: Rig, tmp_path: Path) -> None:

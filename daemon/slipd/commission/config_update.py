@@ -109,8 +109,9 @@ def replace_config(file: Path, text: str, *, keep: bool = True) -> Path:
     previous = file.with_name(file.name + PREVIOUS)
     if keep:
         shutil.copy2(file, previous)
+    file = file.resolve()  # a link stays one
     with _beside(file) as new:
-        new.write_text(text, encoding="utf-8")
+        new.write_text(text, encoding="utf-8", newline="")
         shutil.copymode(file, new)
         new.replace(file)
     return previous

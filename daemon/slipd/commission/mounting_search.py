@@ -132,17 +132,21 @@ def _add_mount(
 
 def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
     """Return the directions of X, Y and Z of the pad in the signed frame of the sensor, as columns; orthogonal."""
-    missing = [step for step in STEPS if step not in touches]
+    missing = [step for step in STEPS if step not in touches or not touches[step].force.any()]
     if missing:
         found.problems.append(f"the force sensor showed nothing at: {', '.join(missing)}")
         return None
     presses = [_unit(touches[step].force) for step in PRESSES]
-    into = _unit(np.sum(presses, axis=0))
+    total = np.sum(presses, axis=0)
+    into = _unit(total) if total.any() else presses[0]
     if max(_angle(into, press) for press in presses) > SAME_DIRECTION_RAD:
         text = "the presses had different directions: press at right angles to the pad, at each place"
         found.add_problem(text, _slanted(presses))
         return None
     pushes = [touches[step].force - into * (into @ touches[step].force) for step in (PUSH_X, PUSH_Y)]
+    if missing := [step for step, push in zip(PUSHES, pushes, strict=True) if not push.any()]:
+        found.add_problem("the pushes show no force along the pad: push along +X and along +Y", *missing)
+        return None
     along_x, along_y = map(_unit, pushes)
     if abs(_angle(along_x, along_y) - math.pi / 2) > SQUARE_RAD:
         found.add_problem(

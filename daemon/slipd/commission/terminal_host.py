@@ -148,7 +148,7 @@ class TerminalHost:
             if not self._write:
                 self.say(f"{file}: not changed, as asked")
                 return Written(None)
-            if file.read_text(encoding="utf-8") != self._text:
+            if file.read_bytes().decode() != self._text:
                 raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
             self._kept = replace_config(file, text, keep=self._kept is None)
         except (OSError, ValueError) as error:

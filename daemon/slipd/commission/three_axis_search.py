@@ -34,7 +34,7 @@ def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, 
     """
     found = Findings()
     places = {step: np.array(touch.scan_m) for step, touch in touches.items() if touch.scan_m is not None}
-    missing = [step for step in STEPS if step not in places]
+    missing = [step for step in STEPS if step not in places or not touches[step].force.any()]
     if missing:
         found.add_problem(f"the pad showed nothing at: {', '.join(missing)}", *missing)
         return found, None

@@ -29,7 +29,7 @@ def load(path: Path) -> Config:
         ConfigError: The file cannot be read, other users may change it, or it has faults; the error lists them all.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_bytes().decode()  # read_text would turn CRLF into LF
         untrusted = trust_faults(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {_reason(error)}")]) from None

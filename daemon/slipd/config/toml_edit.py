@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
-from slipd.config.toml_lines import key_lines
+from slipd.config.toml_lines import key_lines, lines_of
 
 PER_LINE = 12
 """Most numbers in a line."""
@@ -25,13 +25,13 @@ def with_numbers(text: str, path: tuple[str, ...], numbers: list[float], comment
     Raises:
         ValueError: The table has no header line, so that the key cannot be placed.
     """
-    lines = text.splitlines()
+    lines = lines_of(text)
     first, after, name = _place(lines, text, path)
     while after > first > 0 and lines[first - 1].lstrip().startswith("#"):
         first -= 1
     rows = [", ".join(map(repr, numbers[at : at + PER_LINE])) for at in range(0, len(numbers), PER_LINE)]
     value = [f"# {comment}", f"{name} = [", *(f"    {row}," for row in rows), "]"]
-    return "\n".join([*lines[:first], *value, *lines[after:]]) + "\n"
+    return _joined(lines[:first], value, lines[after:])
 
 
 def with_value(text: str, path: tuple[str, ...], value: str, comment: str) -> str:
@@ -46,9 +46,9 @@ def with_value(text: str, path: tuple[str, ...], value: str, comment: str) -> st
     Raises:
         ValueError: The table has no header line, so that the key cannot be placed.
     """
-    lines = text.splitlines()
+    lines = lines_of(text)
     first, after, name = _place(lines, text, path)
-    return "\n".join([*lines[:first], f"{name} = {value}  # {comment}", *lines[after:]]) + "\n"
+    return _joined(lines[:first], [f"{name} = {value}  # {comment}"], lines[after:])
 
 
 def _place(lines: list[str], text: str, path: tuple[str, ...]) -> tuple[int, int, str]:
@@ -57,11 +57,17 @@ def _place(lines: list[str], text: str, path: tuple[str, ...]) -> tuple[int, int
     header = found.get(path[:-1])
     if path in found and not lines[found[path] - 1].lstrip().startswith("["):
         first = found[path] - 1
-        after = next(end for end in range(first + 1, len(lines) + 1) if _is_toml("\n".join(lines[first:end])))
+        after = next(end for end in range(first + 1, len(lines) + 1) if _is_toml("\n".join([*lines[first:end], ""])))
         return first, after, lines[first].split("=")[0].strip()
     if header is not None and path not in found and lines[header - 1].lstrip().startswith("["):
         return header, header, path[-1]
     raise ValueError(f"must have a line [{'.'.join(path[:-1])}], to set {path[-1]} below it")
+
+
+def _joined(before: list[str], new: list[str], after: list[str]) -> str:
+    """Return the text with new lines, which end as the others do."""
+    end = "\r" if any(line.endswith("\r") for line in (before + after)[:1]) else ""
+    return "\n".join([*before, *(line + end for line in new), *(after or [""])])
 
 
 def _is_toml(text: str) -> bool:

@@ -13,6 +13,11 @@ _MARKED = re.compile(r"=.*#.*\bMEASURE\b")
 _DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$")
 
 
+def lines_of(text: str) -> list[str]:
+    """Return the lines as TOML divides them, at LF alone. A CR stays at the end; a final LF begins an empty line."""
+    return text.split("\n")
+
+
 def key_lines(text: str) -> dict[tuple[str, ...], int]:
     """Return the line, 1-based, of every table and key that starts a line."""
     lines: dict[tuple[str, ...], int] = {}
@@ -23,7 +28,7 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
 
 def marked_keys(text: str) -> dict[tuple[str, ...], int]:
     """Return the line of every key whose comment holds the word MEASURE: its value is still an example."""
-    lines = text.splitlines()
+    lines = lines_of(text)
     return {path: number for path, number in key_lines(text).items() if _MARKED.search(lines[number - 1])}
 
 
@@ -33,7 +38,7 @@ def syntax_fault(text: str, error: Exception) -> tuple[int | None, str]:
     if where is None:
         return None, f"not TOML: {error}"
     at = int(where[1])
-    if match := _DECIMAL_COMMA.match(text.splitlines()[at - 1] if at <= len(text.splitlines()) else ""):
+    if match := _DECIMAL_COMMA.match(lines_of(text)[at - 1]):
         key, whole, part = match.groups()
         return at, f"{key} must be written with a decimal point, got {whole},{part}: write {key} = {whole}.{part}"
     if str(error).startswith(("Cannot overwrite", "Cannot declare")):
@@ -48,7 +53,7 @@ def syntax_fault(text: str, error: Exception) -> tuple[int | None, str]:
 def _headed(text: str) -> Iterator[tuple[tuple[str, ...], int]]:
     """Yield the path and the line of every table and key that starts a line."""
     table: tuple[str, ...] = ()
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(lines_of(text), start=1):
         if match := _TABLE.match(line):
             table = _parts(match[1])
             yield table, number

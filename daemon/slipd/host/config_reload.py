@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 from slipd.config import Config, load
 from slipd.errors import ConfigError
 from slipd.events import Event, HostNotice
+
+READ_LIMIT_S = 5.0
+"""Longest wait for the disk, s; the config before is then kept."""
 
 _log = logging.getLogger(__name__)
 
@@ -42,7 +47,12 @@ class ConfigReload:
             await self._requested.wait()
             self._requested.clear()
             try:
-                read = await asyncio.to_thread(load, self._file)
+                async with asyncio.timeout(READ_LIMIT_S):
+                    read = await self._read()
+            except TimeoutError:
+                why = f"{self._file}: cannot be read within {READ_LIMIT_S:g} s: is it a pipe, or on a disk that hangs?"
+                self._keep(kept_text(RuntimeError(why)), report)
+                continue
             except ConfigError as error:
                 self._keep(kept_text(error), report)
                 continue
@@ -55,6 +65,31 @@ class ConfigReload:
                 continue
             self.found = read
         stop.set()
+
+    async def _read(self) -> Config:
+        """Read the file on a thread that nothing waits for: neither a later request nor the end of the daemon."""
+        loop = asyncio.get_running_loop()
+        found: asyncio.Future[Config] = loop.create_future()
+
+        def settle(config: Config | None, error: BaseException | None) -> None:
+            if found.done():
+                return
+            if error is not None:
+                found.set_exception(error)
+            elif config is not None:
+                found.set_result(config)
+
+        def read() -> None:
+            config, error = None, None
+            try:
+                config = load(self._file)
+            except Exception as fault:
+                error = fault
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(settle, config, error)
+
+        threading.Thread(target=read, name="config", daemon=True).start()
+        return await found
 
     def _keep(self, text: str, report: Callable[[Event], None]) -> None:
         _log.error("%s", text, extra={"slipd_fault": "config-kept"})

@@ -17,7 +17,7 @@ import numpy as np
 
 from slipd import config
 from slipd.arrays import Array
-from slipd.config.toml_lines import key_lines
+from slipd.config.toml_lines import key_lines, lines_of
 from slipd.devices import DEVICES
 from slipd.errors import ConfigError, ConfigFault
 from slipd.signals.gravity import FingerWeight
@@ -114,7 +114,7 @@ class TouchedDevices:
         Raises:
             ConfigError: The text of the config hides a port from the substitution, such as in an inline table.
         """
-        lines = self._rig.text.splitlines()
+        lines = lines_of(self._rig.text)
         for path, number in key_lines(self._rig.text).items():
             line = lines[number - 1]
             if path[-1] == "port":

@@ -253,3 +253,32 @@ def test_what_a_three_axis_pad_does_not_show_is_reported() -> None:
         found, axes = find_three_axis(wrong_touches)
         assert axes is None
         assert words in found.problems[0]
+
+
+@pytest.mark.parametrize("step", PLACES)
+def test_a_touch_without_any_force_is_one_that_showed_nothing(step: str) -> None:
+    seen = touches()
+    seen[step] = replace(seen[step], force=np.zeros(3))
+    found = find_mounting(seen, TRUE)
+    assert found.mount is None
+    assert found.problems == [f"the force sensor showed nothing at: {step}"]
+    pads, axes = find_three_axis(seen)
+    assert axes is None
+    assert pads.problems == [f"the pad showed nothing at: {step}"]
+
+
+@pytest.mark.parametrize("step", [PUSH_X, PUSH_Y])
+def test_a_push_that_is_a_press_shows_no_direction(step: str) -> None:
+    level = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    found = find_mounting(touches(level, pushes=PUSHES | {step: (0.0, 0.0)}), level)
+    assert found.mount is None
+    assert found.problems == ["the pushes show no force along the pad: push along +X and along +Y"]
+    assert found.doubtful == (step,)
+
+
+def test_presses_that_cancel_out_have_no_direction_in_common() -> None:
+    seen = touches()
+    for k, step in enumerate((CENTRE, END, CORNER)):
+        seen[step] = replace(seen[step], force=np.array([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)][k % 2]))
+    seen[CORNER] = replace(seen[CORNER], force=np.array((0.0, 1.0, 0.0)))
+    assert "the presses had different directions" in find_mounting(seen, TRUE).problems[0]

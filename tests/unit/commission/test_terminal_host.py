@@ -25,17 +25,17 @@ QUESTION = Prompt("tips_down", "Turn it.", "left", ("ready", "skip"), "gravity (
 
 @contextmanager
 def hosted(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, *, write: bool = True
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *, write: bool = True, text: str = TEXT
 ) -> Iterator[tuple[TerminalHost, IO[str]]]:
     """A host of a config, without a daemon, and what the person types into."""
     file = folder / "rig.toml"
-    file.write_text(TEXT, encoding="utf-8")
+    file.write_text(text, encoding="utf-8", newline="")
     monkeypatch.setattr(terminal_host, "SILENCE_S", 0.3)
     read, end = os.pipe()
     with io.open(read) as stdin, io.open(end, "w") as person:  # noqa: UP020 - sys.stdin is a file of io
         monkeypatch.setattr("sys.stdin", stdin)
         link = DaemonLink(f"ipc://{folder}/publish", f"ipc://{folder}/requests", None, None)
-        with TerminalHost(file, TEXT, link, write=write) as host:
+        with TerminalHost(file, text, link, write=write) as host:
             yield host, person
 
 
@@ -101,6 +101,21 @@ def test_a_config_is_written_once_and_its_first_state_is_kept(tmp_path: Path, mo
         file.unlink()
         with pytest.raises(SlipdError, match=r"is left as it was: .*; put the lines above into it"):
             host.respond(CHANGE)
+
+
+def test_a_linked_config_is_written_through_its_link_and_keeps_its_line_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, target = tmp_path / "rig.toml", tmp_path / "kept" / "rig.toml"
+    target.parent.mkdir()
+    with hosted(tmp_path, monkeypatch, text=TEXT.replace("\n", "\r\n")) as (host, _):
+        file.rename(target)
+        file.symlink_to(target)
+        host.respond(Change({("finger", "left", "mu"): "0.42"}))
+    assert file.is_symlink()
+    written = target.read_bytes()
+    assert b"mu = 0.42  # slipd commission\r\n" in written
+    assert written.count(b"\r\n") == written.count(b"\n")
 
 
 def test_a_dry_run_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from slipd.config.toml_edit import with_numbers
+from slipd.config.toml_edit import with_numbers, with_value
 
 TEXT = """\
 # the rig
@@ -66,3 +66,13 @@ def test_long_lists_take_several_lines() -> None:
 def test_a_table_without_a_header_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"must have a line \[finger\.left\.pad\], to set tare below it"):
         with_numbers(text, LEFT, [1.0], "new")
+
+
+def test_every_other_line_keeps_its_end_and_lines_end_only_where_toml_ends_them() -> None:
+    text = "# a \u2028budget_n = 500\r\n[a]\r\nx = 1 # \x85 y\r\n# end"
+    assert with_value(text, ("a", "x"), "2", "new") == text.replace("x = 1 # \x85 y", "x = 2  # new")
+    assert with_value(text, ("a", "z"), "2", "new") == text.replace("[a]\r\n", "[a]\r\nz = 2  # new\r\n")
+    assert with_numbers(text, ("a", "x"), [1.0], "n") == text.replace(
+        "x = 1 # \x85 y\r\n", "# n\r\nx = [\r\n    1.0,\r\n]\r\n"
+    )
+    assert with_value("[a]", ("a", "x"), "1", "c") == "[a]\nx = 1  # c\n"
