@@ -139,7 +139,7 @@ def test_an_unanswered_command_is_repeated_and_then_the_sequence_restarts() -> N
     bench.run(1.6)
     assert bench.written == [b"C\n", b"c,0,1,0,4\n", *[b"f,64,0,0,1\n"] * 3]
     assert bench.session.state == "waiting"
-    bench.run(9)
+    bench.run(11.5)
     assert bench.session.state == "no answer to f"
     bench.sensor.deaf_to = ""
     bench.run(5)
