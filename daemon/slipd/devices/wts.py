@@ -20,6 +20,7 @@ from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS,
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, Query, TactileDecoder, TactileSession, Words
 from slipd.samples import TactileSample
 
+SINGLE = 0x20
 START = 0x21
 STOP = 0x22
 MATRIX = 0x30
@@ -37,10 +38,11 @@ _ALREADY_RUNNING = (4,)
 
 _SYSTEM = struct.Struct("<HBBHI")  # status, type, hardware revision, firmware, serial number
 _MATRIX = struct.Struct("<6H")  # status, columns, rows, width and height of a cell in 10 µm, full scale
+_IMAGE_HEAD = struct.Struct("<IB")  # device time in ms, flags
 _START = struct.Struct("<BH")  # flags, interval in ms
 
 REPLY_SIZES = {START: 2, STOP: 2, MATRIX: _MATRIX.size, SYSTEM: _SYSTEM.size}
-REQUEST_SIZES = {START: _START.size, STOP: 0, MATRIX: 0, SYSTEM: 0}
+REQUEST_SIZES = {SINGLE: 1, START: _START.size, STOP: 0, MATRIX: 0, SYSTEM: 0}
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,16 @@ def encode_frame(cells: Sequence[int] | Words, device_time_ms: int) -> bytes:
         device_time_ms: Device time, ms; sent modulo 2^32.
     """
     return tactile.encode_frame(np.asarray(cells, dtype=np.uint16), device_time_ms, SEED_WITH_PREAMBLE)
+
+
+def encode_single(cells: Words, device_time_ms: int) -> bytes:
+    """Return the answer to `SINGLE`, as drivers read it: a status, and the content of an image.
+
+    Source: ksatyaki/wts_driver at 82c46ac, ``src/wts_driver.cpp``.
+    """
+    return encode(
+        SINGLE, bytes(2) + _IMAGE_HEAD.pack(device_time_ms, 0) + cells.astype("<u2").tobytes(), SEED_WITH_PREAMBLE
+    )
 
 
 def encode_query(packet_id: int) -> bytes:

@@ -16,6 +16,12 @@ from slipd.sim.wrench_stream import WrenchStream, whole
 
 INTERNAL_HZ = 7000
 COUNTS_PER_N, COUNTS_PER_NM = 100_000, 2_000_000
+CALIBRATION: dict[str, Any] = {
+    "counts_per_force": COUNTS_PER_N,
+    "counts_per_torque": COUNTS_PER_NM,
+    "force_unit": "N",
+    "torque_unit": "N-m",
+}
 SERIAL = "FT27462"
 
 
@@ -26,15 +32,27 @@ class NetftSensor:
         seed: Seed of its noise.
         rate_hz: Records per second.
         block: Records per datagram when they are buffered.
+        internal_hz: Rate of its sample counter.
+        calibration: Counts per unit, and the units, as the options of its session name them.
     """
 
-    def __init__(self, seed: int, rate_hz: float = 4000.0, block: int = 10) -> None:
-        self.options: dict[str, Any] = {"counts_per_force": COUNTS_PER_N, "counts_per_torque": COUNTS_PER_NM}
+    def __init__(
+        self,
+        seed: int,
+        rate_hz: float = 4000.0,
+        block: int = 10,
+        internal_hz: float = INTERNAL_HZ,
+        **calibration: Any,
+    ) -> None:
+        self.options: dict[str, Any] = CALIBRATION | calibration
         self.rate_hz = rate_hz
         self.status = 0
         """Status word of the records from now on."""
         self._stream = WrenchStream(seed, rate_hz)
-        self._counts_per_unit = np.repeat((COUNTS_PER_N, COUNTS_PER_NM), 3)
+        value = netft_calibration.from_counts(**self.options)
+        self._counts_per_unit = np.repeat((1.0 / value.force_n, 1.0 / value.torque_nm), 3)
+        self._internal_hz = internal_hz
+        self._left = 0  # records to send; 0: no limit
         self._block, self._per_datagram = block, 1
         self._sequence = 0
         self._waiting: list[bytes] = []
@@ -57,10 +75,10 @@ class NetftSensor:
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle a datagram; the only answers are records."""
-        command, _ = rdt.parse_request(data) or (None, 0)
+        command, count = rdt.parse_request(data) or (None, 0)
         if command in (rdt.START, rdt.START_BUFFERED):
             self._per_datagram = self._block if command == rdt.START_BUFFERED else 1
-            self._sequence, self._waiting = 0, []
+            self._sequence, self._waiting, self._left = 0, [], count
             self._stream.start(t_ns)
         elif command == rdt.STOP:
             self._stream.stop()
@@ -72,14 +90,18 @@ class NetftSensor:
         for taken_ns, values in self._stream.due(t_ns):
             self._sequence += 1
             counts = whole(values * self._counts_per_unit, 32)
-            ticks = taken_ns * INTERNAL_HZ // 1_000_000_000
+            ticks = int(taken_ns * self._internal_hz // 1_000_000_000)
             self._waiting.append(rdt.encode_record(counts, self._sequence, ticks, self.status))
-            if len(self._waiting) == self._per_datagram:
+            is_last = self._sequence == self._left
+            if len(self._waiting) == self._per_datagram or is_last:
                 output.append(b"".join(self._waiting))
                 self._waiting = []
+            if is_last:
+                self._stream.stop()
+                break
         return output
 
 
-def make(seed: int, rate_hz: float = 4000.0) -> NetftSensor:
-    """Return the emulator with seeded noise."""
-    return NetftSensor(seed, rate_hz)
+def make(seed: int, rate_hz: float = 4000.0, **settings: Any) -> NetftSensor:
+    """Return the emulator with seeded noise; for other settings see `NetftSensor`."""
+    return NetftSensor(seed, rate_hz, **settings)

@@ -6,7 +6,6 @@ Not emulated: emergency release, faults of the gripper itself, and the full stro
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,17 +75,22 @@ class Gripper2F:
     Args:
         width_table: Position byte / 255 and width between the pads, m.
         force_table: Force byte and normal force on one pad, N.
+        unit: Its Modbus address.
 
     Attributes:
         activated_ns: When it was first activated, ns; None before.
     """
 
     def __init__(
-        self, width_table: Table = WIDTH_TABLE, force_table: Sequence[tuple[float, float]] = FORCE_TABLE
+        self,
+        width_table: Table = WIDTH_TABLE,
+        force_table: Table = FORCE_TABLE,
+        unit: int = robotiq_registers.UNIT,
     ) -> None:
         self._force_bytes, self._forces_n = zip(*force_table, strict=True)
         self.activated_ns: int | None = None
         self._units = Units(force_table, width_table, None)
+        self._unit = unit
         self._open_width_m = open_width_m = self._units.width_range_m[1]
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
         self._output = robotiq_registers.parse_output(self._registers)
@@ -101,7 +105,7 @@ class Gripper2F:
         if t_ns - self._received_ns > FRAME_GAP_NS:
             self._received = b""
         self._received_ns = t_ns
-        requests, self._received = modbus.parse_requests(self._received + data, robotiq_registers.UNIT)
+        requests, self._received = modbus.parse_requests(self._received + data, self._unit)
         return b"".join(self._answer(request, t_ns) for request in requests)
 
     def command(self, t_ns: int) -> GripCommand:
@@ -169,14 +173,18 @@ class GripperLine:
     Args:
         width_table: Position byte / 255 and width between the pads, m.
         force_table: Force byte and normal force on one pad, N.
+        unit: Its Modbus address.
     """
 
     def __init__(
-        self, width_table: Table = WIDTH_TABLE, force_table: Sequence[tuple[float, float]] = FORCE_TABLE
+        self,
+        width_table: Table = WIDTH_TABLE,
+        force_table: Table = FORCE_TABLE,
+        unit: int = robotiq_registers.UNIT,
     ) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = POLL_HZ
-        self._gripper = Gripper2F(width_table, force_table)
+        self._gripper = Gripper2F(width_table, force_table, unit)
         self._jaws = Jaws(width_table[0][1])
         self._now_ns = 0
 

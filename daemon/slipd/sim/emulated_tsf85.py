@@ -30,10 +30,12 @@ class Fingertips:
 
     Args:
         seed: Seed of the noise.
+        timestamp_unit_ns: Unit of its timestamp.
     """
 
-    def __init__(self, seed: int) -> None:
-        self.options: dict[str, Any] = {"timestamp_unit_ns": 1000}
+    def __init__(self, seed: int, timestamp_unit_ns: int = 1000) -> None:
+        self.options: dict[str, Any] = {"timestamp_unit_ns": timestamp_unit_ns}
+        self._unit_ns = timestamp_unit_ns
         self.rate_hz = REFRESH_HZ
         self._packets = TactileStream(seed, 1000.0, (tsf85.TAXELS,), NOISE_COUNTS)
         self._refresh = -1
@@ -86,10 +88,10 @@ class Fingertips:
         for finger in range(tsf85.FINGERS):
             blocks += encode_block(tsf85.DYNAMIC, finger, [0])
             blocks += encode_block(tsf85.ACCELEROMETER, finger, [0, 0, 16384])
-            blocks += encode_block(tsf85.TIMESTAMP, finger, [taken_ns // 1000])
+            blocks += encode_block(tsf85.TIMESTAMP, finger, [taken_ns // self._unit_ns])
         return tsf85.encode_packet(tsf85.AUTOSEND, blocks)
 
 
-def make(seed: int) -> Fingertips:
+def make(seed: int, timestamp_unit_ns: int = 1000) -> Fingertips:
     """Return the emulator with seeded noise."""
-    return Fingertips(seed)
+    return Fingertips(seed, timestamp_unit_ns)

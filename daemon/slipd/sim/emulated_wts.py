@@ -1,6 +1,6 @@
 """A Weiss WTS-FT tactile module as seen from its line: it answers, and pushes plain images.
 
-Not emulated: single and run-length encoded images, tare, masks, thresholds, gain, temperature and device tag.
+Not emulated: run-length encoded images, tare, masks, thresholds, gain, temperature and device tag.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ class WtsModule(WeissController):
             return wts.encode_system(self._serial)
         if request.id == wts.MATRIX:
             return wts.encode_matrix(self._matrix)
+        if request.id == wts.SINGLE:
+            return wts.encode_single(self._cells(), self._time_ms(t_ns))
         running = request.id == wts.START
         self._push(max(wts.parse_start(request.payload), FASTEST_MS) * 1_000_000 if running else None, t_ns)
         return wts.encode_status(request.id)

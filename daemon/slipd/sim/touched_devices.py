@@ -1,13 +1,14 @@
 """The emulated devices of a config: what each sensor reads of the load on its pad, and the config with their addresses.
 
 The config is taken as the truth about how the sensors are mounted. Its copy has other ports, no identities of devices,
-and the default endpoints; everything else is as it was.
+the default endpoints, and the calibration of a Net F/T over TCP, not from its web page; everything else is as it was.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,6 +42,8 @@ SCAN_SHARE = 0.5
 """A multiplexed pad scans for this share of its period."""
 
 IDENTITY_KEYS = ("hardware_id",)
+_PAGE = re.compile(r"""(\bcalibration\s*=\s*)["']xml["']""")
+"""Calibration of a Net F/T on its web page: only a privileged process may serve port 80, so the copy asks over TCP."""
 BUS_KEYS = ("publish", "requests", "secret_key", "readers", "requesters", "allow_local_tcp")
 
 
@@ -119,6 +122,8 @@ class TouchedDevices:
             line = lines[number - 1]
             if path[-1] == "port":
                 lines[number - 1] = self._with_address(line)
+            elif _PAGE.search(line):
+                lines[number - 1] = _PAGE.sub(r'\1"tcp"', line)
             elif path[-1] in IDENTITY_KEYS or (path[0] == "bus" and path[-1] in BUS_KEYS):
                 lines[number - 1] = f"# {line}  # emulated devices have another"
         text = "\n".join(lines) + "\n"
@@ -223,6 +228,12 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
         }
     elif device == "netft":
         settings = {"rate_hz": first.rate_hz}
+        if first.options.get("calibration") == "config":  # else the sensor itself sends what a count is worth
+            settings |= _given(first, "counts_per_force", "counts_per_torque", "force_unit", "torque_unit")
+        if first.options.get("internal_hz"):
+            settings["internal_hz"] = first.options["internal_hz"]
+    elif device == "tsf85":
+        settings = _given(first, "timestamp_unit_ns")
     elif device == "robotous":
         settings = {"baud": first.baud or DEVICES[device].baud, **_given(first, "torque_divider")}
     elif device == "optoforce":
@@ -244,6 +255,7 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
         settings = {"wrenches": wrenches, "pads": shapes, "rates_hz": rates_hz}
     elif device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
         settings = {"force_table": first.force_table, "width_table": first.width_table}
+        settings |= _given(first, "unit")
     elif DEVICES[device].interface is not None:
         sizes = {"rows": first.rows, "cols": first.cols} if isinstance(first, config.Pad) else {}
         settings = accepted(device, {"rate_hz": first.rate_hz, **sizes, **config.device_options(first)})

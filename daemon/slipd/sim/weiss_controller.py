@@ -60,11 +60,17 @@ class WeissController(ABC):
         """Advance to ``t_ns`` and return the images due until then."""
         output = []
         while self._period_ns is not None and self._next_ns <= t_ns:
-            noisy = self._ideal + self._noise_counts * self._rng.standard_normal(self._ideal.size)
-            cells = np.clip(np.rint(noisy), 0, FULL_SCALE).astype(np.uint16)
-            output.append(self._frame(cells, round(self._next_ns * self._clock)))
+            output.append(self._frame(self._cells(), self._time_ms(self._next_ns)))
             self._next_ns += self._period_ns
         return output
+
+    def _cells(self) -> NDArray[np.uint16]:
+        """Return the cells as they read now."""
+        noisy = self._ideal + self._noise_counts * self._rng.standard_normal(self._ideal.size)
+        return np.clip(np.rint(noisy), 0, FULL_SCALE).astype(np.uint16)
+
+    def _time_ms(self, t_ns: int) -> int:
+        return round(t_ns * self._clock)
 
     def _push(self, period_ns: int | None, t_ns: int) -> None:
         """Send an image every ``period_ns`` from now on; None: send no more."""

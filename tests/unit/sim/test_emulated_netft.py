@@ -48,6 +48,15 @@ def test_unbuffered_records_come_one_per_datagram() -> None:
     assert [len(datagram) for datagram in emulator.advance(25 * MS)] == [360, 360]
 
 
+def test_a_start_with_a_number_of_records_ends_after_them() -> None:
+    emulator = NetftSensor(2, rate_hz=1000.0)
+    emulator.receive(rdt.encode_request(rdt.START, 3), 0)
+    assert [len(datagram) for datagram in emulator.advance(10 * MS)] == [36] * 3
+    emulator.receive(rdt.encode_request(rdt.START_BUFFERED, 13), 10 * MS)
+    assert [len(datagram) for datagram in emulator.advance(50 * MS)] == [360, 108]
+    assert emulator.advance(100 * MS) == []
+
+
 def test_it_is_silent_until_started_and_after_it_was_stopped() -> None:
     emulator = make(3)
     emulator.opened(0)

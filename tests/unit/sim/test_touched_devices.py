@@ -14,6 +14,7 @@ from project import CONFIG
 from slipd import config
 from slipd.config import Config, Stream
 from slipd.devices import DEVICES
+from slipd.devices.shared import modbus
 from slipd.errors import ConfigError
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.mounting import Mounting
@@ -130,8 +131,50 @@ def test_the_copy_of_a_config_has_other_ports_and_no_identities(path: Path, tmp_
     assert copy.bus.secret_key is None
     for name, stream in rig.streams().items():
         assert config.transport_of(copy.streams()[name].port) == config.transport_of(stream.port)
-        same = {"port", "hardware_id"}
-        assert stream.model_dump(exclude=same) == copy.streams()[name].model_dump(exclude=same)
+        other = {"port", "hardware_id", "options"}
+        assert stream.model_dump(exclude=other) == copy.streams()[name].model_dump(exclude=other)
+        over_tcp = {"calibration": "tcp"} if stream.options.get("calibration") == "xml" else {}
+        assert copy.streams()[name].options == stream.options | over_tcp
+
+
+OPTIONS = [
+    ("robotous", "", 333.0, "torque_divider = 1000.0"),
+    ("optoforce", "", 1000.0, "counts_per_n = [40.0, -40.0, 8.0], counts_per_nm = [1100.0, 1100.0, 1400.0]"),
+    (
+        "netft",
+        "udp://192.168.1.1:49152",
+        1000.0,
+        'calibration = "config", counts_per_force = 5e5, counts_per_torque = 2e5, force_unit = "lbf"',
+    ),
+]
+"""Device, port, rate and options that say what a count is worth."""
+
+
+@pytest.mark.parametrize(("device", "port", "rate_hz", "options"), OPTIONS)
+def test_an_emulated_sensor_counts_as_the_options_of_its_config_say(
+    device: str, port: str, rate_hz: float, options: str, tmp_path: Path
+) -> None:
+    rig = config.parse(
+        f'[finger.f.wrench]\ndevice = "{device}"\nport = "{port or "/dev/x"}"\nrate_hz = {rate_hz}\n'
+        f"options = {{ {options} }}\n",
+        "rig",
+    )
+    wrench = rig.finger["f"].wrench
+    assert wrench is not None
+    readings = read(rig, tmp_path, wrench)
+    felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
+    assert felt - BIAS == pytest.approx(touched(rig, tmp_path).loads(0)["f"].wrench(), abs=0.06)
+
+
+def test_an_emulated_gripper_has_the_address_of_its_config(tmp_path: Path) -> None:
+    text = (
+        (CONFIG / "demo.toml")
+        .read_text()
+        .replace('device = "robotiq_2f"', 'device = "robotiq_2f"\noptions = { unit = 5 }')
+    )
+    gripper: Any = TouchedDevices(config.parse(text, "rig"), tmp_path).devices[-1][1]
+    assert gripper.receive(bytes.fromhex("09 04 07 D0 00 03 B1 CE"), 0) == []
+    assert gripper.receive(modbus.encode_request(modbus.Request(5, modbus.READ_INPUT, 2000, 3)), 10 * MS) != []
 
 
 def test_a_port_in_an_inline_table_is_refused(tmp_path: Path) -> None:
