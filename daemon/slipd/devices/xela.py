@@ -1,7 +1,9 @@
 """XELA uSkin pads through the vendor's server: JSON text over a WebSocket, three axes a taxel.
 
 JSON objects are self-delimiting, so the decoder does not need the transport to deliver messages one by one.
-Source: the messages of the vendor's server, as its public clients read them.
+Source: the messages of the vendor's server, as its public clients read them. From version 1.7.7 on, ``data`` may be a
+list of integers, and sensors carry the fields ``special``, ``ups`` and ``temp``, which slipd ignores. Calibrated values
+are newtons. One real pad gave 1225 counts/N along Z and about 1650 along X and Y.
 """
 
 from __future__ import annotations
@@ -22,8 +24,16 @@ from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.sequence_tracker import FURTHEST_GAP
 from slipd.samples import TactileSample
 
-MAX_MESSAGE = 1 << 15
-"""Longest message, characters; a hand of 368 taxels with calibrated values fills about 16,000."""
+MAX_MESSAGE = 1 << 17
+"""Longest message, characters; a hand of 368 taxels with all fields of version 1.7.7 fills 54,053."""
+
+MOST_FAULTS = 4
+"""Sensors whose faults are named at a time."""
+
+NO_TAXELS = (
+    "sensor {}: {} of {} taxels are zero on all axes: does the model in the server's xServ.ini have more than the pad?"
+)
+REPEATED = "sensor {}: the server repeats its last values and time: does the pad have power, and is its CAN bus up?"
 
 DEEPEST = 16
 """Number of open braces that are kept; a message has at most two open at a time."""
@@ -45,7 +55,9 @@ class Decoder:
     ``values`` has shape (taxels, 3): X, Y, Z per taxel, row by row from the top left. ``device_time_ns`` is the
     server's Unix time. `health.lost` counts messages missing from the server's sequence numbers, `duplicates` repeated
     ones, and `restarts` numbers that jumped back, or ahead by more than the longest gap. A sensor whose number of
-    values is wrong is bad; the other sensors of the message are not.
+    values is wrong, or of which at least half of the taxels are raw zeros, is bad; the other sensors of the message are
+    not. `health.warning` names the sensors whose values and time are those of the message before: the server goes on
+    without its pads, and the images count as stuck.
 
     Whatever the server sends, each character is searched for braces once and parsed at most twice. An object is parsed
     when its brace closes, if it begins with the key "message" or is not nested. An invalid one discards the objects
@@ -64,6 +76,7 @@ class Decoder:
         self._open: deque[int] = deque(maxlen=DEEPEST)
         self._in_garbage = False
         self._number: int | None = None
+        self._newest: dict[str, tuple[object, object]] = {}  # time and values of each sensor, as sent
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
@@ -92,6 +105,7 @@ class Decoder:
         self._open.clear()
         self._keep_from(len(self._text), 0)
         self._number = None
+        self._newest.clear()
 
     def _object(self, begin: int, end: int) -> dict[str, Any] | None:
         """Parse the object between two braces if it can be a message; return None if it is none."""
@@ -132,14 +146,26 @@ class Decoder:
         if not self._is_new(number):
             return []
         samples: list[TactileSample] = []
+        newest: dict[str, tuple[object, object]] = {}
+        absent: list[str] = []
+        repeated: list[str] = []
         for key, sensor in message.items():
             if not key.isdecimal():
                 continue
             values = self._values(sensor) if isinstance(sensor, dict) else None
             if values is None:
                 self.health.bad += 1
-            else:
-                samples.append(TactileSample(t_ns, _time_ns(sensor.get("time")), values, source=key))
+                continue
+            newest[key] = sent = sensor.get("time"), sensor.get("calibrated" if self._calibrated else "data")
+            if zeros := self._lacks_taxels(values):
+                self.health.bad += 1
+                absent.append(NO_TAXELS.format(key, zeros, len(values)))
+                continue
+            if sent[0] is not None and sent == self._newest.get(key):
+                repeated.append(REPEATED.format(key))
+            samples.append(TactileSample(t_ns, _time_ns(sensor.get("time")), values, source=key))
+        self._newest = newest
+        self.health.note, self.health.warning = "; ".join(absent[:MOST_FAULTS]), "; ".join(repeated[:MOST_FAULTS])
         return samples
 
     def _is_new(self, number: int) -> bool:
@@ -152,6 +178,11 @@ class Decoder:
         elif step:
             self.health.lost += step - 1
         return step != 0
+
+    def _lacks_taxels(self, values: Array) -> int:
+        """Return how many taxels are raw zeros where at least half of them are, which no pad measures; otherwise 0."""
+        zeros = 0 if self._calibrated else int((values == 0.0).all(axis=1).sum())
+        return zeros if 2 * zeros >= len(values) else 0
 
     def _values(self, sensor: dict[str, Any]) -> Array | None:
         numbers = _numbers(sensor.get("calibrated")) if self._calibrated else _words(sensor.get("data"))
@@ -191,6 +222,8 @@ def _parse(text: str) -> dict[str, Any] | None:
 
 
 def _words(data: object) -> list[int]:
+    if isinstance(data, list):
+        return data if all(type(word) is int and 0 <= word < 1 << 16 for word in data) else []
     if not isinstance(data, str) or not _WORDS.fullmatch(data):
         return []
     return [int(word, 16) for word in data.split(",")]

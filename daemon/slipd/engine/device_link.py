@@ -209,6 +209,8 @@ class DeviceLink:
         if self._dropped_ns is not None and t_ns - self._dropped_ns < FAULT_SHOWN_NS:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
         health, message = stream.condition(t_ns, unread_ns, late_ns)
+        if health is Health.OK and counters.warning:
+            return Health.WARN, counters.warning
         if health is not Health.STALE:
             return health, ": ".join(filter(None, (message, counters.note)))
         if t_ns - max(self._opened_ns, stream.last_ns or 0) <= SILENT_NS:

@@ -39,6 +39,7 @@ class StreamMeter:
         clock: Model of the device's clock.
         kind: Class of the readings.
         shape: Shape of an image; empty where the readings are not images.
+        rate_hint: How to set the rate on the device; "" where slipd does.
         last_ns: When the newest reading was received; None before the first.
         count: Number of readings.
         rate_hz: Measured rate; None: not known yet.
@@ -53,6 +54,7 @@ class StreamMeter:
     clock: DeviceClock
     kind: type[Sample]
     shape: tuple[int, ...] = ()
+    rate_hint: str = ""
     last_ns: int | None = None
     count: int = 0
     rate_hz: float | None = None
@@ -170,7 +172,8 @@ class StreamMeter:
             )
         rate = self.rate_hz
         if rate is not None and abs(rate - self.expected_hz) > RATE_TOLERANCE * self.expected_hz:
-            return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz"
+            hint = self.rate_hint and f": {self.rate_hint}"
+            return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz{hint}"
         return Health.OK, ""
 
 
@@ -188,7 +191,9 @@ def make_stream(name: str, config: StreamConfig) -> StreamMeter:
     elif isinstance(config, Pad):
         taxels = config.rows * config.cols
         kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
-    return StreamMeter(name, config.rate_hz, Freshness(stale_after_ns(config)), device.host_clock, clock, kind, shape)
+    return StreamMeter(
+        name, config.rate_hz, Freshness(stale_after_ns(config)), device.host_clock, clock, kind, shape, device.rate_hint
+    )
 
 
 def _scanned_ns(sample: TactileSample) -> int | None:

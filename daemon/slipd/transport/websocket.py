@@ -22,8 +22,8 @@ from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery, is_readable
 from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
 
-MAX_MESSAGE_BYTES = 1 << 15
-"""Largest message accepted: twice one image of the largest pads as JSON text."""
+MAX_MESSAGE_BYTES = 1 << 17
+"""Largest message accepted: twice one image of the largest hand as JSON text."""
 
 PIECE_BYTES = 1 << 12
 """Bytes of a message delivered before other tasks of the loop run."""

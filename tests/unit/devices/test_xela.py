@@ -76,6 +76,49 @@ def test_calibrated_values_are_used_if_configured() -> None:
     assert decoder.health.bad == 1  # the server calibrates only the first
 
 
+def as_version_1_7_7(number: int, time_s: float, values: np.ndarray) -> dict[str, Any]:
+    """Return a sensor with the fields of the server's version 1.7.7: a list of integers, and three further fields."""
+    return {
+        "sensor": str(number),
+        "model": "uSPa46",
+        "taxels": len(values),
+        "time": time_s,
+        "data": values.ravel().tolist(),
+        "calibrated": (values.ravel() / 1225.0).tolist(),
+        "special": [0.0] * values.size,
+        "ups": [False] * len(values),
+        "temp": [31.25] * len(values),
+    }
+
+
+def test_a_whole_hand_from_version_1_7_7_is_read() -> None:
+    hand = {str(n): as_version_1_7_7(n, 1_700_000_000.25, pad(n, 23)) for n in range(1, 17)}
+    data = json.dumps({"message": 7, "type": "routine"} | hand).encode()
+    assert len(data) > 32_768
+    samples, decoder = receive(data)
+    assert len(samples) == 16
+    np.testing.assert_array_equal(samples[4].values, pad(5, 23))
+    assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
+
+
+def test_a_pad_with_fewer_taxels_than_the_model_of_the_server_is_named() -> None:
+    values = pad(1)
+    values[8:] = 0
+    samples, decoder = receive(message(1, **{"2": values}))
+    assert [sample.source for sample in samples] == ["1"]
+    assert decoder.health.note == xela.NO_TAXELS.format("2", 8, 16)
+    values[8] = 1
+    assert len(decoder.receive(message(2, **{"2": values}), 78)) == 2
+    assert decoder.health.note == ""
+
+
+def test_a_server_that_goes_on_without_its_pad_is_named() -> None:
+    decoder = xela.Decoder()
+    for number, time_s, warning in ((1, 0.25, ""), (2, 0.25, xela.REPEATED.format("1")), (3, 0.26, "")):
+        decoder.receive(xela.encode_message(number, {"1": pad(1)}, 1_700_000_000 + time_s), number)
+        assert decoder.health.warning == warning
+
+
 def test_the_welcome_is_skipped() -> None:
     samples, decoder = receive(WELCOME + message(1))
     assert len(samples) == 1
@@ -97,7 +140,11 @@ def test_the_welcome_is_skipped() -> None:
         {"data": ",".join(["0x1"] * 48)},
         {"data": ",".join([" 1"] * 48)},
         {"data": ",".join(["1"] * 48) + ","},
-        {"data": [1] * 48},
+        {"data": [1.0] * 48},
+        {"data": [True] * 48},
+        {"data": [-1] * 48},
+        {"data": [1 << 16] * 48},
+        {"data": [1] * 47},
     ],
 )
 def test_a_sensor_with_a_wrong_number_of_values_is_bad_and_its_neighbour_is_not(fields: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from device_links import MS, T0, S, frame, health, status
 
+from slipd.devices import DEVICES
 from slipd.engine.device_link import DeviceLink
 from slipd_client.messages import Health
 
@@ -49,6 +50,8 @@ def test_a_rate_that_deviates_from_the_config_is_reported(links: dict[str, Devic
     expected = (Health.OK, "") if well else (Health.WARN, f"{hz:.0f} Hz instead of 1000 Hz")
     assert health(link, now) == expected
     assert status(link, now).rate_hz == pytest.approx(hz, rel=0.01)
+    link.streams[""].rate_hint = DEVICES["netft"].rate_hint
+    assert ("comm.htm" in health(link, now)[1]) != well
 
 
 def test_damaged_frames_are_reported_only_while_they_last(links: dict[str, DeviceLink]) -> None:
@@ -120,3 +123,5 @@ def test_the_note_of_a_decoder_is_reported_with_and_without_readings(links: dict
     assert silent(link) == "press a pad"
     link.receive(frame(LATER), LATER)
     assert health(link, LATER) == (Health.OK, "press a pad")
+    link._decoder.health.warning = "a monitor condition is latched"
+    assert health(link, LATER) == (Health.WARN, "a monitor condition is latched")

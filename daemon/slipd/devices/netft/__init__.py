@@ -1,7 +1,10 @@
 """ATI Net F/T and Ethernet Axia force/torque sensors (also Schunk FTN-Axia): RDT records over UDP.
 
 The session first requests the calibration, which is the value of one count, over TCP or from the sensor's web page.
-Source: ATI Ethernet Axia manual.
+Source: ATI Ethernet Axia manual, table 4.7 (status bits). Classic Net F/T boxes: pyNetFT (netft/pyNetFT,
+``classify_status``), where 0x80010000 is a warning and every other status but 0 an error. The output rate is a setting
+of the sensor: gbartyzel/ros2_net_ft_driver, ``ati_ft_interface.cpp``, sets it by ``/comm.cgi?comrdtrate=RATE`` over
+HTTP; slipd never does.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ DEVICE = Device(
     Decoder,
     Session,
     rates_hz=(1.0, FASTEST_HZ),
+    rate_hint="set RDT Output Rate on the sensor's web page (comm.htm), or rate_hz in the config",
     inquiry=inquiry,
     frame="a record of a Net F/T",
     evidence="driver",

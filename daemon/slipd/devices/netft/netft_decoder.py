@@ -29,7 +29,11 @@ _BIT_NAMES = {
     30: ("overload",),
 }
 _ANY_ERROR = 1 << 31
+_LATCHED = _ANY_ERROR | 1 << 16
+"""Status of a classic Net F/T box whose only finding is a latched monitor condition. An Axia never sends it: there the
+condition is no error."""
 _ERRORS = sum(1 << bit for bit in (0, 1, 2, 5, 7, 27, 29, 30))
+MONITOR = "a monitor condition is latched in the sensor (Thresholding on its web page); its readings count"
 _RESERVED = ~(sum(1 << bit for bit in _BIT_NAMES) | _ANY_ERROR) & 0xFFFF_FFFF
 
 
@@ -43,7 +47,9 @@ class Decoder:
     condition latched), "simulated"; "overload" (force or torque out of range, or a count at the end of its range), with
     "gauge_range" if a gauge is; "invalid" with "broken_gauge", "other_error", "no_calibration" or
     "calibration_checksum". "unknown" is a reserved bit; "error" is the bit for any error, and makes a reading "invalid"
-    if no known error explains it.
+    if no known error explains it. The names are those of the Axia. On a classic Net F/T box the other bits stand for
+    faults of boards, links and memory: with the error bit they are "invalid" or "overload" all the same, except for a
+    latched monitor condition, which is a warning only (`health.warning`).
 
     Args:
         counts_per_force: Counts per ``force_unit``.
@@ -89,6 +95,8 @@ class Decoder:
         if self._per_count is None:
             self.health.bad += len(heads)
             return []
+        if heads:
+            self.health.warning = MONITOR if heads[-1][1] >> 16 & 1 else ""
         values = (counts * self._per_count).tolist()
         tick_ns = 1e9 / self._internal_hz if self._internal_hz else 0.0
         samples = [
@@ -108,6 +116,8 @@ class Decoder:
 @lru_cache(maxsize=64)  # a condition lasts for many records, and few exist at a time
 def _status_names(status: int) -> tuple[str, ...]:
     names = [name for bit, of_bit in _BIT_NAMES.items() if status >> bit & 1 for name in of_bit]
+    if status == _LATCHED:
+        return ("monitor",)
     if status & rdt.AT_RAIL:
         names.append("overload")
     if status & _RESERVED:

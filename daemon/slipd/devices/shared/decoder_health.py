@@ -17,6 +17,7 @@ class DecoderHealth:
         duplicates: Readings that were repeated, or came after a newer one; they are dropped.
         restarts: Times that the device's own sequence numbers started again.
         note: For people: how the bytes are interpreted, or why they give no readings; "" if there is nothing to say.
+        warning: What is wrong with the device although its readings count; "" if nothing is.
     """
 
     good: int = 0
@@ -26,3 +27,4 @@ class DecoderHealth:
     duplicates: int = 0
     restarts: int = 0
     note: str = ""
+    warning: str = ""

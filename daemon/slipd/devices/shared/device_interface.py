@@ -186,6 +186,7 @@ class Device:
             the link. None if there is never one.
         needs: What a config must state, because the device does not report it.
         rate_option: Option that sets the rate of its readings; None if none does.
+        rate_hint: How to set the rate on the device itself, where slipd does not; "" if it does.
         frame: What the device sends, for people and with an article, such as "a Bota frame".
         evidence: What the decoder was compared with, see `EVIDENCE`.
         emulator: Module whose ``make(seed, **settings)`` returns an emulator; "": ``slipd.sim.emulated_<name>`` for a
@@ -216,6 +217,7 @@ class Device:
     inquiry: Callable[..., Inquiry | None] | None = None
     needs: tuple[Need, ...] = ()
     rate_option: RateOption | None = None
+    rate_hint: str = ""
     frame: str = "a frame of this device"
     evidence: Evidence = "document"
     emulator: str = ""

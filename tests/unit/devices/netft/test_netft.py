@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from slipd.devices import netft
-from slipd.devices.netft import netft_calibration
+from slipd.devices.netft import netft_calibration, netft_decoder
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.startup_sequence import RETRY_PAUSE_NS, SILENCE_NS
+from slipd.samples import UNTRUSTED
 
 WORKED = bytes.fromhex(
     "00 00 00 07 00 01 E2 40 00 00 00 00 00 BC 61 4E FF D9 DA 60 05 D8 E3 20 00 02 49 F0 FF FF 5B F0 00 00 00 07"
@@ -92,6 +93,19 @@ def test_F2_an_error_that_no_known_bit_explains_is_invalid() -> None:
     decoder = netft.Decoder()
     words = [decoder.receive(record(n, s), 0)[0].status for n, s in ((1, 1 << 31), (2, 1 << 31 | 1), (3, 1 << 31 | 8))]
     assert words == [("error", "invalid"), ("temperature", "error"), ("busy", "error", "invalid")]
+
+
+@pytest.mark.parametrize(
+    ("status", "trusted"), [(0x80010000, True), (0x00010000, True), (0x80020000, False), (0x80030000, False)]
+)
+def test_F2_a_latched_monitor_condition_of_a_classic_box_is_a_warning(status: int, trusted: bool) -> None:
+    """The first and third status, with their severity, are those that the tests of pyNetFT pass to classify_status."""
+    decoder = netft.Decoder()
+    sample = decoder.receive(b"".join(record(number, status) for number in range(1, 5)), 0)[-1]
+    assert UNTRUSTED.isdisjoint(sample.status) == trusted
+    assert (decoder.health.warning == netft_decoder.MONITOR) == bool(status & 0x10000)
+    decoder.receive(b"".join(record(number) for number in range(5, 9)), 1)
+    assert decoder.health.warning == ""
 
 
 def test_F2_all_bits_at_once_name_each_word_once() -> None:
