@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
         type=positive,
         default=None,
         metavar="N",
-        help="end after N seconds (default: at the end of the scene)",
+        help="end after N seconds (default: when you press q; without a terminal, at the end of the scene)",
     )
     demo.add_argument("--headless", action="store_true", help="print only the summary, without a live view")
     demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")

@@ -9,29 +9,29 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import signal
-import statistics
 import subprocess
 import sys
 import tempfile
+import termios
 import threading
 import time
+import tty
 import webbrowser
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, Any
 
 from slipd import config
+from slipd.demo_summary import Tally, print_summary
 from slipd.errors import SlipdError
 from slipd.sim.robot_program import RobotProgram
-from slipd.sim.robot_report import Report
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.page.redirect import redirect_file
-from slipd_client.subscriber import Message, Subscriber
+from slipd_client.subscriber import Subscriber
 from slipd_client.watch import Display
 
 PATIENCE_S = 60.0
@@ -46,61 +46,102 @@ FINAL_LOOKS = 3
 """Times that the status is asked for at the end: on a busy machine a request may come too late."""
 
 
-@dataclass(slots=True)
-class Tally:
-    """Counts of a subscriber of every topic.
-
-    Attributes:
-        messages: Number of messages of each kind of topic.
-        missed: Number of messages that did not arrive.
-        latencies_s: Time from the last byte of a reading to its message in this process, s.
-    """
-
-    messages: Counter[str] = field(default_factory=Counter)
-    missed: int = 0
-    latencies_s: list[float] = field(default_factory=list)
-
-    def add(self, message: Message) -> None:
-        """Count one message."""
-        self.messages[message.topic.partition(".")[0]] += 1
-        self.missed += message.missed
-        if message.topic.startswith("slip."):
-            self.latencies_s.append(message.age_s)
-
-
 def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> int:
     """Run the demo to its end, or for ``seconds``, and print a summary.
+
+    On a terminal, without ``seconds``, the daemon and its page stay afterwards, and a key plays the scene again.
 
     Returns:
         Exit code: 0 if the scene ran and the daemon ended in good order.
     """
-    with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name:
-        ports = Path(name)
-        recording = () if record is None else ("--record", str(record))
-        with _ended_by_signals():
-            _compile_kernels()
+    stays = seconds is None and not headless
+    with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
+        _compile_kernels()
+        play = _Play(Path(name), seconds, page, headless=headless, seed=seed)
+        recording: tuple[str, ...] = () if record is None else ("--record", str(record))
+        while play.run(recording, stays=stays):
+            recording = ()  # it is complete
+    return play.code
+
+
+class _Play:
+    """Plays the scene, each time with new parts; the page of the live view stays.
+
+    Args:
+        folder: For ports and logs.
+        seconds: When it ends, s; None: with the scene.
+        page: Ends the page.
+        headless: Print only the summary.
+        seed: Seed of the noise.
+
+    Attributes:
+        code: Exit code so far.
+    """
+
+    def __init__(self, folder: Path, seconds: float | None, page: ExitStack, *, headless: bool, seed: int) -> None:
+        self.code = 0
+        self._folder, self._seconds, self._page, self._headless, self._seed = folder, seconds, page, headless, seed
+        self._plays = 0
+        self._url = ""
+
+    def run(self, recording: Sequence[str], *, stays: bool) -> bool:
+        """Play the scene once; return whether to play it again."""
+        self._plays += 1
+        ports = self._folder / str(self._plays)
+        ports.mkdir()
         gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
+        seed = ("--seed", str(self._seed))
+        again = False
         with (
-            _ended_by_signals(),
-            _part("slipd.sim.virtual_gripper", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
+            _part("slipd.sim.virtual_gripper", gripper_log, "--dir", str(ports), *seed) as gripper,
             _part("slipd", daemon_log, "run", str(_rig_file(ports)), *recording) as daemon,
         ):
             _first_lines(gripper, 1, gripper_log)
             publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
-            print(f"publish: {publish}\nrequests: {requests}", flush=True)
+            if self._plays == 1:
+                print(f"publish: {publish}\nrequests: {requests}", flush=True)
+                if not self._headless:
+                    self._url = self._page.enter_context(_page(self._folder, publish, requests))
             truth = _collect(gripper)
             program = RobotProgram(publish, requests)
-            with contextlib.nullcontext() if headless else _page(ports, publish, requests):
-                program.start()
-                tally = _watch(publish, program, daemon, seconds, headless=headless)
-                program.end()
-                program.join(END_S)
+            program.start()
+            tally, whole = _watch(publish, program, daemon, self._seconds, headless=self._headless)
+            program.end()
+            program.join(END_S)
             streams = _final_streams(requests) if daemon.poll() is None else {}
-        _summary(tally, program.report, truth, streams)
+            kept = stays and whole and daemon.poll() is None and _has_person()
+            if kept:
+                print_summary(tally, program.report, truth, streams)
+                print(f"\nThe page stays open, and the daemon runs on: {self._url}")
+                again = _waits_for_key(daemon)
+        if not kept:
+            print_summary(tally, program.report, truth, streams)
         if daemon.returncode != 0 or program.report.error:
+            self.code = 1
             log = daemon_log.read_text(encoding="utf-8")
             print(f"exit code of the daemon: {daemon.returncode}; its log:\n{log}", file=sys.stderr)
-    return 1 if program.report.error or daemon.returncode != 0 else 0
+        return again
+
+
+def _has_person() -> bool:
+    """Return whether somebody at a terminal can press a key for this program."""
+    terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    return terminal and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+
+
+def _waits_for_key(daemon: subprocess.Popen[str]) -> bool:
+    """Leave everything open until a key is pressed; return whether it plays the scene again."""
+    print("Any key plays the scene again; q ends the demo.", flush=True)
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    try:
+        while daemon.poll() is None:
+            if select.select([terminal], [], [], LISTEN_S)[0]:
+                return os.read(terminal, 1) not in (b"q", b"\x04", b"")
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+    return False
 
 
 def _compile_kernels() -> None:
@@ -151,17 +192,18 @@ def _part(name: str, log: Path, *arguments: str) -> Iterator[subprocess.Popen[st
 
 
 @contextmanager
-def _page(ports: Path, publish: str, requests: str) -> Iterator[None]:
-    """Serve the live view for a browser, print its address, and open it where there is a display."""
-    log = ports / "view.log"
+def _page(folder: Path, publish: str, requests: str) -> Iterator[str]:
+    """Serve the live view for a browser, print its address, open it where there is a display, and yield it."""
+    log = folder / "view.log"
     endpoints = ("--publish", publish, "--requests", requests)
     with _part("slipd_client.slipctl", log, *endpoints, "view", "--listen", "127.0.0.1:0") as view:
         (line,) = _first_lines(view, 1, log)
         print(line, end="", flush=True)
+        url = line.split(": ", 1)[1].strip()
         if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             with contextlib.suppress(webbrowser.Error):
-                webbrowser.open(redirect_file(ports, line.split(": ", 1)[1].strip()).as_uri())
-        yield
+                webbrowser.open(redirect_file(folder, url).as_uri())
+        yield url
 
 
 def _first_lines(process: subprocess.Popen[str], count: int, log: Path) -> list[str]:
@@ -192,8 +234,12 @@ def _collect(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
 
 def _watch(
     publish: str, program: RobotProgram, daemon: subprocess.Popen[str], seconds: float | None, *, headless: bool
-) -> Tally:
-    """Receive every message until the robot program ends, the time is over, or Ctrl-C."""
+) -> tuple[Tally, bool]:
+    """Receive every message until the robot program ends, the time is over, or Ctrl-C.
+
+    Returns:
+        Counts of the messages, and whether it was not ended by Ctrl-C.
+    """
     tally = Tally()
     until_s = None if seconds is None else time.monotonic() + seconds
     try:
@@ -208,7 +254,8 @@ def _watch(
                     display.refresh(subscriber.age_s or 0.0)
     except KeyboardInterrupt:
         print()
-    return tally
+        return tally, False
+    return tally, True
 
 
 def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
@@ -224,65 +271,6 @@ def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
                 return streams
     print(f"the daemon does not report its status at the end: {error}", file=sys.stderr)
     return {}
-
-
-def _summary(tally: Tally, report: Report, truth: list[dict[str, Any]], streams: dict[str, dict[str, Any]]) -> None:
-    begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), report.activated_ns)
-
-    def at(t_ns: int) -> str:
-        return f"{(t_ns - begin) * 1e-9:6.2f} s" if begin is not None else "     ? s"
-
-    print("\nThe scene, and what slipd reported:")
-    lines = [(event["t_ns"], f"truth    {_truth_line(event)}") for event in truth if event.get("t_s") is not None]
-    lines += [
-        (c.t_ns, f"slipd    {c.finger}: {c.level} ({', '.join(c.reasons) or 'no reasons'})") for c in report.changes
-    ]
-    for r in report.raises:
-        applied = f"granted {r.result['applied_n']:.1f} N" if r.result else f"refused: {r.refusal}"
-        measured = f"; measured {_n(r.before_n)} → {_n(r.after_n)}"
-        lines.append((r.requested_ns, f"program  requests {r.requested_n:.1f} N on each pad: {applied}{measured}"))
-    for t_ns, line in sorted(lines):
-        print(f"  {at(t_ns)}  {line}")
-    for line in _verdict_lines(report, truth):
-        print(line)
-    lost = sum(stream["lost"] for stream in streams.values())
-    bad = sum(stream["bad"] for stream in streams.values())
-    latency = statistics.median(tally.latencies_s) * 1e3 if tally.latencies_s else float("nan")
-    print(f"readings: {sum(stream['samples'] for stream in streams.values())} ({bad} bad, {lost} lost)")
-    counts = ", ".join(f"{count} {kind}" for kind, count in sorted(tally.messages.items()))
-    print(f"messages: {tally.messages.total()} ({counts})")
-    alarms = sum(change.rising and change.level in ("warning", "slipping") for change in report.changes)
-    unknowns = sum(change.level == "unknown" for change in report.changes)
-    print(f"warnings: {alarms} (unknown: {unknowns}; changes of level: {len(report.changes)})")
-    print(f"gaps: {tally.missed}")
-    print(f"median latency: {latency:.2f} ms from the last byte of a reading to its message here")
-    if report.error:
-        print(f"the robot program ended early: {report.error}", file=sys.stderr)
-
-
-def _verdict_lines(report: Report, truth: list[dict[str, Any]]) -> Iterator[str]:
-    warned = report.rotation_warning
-    forecast = next((event["rotation_would_begin_s"] for event in truth if event.get("rotation_would_begin_s")), None)
-    begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), None)
-    if warned is not None and forecast is not None and begin is not None:
-        lead = forecast - (warned.t_ns - begin) * 1e-9
-        yield f"rotation: warned {lead:.2f} s before it would have begun at the first grip force"
-    slid = next((event["t_ns"] for event in truth if event["event"] == "slide_begins"), None)
-    reported = report.slip_report
-    if slid is not None and reported is not None:
-        yield f"slip: reported {(reported.t_ns - slid) * 1e-6:.0f} ms after it began"
-
-
-def _truth_line(event: dict[str, Any]) -> str:
-    values = {key: value for key, value in event.items() if key not in ("t_s", "t_ns", "event") and value is not None}
-    shown = ", ".join(
-        f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in values.items()
-    )
-    return f"{event['event']}" + (f" ({shown})" if shown else "")
-
-
-def _n(force_n: float | None) -> str:
-    return "unknown" if force_n is None else f"{force_n:.1f} N"
 
 
 def _pipe(stream: IO[str] | None) -> IO[str]:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import signal
 import subprocess
 import sys
+import termios
+import urllib.request
 from pathlib import Path
 
 import pytest
+from terminals import PseudoTerminal
 
 from slipd.events import Bytes, Request
 from slipd.recording.reader import open_recording
@@ -142,6 +146,34 @@ def test_a_demo_that_is_ended_early_leaves_neither_processes_nor_an_open_recordi
     with pytest.raises(ProcessLookupError):
         os.kill(daemon, 0)
     assert open_recording(tmp_path / "demo.mcap").closed
+
+
+@pytest.mark.process
+@pytest.mark.long
+def test_on_a_terminal_the_demo_stays_open_until_a_key_plays_it_again_or_ends_it(tmp_path: Path) -> None:
+    """A WARNING of a third of a second is over before a person has looked."""
+    runtime = os.environ | {"SLIPD_RUNTIME_DIR": str(tmp_path / "run")}
+    with PseudoTerminal(120, 60) as terminal:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "slipd", "demo"],
+            env=runtime,
+            stdin=terminal.slave,
+            stdout=terminal.slave,
+            stderr=terminal.slave,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        )
+        os.close(terminal.slave)
+        for plays, key in ((1, " "), (2, "q")):
+            terminal.wait_for(lambda _, plays=plays: terminal.sent.count(b"Any key plays the scene again") == plays)
+            urls = re.findall(rb"the daemon runs on: (http://[^#\s]+)", terminal.sent)
+            assert len(set(urls)) == 1, "the page of the first scene stays"
+            with urllib.request.urlopen(urls[0].decode()) as page:
+                assert page.status == 200
+            terminal.type(key)
+        while process.poll() is None:
+            terminal.read(0.05)
+        assert process.returncode == 0
 
 
 @pytest.mark.process
