@@ -1,12 +1,13 @@
 from types import SimpleNamespace
 
 import pytest
+from driving import drive
 from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session, robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Units
 from slipd.devices.shared import modbus
-from slipd.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F
+from slipd.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F, make
 from slipd.sim.scene import GripCommand, Scene
 
 MS = 1_000_000
@@ -176,3 +177,28 @@ def test_the_daemons_session_activates_and_grips():
     assert samples[-1].echo_ok
     assert samples[-1].width_m == pytest.approx(0.060, abs=3e-4)
     assert 7.9 < scene.normal_n <= 8.0
+
+
+def test_a_session_with_another_address_hears_nothing_and_says_what_to_check():
+    session, line = Session(unit=5), make(0)
+    drive(session, line, 0.5)
+    assert session.state == "no reply"
+    assert session.health.note.startswith(
+        "no reply at Modbus address 5: is the gripper powered? is `unit` its address?"
+    )
+    session.receive(b"noise", 500 * MS)
+    drive(session, line, 1.0, begin_ns=500 * MS, start=False)
+    assert session.health.note.startswith("no reply")
+    session = Session()
+    drive(session, line, 0.5)
+    assert (session.health.note, session.state) == ("", "inactive")
+
+
+def test_noise_on_the_line_is_not_taken_for_a_wrong_address():
+    session = Session(unit=5)
+    due = session.start(0)
+    for now_ns in range(0, 500 * MS, MS):
+        if due:
+            session.receive(b"\xff", now_ns)
+        due = session.on_time(now_ns)
+    assert (session.state, session.health.note) == ("no reply", "")

@@ -12,6 +12,15 @@ REPLY_TIMEOUT_NS = 100_000_000
 """Time allowed for a reply: it takes 5 to 10 ms, but a USB adapter under load may delay it by several times 16 ms."""
 ATTEMPTS = 3
 """Unanswered transactions in a row that count as silence; a command repeated later would come as a surprise."""
+NO_REPLY = (
+    "no reply at Modbus address {unit}: is the gripper powered? is `unit` its address? is the line 115200 8N1, in the"
+    " robot's tool I/O settings too? is the robot's own Robotiq software removed?"
+)
+"""What to check where no byte comes back.
+
+Owners report this of grippers at the tool of a UR: UniversalRobots/Universal_Robots_ROS_Driver#691,
+ros-industrial-attic/robotiq#216, PickNikRobotics/ros2_robotiq_gripper#88.
+"""
 COMMANDS_IN_A_ROW = 2
 """Commands are sent before a poll that is due, but at most this many in a row."""
 
@@ -22,7 +31,7 @@ class RobotiqLine:
     Args:
         unit: Modbus address of the gripper.
         period_ns: Time from one poll to the next.
-        health: Receives ``lost``, ``bad`` and ``bad_bytes``.
+        health: Receives ``lost``, ``bad`` and ``bad_bytes``, and a ``note`` while nothing at all is received.
 
     Attributes:
         outstanding: The request whose reply is awaited; None if there is none.
@@ -30,6 +39,7 @@ class RobotiqLine:
     """
 
     def __init__(self, unit: int, period_ns: int, health: DecoderHealth) -> None:
+        self._unit = unit
         self._period_ns = period_ns
         self._health = health
         self._polls = [
@@ -43,6 +53,7 @@ class RobotiqLine:
         self.outstanding: modbus.Request | None = None
         self.received = b""
         self._unanswered = 0
+        self._health.note = ""
         self._commands_in_a_row = 0
         self._poll_at_ns = self._free_at_ns = self._reply_by_ns = now_ns
 
@@ -91,6 +102,7 @@ class RobotiqLine:
         self._count_noise(len(received) - reply.length)
         self._end()
         self._unanswered = 0
+        self._health.note = ""
         self._free_at_ns = now_ns + COMMAND_PAUSE_NS
         if request.function == modbus.WRITE:
             self._commands_in_a_row += 1
@@ -102,12 +114,14 @@ class RobotiqLine:
 
     def handle_timeout(self) -> None:
         """End the present transaction without a reply."""
+        nothing_came = not self.received
         self._count_noise(len(self.received))
         self._end()
         self._health.lost += 1
         self._unanswered += 1
         if self._unanswered % ATTEMPTS == 0:
             self._polls.reverse()
+        self._health.note = NO_REPLY.format(unit=self._unit) if self.silent and nothing_came else ""
 
     def _end(self) -> None:
         self.outstanding, self.received = None, b""
