@@ -125,7 +125,7 @@ class HostNotice:
 
     Attributes:
         topic: "config": a faulty file was not reloaded; "realtime": the priority is not permitted; "state": what the
-            next run may need cannot be written.
+            next run may need cannot be written; "latency" and a link: an adapter holds its bytes back.
         text: The notice, for people; "" ends it.
     """
 

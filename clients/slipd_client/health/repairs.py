@@ -112,6 +112,10 @@ def _host(status: Mapping[str, Any]) -> Iterator[Repair]:
         yield Repair("realtime-refused", "warning", "realtime", text, "systemctl show slipd -p LimitRTPRIO")
     if text := notices.get("state"):
         yield Repair("state-not-kept", "warning", "state", text, "slipctl status --json")
+    for topic, text in notices.items():
+        if topic.startswith("latency "):
+            command = f"echo 1 | sudo tee {text.rpartition(' ')[2]}"
+            yield Repair("adapter-latency", "warning", topic.removeprefix("latency "), text, command)
     late_s = status.get("late_s") or 0.0
     if late_s > LATE_S:
         yield Repair("daemon-late", "warning", "daemon", f"{DAEMON_LATE} {late_s:.2f} s", "top")

@@ -15,7 +15,7 @@ from collections.abc import Awaitable, Callable
 from typing import NoReturn, Protocol
 
 from slipd.errors import LinkError
-from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.transport.tcp_inquiry import inquire
 
 STEADY_S = 0.5
@@ -47,10 +47,14 @@ class Connection(Protocol):
     Attributes:
         identity: What was opened: the address, and whatever else distinguishes the device.
         overruns: Pieces that were lost before they could be read, because the daemon was late.
+        latency: What delays the bytes and cannot be changed from here, for people; "" for nothing.
     """
 
     @property
     def identity(self) -> str: ...  # noqa: D102
+
+    @property
+    def latency(self) -> str: ...  # noqa: D102
 
     @property
     def overruns(self) -> int: ...  # noqa: D102
@@ -117,6 +121,7 @@ class Link:
         self._connection: Connection | None = None
         self._overruns = 0
         self._reported = ""
+        self._latency = ""
         self._logged: deque[str] = deque(maxlen=LINES_HELD)
         self._device_reads, self._received = True, False
         self._delay_s = FIRST_DELAY_S
@@ -197,6 +202,11 @@ class Link:
         self._log_once(logging.INFO, f"open ({connection.identity})")
         try:
             self._on_event(LinkUp(self._spec.name, connection.identity))
+            if connection.latency != self._latency:
+                self._latency = connection.latency
+                if self._latency:
+                    self._log_once(logging.WARNING, self._latency)
+                self._on_event(HostNotice(f"latency {self._spec.name}", self._latency))
             if answer:
                 self._on_event(Bytes(self._spec.name, answer))
             return await connection.until_lost()

@@ -46,6 +46,7 @@ class PushConnection:
     """A bound socket, which is never lost; see `slipd.transport.link.Connection` for the contract of each method."""
 
     overruns = 0
+    latency = ""
 
     def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
         self._delivery = ByteDelivery(on_bytes)

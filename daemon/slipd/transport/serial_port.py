@@ -14,6 +14,7 @@ import logging
 import os
 import re
 import termios
+from pathlib import Path
 
 import serial
 import serial_asyncio
@@ -41,6 +42,10 @@ _REMEDIES = {
     errno.ENOTTY: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
     errno.EISDIR: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
 }
+
+USB_SERIAL = Path("/sys/bus/usb-serial/devices")
+LATENCY_MS = 1
+"""Shortest latency timer of an FTDI adapter; its default is 16 ms."""
 
 _NUMBERED = re.compile(r"/dev/tty(USB|ACM)\d+")
 """Paths that belong to whichever device is plugged in first."""
@@ -105,6 +110,7 @@ class SerialConnection(asyncio.Protocol):
 
     def __init__(self, port: _Port, on_bytes: OnBytes) -> None:
         self.identity = port.identity
+        self.latency = port.latency
         self._loop = asyncio.get_running_loop()
         self._port = port
         self._delivery = ByteDelivery(on_bytes)
@@ -164,9 +170,11 @@ class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
 
     Attributes:
         identity: Path of the port, and the USB device that it belongs to.
+        latency: What `shorten_latency` returned.
     """
 
     identity: str
+    latency: str
 
     def read(self, size: int = 1) -> bytes:
         try:
@@ -196,7 +204,28 @@ def _open_port(path: str, baud: int) -> _Port:
         attributes[2] &= ~termios.HUPCL  # closing must not reset boards that treat a falling DTR as a reset
         termios.tcsetattr(port.fd, termios.TCSANOW, attributes)
     port.identity = identity_of(path)
+    port.latency = shorten_latency(path)
     return port
+
+
+def shorten_latency(path: str) -> str:
+    """Let a USB adapter with a latency timer hold bytes back for no longer than a millisecond.
+
+    The driver does so itself for low latency; where it did not, the timer is written, which needs rights.
+
+    Returns:
+        "" if it is so, or the adapter has no timer; otherwise what holds the bytes back, for people.
+    """
+    timer = USB_SERIAL / Path(path).resolve().name / "latency_timer"
+    with contextlib.suppress(OSError, ValueError):
+        if int(timer.read_text()) <= LATENCY_MS:
+            return ""
+        with contextlib.suppress(OSError):
+            timer.write_text(f"{LATENCY_MS}\n")
+        held_ms = int(timer.read_text())
+        if held_ms > LATENCY_MS:
+            return f"the USB adapter of {path} holds bytes back for up to {held_ms} ms, in {timer}"
+    return ""
 
 
 def identity_of(path: str) -> str:

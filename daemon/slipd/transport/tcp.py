@@ -33,6 +33,7 @@ class TcpConnection:
     """An open connection; see `slipd.transport.link.Connection` for the contract of each method."""
 
     overruns = 0
+    latency = ""
 
     def __init__(self, address: str, opened: socket.socket, on_bytes: OnBytes) -> None:
         self.identity = address

@@ -40,6 +40,8 @@ async def open_udp(spec: LinkSpec, on_bytes: OnBytes) -> UdpConnection:
 class UdpConnection:
     """An open socket; see `slipd.transport.link.Connection` for the contract of each method."""
 
+    latency = ""
+
     def __init__(self, address: str, opened: socket.socket, on_bytes: OnBytes) -> None:
         self.identity = address
         self._loop = asyncio.get_running_loop()

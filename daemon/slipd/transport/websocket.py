@@ -118,6 +118,7 @@ class WebsocketConnection:
     """
 
     overruns = 0
+    latency = ""
 
     def __init__(self, address: str, opened: socket.socket, protocol: ClientProtocol, on_bytes: OnBytes) -> None:
         self.identity = address

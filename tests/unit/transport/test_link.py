@@ -18,7 +18,7 @@ Script = list[str]
 class Connection:
     """Deliver bytes by a script, then be lost."""
 
-    identity, overruns = "what was opened", 2
+    identity, overruns, latency = "what was opened", 2, ""
 
     def __init__(self, data: bytes, on_bytes: OnBytes) -> None:
         self._data = data

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from link_events import downs, received, ups
 
-from slipd.events import LinkDown, LinkSpec, LinkUp
+from slipd.events import HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.transport import serial_port
 
 if TYPE_CHECKING:
@@ -123,3 +123,37 @@ async def test_L6_another_pty_under_the_same_path_is_opened(
         await eventually(lambda: ups(events) == 2)
         device.send(b"again")
         await eventually(lambda: received(events) == b"again")
+
+
+async def test_L12_a_latency_timer_is_shortened_or_named(
+    device: Device,
+    spec: LinkSpec,
+    serving: Serving,
+    eventually: Eventually,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("slipd.transport.serial_port.USB_SERIAL", tmp_path)
+    device.plug()
+    timer = tmp_path / device.path.resolve().name / "latency_timer"
+    timer.parent.mkdir()
+    timer.write_text("16\n")
+    assert serial_port.shorten_latency(str(device.path)) == ""
+    assert timer.read_text() == "1\n"
+    timer.unlink()
+    timer.symlink_to("/proc/sys/kernel/pid_max")  # as a timer that may be read, and is not 1 whatever is written
+    monkeypatch.setattr(Path, "write_text", refused)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: any(isinstance(event, HostNotice) for event in events))
+        (notice,) = (event for event in events if isinstance(event, HostNotice))
+        assert notice.topic == "latency left.wrench"
+        assert notice.text.endswith(f" ms, in {timer}")
+        device.unplug()
+        await eventually(lambda: downs(events))
+        timer.unlink()
+        device.plug()
+        await eventually(lambda: events[-1] == HostNotice("latency left.wrench", ""))
+
+
+def refused(*_: object) -> int:
+    raise PermissionError

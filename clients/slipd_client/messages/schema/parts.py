@@ -225,6 +225,6 @@ class DaemonState:
     notices: Mapping[str, str] = wire(
         'what is wrong around the daemon: "config" (a changed file has faults, and the config read before is kept), '
         '"realtime" (the priority is not permitted), "state" (what the run before kept is not used, or cannot be kept '
-        "for the next) → the text for people",
+        'for the next), "latency" and a link (a USB adapter holds its bytes back) → the text for people',
         default={},
     )

@@ -93,6 +93,7 @@ def test_a_finger_whose_stream_is_not_well_is_not_listed_twice() -> None:
     [
         ({"late_s": 2.0}, ["daemon-late"]),
         ({"notices": {"realtime": "no", "config": "kept"}}, ["config-kept", "realtime-refused"]),
+        ({"notices": {"latency left.wrench": "held back in /sys/x"}}, ["adapter-latency"]),
         ({"recording": {"state": "failed", "failure": "disk full"}}, ["recording-failed"]),
         ({"run_recording": {"state": "limited", "failure": None}}, ["recording-limited"]),
         ({"incidents": {"saved": 1, "failure": "disk full"}}, ["incident-failed"]),
@@ -119,7 +120,7 @@ def test_every_repair_has_its_section_in_the_documents() -> None:
     code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")
     known = set(
         re.findall(
-            r'"((?:stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime|state)-[a-z-]+)"',
+            r'"((?:stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime|state|adapter)-[a-z-]+)"',
             code,
         )
     )
