@@ -11,6 +11,7 @@ KERNELS := $(VENV)/.kernels
 # Tests start many processes: each would compile the sources again.
 unexport PYTHONDONTWRITEBYTECODE
 MEASURES := $(VENV)/.measures
+PEERS := $(VENV)/.peers
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
@@ -22,7 +23,7 @@ DAEMONS := tests/system
 # Programs of long runs: their targets test them first.
 LONG := $(addprefix tests/lab/,bench chart soak shifts fleet)
 
-.PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak fleet dist clean
+.PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak fleet peers dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -100,6 +101,10 @@ fleet: $(KERNELS)
 	@$(BIN)/pytest --quiet tests/lab/fleet
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fleet --report docs/fleet_measured.md $(FLEET)
 
+peers: $(PEERS)
+	@echo "== emulated devices beside drivers that others wrote (about a minute)"
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m peers --report docs/measured/peers.md
+
 dist: $(READY)
 	@echo "== the wheels: slipd for the robot PC, slipd_client for other machines and environments"
 	@rm -rf dist
@@ -109,6 +114,11 @@ dist: $(READY)
 # What only the measurements need: rival solvers and a plotting library.
 $(MEASURES): $(KERNELS)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,chart]'
+	@touch $@
+
+# What only the comparison with other programs needs.
+$(PEERS): $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
 	@touch $@
 
 # The environment is made again when the dependencies change; a stamp tells, so that a second run starts at once.
