@@ -35,6 +35,7 @@ def compare(folder: Path) -> Comparison:
 
 def _config(port: str) -> bota_driver.BotaDriverConfig:
     config = bota_driver.BotaDriverConfig()
+    config.product_name, config.serial_number = "MiniONE", "1"
     config.communication_interface_name = "Bota_Binary_gen0"
     config.binary_communication_interface_params = bota_driver.BotaBinaryCommunicationInterfaceConfig()
     config.binary_communication_interface_params.com_port = port

@@ -33,9 +33,8 @@ class Comparison:
         """Distribution, version and licence of the peer."""
         about = metadata(self.package)
         classified = [name.rpartition(" :: ")[2] for name in about.get_all("Classifier", []) if "License ::" in name]
-        licence = (
-            about.get("License-Expression") or about.get("License") or ", ".join(classified) or "no licence stated"
-        )
+        named = (about.get("License-Expression"), about.get("License"), *classified, "no licence stated")
+        licence = next(text for text in named if text).splitlines()[0].rstrip()
         return f"{self.package} {about['Version']} ({licence})"
 
     def check(self, what: str, found: object, wanted: object) -> None:

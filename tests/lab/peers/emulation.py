@@ -1,11 +1,12 @@
-"""An emulated device on a real line, served by a thread while another program talks to it."""
+"""An emulated device on a real line, served by another process: a driver may hold the interpreter as it waits."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import threading
+import multiprocessing
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
@@ -18,42 +19,44 @@ FORCE_N, TORQUE_NM = (3.0, -2.0, -11.0), (0.05, -0.03, 0.02)
 
 
 @contextlib.contextmanager
-def device_at(device: str, address: str, **settings: Any) -> Iterator[Any]:
-    """Serve an emulated device at ``address`` for the duration of ``with``; return its emulator.
+def device_at(device: str, address: str, part_m: float = 0.0, **settings: Any) -> Iterator[None]:
+    """Serve an emulated device at ``address`` for the duration of ``with``.
 
-    A force/torque sensor carries `FORCE_N` and `TORQUE_NM`.
+    Args:
+        device: Name in the list of devices. A force/torque sensor carries `FORCE_N` and `TORQUE_NM`.
+        address: Path of a new pseudo-terminal, or a URL.
+        part_m: Width of the part between the fingers of a gripper, m; 0: none.
+        settings: Other arguments of the emulator.
 
     Raises:
-        OSError: The address cannot be served.
+        RuntimeError: The address cannot be served.
     """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, device, address, part_m, settings))
+    process.start()
+    theirs.close()
+    try:
+        ours.recv()
+    except EOFError:
+        raise RuntimeError(f"{device} cannot be emulated at {address}; its process says why") from None
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _serve(ready: Connection, device: str, address: str, part_m: float, settings: dict[str, Any]) -> None:
     emulator: Any = make_emulator(device, seed=1, **settings)
     if hasattr(emulator, "feel"):
         emulator.feel(np.array(FORCE_N), np.array(TORQUE_NM))
-    loop, stop = asyncio.new_event_loop(), asyncio.Event()
-    served: threading.Event = threading.Event()
-    failed: list[Exception] = []
+    if part_m:
+        emulator.set_part(part_m)
 
-    async def serve() -> None:
+    async def run() -> None:
         async with emulated([(device, emulator, address)]) as emulation:
-            running = asyncio.create_task(emulation.run())
-            served.set()
-            await stop.wait()
-            running.cancel()
+            ready.send("serving")
+            await emulation.run()
 
-    def run() -> None:
-        try:
-            loop.run_until_complete(serve())
-        except Exception as error:  # raised again in the thread that waits
-            failed.append(error)
-            served.set()
-
-    thread = threading.Thread(target=run, name=f"emulated {device}")
-    thread.start()
-    served.wait()
-    if failed:
-        raise failed[0]
-    try:
-        yield emulator
-    finally:
-        loop.call_soon_threadsafe(stop.set)
-        thread.join()
+    asyncio.run(run())

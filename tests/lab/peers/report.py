@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from peers.comparison import Comparison
 
-from slipd.devices import DEVICES
+from slipd.devices import DEVICES, EVIDENCE
 
 
 def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
@@ -17,7 +17,11 @@ def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
         for found in comparisons
     ]
     compared = {found.device for found in comparisons}
-    without = ", ".join(f"`{name}`" for name in sorted(DEVICES) if name not in compared and "external" not in name)
+    others = [
+        f"| `{name}` | {EVIDENCE[device.evidence]} |"
+        for name, device in sorted(DEVICES.items())
+        if name not in compared
+    ]
     return "\n".join(
         (
             "# Devices beside independent implementations",
@@ -30,8 +34,13 @@ def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
             "| --- | --- | --- | --- | --- | --- |",
             *rows,
             "",
-            f"No package exists for {without}. Their tests hold known bytes, each with its source"
-            " ([evidence](../devices.md)).",
+            "In the other direction, `tests/unit/devices/robotiq_2f/test_robotiq_peer.py` runs slipd's session against the"
+            " Modbus server of pymodbus. No package exists for the other devices: their tests hold known bytes, whose"
+            " source the docstring of the decoder names.",
+            "",
+            "| device | evidence |",
+            "| --- | --- |",
+            *others,
             "",
         )
     )

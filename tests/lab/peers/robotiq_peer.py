@@ -10,7 +10,7 @@ from peers.emulation import device_at
 from pymodbus.client import ModbusSerialClient
 
 DEVICE_ID = 9
-PART_M, OPEN_M = 0.03, 0.085
+PART_M = 0.03
 STATUS_REGISTER, STATUS_REGISTERS = 0x07D0, (3, 6)
 """First status register; drivers read three registers or six."""
 
@@ -19,8 +19,7 @@ def compare_driver(folder: Path) -> Comparison:
     """Activate, open and close on a part by a driver that owners of the gripper wrote."""
     found = Comparison("robotiq_2f", "pyRobotiqGripper", "the driver activates and moves the emulated gripper")
     port = str(folder / "robotiq")
-    with device_at("robotiq_2f", port) as emulator:
-        emulator.set_part(PART_M)
+    with device_at("robotiq_2f", port, PART_M):
         driver = pyrobotiqgripper.RobotiqGripper(com_port=port, device_id=DEVICE_ID)
         driver.connect()
         driver.activate()
