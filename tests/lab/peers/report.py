@@ -34,9 +34,9 @@ def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
             "| --- | --- | --- | --- | --- | --- |",
             *rows,
             "",
-            "In the other direction, `tests/unit/devices/robotiq_2f/test_robotiq_peer.py` runs slipd's session against the"
-            " Modbus server of pymodbus. No package exists for the other devices: their tests hold known bytes, whose"
-            " source the docstring of the decoder names.",
+            "In the other direction, `tests/unit/devices/robotiq_2f/test_robotiq_peer.py` runs slipd's session against"
+            " the Modbus server of pymodbus. No package exists for the other devices: their tests hold known bytes,"
+            " whose source the docstring of the decoder names.",
             "",
             "| device | evidence |",
             "| --- | --- |",
