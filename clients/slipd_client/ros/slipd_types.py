@@ -121,9 +121,20 @@ def _field_shape(field: Field) -> _Shape:
     return _shape(field.kind, field.nullable)
 
 
+class TimeRangeError(ValueError):
+    """A time does not fit ``builtin_interfaces/Time``."""
+
+
 def time_of(t_ns: int) -> dict[str, int]:
-    """Return a time in ns as ``builtin_interfaces/Time``."""
+    """Return a time in ns as ``builtin_interfaces/Time``.
+
+    Raises:
+        TimeRangeError: It is before 1901 or after January 2038, which the seconds of ROS 2, an int32, cannot hold.
+    """
     seconds, nanoseconds = divmod(t_ns, 1_000_000_000)
+    if not -(2**31) <= seconds < 2**31:
+        text = "a time of ROS 2 must lie between 1901 and 2038-01-19 (int32 seconds)"
+        raise TimeRangeError(f"{text}, got {seconds} s since 1970")
     return {"sec": seconds, "nanosec": nanoseconds}
 
 

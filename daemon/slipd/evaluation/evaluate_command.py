@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from slipd.device_text import printable
 from slipd.errors import SlipdError
 from slipd.evaluation.config_run import RECORDED
 from slipd.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
@@ -115,7 +116,7 @@ def _told(faults: Iterable[str]) -> bool:
     none = True
     for fault in faults:
         none = False
-        print(f"slipd: {fault}", file=sys.stderr)
+        print(f"slipd: {printable(fault)}", file=sys.stderr)
     return none
 
 
@@ -130,12 +131,12 @@ def _named(paths: list[Path]) -> list[NamedConfig]:
 
 def _print(found: Sequence[Evaluation]) -> None:
     for line in table(found):
-        print(line)
+        print(printable(line))
     compared = list(comparisons(found))
     if compared:
         print()
     for line in compared:
-        print(line)
+        print(printable(line))
 
 
 def _make(folder: Path) -> None:

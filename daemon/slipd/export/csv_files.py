@@ -1,7 +1,8 @@
 """A folder with one CSV file for each topic: a header, then one line for each message.
 
 A column has one type: numbers, ``true`` and ``false``, or text. What is not known is empty; in a text it is "unknown",
-because an empty text has a meaning (no fault). Lists of words are joined by ";"; lists of no fixed length are JSON.
+because an empty text has a meaning (no fault). An apostrophe precedes a text that a spreadsheet would compute. Lists of
+words are joined by ";"; lists of no fixed length are JSON.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from slipd.export.message_columns import ABSENT, LOG_TIME, Column, columns
 from slipd.export.message_files import Body
 
 UNKNOWN = "unknown"
+FORMULA = ("=", "+", "-", "@", "\t")
+"""Beginnings of a cell that spreadsheets compute instead of showing it."""
 
 
 class CsvFiles:
@@ -70,11 +73,17 @@ def _plain(value: Any) -> str:
 
 
 def _text(value: Any) -> str:
-    return "" if value is ABSENT else UNKNOWN if value is None else str(value)
+    return "" if value is ABSENT else UNKNOWN if value is None else _quoted(str(value))
 
 
 def _words(value: Any) -> str:
-    return "" if value is None or value is ABSENT else ";".join(value)
+    return "" if value is None or value is ABSENT else _quoted(";".join(value))
+
+
+def _quoted(text: str) -> str:
+    """Return a text that no spreadsheet takes for a formula: an apostrophe precedes one that begins like it."""
+    text = text.replace("\r", "\\r")  # the writer quotes none, and readers end the row there
+    return f"'{text}" if text.startswith(FORMULA) else text
 
 
 def _json(value: Any) -> str:

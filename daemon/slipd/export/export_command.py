@@ -11,6 +11,7 @@ from typing import NamedTuple
 from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
+from slipd.device_text import printable
 from slipd.draft import draft
 from slipd.errors import SlipdError
 from slipd.evaluation.recording_choice import chosen
@@ -103,7 +104,7 @@ def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
         progress.erase()
     print(f"{out}: written, {count} messages of slipd")
     if not recording.complete:
-        print(f"slipd: the export is incomplete: {recording.gap}", file=sys.stderr)
+        print(f"slipd: the export is incomplete: {printable(recording.gap)}", file=sys.stderr)
     return recording.complete
 
 

@@ -12,9 +12,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from slipd.errors import SlipdError
 from slipd.export.frame_layout import AGE, UNKNOWN_LEVEL, FrameLayout, Tap
 from slipd.export.message_files import Body
 from slipd.recording.event_gaps import EventGaps
+
+MOST_GAP_NS = 3_600_000_000_000
+"""Longest gap that is filled with frames in which nothing is known: a clock that jumps by years fills the disk."""
 
 Frame = dict[str, npt.NDArray[np.generic]]
 """Numbers by the name of their feature; NaN: not known. The arrays are used again for the next frame."""
@@ -48,7 +52,16 @@ class FrameSampler:
         """Note the time of an event, CLOCK_MONOTONIC, before the messages that it causes.
 
         Nothing is known in a gap of the recording, so no value is held there.
+
+        Raises:
+            SlipdError: The gap is longer than `MOST_GAP_NS`.
         """
+        if self.begin_ns is not None and t_ns - self._event_ns > MOST_GAP_NS:
+            begin_s, gap_s = (self._event_ns - self.begin_ns) * 1e-9, (t_ns - self._event_ns) * 1e-9
+            raise SlipdError(
+                f"a gap of an episode may last at most {MOST_GAP_NS * 1e-9:.0f} s, because it is filled with frames;"
+                f" {begin_s:.1f} s after the first message one of {gap_s:.0f} s begins"
+            )
         if self._gaps.add(t_ns):
             self._write_until(self._event_ns)
             self._forget()

@@ -10,6 +10,7 @@ from pathlib import Path
 from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
+from slipd.device_text import printable
 from slipd.draft import draft
 from slipd.errors import SlipdError
 from slipd.export.exported import EXPORT
@@ -63,7 +64,7 @@ def export_lerobot(paths: Sequence[Path], out: Path, rate_hz: int, task: str = T
     count = "1 episode" if len(paths) == 1 else f"{len(paths)} episodes"
     print(f"{out}: written, {frames} frames of {count}")
     for fault in faults:
-        print(f"slipd: the export is incomplete: {fault}", file=sys.stderr)
+        print(f"slipd: the export is incomplete: {printable(fault)}", file=sys.stderr)
     return not faults
 
 
@@ -87,7 +88,14 @@ class _BytesRead:
 
 def _add_episode(dataset: LerobotDataset, recording: Recording, sampler: FrameSampler, progress: _BytesRead) -> int:
     """Write the frames of a recording; return their number."""
-    for t_ns, topic, body in replay_dated(recording, on_event=sampler.event):
+
+    def note(t_ns: int) -> None:
+        try:
+            sampler.event(t_ns)
+        except SlipdError as error:
+            raise SlipdError(f"{recording.path}: {error}") from None
+
+    for t_ns, topic, body in replay_dated(recording, on_event=note):
         sampler.message(t_ns, topic, body)
         progress.show(recording.read_bytes)
     sampler.finish()

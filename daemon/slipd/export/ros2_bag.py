@@ -13,9 +13,11 @@ from pathlib import Path
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from slipd.errors import SlipdError
 from slipd.export.message_files import Body
 from slipd_client.ros.conversion import TYPES, RosMessage, encode, ros_messages, schema
 from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.slipd_types import TimeRangeError
 
 METADATA_VERSION = 5
 _FOREVER = "    sec: 9223372036\n    nsec: 854775807\n"
@@ -55,8 +57,16 @@ class Ros2Bag:
         self._writer.start(profile=Profile.ROS2, library="slipd")
 
     def write(self, log_ns: int, topic: str, body: Body) -> None:
-        """Write the ROS messages of one message of slipd that was published at ``log_ns``, ns since 1970."""
-        for message in ros_messages(topic, body, self._pads):
+        """Write the ROS messages of one message of slipd that was published at ``log_ns``, ns since 1970.
+
+        Raises:
+            SlipdError: A time of the message does not fit ROS 2.
+        """
+        try:
+            messages = list(ros_messages(topic, body, self._pads))
+        except TimeRangeError as error:
+            raise SlipdError(f"{topic}: {error}; --to parquet, csv and json have no such limit") from None
+        for message in messages:
             self._write(log_ns, message)
 
     def finish(self) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import msgpack
 
 from slipd import config
+from slipd.device_text import printable
 from slipd.draft import Kind, draft
 from slipd.errors import RecordingError, SlipdError
 from slipd.plot.binned_track import Window
@@ -76,7 +77,7 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
             progress.erase()
         write(report, written)
     if recording.gap:
-        print(f"slipd: the recording is incomplete: {recording.gap}", file=sys.stderr)
+        print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
     print(f"{out}: written")
     return recording.complete
 

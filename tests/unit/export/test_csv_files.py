@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from flat_messages import flat
 
+from slipd.export.csv_files import CsvFiles
+
 if TYPE_CHECKING:
     from conftest import Dated
 
@@ -29,7 +31,7 @@ def matches(text: str, value: Any) -> bool:
         return text in ("", "[]")
     if isinstance(value, list | dict):
         return json.loads(text) == value
-    return text == value if isinstance(value, str) else float(text) == value
+    return text.removeprefix("'") == value if isinstance(value, str) else float(text) == value
 
 
 def test_every_value_of_every_message_is_in_its_column(exported: dict[str, Path], dated: Dated) -> None:
@@ -69,3 +71,18 @@ def test_the_loads_of_a_pad_have_a_column_each_even_if_the_first_image_is_unusab
     with (exported["csv"] / "tactile.left.csv").open(encoding="utf-8") as file:
         header = next(csv.reader(file))
     assert [name for name in header if name.startswith("loads_n.")] == [f"loads_n.{n}" for n in range(128)]
+
+
+def test_a_text_that_a_spreadsheet_would_compute_is_quoted_and_a_number_is_not(tmp_path: Path) -> None:
+    texts = ("=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "a=1", "")
+    files = CsvFiles(tmp_path / "csv")
+    for text in texts:
+        body = {"finger": text, "reasons": [text], "level": "stable", "normal_n": -1.5, "rate_hz": None}
+        files.write(1, "slip.left", body)
+    files.finish()
+    with (tmp_path / "csv" / "slip.left.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for text, row in zip(texts, rows, strict=True):
+        shown = {"a=1": text, "": text, "\r=1": "\\r=1"}.get(text, f"'{text}")
+        assert (row["finger"], row["reasons"]) == (shown, shown)
+        assert row["normal_n"] == "-1.5"

@@ -16,7 +16,9 @@ from replays import RECORDINGS
 from slipd import cli
 from slipd.export import export_command, lerobot_command
 from slipd.export.export_arguments import FORMATS
+from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
 
 RUN = RECORDINGS / "demo.mcap"
@@ -135,3 +137,51 @@ def test_the_parser_knows_every_format(capsys: pytest.CaptureFixture[str]) -> No
     error = capsys.readouterr().err
     for to in FORMATS:
         assert f"'{to}'" in error
+
+
+def edited(path: Path, *, year: int = 0, jump_s: int = 0, stopped: str = "") -> Path:
+    """Write the run with another wall clock, a jump of its monotonic one, or a reason why it stopped."""
+    recording = open_recording(RUN)
+    file = RecordingFile(
+        path,
+        config_text=recording.config_text,
+        boot=recording.boot,
+        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns + year * 365 * 86_400 * 10**9,
+    )
+    events = [entry for entry in recording.entries() if isinstance(entry, Entered)]
+    for n, entry in enumerate(events):
+        file.event(n, entry.t_ns + (jump_s * 10**9 if n > len(events) // 2 else 0), entry.event)
+    file.finish(len(events), stopped)
+    return path
+
+
+def test_a_clock_after_2038_does_not_fit_ros_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = edited(tmp_path / "run.mcap", year=30)
+    assert export(run, tmp_path / "out", to="ros2") == 1
+    said = capsys.readouterr().err
+    assert "a time of ROS 2 must lie between 1901 and 2038-01-19 (int32 seconds), got 2" in said
+    assert names(tmp_path) == ["run.mcap"]
+    assert export(run, tmp_path / "out", to="csv") == 0
+
+
+def test_a_jump_of_years_ends_an_export_for_learning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = edited(tmp_path / "run.mcap", jump_s=10**8)
+    assert export(run, tmp_path / "out", to="lerobot") == 1
+    assert f"slipd: {run}: a gap of an episode may last at most 3600 s" in capsys.readouterr().err
+    assert names(tmp_path) == ["run.mcap"]
+
+
+def test_recorded_texts_are_printed_without_control_characters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    run = edited(tmp_path / "run.mcap", stopped="the \x1b]0;owned\x07 disk")
+    for command in (
+        ["evaluate", run],
+        ["export", run, tmp_path / "out", "--to", "csv"],
+        ["plot", run, "--out", tmp_path / "p.html"],
+    ):
+        assert cli.main([*map(str, command)]) == 1
+        said = capsys.readouterr()
+        assert "\\x1b]0;owned\\x07" in said.err
+        assert "\x1b" not in said.out + said.err

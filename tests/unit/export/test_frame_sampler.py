@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slipd.errors import SlipdError
 from slipd.export.frame_layout import AGE, LEVEL, STATE, UNKNOWN_LEVEL, Feature, FrameLayout, Tap
 from slipd.export.frame_sampler import FrameSampler
 
@@ -126,3 +127,11 @@ def test_topics_without_a_place_are_left_out_and_events_without_messages_go_on()
     run.sampler.finish()
     assert run.sampler.begin_ns == BEGIN
     assert len(run.frames) == 3
+
+
+def test_a_jump_of_years_is_refused_at_once() -> None:
+    run = Run(50)
+    run.wrench(0.0, [1.0, 2.0, 3.0])
+    with pytest.raises(SlipdError, match=r"at most 3600 s, .*; 0\.0 s after the first message one of 94608000 s"):
+        run.sampler.event(BEGIN + 3 * 365 * 86_400_000 * MS)
+    assert len(run.frames) == 0
