@@ -9,6 +9,7 @@ import argparse
 import contextlib
 import os
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from slipd.cli_parser import parser
@@ -231,6 +232,25 @@ def _devices(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _doctor(arguments: argparse.Namespace) -> int:
+    from slipd.discovery.doctor_command import doctor_capture, doctor_command
+
+    if arguments.port.endswith(".capture"):
+        return DONE if doctor_capture(Path(arguments.port), arguments.rate) else FAULT
+    if arguments.device is None:
+        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
+    found = doctor_command(
+        arguments.port,
+        arguments.device,
+        arguments.seconds,
+        arguments.out,
+        arguments.baud,
+        arguments.options,
+        arguments.rate,
+    )
+    return DONE if found else FAULT
+
+
 def _init(arguments: argparse.Namespace) -> int:
     from slipd.discovery.init_command import init_command
 
@@ -300,6 +320,7 @@ COMMANDS = {
     "plot": _plot,
     "identify": _identify,
     "devices": _devices,
+    "doctor": _doctor,
     "init": _init,
     "commission": _commission,
     "emulate": _emulate,

@@ -8,6 +8,7 @@ from typing import Any
 
 from slipd import __version__
 from slipd.cli_arguments import add_command, picture, positive, speed, time_s
+from slipd.discovery.doctor_arguments import add_doctor_arguments
 from slipd.evaluation.evaluate_arguments import add_evaluate_arguments
 from slipd.export.export_arguments import add_export_arguments
 from slipd_client.listen_address import add_listen
@@ -115,6 +116,9 @@ def parser() -> argparse.ArgumentParser:
 
     _add_devices(commands)
     _add_service(commands)
+    doctor = add_command(commands, "doctor", "read one device, report what is right and wrong, keep a capture of it")
+    add_doctor_arguments(doctor)
+    doctor.set_defaults(command="doctor")
     _add_init(commands)
     _add_commission(commands)
     _emulation(commands)

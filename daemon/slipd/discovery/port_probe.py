@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import serial
 
-from slipd.devices import DEVICES, Session, pvdf
+from slipd.devices import DEVICES, Device, Session, pvdf
 from slipd.devices.robotous import robotous_packets
 from slipd.samples import TactileSample
 
@@ -85,15 +85,20 @@ def recognise(pieces: Sequence[tuple[int, bytes]]) -> Found | None:
         heard
         for device in DEVICES.values()
         if "serial" in device.transports and device.kind != "gripper" and not device.needs_size
-        if (heard := _decode(device.name, device.decoder(**_options(device.name)), pieces)) is not None
+        if (heard := _heard(device, pieces)) is not None
     ]
     if not found and (pad := _pvdf(pieces)) is not None:
         found.append(pad)
     return max(found, key=lambda heard: heard[0])[1] if found else None
 
 
-def _options(name: str) -> dict[str, Any]:
-    return {"wiring": "serial"} if DEVICES[name].needs_wiring else {}
+def _heard(device: Device, pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
+    try:
+        return _decode(device.name, device.decoder(**question_options(device)), pieces)
+    except Exception:
+        if device.interface is None:
+            raise
+        return None  # a device of another package hides none of the others
 
 
 def _decode(name: str, decoder: Any, pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
@@ -155,7 +160,7 @@ async def _ask(port: serial.Serial, name: str) -> Found | None:
         if at < 0 or not robotous_packets.is_valid_response(data, at):
             return None
         return Found(name, identity=robotous_packets.parse_name(data[at + 2 :]))
-    session = cast("Callable[..., Session]", DEVICES[name].session)(**_question_options(name))
+    session = cast("Callable[..., Session]", DEVICES[name].session)(**question_options(DEVICES[name]))
     samples: list[tuple[int, Any]] = []
     port.write(session.start(time.monotonic_ns()))
     until_s = time.monotonic() + ASK_S
@@ -176,11 +181,11 @@ async def _ask(port: serial.Serial, name: str) -> Found | None:
     return replace(found, rate_hz=None) if DEVICES[name].kind == "gripper" else found
 
 
-def _question_options(name: str) -> dict[str, Any]:
+def question_options(device: Device, transport: str = "serial") -> dict[str, Any]:
     """Return options of a session whose readings are not used as forces: the tables are placeholders."""
-    if not DEVICES[name].needs_tables:
-        return _options(name)
-    return {"force_table": [(0.0, 1.0), (255.0, 2.0)], "width_table": [(0.0, 0.1), (1.0, 0.0)], "speed_table": None}
+    if device.needs_tables:
+        return {"force_table": [(0.0, 1.0), (255.0, 2.0)], "width_table": [(0.0, 0.1), (1.0, 0.0)], "speed_table": None}
+    return {"wiring": transport} if device.needs_wiring else {}
 
 
 @contextlib.asynccontextmanager
