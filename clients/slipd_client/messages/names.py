@@ -58,8 +58,8 @@ REASONS = {
     "overload": "the sensor is beyond its range",
     "invalid": "the sensor marks its reading as invalid",
     "raw": "the sensor sends uncalibrated values",
-    "weight_unknown": "the direction of the finger's own weight is not known; it may use up the margin or hide a "
-    "contact",
+    "weight_unknown": "the direction of the finger's own weight is not known, because no program sends `gravity.set`; "
+    "it may use up the margin or hide a contact",
     "stuck": "the sensor repeats its readings, and a working one would not",
     "garbage": "the readings are beyond the sensor's range, or change faster than a force can",
     "not_tared": "the pad was never tared, and reads a load that may not exist",

@@ -130,14 +130,17 @@ class TouchGuide:
                 streams.update(self._streams(finger, held))
             touches[step] = self._touch(held, streams)
             yield Say(f"  {NAMES[step]}: {np.linalg.norm(touches[step].force):.1f} N. Let go.")
-            if step == CENTRE and (remark := self._scale_remark(streams["wrench"], touches[step])):
-                yield Say(f"  {remark}")
             while not (yield from self._listener.wait(self._released, self._patience_s)):
                 yield from _wait_longer(f"The pads were not released within {self._patience_s:g} s.", finger)
+            if step == CENTRE and self._scale_remark(streams["wrench"], touches[step]):
+                return  # the other touches would show nothing
 
     def _outcome(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> FingerOutcome:
         settings = self._rig.finger[finger]
         swapped = {kind: other for kind, other in streams.items() if other != finger}
+        if remark := self._scale_remark(streams["wrench"], touches[CENTRE]):
+            nothing = FingerResult(None, None, None, streams)
+            return FingerOutcome(nothing, Findings(problems=[remark]), touches, needs_image=False, wrong_scale=True)
         if settings.wrench is None:
             findings, axes = find_three_axis(touches)
             result = FingerResult(None, findings.symmetry, axes, streams)
@@ -145,10 +148,6 @@ class TouchGuide:
             findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
             result = FingerResult(findings.mount, findings.symmetry, None, streams)
         findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
-        if remark := self._scale_remark(streams["wrench"], touches[CENTRE]):
-            nothing = FingerResult(None, None, None, streams)
-            findings = Findings(notes=findings.notes, problems=[remark])
-            return FingerOutcome(nothing, findings, touches, needs_image=False, wrong_scale=True)
         result = replace(result, noise=self._noise_of(finger, streams, findings))
         needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
         return FingerOutcome(result, findings, touches, needs_image)

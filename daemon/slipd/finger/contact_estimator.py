@@ -19,7 +19,7 @@ from slipd.finger.verdict_batch import VerdictBatch
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
-from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
+from slipd.fusion.rows import FREE, LATE, NO_CONTACT, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
 from slipd.fusion.streaming import contact_at, find_contacts, solve_readings, spin_utilisation_1n
 
 CONTACT_HYSTERESIS = 0.8
@@ -98,6 +98,8 @@ class ContactEstimator:
         image_fault: str,
         pulled_n: float,
         learning: Learning = Learning.NOTHING,
+        *,
+        image_free: bool = False,
     ) -> VerdictBatch:
         """Estimate the contact at each reading of one read.
 
@@ -110,6 +112,8 @@ class ContactEstimator:
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
             pulled_n: The normal force is clearly negative below minus this, N.
             learning: What the readings may teach of friction, where there is no disagreement.
+            image_free: The pad shows by itself that nothing presses. It decides where the unknown weight of the finger
+                may hide a contact from the force sensor.
         """
         if disagreement:
             self._watch.forget_load()  # a wrong reading, and its end, look like a load that falls
@@ -146,6 +150,8 @@ class ContactEstimator:
                 UNKNOWN if phase == TOUCHING and k < ends_at else level
                 for k, (level, phase) in enumerate(zip(levels, phases, strict=True))
             ]
+        if image_free:
+            levels = [NO_CONTACT if phase == FREE else level for level, phase in zip(levels, phases, strict=True)]
         return VerdictBatch(
             readings, phases, distribution, frictions, self._caution, image_fault, disagreement, ends_at, levels
         )

@@ -93,6 +93,13 @@ class ContactPresence:
             return True if state.verdict is PAD_FREE else None
         return not shown and state.contact.normal_n < self._clear_n
 
+    def is_free_by_image(self) -> bool:
+        """Return whether a fresh, reliable image of a pad with a known zero shows by itself that nothing presses."""
+        image = self._image
+        if image is None or not image.tared or not image.is_reliable(at_rest=True):
+            return False
+        return self.shown_by_image() is False
+
     def shown_by_image(self) -> bool | None:
         """Return whether a fresh image beside a force sensor shows a contact."""
         image = self._image

@@ -147,6 +147,7 @@ class VerdictPath:
             "" if image is None else image.fault,
             self.negative_force.least_n(uncertainty, tared=self.tares.main.current.id > 0),
             self._learning(arrival),
+            image_free=uncertainty.force_n > 0.0 and self.presence.is_free_by_image(),
         )
         self.newest = batch
         if self.motion is not None:

@@ -114,6 +114,28 @@ def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
     assert noisy.verdict == ("unknown", ("weight_unknown",)), "after the host slept, the orientation is unknown"
 
 
+def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
+    make_noisy: Callable[..., NoisyFinger],
+) -> None:
+    hidden = ("unknown", ("weight_unknown",))
+    for pad, expected in (("", hidden), (f"tare = {[0.0] * 16}\n", ("no_contact", ()))):
+        noisy = make_noisy("mass_kg = 0.1\n", pad)
+        noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
+        for _ in range(20):
+            noisy.read(0.0)
+        noisy.look(0.0)
+        noisy.read(0.2)
+        assert noisy.verdict == expected, "a pad that was never tared shows nothing"
+        assert noisy.finger.is_pressed() is (False if pad else None)
+        noisy.look(2.0)
+        noisy.read(0.0)
+        assert noisy.verdict == hidden, "the weight may hide what the pad shows"
+        noisy.look(0.0)
+        for _ in range(200):
+            noisy.read(0.0)
+        assert noisy.verdict == hidden, "the image is too old"
+
+
 def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[..., NoisyFinger]) -> None:
     noisy = make_noisy("drift_tau_s = 20.0\n")
     force = noisy.finger.force
