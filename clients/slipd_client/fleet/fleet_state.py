@@ -37,7 +37,8 @@ NAME_CLASH = "name_clash"
 CLASH_TEXT = "two or more robots call themselves {}: give each a name of its own, slipctl bridge --robot NAME"
 
 MOST_ROBOTS = 10_000
-"""Most robots that are listed; messages of further ones only count as `FleetState.unread`."""
+"""Most robots that are listed. A further one displaces one of the session that publishes the most; where none has more
+than its own session, its messages only count as `FleetState.unread`."""
 
 MOST_RUNS = 8
 """Most runs of the daemon that are remembered of each robot: kept warnings of earlier ones may arrive late."""
@@ -89,27 +90,38 @@ class FleetState:
     def __init__(self) -> None:
         self.unread = 0
         self._robots: dict[str, _Robot] = {}
+        self._names: dict[str, dict[str, None]] = {}
+        """Peer → the robots that it was the first to publish, the newest last; "": known by signs of life alone."""
 
-    def take_message(self, robot: str, topic: str, payload: bytes, now_s: float) -> Message | None:
-        """Update with a message; return it, or None where it cannot be read, is a repeat, or is of another topic."""
-        known = self._robot(robot)
-        if known is None:
-            self.unread += 1
-            return None
+    def take_message(self, robot: str, topic: str, payload: bytes, now_s: float, peer: str = "") -> Message | None:
+        """Update with a message; return it, or None where it cannot be read, is a repeat, or is of another topic.
+
+        Args:
+            robot: Name of the robot.
+            topic: Topic of the daemon.
+            payload: The daemon's message.
+            now_s: When it arrived.
+            peer: Session that published it; "" where it names none.
+        """
         if topic not in (STATUS_TOPIC, WARNING_TOPIC):
             return None
         try:
-            return known.take(topic, read([topic.encode(), payload])[1], now_s)
+            raw = read([topic.encode(), payload])[1]
+            if (known := self._robot(robot, peer)) is not None:
+                return known.take(topic, raw, now_s)
         except MessageError:
-            self.unread += 1
-            return None
+            pass
+        self.unread += 1
+        return None
 
     def take_token(self, robot: str, what: str, *, alive: bool) -> None:
         """Update with a sign of life: a liveliness token of this robot was declared or has ended."""
-        known = self._robot(robot)
-        if known is not None and what == BRIDGE:
+        if (known := self._robot(robot, "")) is None:
+            return
+        known.token_seen = True
+        if what == BRIDGE:
             known.bridge = alive
-        elif known is not None and what == DAEMON:
+        elif what == DAEMON:
             known.daemon = alive
             known.daemon_seen |= alive
 
@@ -117,11 +129,25 @@ class FleetState:
         """Return the state of every robot that was ever seen, sorted by name."""
         return [self._robots[name].row(name, now_s) for name in sorted(self._robots)]
 
-    def _robot(self, name: str) -> _Robot | None:
+    def _robot(self, name: str, peer: str) -> _Robot | None:
         known = self._robots.get(name)
-        if known is None and len(self._robots) < MOST_ROBOTS:
+        if known is None:
+            if len(self._robots) >= MOST_ROBOTS and not self._make_room(peer):
+                return None
             known = self._robots[name] = _Robot()
+            self._names.setdefault(peer, {})[name] = None
+        elif peer and self._names.get("", {}).pop(name, "") is None:  # so far known by signs of life alone
+            self._names.setdefault(peer, {})[name] = None
         return known
+
+    def _make_room(self, peer: str) -> bool:
+        """Forget the newest robot of the peer with the most, unless it then has fewer than ``peer``."""
+        largest = max(self._names, key=lambda each: len(self._names[each]))
+        if len(self._names[largest]) <= len(self._names.get(peer, ())) + 1:
+            return False
+        name, _ = self._names[largest].popitem()
+        del self._robots[name]
+        return True
 
 
 @dataclass
@@ -175,6 +201,7 @@ class _Robot:
     bridge: bool = False
     daemon: bool = False
     daemon_seen: bool = False
+    token_seen: bool = False
     heard_s: float | None = None
     runs: dict[str, _Run] = field(default_factory=dict)
     begun: int = 0
@@ -192,6 +219,8 @@ class _Robot:
         if isinstance(message, SlipWarning):
             self.missed += message.missed
         self.run, self.heard_s = run, now_s
+        if isinstance(message, Status) and run.status is not None and not self.token_seen:
+            self.bridge = self.daemon = self.daemon_seen = True  # its tokens came while there was no room
         run.note(message, now_s)
         return message
 

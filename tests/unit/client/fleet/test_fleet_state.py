@@ -17,8 +17,8 @@ from slipd_client.messages import Health, encode
 class Robot:
     """One robot, as a bridge forwards it."""
 
-    def __init__(self, state: FleetState, name: str = "arm3", boot: str = "boot-1") -> None:
-        self.state, self.name, self.boot = state, name, boot
+    def __init__(self, state: FleetState, name: str = "arm3", boot: str = "boot-1", peer: str = "") -> None:
+        self.state, self.name, self.boot, self.peer = state, name, boot, peer
         self.seq = {"status": 0, "warning": 0}
         self.t_ns = 0
 
@@ -30,7 +30,7 @@ class Robot:
         self.seq[topic] += 1
         self.t_ns += 1
         header = {"v": 1, "seq": self.seq[topic], "boot": self.boot, "t_ns": self.t_ns}
-        self.state.take_message(self.name, topic, encode(header | fields), now_s)
+        self.state.take_message(self.name, topic, encode(header | fields), now_s, self.peer)
 
     def warns(self, now_s: float, level: str, finger: str = "left", **fields: Any) -> None:
         body = {"finger": finger, "level": level, "previous": "stable", "rising": True, "utilisation": None}
@@ -227,3 +227,33 @@ def test_more_robots_of_one_name_than_are_remembered_are_a_clash_too() -> None:
         for place, robot in enumerate(robots):
             robot.sends("status", now_s + 0.01 * place, fingers=levels(left="stable"), streams={})
     assert robots[0].row(20.0).state == "clash"
+
+
+@pytest.mark.parametrize("signs_of_life_alone", [False, True])
+def test_Z9_made_up_names_of_one_session_leave_room_for_the_robots_of_others(
+    signs_of_life_alone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", 100)
+    state = FleetState()
+    Robot(state, "early", peer="a").joins()
+    Robot(state, "early", peer="a").sends("status", 0.0, fingers=levels(left="stable"), streams={})
+    for number in range(120):
+        made_up = Robot(state, f"made-up-{number}", peer="flood")
+        made_up.joins()
+        if not signs_of_life_alone:
+            made_up.sends("status", 0.0, fingers=levels(left="stable"), streams={})
+    assert len(state.rows(0.0)) == 100
+    late = Robot(state, "late", peer="b")
+    late.joins()
+    late.sends("status", 1.0, fingers=levels(left="stable"), streams={})
+    late.sends("status", 2.0, fingers=levels(left="stable"), streams={})
+    late.warns(2.1, "slipping")
+    assert (late.row(2.1).state, late.row(2.1).level) == ("live", "slipping")
+    names = [row.robot for row in state.rows(2.1)]
+    assert (len(names), "early" in names) == (100, True)
+
+
+def test_what_cannot_be_read_makes_no_row() -> None:
+    state = FleetState()
+    assert state.take_message("arm3", "status", b"no message", 0.0) is None
+    assert (state.rows(0.0), state.unread) == ([], 1)

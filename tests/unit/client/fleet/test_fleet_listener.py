@@ -1,0 +1,58 @@
+"""A session that floods the fleet delays neither the view nor the alarm of another robot; real Zenoh sessions."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from slipd_client.fleet.fair_queue import FairQueue
+from slipd_client.messages import encode
+
+pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
+
+from zenoh_peers import Router, session
+
+from slipd_client.fleet.bridge_publisher import BridgePublisher
+from slipd_client.fleet.fleet_listener import FleetListener
+
+PATIENCE_S = 60.0
+FLOOD = 30_000
+
+
+def warning(seq: int) -> bytes:
+    body = {"finger": "left", "level": "slipping", "previous": "stable", "rising": True, "utilisation": None}
+    return encode({"v": 1, "seq": seq, "boot": "b", "t_ns": seq} | body)
+
+
+def test_Z9_an_alarm_is_read_before_the_flood_that_came_first() -> None:
+    with Router() as router, session(router.endpoint) as here, session(router.endpoint) as other:
+        view = FleetListener(here, "slipd")
+        honest = BridgePublisher(other, "slipd", "honest")
+        with session(router.endpoint) as hostile:
+            flood = BridgePublisher(hostile, "slipd", "flood")
+            until_s = time.monotonic() + PATIENCE_S
+            while len(view.state.rows(0.0)) < 2:
+                view.take(0.05)
+                assert time.monotonic() < until_s, "the robots were not seen"
+            for seq in range(1, FLOOD + 1):
+                flood.put("warning", warning(seq))
+            honest.put("warning", warning(1))
+            read = 0
+            while not any(row.robot == "honest" and row.fingers for row in view.state.rows(0.0)):
+                assert time.monotonic() < until_s, "the alarm was not read"
+                read += len(view.take(0.05))
+            assert read < FLOOD // 2
+
+
+def test_each_peer_has_its_turn_and_its_share() -> None:
+    queue: FairQueue[str] = FairQueue(share=3, most_peers=2)
+    gave_way = [queue.add("a", f"a{n}") for n in range(4)]
+    assert gave_way == [False, False, False, True]
+    queue.add("b", "b0")
+    queue.add("c", "c0")
+    queue.add("d", "d0")
+    found = []
+    while queue:
+        found.append(queue.take())
+    assert found == ["a1", "b0", "c0", "a2", "d0", "a3"], "c and d share one queue"
