@@ -213,8 +213,8 @@ class TouchGuide:
         forces = np.array(held[pressed].wrenches)[:, :3] - self._rest[pressed].wrench[:3]
         sizes = np.linalg.norm(forces, axis=1)
         if sizes.min() > TOUCH_N / 2 and np.ptp(sizes) < max(STEADY * sizes.mean(), TOUCH_N / 2):
-            changed = [name for name in held if _image_changed(self._rest[name], held[name])]
-            return f"the image of finger {', '.join(changed)} changed or had gaps" if changed else ""
+            changes = ((name, _image_change(self._rest[name], held[name])) for name in held)
+            return "; ".join(f"the image of finger {name} {change}" for name, change in changes if change)
         return f"the force changed between {sizes.min():.1f} and {sizes.max():.1f} N"
 
     def _released(self, newest: dict[str, Array]) -> bool:
@@ -278,17 +278,17 @@ def _agree(finger: str, findings: Findings) -> Steps[bool]:
     return (yield from choose(Prompt("touch_again", text, finger, (AGAIN, GO_ON, SKIP)))) == AGAIN
 
 
-def _image_changed(rest: FingerReadings, held: FingerReadings) -> bool:
-    """Return whether the image changed while a touch was held: on a busy machine it may lag behind the force."""
+def _image_change(rest: FingerReadings, held: FingerReadings) -> str:
+    """Return how the image changed while a touch was held; "" if it did not. On a busy machine it may lag behind."""
     if not rest.images:
-        return False
+        return ""
     if len(held.images) < LEAST_IMAGES:
-        return True
+        return f"had gaps ({len(held.images)} images in {HOLD_S:g} s; is the machine busy?)"
     half = len(held.images) // 2
     first, second = (np.mean(part, axis=0) for part in (held.images[:half], held.images[half:]))
     size = max(float(np.abs(part - rest.image).sum()) for part in (first, second))
     noise = NOISE_STD * float(np.std(rest.images, axis=0).sum()) / math.sqrt(half)
-    return float(np.abs(second - first).sum()) > STEADY * size + noise
+    return "changed" if float(np.abs(second - first).sum()) > STEADY * size + noise else ""
 
 
 def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:

@@ -98,7 +98,9 @@ def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[st
         )
     if set_hz is None:
         return [*lines, f"rate_hz = {found.rate_hz or 100.0}         # MEASURE: `slipctl status` shows the rate"]
-    return [*lines, f"rate_hz = {set_hz}         # slipd sets it when it starts the device"]
+    option = DEVICES[found.device].rate_option
+    assert option is not None  # noqa: S101 - it set the rate
+    return [*lines, f"rate_hz = {set_hz}         # slipd sets it by options.{option.name}; change both together"]
 
 
 def _needed(header: str, found: Found) -> list[str]:

@@ -59,7 +59,7 @@ def test_an_image_that_lags_behind_the_force_is_waited_for(tmp_path: Path) -> No
     problems, waits = found(tmp_path, lags=True)
     assert problems == []
     assert waits
-    assert set(waits) == {"  the image of finger left changed or had gaps: hold it still"}
+    assert set(waits) == {"  the image of finger left changed: hold it still"}
 
 
 def test_a_touch_without_images_is_held_until_they_are_back(tmp_path: Path) -> None:
