@@ -25,11 +25,8 @@ STATUSES_QUEUED = 20_000
 
 TOKENS_QUEUED = 100_000
 
-DRAINED = 20_000
-"""Most samples of each queue that are sorted at a time."""
-
 WORK_S = 0.1
-"""Longest time for which messages are read before the caller may draw."""
+"""Longest time for which messages are sorted, and then read, before the caller may draw."""
 
 PEER_SHARE = 20_000
 """Messages of one session that may wait: the kept warnings of a hundred robots. The oldest give way."""
@@ -87,16 +84,15 @@ class FleetListener:
             time.sleep(min(POLL_S, left_s))
 
     def _take_now(self, now_s: float) -> tuple[list[Message], bool]:
-        """Update the state for at most ``WORK_S``; return the messages, and whether anything arrived."""
+        """Update the state for a limited time; return the messages, and whether anything arrived."""
         arrived = False
-        for _ in range(DRAINED):
-            if (token := self._tokens.try_recv()) is None:
-                break
+        until_s = time.monotonic() + WORK_S
+        while time.monotonic() < until_s and (token := self._tokens.try_recv()) is not None:
             arrived = True
             if (found := split_key(str(token.key_expr), self._fleet)) is not None:
                 self.state.take_token(*found, alive=token.kind == zenoh.SampleKind.PUT)
         for subscriber in self._messages:
-            self._sort(subscriber, now_s)
+            self._sort(subscriber, now_s, time.monotonic() + WORK_S / len(self._messages))
         messages: list[Message] = []
         until_s = time.monotonic() + WORK_S
         while self._waiting and time.monotonic() < until_s:
@@ -105,11 +101,9 @@ class FleetListener:
                 messages.append(message)
         return messages, arrived
 
-    def _sort(self, subscriber: AdvancedSubscriber[zenoh.Handler[zenoh.Sample]], now_s: float) -> None:
-        """Sort what has arrived by the session that it names as its source, which costs a fiftieth of reading it."""
-        for _ in range(DRAINED):
-            if (sample := subscriber.try_recv()) is None:
-                return
+    def _sort(self, subscriber: AdvancedSubscriber[zenoh.Handler[zenoh.Sample]], now_s: float, until_s: float) -> None:
+        """Sort what has arrived by the session that it names as its source; reading it would take far longer."""
+        while time.monotonic() < until_s and (sample := subscriber.try_recv()) is not None:
             found = split_key(str(sample.key_expr), self._fleet)
             if found is not None and sample.kind == zenoh.SampleKind.PUT:
                 source = sample.source_info
