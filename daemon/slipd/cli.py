@@ -10,15 +10,12 @@ import contextlib
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from slipd.cli_parser import parser
 from slipd.device_text import printable_lines
 from slipd.errors import ConfigError, SlipdError
 from slipd.log_lines import log_uncaught, open_log
-
-if TYPE_CHECKING:
-    from slipd.service_run import Endpoints
 
 DONE, FAULT, WRONG, INTERRUPTED = 0, 1, 2, 130
 
@@ -75,18 +72,9 @@ def _end_process(code: int) -> NoReturn:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    import asyncio
+    from slipd.run_command import run_command
 
-    from slipd.host.polling_selector import PollingSelector
-    from slipd.serve_file import serve_file
-
-    selector = PollingSelector()
-    serving = serve_file(arguments.config, arguments.record, print_endpoints, selector)
-    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selector)) as runner:
-        try:
-            runner.run(serving)
-        except BaseExceptionGroup as group:
-            raise _first_of(group) from group
+    run_command(arguments.config, arguments.record)
     return DONE
 
 
@@ -94,18 +82,6 @@ def _demo(arguments: argparse.Namespace) -> int:
     from slipd.demo import run_demo
 
     return run_demo(arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record)
-
-
-def print_endpoints(endpoints: Endpoints) -> None:
-    """Print the endpoints of the daemon, for people and for programs that start it."""
-    print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
-
-
-def _first_of(error: BaseException) -> BaseException:
-    """Return the first failure inside task groups."""
-    while isinstance(error, BaseExceptionGroup):
-        error = error.exceptions[0]
-    return error
 
 
 def _identify(arguments: argparse.Namespace) -> int:
@@ -146,6 +122,12 @@ def _docs(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _slipctl(arguments: argparse.Namespace) -> int:
+    call = " ".join(["slipctl", arguments.name, *arguments.rest])
+    print(f"slipd: {arguments.name} is a command of slipctl, which asks a running daemon: {call}", file=sys.stderr)
+    return WRONG
+
+
 def _service(arguments: argparse.Namespace) -> int:
     from slipd.service_command import ServiceFiles, own_program
 
@@ -162,10 +144,13 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _recover(arguments: argparse.Namespace) -> int:
+    from slipd.progress import Progress
     from slipd.recording.recover import recover
     from slipd_client.health.bundle import without_secrets
 
-    found = recover(arguments.file, arguments.out, without_secrets if arguments.without_secrets else str)
+    clean = without_secrets if arguments.without_secrets else str
+    with Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording").shown() as show:
+        found = recover(arguments.file, arguments.out, clean, show)
     for fault in found.faults:
         print(f"{arguments.file}: {fault}")
     lost = f"{found.lost} known to be missing" if found.lost or found.faults else "nothing was missing"
@@ -310,6 +295,7 @@ COMMANDS = {
     "config list": _config_list,
     "config show": _config_show,
     "docs": _docs,
+    "slipctl": _slipctl,
     "service install": _service,
     "service uninstall": _service,
     "replay": _replay,

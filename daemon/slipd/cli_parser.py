@@ -13,6 +13,12 @@ from slipd.evaluation.evaluate_arguments import add_evaluate_arguments
 from slipd.export.export_arguments import add_export_arguments
 from slipd_client.listen_address import add_listen
 
+SLIPCTL = (
+    *("watch", "viewers", "relay", "ros2", "bridge", "fleet", "status", "diagnose"),
+    *("grip", "tare", "friction", "gravity", "object", "record", "keys"),
+)
+"""Commands of ``slipctl`` alone, to which ``slipd`` points those who mistake one for the other."""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser; ``command`` of the parsed arguments is the command, e.g. "replay" or "import grips"."""
@@ -119,6 +125,10 @@ def parser() -> argparse.ArgumentParser:
     doctor = add_command(commands, "doctor", "read one device, report what is right and wrong, keep a capture of it")
     add_doctor_arguments(doctor)
     doctor.set_defaults(command="doctor")
+    for name in SLIPCTL:  # without help: they are not listed
+        other = commands.add_parser(name, add_help=False)
+        other.add_argument("rest", nargs=argparse.REMAINDER)
+        other.set_defaults(command="slipctl", name=name)
     _add_init(commands)
     _add_commission(commands)
     _emulation(commands)
@@ -265,7 +275,7 @@ def _emulation(commands: Any) -> None:
         "is written; its path is printed last. What is changed in it meanwhile is kept in the working directory. "
         "docs/emulation.md lists the commands. Ctrl-C ends it."
     )
-    emulate.add_argument("file", type=Path, metavar="CONFIG", help="config of a rig, TOML")
+    emulate.add_argument("file", type=Path, metavar="CONFIG", help="config of a rig, TOML; or name of a shipped one")
     emulate.add_argument(
         "--dir", type=Path, metavar="DIR", help="folder for the lines and the copy (default: a temporary one)"
     )

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 ERASE = "\r\x1b[K"
 """Erases the line of a terminal."""
 
 EVERY_S = 0.1
+
+REPEATED_S = 0.5
 
 
 class Progress:
@@ -29,11 +33,15 @@ class Progress:
         self._begun_s: float | None = None
         self._shown_s = 0.0
         self._at_begin = 0
+        self._last: tuple[int, int] | None = None
 
     def show(self, done: int, of: int) -> None:
         """Show that ``done`` of ``of`` are done; at most ten times a second."""
-        if not self._terminal:
-            return
+        if self._terminal:
+            self._last = (done, of)
+            self._draw(done, of)
+
+    def _draw(self, done: int, of: int) -> None:
         now_s = self._now()
         if self._begun_s is None:
             self._begun_s, self._at_begin = now_s, done
@@ -47,6 +55,25 @@ class Progress:
         full, empty = ("█", "·") if sys.stderr.encoding.lower() == "utf-8" else ("#", ".")
         bar = full * round(30 * done / max(of, 1))
         print(f"{ERASE}{bar:{empty}<30} {text}", end="", file=sys.stderr, flush=True)
+
+    @contextmanager
+    def shown(self) -> Iterator[Callable[[int, int], None]]:
+        """Give `show`; repeat what it showed last every half second, and erase the line at the end."""
+        ended = threading.Event()
+
+        def repeat() -> None:
+            while not ended.wait(REPEATED_S):
+                if self._last is not None:
+                    self._draw(*self._last)
+
+        thread = threading.Thread(target=repeat, daemon=True)
+        thread.start()
+        try:
+            yield self.show
+        finally:
+            ended.set()
+            thread.join()
+            self.erase()
 
     def erase(self) -> None:
         """Erase the line."""

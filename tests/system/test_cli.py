@@ -11,6 +11,8 @@ from project import CONFIG, TRIAL
 
 from slipd import __version__, config
 from slipd.cli import main
+from slipd.cli_parser import SLIPCTL, parser
+from slipd_client import slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
@@ -141,3 +143,14 @@ def test_the_installed_command_returns_the_documented_exit_codes() -> None:
         done = subprocess.run([SLIPD, *call], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == ends
         assert "Traceback" not in done.stderr
+
+
+def test_a_command_of_slipctl_is_named_to_those_who_ask_slipd_for_it(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in SLIPCTL:
+        assert main([name, "left"]) == 2
+        assert capsys.readouterr().err.endswith(f": slipctl {name} left\n")
+    own, other = (
+        next(each.choices for each in made._actions if isinstance(each.choices, dict))
+        for made in (parser(), slipctl_parser.parser())
+    )
+    assert set(SLIPCTL) == set(other) - (set(own) - set(SLIPCTL)), "all of them, and none of its own"

@@ -69,6 +69,12 @@ def test_the_mass_of_a_finger_is_identified_from_the_shell_as_the_page_shows(tmp
     assert not (tmp_path / "rig" / "rig.toml").exists()
 
 
+def test_a_shipped_config_is_emulated_by_its_name(tmp_path: Path) -> None:
+    done = run(tmp_path, "echo quit | slipd emulate bota_xela; echo $?; echo quit | slipd emulate bota_xelo; echo $?")
+    assert re.search(r"\nconfig: /\S+/bota_xela.toml\n0\n1\n\Z", done.stdout), done.stdout
+    assert "there is no config 'bota_xelo'; did you mean 'bota_xela'?" in done.stderr
+
+
 def test_commands_come_from_a_script_and_standard_input_and_faults_are_named(tmp_path: Path) -> None:
     (tmp_path / "good").write_text("press left 5 N at 1 2 mm\nshow; wait 0.1\n")
     (tmp_path / "wrong").write_text("\npress middle 5 N\n")

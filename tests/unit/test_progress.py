@@ -49,3 +49,13 @@ def test_a_file_gets_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     progress.show(1, 2)
     progress.erase()
     assert capfd.readouterr().err == ""
+
+
+def test_what_takes_long_is_shown_again_until_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slipd.progress.REPEATED_S", 0.001)
+    with terminal(monkeypatch) as shown:
+        with Progress(lambda done, of: f"{done} of {of}").shown() as show:
+            show(1, 2)
+            read_until(shown, "1 of 2")
+            read_until(shown, "1 of 2")
+        read_until(shown, "\r\x1b[K")

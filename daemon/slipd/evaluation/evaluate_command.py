@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -95,19 +97,19 @@ class EvaluateCommand:
     def _finished(self) -> Iterator[Iterator[Finished]]:
         """Give the finished runs, and show how far they are."""
         of = len(self._recordings) * (1 + len(self._configs))
-        progress = Progress(lambda done, of: f"{done} of {of} runs")
-        progress.show(0, of)
-        runs = finished_runs(self._recordings, self._configs, self._cache, self._executor)
-        try:
-            yield _counted(runs, progress, of)
-        finally:
-            runs.close()
-            progress.erase()
+        begun_s = time.monotonic()
+        progress = Progress(lambda done, of: f"{done} of {of} runs, {time.monotonic() - begun_s:.0f} s")
+        with progress.shown() as show:
+            show(0, of)
+            with contextlib.closing(
+                finished_runs(self._recordings, self._configs, self._cache, self._executor)
+            ) as runs:
+                yield _counted(runs, show, of)
 
 
-def _counted(runs: Iterable[Finished], progress: Progress, of: int) -> Iterator[Finished]:
+def _counted(runs: Iterable[Finished], show: Callable[[int, int], None], of: int) -> Iterator[Finished]:
     for done, run in enumerate(runs, 1):
-        progress.show(done, of)
+        show(done, of)
         yield run
 
 

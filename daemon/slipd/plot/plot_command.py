@@ -71,10 +71,8 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
     recording = open_recording(path)
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording")
     with draft(out, PLOT, overwrite=True) as written:
-        try:
-            report = make_report(recording, config_file, window, progress.show)
-        finally:
-            progress.erase()
+        with progress.shown() as show:
+            report = make_report(recording, config_file, window, show)
         write(report, written)
     if recording.gap:
         print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)

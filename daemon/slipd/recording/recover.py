@@ -53,13 +53,19 @@ class Recovered:
     faults: list[str] = field(default_factory=list)
 
 
-def recover(source: Path, out: Path, clean: Callable[[str], str] = str) -> Recovered:
+def recover(
+    source: Path,
+    out: Path,
+    clean: Callable[[str], str] = str,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> Recovered:
     """Write every intact entry of a recording to a new, complete file.
 
     Args:
         source: The recording; it is only read.
         out: The new file. It states as missing what is missing in the source.
         clean: Returns what to write for the config, and for each text of an event or message.
+        progress: Called with how much of the source is read, and its size, bytes.
 
     Raises:
         RecordingError: The source is no recording, its start or all of its entries are damaged, or ``out`` exists or
@@ -89,6 +95,7 @@ def recover(source: Path, out: Path, clean: Callable[[str], str] = str) -> Recov
             write(written, first)
             for entry in entries:
                 write(written, entry)
+                progress(salvage.read_up_to, len(data))
             written.finish(salvage.end, salvage.stopped)
         except OSError as error:
             written.remove()
@@ -147,6 +154,7 @@ class _Salvage:
     Attributes:
         end: Index behind the last entry, missing ones included.
         stopped: Why entries are missing at the end; "" where none is.
+        read_up_to: Place behind the newest intact record.
     """
 
     def __init__(self, data: mmap.mmap, recording: Recording, found: Recovered) -> None:
@@ -155,7 +163,7 @@ class _Salvage:
         self._walk = EntryWalk(recording.wall_minus_monotonic_ns, recording.first)
         self._walk.file_bytes = len(data)
         self._begin_ns = self._last_ns = 0
-        self._read_up_to = 0
+        self.read_up_to = 0
 
     def entries(self) -> Iterator[Entered | Published]:
         """Yield every intact entry, in order."""
@@ -167,10 +175,10 @@ class _Salvage:
                     return
             else:
                 yield from self._chunk(place, record)
-            self._read_up_to = end
+            self.read_up_to = end
         size = len(self._data)
         self.stopped = f"recovered from a file of {size} bytes without an end record"
-        text = f"from byte {self._read_up_to} of {size}: the end is missing; how many entries it held is not known"
+        text = f"from byte {self.read_up_to} of {size}: the end is missing; how many entries it held is not known"
         self._found.faults.append(text)
 
     def _chunk(self, place: int, chunk: Chunk) -> Iterator[Entered | Published]:
@@ -204,13 +212,13 @@ class _Salvage:
     def _report_gap(self, place: int, n: int, until: str) -> None:
         missing = n - self.end
         self._found.lost += missing
-        where = "lost while recording" if self._adjoin(place) else f"bytes {self._read_up_to} to {place} are damaged"
+        where = "lost while recording" if self._adjoin(place) else f"bytes {self.read_up_to} to {place} are damaged"
         since = f"from {(self._last_ns - self._begin_ns) * 1e-9:.3f} s{until}"
         self._found.faults.append(f"{missing} entries are missing, {since}: {where}")
 
     def _adjoin(self, place: int) -> bool:
         """Return whether nothing but indexes is between the last intact chunk and this one."""
-        at = self._read_up_to
+        at = self.read_up_to
         while at + _HEAD.size <= place and self._data[at] == Opcode.MESSAGE_INDEX:
             at += _HEAD.size + _HEAD.unpack_from(self._data, at)[1]
         return at == place

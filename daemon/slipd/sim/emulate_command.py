@@ -18,6 +18,7 @@ from pathlib import Path
 
 from slipd import config
 from slipd.errors import SlipdError
+from slipd.shipped_files import config_file
 from slipd.sim.emulate import emulated, prepare_process
 from slipd.sim.emulated_copy import EmulatedCopy
 from slipd.sim.hand import PadLoad
@@ -36,7 +37,7 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
     """Emulate the devices of a config until Ctrl-C, SIGTERM, ``quit`` or the end of standard input.
 
     Args:
-        file: The config.
+        file: The config, or the name of a shipped one.
         folder: For its copy, the socket and the pseudo-terminals; created if missing. None: a temporary one. A copy
             that was changed, as by ``slipd commission``, is kept in the working directory.
         script: Commands to carry out first.
@@ -46,6 +47,8 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
         ConfigError: The config has faults.
         SlipdError: A line cannot be served, or a line of the script is wrong.
     """
+    if not file.exists() and file.name == str(file) and not file.suffix:
+        file = config_file(str(file))
     rig = config.load(file)
     lines = _script_lines(script, rig)
     with contextlib.ExitStack() as stack:
