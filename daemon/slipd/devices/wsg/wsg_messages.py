@@ -236,7 +236,8 @@ def set_force(newtons: float) -> bytes:
 def overdrive() -> bytes:
     """Return the command that allows forces above the nominal one.
 
-    The Robotics Library has it: roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``.
+    Source of id and length: roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``. It means
+    bit 0 of the one byte for "on", but writes that bit into the length by mistake, so the byte is unconfirmed.
     """
     return encode(OVERDRIVE, b"\1")
 
