@@ -29,7 +29,7 @@ async def serve_file(
     """Run the daemon until SIGINT or SIGTERM; a run that has begun always closes its recordings.
 
     SIGHUP reads the file again. A changed config starts a new run in this process, with a boot id of its own: as after
-    any start, the lease, the tares and the learned friction are gone, and a gripper keeps its force. A file with
+    any start, the lease and the learned friction are gone, and a gripper keeps its force. A file with
     faults, or a config with which no run can start, changes nothing: the config before is kept, and ``status`` shows
     why.
 

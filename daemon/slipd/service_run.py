@@ -136,7 +136,7 @@ class ServiceRun:
         if self._config.recording.incidents.enabled:
             self._incidents = recording.enter_context(contextlib.closing(self._make_incidents(files)))
             self._recorders.append(self._incidents)
-        if self._config.restart.tare_age_s > 0.0:
+        if self._config.restart.gap_s > 0.0:
             path = state_dir() / f"state-{rig_of(self._config)}.json"
             self._state = self._stack.enter_context(contextlib.closing(StateFile(path)))
             if (restored := self._state.read()) is not None:
@@ -224,7 +224,7 @@ class ServiceRun:
         if self._recording is not None and (change := self._recording.poll(t_ns)):
             self.handle(change)
         if self._continuous is not None:
-            for change in self._continuous.changes(t_ns, lambda: self.engine.first_events):
+            for change in self._continuous.changes(t_ns, lambda: self.engine.first_events(t_ns)):
                 self.handle(change)
         if self._incidents is not None and (saved := self._incidents.change(t_ns)):
             self.handle(saved)
@@ -256,7 +256,7 @@ class ServiceRun:
             self.handle(change)
         if self._state is not None and t_ns - self._kept_ns >= KEEP_NS:
             self._kept_ns = t_ns
-            self._state.keep(self.engine.state_text)
+            self._state.keep(self.engine.state_text(t_ns))
             if self._state.problem != self._state_problem:
                 self._state_problem = self._state.problem
                 self.handle(HostNotice("state", self._state_problem))

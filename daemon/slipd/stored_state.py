@@ -8,6 +8,7 @@ place, and a replay judges it as the run did.
 from __future__ import annotations
 
 import hashlib
+import zlib
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -34,20 +35,20 @@ class StoredTare(_Stored):
         offset: What is subtracted, in the sensor's units and order.
         std: Standard deviation of a single reading, likewise.
         gravity_mps2: As `slipd.signals.tare.Offset.gravity_mps2`.
-        origin: "measured" in the run that kept it, or "stored" by one before.
+        origin: Where it came from in the run that kept it; see `slipd.signals.tare.Origin`.
     """
 
     device: str
     opened: str
     basis: str
-    id: int = Field(ge=1)
+    id: int = Field(ge=0)
     wall_ns: int
-    readings: int = Field(ge=1)
+    readings: int = Field(ge=0)
     by: str
     offset: list[float]
     std: list[float]
     gravity_mps2: list[float] | None
-    origin: Literal["measured", "stored"]
+    origin: Literal["observed", "measured", "stored"]
 
 
 class StoredGrip(_Stored):
@@ -83,6 +84,7 @@ class StoredState(_Stored):
         version: Version of the text; another one is not read.
         rig: `rig_of` the config.
         boot: Id of the run that kept it.
+        kept_wall_ns: Wall clock when that run was still alive, ns since 1970: the last full minute.
         tares: Tare of each stream that has one.
         grip: The grip in force; None: none, or its force is not known.
     """
@@ -90,8 +92,14 @@ class StoredState(_Stored):
     version: Literal[1] = 1
     rig: str
     boot: str
+    kept_wall_ns: int
     tares: dict[str, StoredTare] = {}
     grip: StoredGrip | None = None
+
+
+def seal(body: str) -> str:
+    """Return the text of a state in JSON: its CRC-32 in hexadecimal digits, a space, and the JSON."""
+    return f"{zlib.crc32(body.encode()):08x} {body}"
 
 
 def read_state(text: str, config: Config) -> StoredState:
@@ -100,8 +108,11 @@ def read_state(text: str, config: Config) -> StoredState:
     Raises:
         SlipdError: The text is damaged, of another version, or of another rig.
     """
+    body = text.partition(" ")[2]
+    if text != seal(body):
+        raise SlipdError("it is damaged: its checksum is wrong")
     try:
-        state = StoredState.model_validate_json(text)
+        state = StoredState.model_validate_json(body)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, found["loc"])) or "the text"

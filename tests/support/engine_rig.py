@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from gripper_registers import GripperLine
+from known_zeros import know_zeros
 from wire_check import faults_of
 
 from slipd import config
@@ -125,8 +126,10 @@ def refusal_of(reply: dict[str, Any]) -> tuple[str, str] | None:
 class Run:
     """One engine, its clock, and all its outputs."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, zeros: bool = True) -> None:
         self.engine = Engine(config.parse(text, "rig.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
+        if zeros:
+            know_zeros(*self.engine._fingers.values())
         self.t_ns = T0
         self.out: list[tuple[int, Output]] = []
         self.gripper = GripperLine()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
+from known_zeros import known_finger
 
 from slipd.arrays import Array
 from slipd.config import Config, Levels
@@ -27,9 +28,10 @@ Image = Callable[..., TactileSample]
 Press = Callable[..., FingerState]
 
 
-def make_finger(text: str, parse: Parse, name: str = "left") -> Finger:
-    """Return a finger of a config in TOML, with the default levels."""
-    return Finger(name, parse(text).finger[name], Levels())
+def make_finger(text: str, parse: Parse, name: str = "left", *, zeros: bool = True) -> Finger:
+    """Return a finger of a config in TOML, with the default levels; ``zeros``: those of its sensors are known."""
+    make = known_finger if zeros else Finger
+    return make(name, parse(text).finger[name], Levels())
 
 
 def read_force(finger: Finger, sample: WrenchSample, acquired_ns: int | None = None) -> FingerState:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon_peers import PATIENCE_S, Client, Device, until
+from known_zeros import keep_zeros
 
 from slipd import config, service
 from slipd.service_run import Endpoints
@@ -53,6 +54,7 @@ class Rig:
         self.pad.plug()
         self.file = folder / "rig.toml"
         self.file.write_text(RIG.format(wrench=self.wrench.path, pad=self.pad.path), encoding="utf-8")
+        keep_zeros(self.config)
 
     @property
     def config(self) -> config.Config:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from slipd.events import Bytes, Tick
 from slipd.recording.entry_walk import Published
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
+from slipd_client.errors import ClientError
+from slipd_client.grip import GripClient
 from slipd_client.messages import decode, encode
 from slipd_client.messages.codec import MESSAGE_LIMITS
 from slipd_client.messages.typed import Slip
@@ -107,7 +109,14 @@ def bed_in(folder: Path) -> Iterator[Bed]:
             assert first_lines(devices[finger], len(own)) == [place.address for place in own]
         arguments = ("run", "--config", str(settings), "--record", str(folder / "run.mcap"))
         daemon = stack.enter_context(process(folder, "slipd", *arguments))
-        publish = first_lines(daemon, 2)[0].removeprefix("publish: ")
+        publish, requests = (line.partition(": ")[2] for line in first_lines(daemon, 2))
+        with GripClient(requests, timeout_s=PATIENCE_S) as client:
+            until_s = time.monotonic() + PATIENCE_S
+            while any(stream["tare_origin"] is None for stream in client.status()["streams"].values()):
+                assert time.monotonic() < until_s
+                with suppress(ClientError):  # no reading came yet
+                    for finger in LINES:
+                        client.tare(finger, 0.1, "all", unloaded=True)
         yield Bed(daemon, devices, stack.enter_context(Subscriber(publish, ("slip",))))
 
 

@@ -21,9 +21,9 @@ FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
     "not_tared": ("finger-not-tared", "error", "slipctl tare {finger} all"),
     "no_mu": ("friction-unknown", "warning", "slipctl friction {finger}"),
     "weight_unknown": ("gravity-unknown", "error", "slipctl gravity {finger} --help"),
-    "pulled": ("finger-pulled", "error", "slipctl tare take {finger}"),
+    "pulled": ("finger-pulled", "error", "slipctl tare {finger} all"),
     "disagreement": ("finger-disagreement", "error", "slipctl view"),
-    "rotation_unobserved": ("pad-unusable", "warning", "slipctl tare take {finger}"),
+    "rotation_unobserved": ("pad-unusable", "warning", "slipctl tare {finger} all"),
 }
 """Reason of a finger → id, severity and command of its repair. Streams and motions cause the other reasons."""
 
@@ -148,8 +148,15 @@ def _unwell(status: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 
 def _fingers(status: Mapping[str, Any]) -> Iterator[Repair]:
     unwell = {name.partition(".")[0] for name in _unwell(status)}
+    untared = {
+        name.partition(".")[0]
+        for name, stream in _maps(status, "streams").items()
+        if "tare_origin" in stream and stream["tare_origin"] is None and stream.get("age_s") is not None
+    }
     for finger, state in _maps(status, "fingers").items():
         reasons = list(state.get("reasons") or ())
+        if finger in untared and "not_tared" not in reasons:
+            reasons.append("not_tared")
         known = [reason for reason in reasons if reason in FINGER_REPAIRS]
         for reason in known:
             number, severity, command = FINGER_REPAIRS[reason]

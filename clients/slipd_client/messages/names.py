@@ -62,7 +62,7 @@ REASONS = {
     "it may use up the margin or hide a contact",
     "stuck": "the sensor repeats its readings, and a working one would not",
     "garbage": "the readings are beyond the sensor's range, or change faster than a force can",
-    "not_tared": "the pad was never tared, and reads a load that may not exist",
+    "not_tared": "the zero of a sensor is not known: its reading may be an offset, and its offset may hide a load",
     "pulled": "the normal force is clearly negative: sign, mounting or configuration of the sensor is wrong",
     "disagreement": "force sensor and pad image contradict each other",
     "disagreement_contact": "they differ on whether there is a contact: the sensor measures a clear force, and the "
@@ -91,7 +91,7 @@ IMAGE_REASONS = {
     "invalid": "the pad marks its image as invalid",
     "raw": "the pad sends uncalibrated values",
     "stuck": "the images repeat while the force changes",
-    "not_tared": "the pad was never tared, and reads a load that may not exist",
+    "not_tared": "the zero of a sensor is not known: its reading may be an offset, and its offset may hide a load",
     "masked": "more than a quarter of the taxels is masked",
     "contact_unseen": "the beginning of the contact was not observed, and this pad measures only changes",
 }

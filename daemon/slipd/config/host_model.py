@@ -27,10 +27,10 @@ class Restart(StrictModel):
     """``[restart]``: what a run takes over from the run before it, on the same devices.
 
     Attributes:
-        tare_age_s: Oldest tare that is used again, s; 0: nothing is kept for the next run. An hour covers a crash, an
-            update and a reboot; in a longer time temperature and creep move a zero by more than the least force of a
-            contact. Wrong: too large, and verdicts rest on a zero that has moved; too small, and each restart needs a
-            tare of free fingers.
+        gap_s: Longest time between both runs, s; 0: nothing is kept. A tare was in use until the first run ended, so it
+            may be older. An hour covers a crash, an update and a reboot; a sensor that rested for longer has cooled
+            down or was changed. Wrong: too large, and verdicts rest on a zero that has moved; too small, and each
+            restart needs a tare of free fingers.
     """
 
-    tare_age_s: float = Field(default=3600.0, ge=0.0, le=604_800.0)
+    gap_s: float = Field(default=3600.0, ge=0.0, le=604_800.0)

@@ -111,17 +111,16 @@ class Engine:
         """The links that are to be opened, by name."""
         return {name: link.spec for name, link in self._links.items()}
 
-    @property
-    def first_events(self) -> FirstEvents:
+    def first_events(self, t_ns: int) -> FirstEvents:
         """What precedes a recording that begins now: the zeros and the grip in force, and the links that are open."""
         links = (LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
-        return StateRestored(self.state_text), *links
+        return StateRestored(self.state_text(t_ns)), *links
 
-    @property
-    def state_text(self) -> str:
-        """What the next run may take over, as the text of its `StateRestored`."""
+    def state_text(self, t_ns: int) -> str:
+        """Return what the next run may take over, as the text of its `StateRestored`; it changes each minute."""
         links = self._links.values()
-        return self._kept.text({stream.name: link.identity for link in links for stream in link.streams.values()})
+        devices = {stream.name: link.identity for link in links for stream in link.streams.values()}
+        return self._kept.text(devices, t_ns)
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         """Handle one event at ``t_ns`` (CLOCK_MONOTONIC) and return its outputs, in order."""
@@ -169,7 +168,7 @@ class Engine:
                 waited_ns, unread_ns = self._lateness.waited_ns(t_ns), self._lateness.unread_ns(t_ns)
                 arrival = Arrival(waited_ns, unread_ns, link.dated(stream))
             if stream in self._kept.waiting:
-                self._kept.apply(stream, link.identity)
+                self._kept.apply(stream, link.identity, t_ns)
             self._handle_samples(stream, samples, times_ns, arrival, t_ns, out)
         if pieces := link.due(t_ns):
             out += [Write(link.spec.name, piece) for piece in pieces]
@@ -244,7 +243,7 @@ class Engine:
             out.append(reply)
         self._write_due(t_ns, out)
         for record in self._recordings.due():
-            out.append(replace(record, opened=self.first_events) if record.name else record)
+            out.append(replace(record, opened=self.first_events(t_ns)) if record.name else record)
             self._publish_status(t_ns, out)
 
     # Time

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal, cast
 
 import numpy as np
 
@@ -15,17 +16,18 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.gripper.gripper_control import GripperControl
 from slipd.signals.tare import Offset
-from slipd.stored_state import StoredState, StoredTare, basis_of, read_state, rig_of
+from slipd.stored_state import StoredState, StoredTare, basis_of, read_state, rig_of, seal
 
 _NS = 1_000_000_000
-_NOT_USED = "the state of the run before is not used"
+_MINUTE_NS = 60 * _NS
+_NOT_USED, _TARE_NOT_USED = "the state of the run before is not used", "the stored tare is not used"
 
 
 class KeptState:
     """Restores the state of the run before, and returns that of this run.
 
     A tare waits for the first reading of its stream: only then is the device known. It is used where the device, the
-    config on which it depends, and its age allow it, unless another was taken meanwhile.
+    config on which it depends, and the time since the run before allow it, unless another was taken meanwhile.
 
     Args:
         config: The rig.
@@ -47,7 +49,7 @@ class KeptState:
         fingers: Mapping[str, Finger],
         gripper: GripperControl | None,
     ) -> None:
-        self._config, self._boot = config, boot
+        self._config, self._boot, self._rig = config, boot, rig_of(config)
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._gripper = gripper
         self._channels: dict[str, ForceChannel | ImageChannel] = {
@@ -58,6 +60,7 @@ class KeptState:
         }
         self._basis = {name: basis_of(stream) for name, stream in config.streams().items()}
         self._kept: dict[str, tuple[Offset, StoredTare]] = {}
+        self._until_ns = 0
         self.waiting: dict[str, StoredTare] = {}
         self.problems: dict[str, str] = {}
 
@@ -73,37 +76,42 @@ class KeptState:
             return f"{_NOT_USED}: {error}"
         if state is None:
             return f"{_NOT_USED}: {event.problem}"
+        same_run = state.boot == self._boot
+        self._until_ns = t_ns + round(self._config.restart.gap_s * _NS) - (self._wall_ns(t_ns) - state.kept_wall_ns)
+        gap = "" if same_run else self._why_too_old(state, t_ns)
         for name, tare in state.tares.items():
-            problem = self._why_not(name, tare, t_ns, same_run=state.boot == self._boot)
-            if problem:
-                self.problems[name] = f"the stored tare is not used: {problem}"
+            if problem := gap or self._why_not(name, tare):
+                self.problems[name] = f"{_TARE_NOT_USED}: {problem}"
             else:
-                self.waiting[name] = tare if state.boot == self._boot else tare.model_copy(update={"origin": "stored"})
+                self.waiting[name] = tare if same_run else tare.model_copy(update={"origin": "stored"})
         if state.grip is not None and self._gripper is not None:
             self._gripper.restore(state.grip)
         return ""
 
-    def _why_not(self, name: str, tare: StoredTare, t_ns: int, *, same_run: bool) -> str:
+    def _why_too_old(self, state: StoredState, t_ns: int) -> str:
+        gap_s, most_s = (self._wall_ns(t_ns) - state.kept_wall_ns) / _NS, self._config.restart.gap_s
+        if gap_s < 0.0:
+            return "by the clock of this host it is of a later time"
+        return f"the run before ended {gap_s:.0f} s ago, and restart.gap_s is {most_s:g}" if gap_s > most_s else ""
+
+    def _why_not(self, name: str, tare: StoredTare) -> str:
         channel = self._channels.get(name)
         size = channel.tare.current.value.size if channel is not None else 0
         if tare.basis != self._basis.get(name) or not len(tare.offset) == len(tare.std) == size:
             return "the config of the stream is another"
-        if tare.gravity_mps2 is not None and len(tare.gravity_mps2) != 3:
-            return "it is damaged"
-        if same_run:
-            return ""
-        age_s = (t_ns + self._wall_minus_monotonic_ns - tare.wall_ns) / _NS
-        most_s = self._config.restart.tare_age_s
-        if age_s < 0.0:
-            return "it was taken later than now by the clock of this host"
-        return f"it is {age_s:.0f} s old, and restart.tare_age_s is {most_s:g}" if age_s > most_s else ""
+        damaged = tare.gravity_mps2 is not None and len(tare.gravity_mps2) != 3
+        return "it is damaged" if damaged else ""
 
-    def apply(self, name: str, device: Identity) -> None:
+    def _wall_ns(self, t_ns: int) -> int:
+        return t_ns + self._wall_minus_monotonic_ns
+
+    def apply(self, name: str, device: Identity, t_ns: int) -> None:
         """Put the tare that waits for a stream in force, now that a reading of it came.
 
         Args:
             name: The stream.
             device: Its device, as it is known now.
+            t_ns: Now.
         """
         tare, channel = self.waiting[name], self._channels[name]
         if tare.device and not device.reported:
@@ -111,10 +119,12 @@ class KeptState:
         del self.waiting[name]
         if channel.tare.current.origin == "measured" or channel.tare.busy:
             return
-        if (tare.device or tare.opened) == (device.reported or device.opened):
-            channel.restore_tare(self._offset(tare, channel))
+        if (tare.device or tare.opened) != (device.reported or device.opened):
+            self.problems[name] = f"{_TARE_NOT_USED}: it is of {tare.device or tare.opened}"
+        elif t_ns > self._until_ns:
+            self.problems[name] = f"{_TARE_NOT_USED}: the device answers too late for restart.gap_s"
         else:
-            self.problems[name] = f"the stored tare is not used: it is of {tare.device or tare.opened}"
+            channel.restore_tare(self._offset(tare, channel))
 
     def _offset(self, tare: StoredTare, channel: ForceChannel | ImageChannel) -> Offset:
         shape = channel.tare.current.value.shape
@@ -123,15 +133,17 @@ class KeptState:
         value, std = np.reshape(tare.offset, shape), np.reshape(tare.std, shape)
         return Offset(tare.id, value, t_ns, tare.readings, tare.by, std, gravity, tare.origin)
 
-    def text(self, devices: Mapping[str, Identity]) -> str:
+    def text(self, devices: Mapping[str, Identity], t_ns: int) -> str:
         """Return the text of what the next run may take over; ``devices``: the device of each stream."""
         tares = dict(self.waiting)
         for name, channel in self._channels.items():
             offset = channel.tare.current
-            if offset.id > 0:
+            if channel.tare.known:
                 tares[name] = self._stored(name, offset, devices[name])
         grip = None if self._gripper is None else self._gripper.kept()
-        return StoredState(rig=rig_of(self._config), boot=self._boot, tares=tares, grip=grip).model_dump_json()
+        minute = self._wall_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
+        state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)
+        return seal(state.model_dump_json())
 
     def _stored(self, name: str, offset: Offset, device: Identity) -> StoredTare:
         known = self._kept.get(name)
@@ -143,13 +155,13 @@ class KeptState:
             opened=device.opened,
             basis=self._basis[name],
             id=offset.id,
-            wall_ns=(offset.t_ns or 0) + self._wall_minus_monotonic_ns,
+            wall_ns=self._wall_ns(offset.t_ns or 0),
             readings=offset.readings,
             by=offset.by,
             offset=offset.value.ravel().tolist(),
             std=std.ravel().tolist(),
             gravity_mps2=None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
-            origin="stored" if offset.origin == "stored" else "measured",
+            origin=cast("Literal['observed', 'measured', 'stored']", offset.origin),
         )
         self._kept[name] = offset, stored
         return stored

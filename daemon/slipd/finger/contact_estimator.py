@@ -15,6 +15,7 @@ from slipd.config import Levels
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.friction import Friction
 from slipd.finger.load_distribution import LoadDistribution
+from slipd.finger.verdict import UNTARED
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact
@@ -100,6 +101,7 @@ class ContactEstimator:
         learning: Learning = Learning.NOTHING,
         *,
         image_free: bool = False,
+        zero_known: bool = True,
     ) -> VerdictBatch:
         """Estimate the contact at each reading of one read.
 
@@ -114,6 +116,7 @@ class ContactEstimator:
             learning: What the readings may teach of friction, where there is no disagreement.
             image_free: The pad shows by itself that nothing presses. It decides where the unknown weight of the finger
                 may hide a contact from the force sensor.
+            zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
         """
         if disagreement:
             self._watch.forget_load()  # a wrong reading, and its end, look like a load that falls
@@ -127,6 +130,8 @@ class ContactEstimator:
             uncertainty.torque_std_nm + uncertainty.torque_nm,
             pulled_n,
         )
+        if not zero_known:
+            _doubt_zero(readings)
         phases = rows["phase"].tolist()
         distribution = None
         if distribution_of is not None and TOUCHING in phases:
@@ -210,6 +215,14 @@ class ContactEstimator:
         if self.in_contact and solved:
             vx, vy, omega = rows["utilisation"]["twist"][k].tolist()
             self._twist = vx, vy, omega
+
+
+def _doubt_zero(readings: WrenchBatch) -> None:
+    """Mark readings whose zero is not known; a clear pull, and a reading that is too late, stay what they are."""
+    for k, phase in enumerate(readings.rows["phase"].tolist()):
+        if phase in (FREE, TOUCHING):
+            readings.rows["phase"][k] = UNTRUSTED
+            readings.untrusted[k] = UNTARED.reasons
 
 
 def _contact_end(phases: list[int], in_contact: bool) -> int:

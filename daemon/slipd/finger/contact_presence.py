@@ -10,7 +10,7 @@ from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Freshness
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict import PAD_FREE, PAD_PULLED, WEIGHT_UNKNOWN
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, WEIGHT_UNKNOWN, is_untared
 from slipd.signals.force_image_agreement import CLEAR
 
 
@@ -39,10 +39,9 @@ class ContactPresence:
 
     @property
     def zero_known(self) -> bool:
-        """The force has a known zero: by a tare, or by the unloaded counts that the config states for a pad."""
-        if self._force is not None:
-            return self._force.tare.current.id > 0
-        return self._image is not None and self._image.tared
+        """The force has a known zero; see `ForceChannel.zero_known` and `ImageChannel.zero_known`."""
+        channel = self._force or self._image
+        return channel is not None and channel.zero_known
 
     def is_pressed(self, state: FingerState) -> bool | None:
         """Return whether something presses.
@@ -52,9 +51,9 @@ class ContactPresence:
         zero_known, shown = self.zero_known, self.shown_by_image()
         if shown or (zero_known and self._estimator.in_contact):
             return True
-        if state.contact is None or state.verdict is WEIGHT_UNKNOWN:
-            return None
-        return False if zero_known else shown
+        if not zero_known:
+            return shown if is_untared(state.verdict) else None
+        return None if state.contact is None or state.verdict is WEIGHT_UNKNOWN else False
 
     def is_pulled(self, state: FingerState) -> bool:
         """Return whether the normal force is clearly negative; the counts of a pad without a tare do not show that."""
@@ -67,7 +66,7 @@ class ContactPresence:
         """
         if self._force is None or state.contact is None or state.verdict is WEIGHT_UNKNOWN:
             return None
-        return self._estimator.in_contact if self._force.tare.current.id > 0 else None
+        return self._estimator.in_contact if self._force.zero_known else None
 
     def is_pressed_without(self, streams: Collection[str], state: FingerState) -> bool | None:
         """Return whether something presses, without the streams that are about to be tared: "wrench", "pad" or both."""

@@ -156,7 +156,6 @@ class Finger:
     def disconnect_image(self) -> None:
         """Forget the image: its stream ended."""
         self._path.forget_comparison()
-        self.friction.forget()
         if self.image is not None:
             self.image.tare.abort("ended")
             self.image.forget()

@@ -91,7 +91,12 @@ class ForceChannel:
     @property
     def zero_origin(self) -> str | None:
         """Where the zero comes from: "measured" or "stored"; None: it is not known, because no tare was taken."""
-        return self.tare.current.origin if self.tare.current.id > 0 else None
+        return self.tare.current.origin if self.zero_known else None
+
+    @property
+    def zero_known(self) -> bool:
+        """A tare of this run or an earlier one is in force; without one the bias may be any."""
+        return self.tare.known
 
     @property
     def suspect(self) -> bool:
@@ -206,6 +211,12 @@ class ForceChannel:
         """Put the offset of an earlier run in force."""
         self.tare.restore(offset)
         self._take_offset()
+
+    def reject_tare(self, text: str) -> None:
+        """Forget the offset of an earlier run; see `Tare.reject`."""
+        self.tare.reject(text)
+        if self.tare.current is not self._offset:
+            self._take_offset()
 
     def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
         """Set the apparent gravity in the pad frame, m/s²; a finger that turns gives up its tare."""

@@ -42,10 +42,9 @@ class Friction:
         state, learned = self.estimate.state, self.rotation.learned
         return state if learned is None else state._replace(mu_rotation=learned)
 
-    def forget(self) -> None:
-        """Forget all that was learned: the sensor reads otherwise than before."""
-        self.estimate.forget()
-        self.rotation.forget()
+    def doubt(self) -> None:
+        """Forget what was learned with another zero, unless it is stricter; see `FrictionEstimate.doubt`."""
+        self.estimate.doubt()
 
     @property
     def mu(self) -> float | None:

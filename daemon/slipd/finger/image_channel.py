@@ -17,7 +17,7 @@ from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.frozen_image import FrozenImage
-from slipd.signals.missing_tare import UntaredWatch
+from slipd.signals.observed_zero import ObservedZero
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Offset, Tare
 from slipd.signals.taxel_health import Mask, TaxelHealth
@@ -83,8 +83,7 @@ class ImageChannel:
         self.is_frozen = False
         self.freshness = ImageFreshness(stale_after_ns(pad))
         self._offset_stated = bool(pad.tare)
-        self._untared = UntaredWatch(finger.min_normal_n, pad.threshold, calibrated=self._calibrated)
-        self._alone = finger.wrench is None
+        self._observed = ObservedZero(pad.threshold)
         self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()
@@ -128,8 +127,8 @@ class ImageChannel:
             values = pressure = self._charge.update(values, t_ns * 1e-9, summary.no_contact)
         free = summary.normal_n is not None and summary.no_contact and summary.normal_n > -self._least_n
         self.taxel_health.update(readings, t_ns, free, summary.moving, pressure, shear)
-        if not doubtful and not self.zero_known:
-            self._watch_for_missing_tare(values, readings, t_ns, summary)
+        if not doubtful and self._charge is None:
+            self._judge_zero(readings, t_ns, free=summary.no_contact)
         self._set_pressure(values, sample)
         self.t_ns, self.status = t_ns, sample.status
         self._assumed_free = self._charge is not None and summary.no_contact
@@ -169,22 +168,28 @@ class ImageChannel:
         self.tare.restore(offset)
         self._apply_new_offset(before)
 
+    def reject_tare(self, text: str) -> None:
+        """Forget the offset of an earlier run; see `Tare.reject`."""
+        before = self.tare.current
+        self.tare.reject(text)
+        self._apply_new_offset(before)
+
     @property
     def tared(self) -> bool:
-        """The config states the pad's unloaded counts, or a tare measured them."""
-        return self._offset_stated or self.tare.current.id > 0
+        """The offset is right: by the config, by a tare, or as the pad was seen to be free."""
+        return self._offset_stated or self.tare.known
 
     @property
     def zero_known(self) -> bool:
-        """The pad is tared, or learns its zero by itself as a charge pad does."""
+        """The zero is known: the offset is right, or the pad finds its zero each time it is free, as charge pads do."""
         return self.tared or self._charge is not None
 
     @property
     def zero_origin(self) -> str | None:
-        """Where the zero comes from: "config", "measured", "stored", or "observed" by itself; None: it is not known."""
-        if self.tared:
-            return self.tare.current.origin
-        return "observed" if self.zero_known else None
+        """Where the zero comes from: "config", "measured", "stored" or "observed"; None: it is not known."""
+        if self._charge is not None and not self.tare.known:
+            return "observed"
+        return self.tare.current.origin if self.zero_known else None
 
     @property
     def measured(self) -> Mask | None:
@@ -194,37 +199,34 @@ class ImageChannel:
     @property
     def fault(self) -> str:
         """Reason why no image can be used now: "stuck", "not_tared", or "" where it is neither."""
-        return "stuck" if self.is_frozen else "not_tared" if self.lacks_tare else ""
-
-    @property
-    def lacks_tare(self) -> bool:
-        """The pad reads a load that does not exist, for want of a tare."""
-        return self._untared.missing and not self.zero_known
+        if self.is_frozen:
+            return "stuck"
+        return "" if self.zero_known or self.t_ns is None else "not_tared"
 
     def _apply_new_offset(self, before: Offset) -> None:
         """Shift, or forget, what was learned with the offset ``before`` where another is in force."""
         if self.tare.current is before:
             return
-        self._untared.forget()
         if self._charge is not None:
             self._charge.shift(self._scale * (self.tare.current.value - before.value))
 
-    def _watch_for_missing_tare(self, values: Array, readings: Array, t_ns: int, summary: ForceSummary) -> None:
-        """Check whether the pad reads a load that does not exist."""
-        if self._alone and self.three_axis:
-            self._untared.update_alone(values)
-        else:
-            self._untared.update_beside_force(readings, t_ns, free=summary.no_contact)
+    def _judge_zero(self, readings: Array, t_ns: int, *, free: bool) -> None:
+        """Confirm a zero that is not known, or reject a stored one, by an image of a pad that may be free."""
+        self._observed.update(readings, t_ns, free=free)
+        if self._observed.wrong:
+            self.reject_tare("the pad reads a load while the force sensor measures none")
+        elif self._observed.right and not self.zero_known:
+            self.tare.observe(t_ns)
 
     def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""
         possible = float(np.dot(values, values)) <= self._most**2  # false for NaN
-        if possible and not (sample.status or self.is_frozen or self.lacks_tare or self.taxel_health.masks):
+        if self.zero_known and possible and not (sample.status or self.is_frozen or self.taxel_health.masks):
             return ()
         found = sorted(UNTRUSTED.intersection(sample.status))
         if self.is_frozen:
             found.append("stuck")
-        if self.lacks_tare:
+        if not self.zero_known:
             found.append("not_tared")
         if not self.taxel_health.usable:
             found.append("masked")

@@ -20,10 +20,8 @@ _FORCE_FAULTS: dict[str, Condition] = {
     "not_finite": (Health.ERROR, "its readings are not finite numbers"),
     "intermittent": (Health.WARN, "it failed several times within 10 s"),
 }
-_UNTARED_PAD = (
-    "it was never tared and reads a load that may not exist: with nothing touching it, run `slipctl tare take FINGER "
-    "--stream pad`, or set tare in the config to its unloaded counts"
-)
+_UNTARED = "its zero is not known: tare it while nothing touches the finger"
+"""Not a fault of the stream: that it has to be tared is the normal state after a first start."""
 _UNUSABLE_IMAGES = {
     "not_finite": "its images hold readings that are not finite numbers",
     "garbage": "its readings are larger than those of any pad: check axis_scale and the configuration of the pad",
@@ -33,6 +31,8 @@ _UNUSABLE_IMAGES = {
 def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
     """Return what people should know of the readings of a force sensor at ``t_ns``."""
     found = [_FORCE_FAULTS[force.fault]] if force.fault else []
+    if not force.zero_known:
+        found.append((Health.OK, _UNTARED))
     found += _device_status(force.status)
     if force.gravity.state(t_ns) == "unknown_orientation":
         force_n = force.gravity.uncertainty(t_ns)[0]
@@ -49,8 +49,8 @@ def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
 def image_conditions(image: ImageChannel) -> list[Condition]:
     """Return what people should know of the images of a pad."""
     found = _device_status(image.status)
-    if image.lacks_tare:
-        found.append((Health.ERROR, _UNTARED_PAD))
+    if not image.zero_known:
+        found.append((Health.OK, _UNTARED))
     if image.is_frozen:
         found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
     if image.repeats:

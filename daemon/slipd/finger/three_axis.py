@@ -23,7 +23,7 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
         t_ns: When it was acquired, CLOCK_MONOTONIC.
     """
     reasons = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
-    if image.lacks_tare:
+    if not image.zero_known:
         reasons = ("not_tared", *reasons)
     wrench = image.wrench()
     if wrench is None:

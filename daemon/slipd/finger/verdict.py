@@ -32,11 +32,19 @@ WEIGHT_UNKNOWN = Verdict("unknown", ("weight_unknown",))
 NO_MU = Verdict("unknown", ("no_mu",))
 SLIPS_WITHOUT_MU = Verdict("slipping", ("slip_detected", "no_mu"))
 """Motion is seen without a coefficient of friction; only a prediction needs one."""
+UNTARED = Verdict("unknown", ("not_tared",))
+"""The zero of the sensor that measures the force is not known: its reading may be a bias, and its bias may hide a
+load."""
 PAD_PULLED = Verdict("unknown", ("pulled",))
 """The normal force is clearly negative: the sensor or its config is wrong."""
 ROTATION_UNOBSERVED = Verdict("unknown", ("rotation_unobserved",))
 """Without an image, translation alone can prove a grip unsafe, never safe."""
 TRANSLATION_UNSAFE = Verdict("warning", ("translation",))
+
+
+def is_untared(verdict: Verdict) -> bool:
+    """Return whether nothing but the unknown zero of the force stands against a reading."""
+    return verdict == UNTARED
 
 
 def translation_verdict(found: Assessment, level: str) -> Verdict:

@@ -31,7 +31,7 @@ from slipd.finger.three_axis import wrench_by_taxels
 from slipd.finger.trust import is_trusted
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion.rows import LATE
+from slipd.fusion.rows import LATE, PULLED
 from slipd.motion.evidence import evidence_mask
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.tare import Tare
@@ -145,11 +145,14 @@ class VerdictPath:
             image.load_distribution if image is not None and _serves(image, readings, arrival) else None,
             () if check is None else check.disagreement,
             "" if image is None else image.fault,
-            self.negative_force.least_n(uncertainty, tared=self.tares.main.current.id > 0),
+            self.negative_force.least_n(uncertainty, tared=self.presence.zero_known),
             self._learning(arrival),
             image_free=uncertainty.force_n > 0.0 and self.presence.is_free_by_image(),
+            zero_known=self.presence.zero_known,
         )
         self.newest = batch
+        if PULLED in batch.phases and self.tares.main.current.origin == "stored":
+            self._reject_zero("the normal force is clearly negative")
         if self.motion is not None:
             self.motion.update_force(batch)
         if check is not None:
@@ -158,12 +161,17 @@ class VerdictPath:
             self.tares.check_load(self.state)
         return batch
 
+    def _reject_zero(self, text: str) -> None:
+        channel = self._force or self._image
+        if channel is not None:
+            channel.reject_tare(text)
+
     def _learning(self, arrival: Arrival) -> Learning:
-        """Return what readings that arrived so may teach of friction; a new tare forgets what was taught before."""
+        """Return what readings that arrived so may teach of friction; a new zero casts doubt on what they taught."""
         image, force_zero, image_zero = self._image, *self.tares.current
         if force_zero is not self._force_zero or image_zero is not self._image_zero:
             self._force_zero, self._image_zero = force_zero, image_zero
-            self.estimator.friction.forget()
+            self.estimator.friction.doubt()
         if image is None or self.tares.busy or arrival.waited_ns:
             return Learning.NOTHING
         if not image.is_reliable(at_rest=True) or image.taxel_health.saturates:

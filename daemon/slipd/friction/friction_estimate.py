@@ -55,14 +55,34 @@ class FrictionEstimate:
         """
         self._row["stated"] = math.nan if mu is None else mu
         self._source, self._stated_d = source, mu_d
-        self.forget()
-
-    def forget(self) -> None:
-        """Forget all that was learned: the sensor reads otherwise than before."""
         self._objects.clear()
         self._know(_NOTHING)
         begin_grasp(self._row)
         self._take_over()
+
+    def doubt(self) -> None:
+        """Forget what makes verdicts more lenient than what is stated: it was measured with another zero.
+
+        What makes them stricter stays: if it is wrong, a warning comes too early, and an object that is known to be
+        slippery does not pass for another one because somebody took a tare.
+        """
+        self._objects = {
+            name: (ln, var, 0.0) for name, (ln, var, _) in self._objects.items() if self._is_strict(ln, var)
+        }
+        ln, var, _ = self._knowledge()
+        self._know((ln, var, 0.0) if self._is_strict(ln, var) else _NOTHING)
+        (bound,), (stated,) = self._row["bound"].tolist(), self._row["stated"].tolist()
+        if bound < stated:
+            self._row["floor"] = self._row["carried"] = 0.0
+            combine(self._row)
+        else:
+            begin_grasp(self._row)
+        self._take_over()
+
+    def _is_strict(self, ln: tuple[float, float], var: tuple[float, float]) -> bool:
+        """Return whether knowledge of an object gives it a lower coefficient than what is stated."""
+        (stated,) = self._row["stated"].tolist()
+        return not math.isnan(var[0]) and math.exp(_lowest(ln, var)) < stated
 
     def end_contact(self) -> None:
         """End the grasp: the contact ended, or is no longer known."""
@@ -100,9 +120,7 @@ class FrictionEstimate:
     def least_known(self) -> float:
         """Least coefficient with which the next grasp of a named object begins; inf where no slip of one is known."""
         known = [*self._objects.values(), self._knowledge()]
-        added = WIDENING**2 + SCATTER**2
-        bounds = [ln[0] - Z * math.sqrt(var[0] + added) for ln, var, _ in known if not math.isnan(var[0])]
-        return math.exp(min(bounds, default=math.inf))
+        return math.exp(min((_lowest(ln, var) for ln, var, _ in known if not math.isnan(var[0])), default=math.inf))
 
     def segments(self, times_ns: Sequence[int]) -> Iterator[tuple[int, int]]:
         """Yield ranges of readings with one state each; take over what was learned before each of them.
@@ -156,3 +174,8 @@ class FrictionEstimate:
             carried or None,
             self._name,
         )
+
+
+def _lowest(ln: tuple[float, float], var: tuple[float, float]) -> float:
+    """Return the logarithm of the coefficient with which the next grasp of a known object begins."""
+    return ln[0] - Z * math.sqrt(var[0] + WIDENING**2 + SCATTER**2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,8 +15,9 @@ MIN_READINGS = 8
 """Least number of readings of a tare."""
 BY_CONFIG = "config"
 """Author of the offset that comes from the config."""
-Origin = Literal["config", "measured", "stored"]
-"""Where an offset comes from: the config, a tare of this run, or a tare of an earlier one."""
+Origin = Literal["config", "observed", "measured", "stored"]
+"""Where an offset comes from: the config, the same while the pad was seen to be free, a tare of this run, or an earlier
+run."""
 _TEXTS: dict[TareReason, str] = {
     "contact": "a contact began",
     "pulled": "the normal force became negative, as if the pad were pulled",
@@ -94,6 +95,11 @@ class Tare:
         self._average = Average(value.shape)
 
     @property
+    def known(self) -> bool:
+        """The zero is known: by a tare, or because the pad was seen to be free. The config is asked elsewhere."""
+        return self.current.origin != "config"
+
+    @property
     def busy(self) -> bool:
         """A tare is running."""
         return self._until_ns is not None
@@ -142,6 +148,16 @@ class Tare:
         """Put the offset of an earlier run in force; the present one is that before it."""
         self._count = offset.id
         self._before, self.current = self.current, offset
+
+    def observe(self, t_ns: int) -> None:
+        """Record that the offset in force was right at ``t_ns``: the sensor was free, and read nothing."""
+        self.current = replace(self.current, origin="observed", t_ns=t_ns)
+
+    def reject(self, text: str) -> None:
+        """Forget the offset of an earlier run, because the readings contradict it; ``text``: how, for people."""
+        if self.current.origin == "stored" and self._before is not None:
+            self.current, self._before = self._before, None
+            self.aborted_text = f"the stored zero does not fit: {text}"
 
     def apply(self, values: Array, t_ns: int, *, trusted: bool = True) -> Array:
         """Subtract the offset in force; a running tare averages the reading if it is trusted."""

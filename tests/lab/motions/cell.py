@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from engine_rig import RIGHT
 from grasp_table import grasp_table
+from known_zeros import know_zeros
 from motions.jaws import Jaws, Sent
 
 from slipd import config
@@ -100,8 +101,9 @@ class Cell:
         self.restart()
 
     def restart(self) -> None:
-        """Start a daemon that knows of nothing; the gripper holds what it holds."""
+        """Start a daemon that knows of nothing but the zeros; the gripper holds what it holds."""
         self.engine = Engine(self._settings, boot=BOOT, wall_minus_monotonic_ns=0)
+        know_zeros(*self.engine._fingers.values())
         self.acts: list[dict[str, Any]] = []
         self.body: dict[str, Any] = {}
         self._renewed_ns: int | None = None

@@ -60,13 +60,11 @@ class _Overheard:
         self._engine, self._look = engine, look
         self.links, self.farewell = engine.links, engine.farewell
 
-    @property
-    def first_events(self) -> FirstEvents:
-        return self._engine.first_events
+    def first_events(self, t_ns: int) -> FirstEvents:
+        return self._engine.first_events(t_ns)
 
-    @property
-    def state_text(self) -> str:
-        return self._engine.state_text
+    def state_text(self, t_ns: int) -> str:
+        return self._engine.state_text(t_ns)
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         outputs = self._engine.handle(event, t_ns)

@@ -12,6 +12,7 @@ import pytest
 from charge_rig import TILTED, charge_rig
 from commission_person import TOUCHES, touch_for
 from emulated_engine import EmulatedEngine
+from known_zeros import know_zeros
 from scipy.spatial.transform import Rotation
 
 from slipd import config
@@ -35,6 +36,7 @@ def commission(
 ) -> tuple[FingerOutcome, list[str]]:
     """Return what the guide finds, and what it prints; at its question, the person makes the touches of ``then``."""
     engine = EmulatedEngine(true, read, folder)
+    know_zeros(*engine._engine._fingers.values())
     printed: list[str] = []
     chosen: list[Choice] = []
 
@@ -254,6 +256,7 @@ def test_noise_is_measured_and_what_is_confirmed_loses_its_mark(tmp_path: Path) 
 
 def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
     engine = EmulatedEngine(charge_rig(left={}), charge_rig(left={}), tmp_path)
+    know_zeros(*engine._engine._fingers.values())
     other = charge_rig(left={"sign": -1})
     listener = ReadingListener(other.finger, other.config_id)
     with pytest.raises(SlipdError, match="the daemon runs another config"):

@@ -27,6 +27,9 @@ def kernels():
     return {f"{v.__module__}.{v.__name__}": tuple(map(str, v.signatures)) for v in found.values()}
 
 def feel(finger):
+    for channel in (finger.force, finger.image):
+        if channel is not None:
+            channel.tare.observe(0)
     rng = np.random.default_rng(0)
     for k in range(40):
         t_ns = 100_000_000_000 + k * 10_000_000

@@ -24,7 +24,7 @@ from slipd.recording.replay import replay_dated
 RUN = RECORDINGS / "demo.mcap"
 
 
-WRITTEN = dict.fromkeys(FORMATS, "613 messages of slipd") | {"lerobot": "47 frames of 1 episode"}
+WRITTEN = dict.fromkeys(FORMATS, "617 messages of slipd") | {"lerobot": "47 frames of 1 episode"}
 
 
 def export(*arguments: Path | str, to: str) -> int:

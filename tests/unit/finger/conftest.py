@@ -19,6 +19,12 @@ def finger(left: str, parse: Parse) -> Finger:
 
 
 @pytest.fixture
+def untared(left: str, parse: Parse) -> Finger:
+    """The same finger, whose zeros are not known."""
+    return make_finger(left, parse, zeros=False)
+
+
+@pytest.fixture
 def press(finger: Finger, wrench: Wrench, image: Image) -> Press:
     """A reading on a fresh image, ``ms`` after the one before: ``press(normal, tangential, spin, centroid)``."""
     now = [T0]

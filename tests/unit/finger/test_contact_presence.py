@@ -24,10 +24,15 @@ class TestIsPressed:
     def test_unknown_before_the_first_reading(self, finger: Finger) -> None:
         assert finger.is_pressed() is None
 
-    def test_force_sensor_without_tare_does_not_count(self, finger: Finger, wrench: Wrench) -> None:
+    def test_force_sensor_without_tare_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
         for normal_n in (0.0, 30.0):
-            read_force(finger, wrench(T0, normal_n))
-            assert finger.is_pressed() is None
+            read_force(untared, wrench(T0, normal_n))
+            assert untared.is_pressed() is None
+        assert untared.image is not None
+        untared.image.tare.observe(T0)
+        for counts, pressed in ((EMPTY, False), (FULL, True)):
+            untared.update_image(image(T0, counts))
+            assert untared.is_pressed() is pressed, "the pad with a known zero counts"
 
     def test_tared_force_sensor_counts(self, finger: Finger, wrench: Wrench) -> None:
         self.tared(finger, wrench)
@@ -42,10 +47,12 @@ class TestIsPressed:
         press(0.0, counts=FULL)
         assert finger.is_pressed() is True
 
-    def test_old_image_does_not_count(self, finger: Finger, press: Press) -> None:
-        press(0.0, counts=EMPTY)
-        press(0.0, counts=None, ms=31.0)
-        assert finger.is_pressed() is None
+    def test_old_image_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
+        assert untared.image is not None
+        untared.image.tare.observe(T0)
+        untared.update_image(image(T0, EMPTY))
+        read_force(untared, wrench(T0 + 31 * MS, 0.0))
+        assert untared.is_pressed() is None
 
     def test_image_overrides_a_force_sensor_that_reads_no_contact(
         self, finger: Finger, press: Press, wrench: Wrench
@@ -72,7 +79,8 @@ class TestIsPressed:
     def test_charge_pad_held_at_zero_by_the_force_sensor_does_not_count(
         self, left: str, parse: Parse, wrench: Wrench, image: Image
     ) -> None:
-        finger = make_finger(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse)
+        text = left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0")
+        finger = make_finger(text, parse, zeros=False)
         for k in range(5):
             read_force(finger, wrench(T0 + 10 * k * MS, 0.0))
             finger.update_image(image(T0 + 10 * k * MS, FULL))
@@ -81,7 +89,7 @@ class TestIsPressed:
     def test_three_axis_taxels_count_once_tared(self, right: str, parse: Parse) -> None:
         rest, press = np.full((4, 3), 1000.0), np.tile((1000.0, 1000.0, 3000.0), (4, 1))
         for text, known in ((right, [False, True]), (right.partition("tare =")[0], [None, None])):
-            finger = make_finger(text, parse, "right")
+            finger = make_finger(text, parse, "right", zeros=False)
             found = []
             for k, counts in enumerate((rest, press)):
                 finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
@@ -163,9 +171,10 @@ def test_drift_is_learned_while_untouched_with_and_without_image(left: str, pars
     assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
 
 
-def test_contact_force_is_that_of_a_tared_and_trusted_sensor(finger: Finger, press: Press) -> None:
-    press(5.0)
-    assert finger.contact_force_n(press(5.1).t_ns) is None, "without a tare it may be bias"
+def test_contact_force_is_that_of_a_tared_and_trusted_sensor(
+    finger: Finger, untared: Finger, press: Press, wrench: Wrench
+) -> None:
+    assert untared.contact_force_n(read_force(untared, wrench(T0, 5.1)).t_ns) is None, "without a tare it may be bias"
     press(0.0)
     finger.begin_tare(T0, 0.05, "someone")
     for k in range(10):

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from finger_bench import FULL, MS, T0, Image, NoisyFinger, Parse, Press, Wrench, make_finger, read_force, verdict
+from known_zeros import known_finger
 
 from slipd.config import Levels, stale_after_ns
 from slipd.finger.finger import Finger
@@ -48,7 +49,7 @@ def test_stream_is_stale_after_three_periods_but_not_within_20_ms(
     robotous = left.replace('"bota"', '"robotous"').replace("rate_hz = 1000.0", f"rate_hz = {rate_hz}\nbaud = 921600")
     config = parse(robotous).finger["left"]
     assert stale_after_ns(config.wrench) == stale_ns
-    finger = Finger("left", config, Levels())
+    finger = known_finger("left", config, Levels())
     read_force(finger, wrench(T0, 10.0))
     assert finger.check_silence(T0 + stale_ns) is None
     state = finger.check_silence(T0 + stale_ns + 1)
@@ -100,11 +101,11 @@ def test_finger_refuses_streams_that_it_does_not_have(left: str, right: str, par
     config = parse(left + right)
     bare = config.finger["left"].model_copy(update={"wrench": None, "pad": None})
     with pytest.raises(ValueError, match="has no stream"):
-        Finger("left", bare, Levels())
-    sensorless = Finger("right", config.finger["right"], Levels())
+        known_finger("left", bare, Levels())
+    sensorless = known_finger("right", config.finger["right"], Levels())
     with pytest.raises(ValueError, match="has no force sensor"):
         read_force(sensorless, WrenchSample(T0, None, np.zeros(3), np.zeros(3)))
-    padless = Finger("left", config.finger["left"].model_copy(update={"pad": None}), Levels())
+    padless = known_finger("left", config.finger["left"].model_copy(update={"pad": None}), Levels())
     assert padless.update_image(TactileSample(T0, None, np.zeros(16))) is None
     padless.disconnect_image()
     assert padless.channel("pad") is None

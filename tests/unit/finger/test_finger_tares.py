@@ -81,7 +81,14 @@ class TestTareOfPad:
         assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
         assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
 
-    def test_stream_all_tares_both(self, run: Run) -> None:
+    @pytest.fixture
+    def untared(self, make_run: Callable[..., Run], rig: str) -> Run:
+        run = make_run(rig, zeros=False)
+        run.up()
+        return run
+
+    def test_stream_all_tares_both(self, untared: Run) -> None:
+        run = untared
         run.image(self.offset(300))
         run.wrench(0.2)
         reply = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
@@ -115,7 +122,8 @@ class TestTareOfPad:
         assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
         assert loads[1] == pytest.approx(loads[0], abs=1e-9)
 
-    def test_image_of_a_tared_pad_refuses_a_tare_in_contact(self, run: Run) -> None:
+    def test_image_of_a_tared_pad_refuses_a_tare_in_contact(self, untared: Run) -> None:
+        run = untared
         self.test_stream_all_tares_both(run)
         for stream in ("wrench", "pad", "wrench"):  # the two in progress, and the one before
             assert run.refusal("tare.undo", finger="left", stream=stream) is None
@@ -176,8 +184,8 @@ class TestTareOfPad:
             reply = run.ask("tare", finger="right", stream=stream, seconds=0.1)["result"]
             assert reply["tare_ids"] == {"pad": 0}
 
-    def test_readings_marked_invalid_are_left_out(self, make_run: Callable[[str], Run]) -> None:
-        run = make_run(EXTERNAL)
+    def test_readings_marked_invalid_are_left_out(self, make_run: Callable[..., Run]) -> None:
+        run = make_run(EXTERNAL, zeros=False)
         run.up()
         for k in range(40):
             run.wait(10.0)

@@ -42,7 +42,9 @@ def heavy(left: str, parse: Parse) -> str:
 def side(text: str, parse: Parse) -> ForceChannel:
     wrench = parse(text).finger["left"].wrench
     assert wrench is not None
-    return ForceChannel(wrench, 20 * MS)
+    force = ForceChannel(wrench, 20 * MS)
+    force.tare.observe(T0)
+    return force
 
 
 def read(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from finger_bench import EMPTY, FULL, MS, T0, Image, NoisyFinger, Parse, Press, make_finger, taxel_faults, verdict
+from known_zeros import known_finger
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger
@@ -60,7 +61,7 @@ class TestChargePad:
 
 def test_T1_masked_three_axis_taxels_are_replaced_by_their_neighbours(right: str, parse: Parse) -> None:
     text = right.replace("rows = 2", "rows = 4").replace("cols = 2", "cols = 4").partition("tare = ")[0]
-    finger = Finger("right", parse(text + "full_scale = 65535.0\n").finger["right"], Levels())
+    finger = known_finger("right", parse(text + "full_scale = 65535.0\n").finger["right"], Levels())
     rng = np.random.default_rng(2)
     for k in range(120):
         counts = np.tile((0.0, 0.0, 500.0 + 100.0 * math.sin(0.5 * k)), (16, 1)) + rng.normal(0.0, 3.0, (16, 3))
@@ -101,7 +102,9 @@ def make(left: str, parse: Parse) -> Callable[..., ImageChannel]:
         finger = parse(left + more).finger["left"]
         pad = finger.pad
         assert pad is not None
-        return ImageChannel(pad, finger.model_copy(update={"load_rule": rule}))
+        channel = ImageChannel(pad, finger.model_copy(update={"load_rule": rule}))
+        channel.tare.observe(T0)
+        return channel
 
     return make
 
@@ -204,7 +207,7 @@ def test_three_axis_taxels_give_a_wrench(right: str, parse: Parse) -> None:
 
 def test_swap_xy_of_a_three_axis_pad_swaps_its_shear_too(right: str, parse: Parse) -> None:
     config = parse(right.replace("pitch_m", "swap_xy = true\npitch_m"))
-    pad = Finger("right", config.finger["right"], Levels()).image
+    pad = known_finger("right", config.finger["right"], Levels()).image
     assert pad is not None
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)

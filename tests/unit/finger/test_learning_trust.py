@@ -101,7 +101,7 @@ def test_readings_that_are_not_trusted_raise_nothing(held: Held, untrusted: dict
 
 
 def test_a_sensor_without_a_known_zero_raises_nothing(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
-    held = Held(make_finger(left, parse), wrench, image)
+    held = Held(make_finger(left, parse, zeros=False), wrench, image)
     held.hold()
     assert held.mu == 0.5
     held.finger.note_motion(held.t_ns + 300 * MS, ("external",))

@@ -16,7 +16,7 @@ DROP = ("in_contact", "drop")
 
 Run = Any
 
-Make = Callable[[str], Run]
+Make = Callable[..., Run]
 
 
 def health(run: Run, stream: str = "left.wrench") -> tuple[int, str]:
@@ -76,7 +76,9 @@ def test_pull_ends_a_tare_in_progress(run: Run) -> None:
     assert reported["given_up_reason"] == "pulled"
 
 
-def test_unloaded_true_tares_a_negative_bias(run: Run) -> None:
+def test_unloaded_true_tares_a_negative_bias(make_run: Make, rig: str) -> None:
+    run = make_run(rig, zeros=False)
+    run.up()
     run.wrench(-25.0)
     run.tick()
     assert run.level() == ("unknown", ["pulled"])
@@ -110,7 +112,7 @@ def test_limit_follows_from_noise_weight_drift_bias_and_min_normal_n(
     make_run: Make, left: str, more: str, least_n: float
 ) -> None:
     text = left.replace("force_std_n = 0.0\n", "") if "force_std_n" in more else left
-    run = make_run(text.replace("stuck_after = 0", f"stuck_after = 0\n{more}"))
+    run = make_run(text.replace("stuck_after = 0", f"stuck_after = 0\n{more}"), zeros=False)
     run.up()
     run.wrench(-9.0)
     assert run.level()[1] != ["pulled"], "before its tare a sensor reads its own bias"
@@ -164,11 +166,11 @@ def test_three_axis_pad_with_wrong_sign_is_pulled(make_run: Make, right: str) ->
 
 
 def test_raw_counts_below_zero_may_be_tared(make_run: Make, right: str) -> None:
-    run = make_run(right.replace("-0.001", "0.001").partition("tare = ")[0])
+    run = make_run(right.replace("-0.001", "0.001").partition("tare = ")[0], zeros=False)
     run.up()
     for _ in range(3):
         run.skin(1.0)
-    assert run.level("right") == ("unknown", ["pulled"])
+    assert run.level("right") == ("unknown", ["not_tared"])
     assert run.refusal("tare", finger="right", seconds=0.05) is None
     for _ in range(10):
         run.skin(1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from finger_bench import MS, T0, Image, Parse, Press, Wrench, read_force, verdict
+from known_zeros import known_finger
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger
@@ -23,7 +24,7 @@ def test_stale_s_of_the_config_does_not_allow_raises_on_old_readings(
     left: str, parse: Parse, wrench: Wrench, image: Image
 ) -> None:
     patient = parse(left.replace("rate_hz", "stale_s = 0.1\nrate_hz")).finger["left"]
-    finger = Finger("left", patient, Levels())
+    finger = known_finger("left", patient, Levels())
     finger.update_image(image(T0))
     read_force(finger, wrench(T0, 10.0))
     assert finger.check_silence(T0 + 100 * MS) is None

@@ -194,16 +194,30 @@ def test_the_end_of_the_contact_starts_anew(hand: Hand) -> None:
     assert hand.estimate.state == fresh
 
 
-def test_other_coefficients_and_other_sensors_forget_everything(hand: Hand) -> None:
+def test_other_coefficients_forget_everything(hand: Hand) -> None:
     hand.estimate.set_object("mug")
     hand.feel(slip(0.4, 0.3))
     hand.let_go()
     hand.estimate.restart(0.7, 0.6, "request")
     state = hand.estimate.state
     assert (state.mu, state.source, state.mu_d, state.object_name) == (0.7, "request", 0.6, "mug")
-    hand.feel(slip(0.4, 0.3))
-    hand.estimate.forget()
-    assert hand.estimate.state == state
+
+
+@pytest.mark.parametrize("lets_go", [False, True])
+def test_another_zero_forgets_what_is_more_lenient_and_keeps_what_is_stricter(hand: Hand, *, lets_go: bool) -> None:
+    for name, q in (("tyre", 0.9), ("soap", 0.2)):
+        hand.estimate.set_object(name)
+        hand.feel(slip(q, 0.8 * q))
+        if lets_go:
+            hand.let_go()
+    strict = hand.estimate.state
+    assert strict.mu is not None
+    assert strict.mu < 0.3
+    hand.estimate.doubt()
+    assert hand.estimate.state.mu == pytest.approx(strict.mu, rel=0.1)
+    assert (hand.estimate.least_known < 0.3) is lets_go
+    hand.estimate.set_object("tyre")
+    assert (hand.estimate.state.mu, hand.estimate.state.source) == (0.5, "config"), "a zero that is wrong by more"
 
 
 def test_what_was_learned_counts_from_the_next_step_of_time(hand: Hand) -> None:

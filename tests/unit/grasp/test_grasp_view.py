@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from finger_bench import read_force, teach
+from known_zeros import known_finger
 from pad_wrenches import finger_load, pad_wrench
 from project import DOCS
 
 from slipd import config
 from slipd.config import Config, Levels
-from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.hold_state import HoldState
 from slipd.publish.finger_messages import slip_body
@@ -49,7 +49,7 @@ class Hand:
     """Two equal fingers and the view of both; ``press`` gives one of them a reading on a fresh image."""
 
     def __init__(self, rig: Config, wrench: Wrench, image: Image) -> None:
-        self.fingers = {name: Finger(name, finger, Levels()) for name, finger in rig.finger.items()}
+        self.fingers = {name: known_finger(name, finger, Levels()) for name, finger in rig.finger.items()}
         assert rig.grasp is not None
         self.view = GraspView(rig.grasp, self.fingers)
         self._wrench, self._image = wrench, image

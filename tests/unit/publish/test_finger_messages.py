@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from finger_bench import read_force
+from known_zeros import known_finger
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
@@ -39,7 +40,7 @@ Image = Callable[..., TactileSample]
 
 @pytest.fixture
 def finger(left: str, parse: Callable[[str], Config]) -> Finger:
-    return Finger("left", parse(left).finger["left"], Levels())
+    return known_finger("left", parse(left).finger["left"], Levels())
 
 
 def nil(body: dict[str, Any]) -> set[str]:
@@ -84,7 +85,7 @@ def test_the_grip_needed_allows_for_the_noise_of_the_reading(
     needed = []
     for noise_n in (0.0, 0.1):
         text = left.replace("force_std_n = 0.0", f"force_std_n = {noise_n}")
-        finger = Finger("left", parse(text).finger["left"], Levels())
+        finger = known_finger("left", parse(text).finger["left"], Levels())
         finger.update_image(image(T0 - MS, FULL))
         read_force(finger, wrench(T0, 10.0, (3.0, 0.0)))
         needed.append(slip_body(finger, finger.state)["grip_needed_n"])
@@ -140,7 +141,7 @@ def test_utilisation_and_grip_needed_are_nil_where_no_grip_holds(finger: Finger,
 
 
 def test_the_source_of_mu_is_none_without_mu(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
-    finger = Finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
+    finger = known_finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
     read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
     body = slip_body(finger, finger.state)
     assert (body["mu"], body["mu_source"]) == (None, "none")
@@ -241,7 +242,7 @@ def test_only_calibrated_forces_are_in_newtons(
         (papillarray, "uncalibrated", "uncalibrated"),
     ):
         (name, settings), *_ = parse(text).finger.items()
-        finger = Finger(name, settings, Levels())
+        finger = known_finger(name, settings, Levels())
         assert finger.image is not None
         assert slip_body(finger, finger.state)["force_unit"] == unit
         assert wrench_body(finger, finger.state.force_reading)["force_unit"] == unit

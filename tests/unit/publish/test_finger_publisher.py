@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from known_zeros import known_finger
 
 from slipd.config import Config, Levels, Rates
 from slipd.events import Output, Publish
@@ -25,7 +26,7 @@ PULLS = (0.5, 0.5, 0.5, 3.6, 4.5, 0.6, 0.5, 0.6, 3.6, 4.5, 4.5, 0.5)
 @pytest.fixture
 def finger(left: str, parse: Parse) -> Finger:
     """μ is 0.5: with 10 N of normal force a pull of 3.6 N is a caution and one of 4.5 N a warning."""
-    return Finger("left", parse(left).finger["left"], Levels())
+    return known_finger("left", parse(left).finger["left"], Levels())
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from finger_bench import read_force
+from known_zeros import known_finger
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
@@ -34,7 +35,7 @@ def test_without_a_coefficient_a_load_is_compared_with_what_was_carried(
     wrench: Callable[..., WrenchSample],
     image: Callable[..., TactileSample],
 ) -> None:
-    finger = Finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
+    finger = known_finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
     body = held(finger, wrench, image)
     assert (body["mu"], body["mu_source"], body["utilisation"], body["reasons"]) == (None, "none", None, ["no_mu"])
     assert body["required_friction"] == pytest.approx(0.3, rel=1e-3)
@@ -48,6 +49,6 @@ def test_required_friction_is_the_utilisation_times_the_coefficient(
     wrench: Callable[..., WrenchSample],
     image: Callable[..., TactileSample],
 ) -> None:
-    body = held(Finger("left", parse(left).finger["left"], Levels()), wrench, image)
+    body = held(known_finger("left", parse(left).finger["left"], Levels()), wrench, image)
     assert body["mu_source"] == "config"
     assert body["required_friction"] == pytest.approx(body["utilisation"] * body["mu"])

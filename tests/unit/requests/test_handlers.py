@@ -72,7 +72,9 @@ class TestTare:
         assert got["offset"] == pytest.approx([0.1, 0.0, -0.2, 0.0, 0.0, 0.0], abs=1e-6)
         assert run.published("slip.left")[-1]["tare_id"] == 1
 
-    def test_a_bias_that_looks_like_a_contact_can_be_tared_but_not_verified(self, run: Run) -> None:
+    def test_a_bias_that_looks_like_a_contact_can_be_tared_but_not_verified(self, make_run: Any, rig: str) -> None:
+        run = make_run(rig, zeros=False)
+        run.up()
         run.wrench(25.0, (3.0, 0.0))
         assert run.ask("tare", finger="left", seconds=0.01)["result"]["verified"] is False
         for _ in range(12):
