@@ -117,6 +117,9 @@ def test_a_server_that_goes_on_without_its_pad_is_named() -> None:
     for number, time_s, warning in ((1, 0.25, ""), (2, 0.25, xela.REPEATED.format("1")), (3, 0.26, "")):
         decoder.receive(xela.encode_message(number, {"1": pad(1)}, 1_700_000_000 + time_s), number)
         assert decoder.health.warning == warning
+    decoder.forget()
+    decoder.receive(xela.encode_message(1, {"1": pad(1)}, 1_700_000_000.26), 4)
+    assert (decoder.health.warning, decoder.health.restarts) == ("", 0), "on a new line it is the first"
 
 
 def test_the_welcome_is_skipped() -> None:
