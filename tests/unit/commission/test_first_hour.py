@@ -1,0 +1,88 @@
+"""From what `slipd init` writes for serial force sensors, charge pads and a WSG to a first grasp, in simulated time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from commission_person import ANSWERS, POSES_OF_TWO, TOUCHES
+from emulated_engine import EmulatedEngine
+from guided_engine import GuidedEngine
+
+from slipd import config
+from slipd.commission import grasp_step
+from slipd.commission.commission_guide import Commission
+from slipd.commission.dialogue import AGAIN, SKIP, Prompt, Say, follow
+from slipd.config.toml_lines import marked_keys
+from slipd.discovery.config_draft import draft
+from slipd.discovery.port_probe import Found
+from slipd.discovery.serial_ports import SerialPort
+
+FOUND = {"wrench": Found("optoforce", 100.0), "pad": Found("pvdf", 50.0, taxels=128, rows=8)}
+PORTS = [(SerialPort(Path(f"/dev/{name}-{kind}")), FOUND[kind]) for name in ("left", "right") for kind in FOUND]
+FILLED_IN = {
+    "rate_hz = 1000.0": "rate_hz = 100.0",
+    "counts_per_n = [1.0, 1.0, 1.0]  # MEASURE": "period_ms = 10\ncounts_per_n = [20.0, 20.0, 20.0]  #",
+    "counts_per_nm = [1.0, 1.0, 1.0]  # MEASURE": "counts_per_nm = [1000.0, 1000.0, 1000.0]  #",
+    "axis_scale = [1.0]  # MEASURE": "axis_scale = [0.0005]  #",
+    "threshold = 0.0         # MEASURE": "threshold = 0.005         #",
+    "charge_tau_s = 2.0  # MEASURE": "charge_tau_s = 2.0  #",
+}
+"""What a person fills in after ``slipd init``, from data sheets and drawings."""
+
+GRIPPER = """
+[gripper]
+device = "wsg"
+port = "tcp://192.168.1.20:1000"
+rate_hz = 50.0
+max_force_n = 30.0
+"""
+LEFT_OUT = {"sample": ("", SKIP), "close_again": ("", AGAIN)}
+"""Friction is left out; a close that is refused is tried again."""
+
+MOUNTED = {
+    "sign = 1 ": "sign = -1 ",
+    "xyz_m = [0.0, 0.0, 0.0], quat_xyzw = [0.0, 0.0, 0.0, 1.0]": "xyz_m = [0.0, 0.006, -0.048], "
+    "quat_xyzw = [0.0, 0.0, 0.7071068, 0.7071068]",
+    "flip_x = false": "flip_x = true",
+    "force_std_n": "mass_kg = 0.1\ncom_m = [-0.004, 0.0, -0.022]\nforce_std_n",
+}
+"""How the sensors are mounted, which the guide finds."""
+
+
+class Person(GuidedEngine):
+    """Acknowledges the stop of a gripper that lost its connection, as the guide asks for."""
+
+    def _show(self, shown: Say | Prompt) -> None:
+        if "slipctl grip ack" in shown.text:
+            self.engine.ask("lease.acquire", ttl_ms=200)
+            self.engine.ask("fault.ack")
+            for _ in range(200):
+                self._message()
+        super()._show(shown)
+
+
+def replaced(text: str, changed: dict[str, str]) -> str:
+    for old, new in changed.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    return text
+
+
+def test_a_rig_of_serial_optoforce_pvdf_and_wsg_is_commissioned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
+    read = config.parse(replaced(draft(PORTS, [], "rig.toml"), FILLED_IN) + GRIPPER, "read")
+    true = config.parse(replaced(read.text, MOUNTED), "true")
+    host = Person(EmulatedEngine(true, read, tmp_path), read.text, TOUCHES, ANSWERS | POSES_OF_TWO | LEFT_OUT)
+    follow(Commission(read, ["left", "right"], 20.0, "restart").run(), host.respond)
+    assert any("left stable" in line and "right stable" in line for line in host.printed), "\n".join(host.printed)
+    found = config.parse(host.text, "found")
+    for finger in found.finger.values():
+        assert finger.wrench is not None
+        assert finger.pad is not None
+        assert (finger.wrench.sign, finger.pad.flip_x) == (-1, True)
+        assert finger.wrench.mass_kg == pytest.approx(0.1, abs=0.005)
+    left = {key for *_, key in marked_keys(found.text)}
+    assert left == {"mu", "rate_hz", "rows", "cols", "pitch_m", "electrode_m"}, "friction was left out"
