@@ -9,7 +9,6 @@ import argparse
 import contextlib
 import os
 import sys
-from pathlib import Path
 from typing import NoReturn
 
 from slipd.cli_parser import parser
@@ -208,32 +207,16 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _devices(arguments: argparse.Namespace) -> int:
-    from slipd.devices_command import print_device, print_devices
+    from slipd.devices_command import print_devices
 
-    if arguments.name is None:
-        print_devices()
-    else:
-        print_device(arguments.name)
+    print_devices(arguments.name)
     return DONE
 
 
 def _doctor(arguments: argparse.Namespace) -> int:
-    from slipd.discovery.doctor_command import doctor_capture, doctor_command
+    from slipd.discovery.doctor_command import doctor
 
-    if arguments.port.endswith(".capture"):
-        return DONE if doctor_capture(Path(arguments.port), arguments.rate) else FAULT
-    if arguments.device is None:
-        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
-    found = doctor_command(
-        arguments.port,
-        arguments.device,
-        arguments.seconds,
-        arguments.out,
-        arguments.baud,
-        arguments.options,
-        arguments.rate,
-    )
-    return DONE if found else FAULT
+    return DONE if doctor(arguments) else FAULT
 
 
 def _init(arguments: argparse.Namespace) -> int:

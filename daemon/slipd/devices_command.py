@@ -10,8 +10,18 @@ from slipd.errors import SlipdError
 TITLES = ("device", "kind", "line", "package", "evidence")
 
 
-def print_devices() -> None:
-    """Print every installed device; then those that cannot be used, each with its package and why."""
+def print_devices(name: str | None) -> None:
+    """Print every installed device; then those that cannot be used, each with its package and why.
+
+    Args:
+        name: Describe only this device; None: list all.
+
+    Raises:
+        SlipdError: The device is not installed, or cannot be used.
+    """
+    if name is not None:
+        _describe(name)
+        return
     rows = [TITLES, *(_row(each, each.device) for each in installed() if each.device is not None)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
@@ -21,12 +31,8 @@ def print_devices() -> None:
             print(f"{one_line(each.name)} of {_package(each)} cannot be used: {one_line(each.fault)}")
 
 
-def print_device(name: str) -> None:
-    """Print what is known of one device: where it comes from, its lines, rates and options, and its own description.
-
-    Raises:
-        SlipdError: The device is not installed, or cannot be used.
-    """
+def _describe(name: str) -> None:
+    """Print where a device comes from, its lines, rates and options, and its own description."""
     found = find_device(name)
     if found is None:
         raise SlipdError(f"no device {name!r} is installed; `slipd devices` lists those that are")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import contextlib
 import json
@@ -29,6 +30,22 @@ POLL_S = 0.001
 """Period at which the deadlines of the session are checked, s."""
 
 LINK = "device"
+
+
+def doctor(arguments: argparse.Namespace) -> bool:
+    """Read a device, or examine a capture again; return whether nothing is wrong.
+
+    Raises:
+        SlipdError: See `doctor_command` and `doctor_capture`; or no device is named.
+    """
+    if arguments.port.endswith(SUFFIX):
+        return doctor_capture(Path(arguments.port), arguments.rate)
+    if arguments.device is None:
+        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
+    return doctor_command(
+        arguments.port, arguments.device, arguments.seconds, arguments.out, arguments.baud, arguments.options,
+        arguments.rate,
+    )  # fmt: skip
 
 
 def doctor_command(

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 from other_packages import Install, install
 
+from slipd.cli_parser import parser
 from slipd.devices import external, gauges
 from slipd.devices.gauges import encode_frame
 from slipd.discovery import doctor_command as command
 from slipd.discovery.capture import Capture, Piece, read_capture
-from slipd.discovery.doctor_command import doctor_capture, doctor_command
+from slipd.discovery.doctor_command import doctor_capture
 from slipd.discovery.examination import Finding, examine
 from slipd.discovery.port_probe import recognise
 from slipd.errors import SlipdError
@@ -54,9 +55,10 @@ def device(name: str, path: Path) -> Iterator[str]:
         thread.join()
 
 
-def doctor(port: str, name: str, out: Path, **changes: Any) -> bool:
-    settings = {"seconds": 2.0, "out": out, "baud": None, "options": "", "rate_hz": None} | changes
-    return doctor_command(port, name, **settings)
+def doctor(port: str, name: str | None, out: Path, *arguments: str, seconds: float = 2.0) -> bool:
+    device = () if name is None else ("--device", name)
+    given = (port, *device, "--out", str(out), "--seconds", str(seconds), *arguments)
+    return command.doctor(parser().parse_args(["doctor", *given]))
 
 
 def written(out: Path) -> tuple[Path, str]:
@@ -79,7 +81,7 @@ def test_a_device_is_read_and_its_capture_gives_the_same_report_again(
     for text in (report, capture.read_text(encoding="utf-8")):
         assert str(tmp_path) not in text, "it names no path"
     capsys.readouterr()
-    assert doctor_capture(capture, None) == ("\nwrong" not in report)
+    assert doctor(str(capture), None, tmp_path) == ("\nwrong" not in report)
     assert capsys.readouterr().out == report
 
 
@@ -123,16 +125,20 @@ def made(folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
+        ({"name": None}, "--device is missing: give the name of the device"),
         ({"name": "botta"}, "the device 'botta' is not installed; see `slipd devices`"),
         ({"port": "udp://a:1"}, "bota has a line of kind serial, got udp://a:1"),
-        ({"options": "sinc_length = 3"}, "--options: sinc_length must be an integer from 64"),
-        ({"options": "sinc_length"}, "--options must be keys and values as in a config, got 'sinc_length'"),
-        ({"name": "gauges", "options": "wrong = 1"}, "--options: .*wrong"),
+        ({"arguments": ("--options", "sinc_length = 3")}, "--options: sinc_length must be an integer from 64"),
+        (
+            {"arguments": ("--options", "sinc_length")},
+            "--options must be keys and values as in a config, got 'sinc_length'",
+        ),
+        ({"name": "gauges", "arguments": ("--options", "wrong = 1")}, "--options: .*wrong"),
     ],
 )
 def test_a_wrong_call_is_refused(tmp_path: Path, changes: dict[str, Any], error: str) -> None:
     with pytest.raises(SlipdError, match=error):
-        doctor(**{"port": "/nowhere", "name": "bota", "out": tmp_path} | changes)
+        doctor(changes.get("port", "/nowhere"), changes.get("name", "bota"), tmp_path, *changes.get("arguments", ()))
 
 
 def test_a_broken_device_and_a_folder_that_cannot_be_written_are_named(tmp_path: Path, install: Install) -> None:
