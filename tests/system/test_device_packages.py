@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-import sysconfig
 import time
-import venv
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from fresh_environment import OFFLINE, PATIENCE_S, Environment
 from project import ROOT
 
 from slipd_client.messages.typed import Slip
@@ -22,8 +16,6 @@ from slipd_client.subscriber import Subscriber
 pytestmark = [pytest.mark.process, pytest.mark.long]
 
 PACKAGES = ROOT / "clients" / "examples" / "devices"
-PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
-PATIENCE_S = 60.0
 
 RIG = """
 [finger.left]
@@ -52,45 +44,6 @@ axis_scale = [1.0, 1.0, 1.0]
 """
 
 
-class Environment:
-    """An environment that borrows slipd and its dependencies from this one, and installs packages of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        venv.create(folder / "venv", symlinks=True)
-        self._python = folder / "venv" / "bin" / "python"
-        version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
-        site = folder / "venv" / "lib" / version / "site-packages"
-        (site / "borrowed.pth").write_text(f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})\n")
-        self._variables = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}
-
-    def pip(self, *arguments: str | Path) -> None:
-        command = (*PIP, "--python", self._python, *arguments)
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
-        assert done.returncode == 0, done.stdout + done.stderr
-
-    def slipd(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            (self._python, "-m", "slipd", *arguments),
-            cwd=self._folder, env=self._variables, capture_output=True, text=True, check=False, timeout=100,
-        )  # fmt: skip
-
-    @contextmanager
-    def running(self, until: str, *arguments: str | Path) -> Iterator[str]:
-        """Run a command until the block ends; yield what follows the word ``until`` in its output."""
-        with subprocess.Popen(
-            (self._python, "-m", "slipd", *arguments),
-            cwd=self._folder, env=self._variables, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
-        ) as process:  # fmt: skip
-            try:
-                assert process.stdout is not None
-                lines = iter(process.stdout.readline, "")
-                yield next(line.removeprefix(until).strip() for line in lines if line.startswith(until))
-            finally:
-                process.terminate()
-                process.wait(PATIENCE_S)
-
-
 def pressed(endpoint: str) -> Slip:
     """Wait for a verdict on a finger that is pressed with 8 N."""
     deadline_s = time.monotonic() + PATIENCE_S
@@ -106,9 +59,7 @@ def test_a_device_of_another_package_from_its_installation_to_its_removal(tmp_pa
     rig, recording = tmp_path / "rig.toml", tmp_path / "run.mcap"
     rig.write_text(RIG, encoding="utf-8")
     environment = Environment(tmp_path)
-    environment.pip(
-        "install", "--quiet", "--no-index", "--no-build-isolation", PACKAGES / "anyskin", PACKAGES / "paxini"
-    )
+    environment.pip(*OFFLINE, PACKAGES / "anyskin", PACKAGES / "paxini")
     listed = environment.slipd("devices").stdout
     assert "slipd-anyskin 0.1.0  maker's driver" in listed
     assert "bota" in listed

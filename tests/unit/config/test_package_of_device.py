@@ -30,7 +30,7 @@ def fault(new: str) -> str:
     return f"{path.removeprefix('finger.left.wrench.')} {message}"
 
 
-def test_the_package_to_install_is_named(install: Install) -> None:
+def test_G4_the_package_to_install_is_named(install: Install) -> None:
     needs = "package 'mine' needs the package {!r}, which {}: install it with pip"
     assert fault(OTHER) == needs.format("some-sensor", "is not installed")
     assert fault('device = "mine"\npackage = "numpy"') == needs.format("numpy", "does not provide it")
@@ -53,7 +53,7 @@ def test_the_package_must_be_that_of_the_device(install: Install) -> None:
         (MINE.format(decoder="Odd"), "", "'mine' cannot be used: it makes no slipd.devices.Decoder"),
     ],
 )
-def test_a_package_that_does_not_work_is_a_fault_of_the_config(
+def test_G4_a_package_that_does_not_work_is_a_fault_of_the_config(
     install: Install, module: str, options: str, why: str
 ) -> None:
     install("some-sensor", "mine", "mine_module:DEVICE", module)

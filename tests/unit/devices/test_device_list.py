@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from project import DOCS
 
-from slipd.devices import DEVICES, Device
+from slipd.devices import DEVICES, EVIDENCE, Device
 from slipd.sim.emulators import make_emulator
 
 MS = 1_000_000
@@ -42,6 +44,12 @@ def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
     silent = {"external", "gauges", "pvdf", "xela"}
     assert {name for name, device in DEVICES.items() if device.session is None} == silent
     assert len(DEVICES) == 15
+
+
+def test_the_page_states_the_evidence_of_each_device() -> None:
+    page = (DOCS / "devices.md").read_text(encoding="utf-8")
+    stated = dict(re.findall(r"^\| `(\w+)` \|.*\| ([^|]+) \|$", page.partition("## In a config")[0], re.MULTILINE))
+    assert stated == {name: EVIDENCE[device.evidence] for name, device in DEVICES.items()}
 
 
 @devices

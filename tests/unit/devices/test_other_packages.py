@@ -53,7 +53,7 @@ def test_a_device_of_another_package_is_listed_after_those_of_slipd_and_found_by
         ("old_module:DEVICE", GOOD.replace(", interface=1", ""), f"interface {INTERFACE} of slipd 0.1.0, got None"),
     ],
 )
-def test_a_broken_package_is_named_and_stops_no_other_device(
+def test_G4_a_broken_package_is_named_and_stops_no_other_device(
     install: Install, names: str, module: str, fault: str
 ) -> None:
     install("some-sensor", "mine", names, module)
