@@ -20,7 +20,7 @@ from slipd.discovery.capture import SUFFIX, Capture, Direction, Piece, read_capt
 from slipd.discovery.examination import Finding, examine
 from slipd.discovery.port_probe import question_options
 from slipd.errors import SlipdError
-from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.transport import Links
 
 OPEN_S = 3.0
@@ -178,9 +178,11 @@ class _Reading:
                 t_ns = self._add("in", data)
                 if self._session is not None:
                     self._session.receive(data, t_ns)
-            case _:
-                self._reason = cast("LinkDown", event).reason
+            case LinkDown(_, reason):
+                self._reason = reason
                 self._settled.set()
+            case _:  # what the host cannot change, such as the latency timer of the adapter
+                print(cast("HostNotice", event).text)
 
     def _write_due(self) -> None:
         due_ns = self._session.next_deadline() if self._session is not None else None

@@ -17,7 +17,7 @@ import pytest
 from other_packages import Install, install
 
 from slipd.cli_parser import parser
-from slipd.devices import external, gauges
+from slipd.devices import DEVICES, external, gauges
 from slipd.devices.gauges import encode_frame
 from slipd.discovery import doctor_command as command
 from slipd.discovery.capture import Capture, Piece, read_capture
@@ -25,6 +25,7 @@ from slipd.discovery.doctor_command import doctor_capture
 from slipd.discovery.examination import Finding, examine
 from slipd.discovery.port_probe import recognise
 from slipd.errors import SlipdError
+from slipd.events import HostNotice
 from slipd.samples import TactileSample
 from slipd.sim.emulate import emulated, emulator_for
 from slipd.sim.pseudo_terminal import PseudoTerminal
@@ -149,6 +150,13 @@ def test_a_broken_device_and_a_folder_that_cannot_be_written_are_named(tmp_path:
     with pytest.raises(SlipdError, match="cannot be written: No such file"):
         doctor(str(tmp_path / "line"), "gauges", tmp_path / "missing", seconds=0.01)
     line.close()
+
+
+def test_what_the_host_cannot_change_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    command._Reading(DEVICES["gauges"], "/nowhere", capture("gauges", []))._handle(
+        HostNotice("latency device", "16 ms")
+    )
+    assert capsys.readouterr().out == "16 ms\n"
 
 
 def test_a_device_of_another_package_that_raises_hides_no_other_on_a_port(install: Install) -> None:
