@@ -46,7 +46,7 @@ def first_verdicts(publish: str, *, seen: int = 50) -> set[tuple[str, tuple[str,
     return found
 
 
-def test_a_kill_in_a_grasp_leaves_the_zeros_or_an_unknown_level(
+def test_F6_a_kill_in_a_grasp_leaves_the_zeros_or_an_unknown_level(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Bota sensors behind XELA pads under 37 N, whose taxels have offsets of thousands of counts."""

@@ -215,13 +215,13 @@ def check_restart(seed: int) -> None:
 
 
 @pytest.mark.parametrize("first", range(0, 30, 10))
-def test_no_finger_is_believed_after_a_restart_unless_its_zero_is_known(first: int) -> None:
+def test_F6_no_finger_is_believed_after_a_restart_unless_its_zero_is_known(first: int) -> None:
     for seed in range(first, first + 10):
         check_restart(seed)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_no_finger_is_believed_after_a_thousand_restarts_unless_its_zero_is_known() -> None:
+def test_F6_no_finger_is_believed_after_a_thousand_restarts_unless_its_zero_is_known() -> None:
     for seed in range(1000):
         check_restart(seed)
