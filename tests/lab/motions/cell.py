@@ -16,7 +16,7 @@ from motions.jaws import Jaws, Sent
 from slipd import config
 from slipd.devices import bota, pvdf, xela
 from slipd.engine.engine import Engine
-from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick, Write
+from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, StateRestored, Tick, Write
 
 MS = 1_000_000
 STEP_NS, READING_NS = 5 * MS, 10 * MS
@@ -100,14 +100,16 @@ class Cell:
         self._unheard: list[bytes] = []
         self.restart()
 
-    def restart(self) -> None:
-        """Start a daemon that knows of nothing but the zeros; the gripper holds what it holds."""
+    def restart(self, kept: StateRestored | None = None) -> None:
+        """Start a daemon that knows of nothing but the zeros and what was kept; the gripper holds what it holds."""
         self.engine = Engine(self._settings, boot=BOOT, wall_minus_monotonic_ns=0)
         know_zeros(*self.engine._fingers.values())
         self.acts: list[dict[str, Any]] = []
         self.body: dict[str, Any] = {}
         self._renewed_ns: int | None = None
         self._unheard.clear()
+        if kept is not None:
+            self.feed(kept)
         for link in self.engine.links:
             self.feed(LinkUp(link, f"opened {link}"))
         self.jaws.opened(self.now_ns)
@@ -174,6 +176,10 @@ class Cell:
         """The host sleeps; the monotonic clock does not see it."""
         self._suspended_ns += 10**9
         self.feed(Tick(self._suspended_ns))
+
+    def kept(self) -> StateRestored:
+        """What the daemon keeps for the next run, as the event with which that begins."""
+        return StateRestored(self.engine.state_text(self.now_ns))
 
     def replug(self) -> None:
         """The gripper's link is lost and comes back."""
