@@ -97,7 +97,7 @@ class Commission:
         self._mounts: dict[str, Mount] = {}
         self._unwritten = self._contradicted = False
         self._zeroed = False
-        self._wrong_scale: list[str] = []
+        self._wrong_scale: dict[str, bool] = {}
         self._complete: dict[str, bool] = {}
         self._take_mounts()
 
@@ -157,7 +157,7 @@ class Commission:
             yield from _report(name, outcomes[name].findings.notes, outcomes[name].findings.problems)
         if not outcomes:
             raise Skipped
-        self._wrong_scale += [name for name, each in outcomes.items() if each.wrong_scale]
+        self._wrong_scale |= {name: each.wrong_scale for name, each in outcomes.items()}
         self._zeroed = len(outcomes) == len(self._fingers)
         return outcomes
 
@@ -252,8 +252,8 @@ class Commission:
         """Return why a step that builds on what was found cannot be done; "" if it can."""
         if self._unwritten:
             return "what was found is not written, so the daemon does not run it"
-        if self._wrong_scale:
-            return f"the forces of finger {', '.join(self._wrong_scale)} are in another unit, see above"
+        if wrong := [name for name, each in self._wrong_scale.items() if each]:
+            return f"the forces of finger {', '.join(wrong)} are in another unit, see above"
         if self._contradicted:
             return "with a wrong mounting, its result would be wrong too; slipd commission --from mounting"
         return ""

@@ -148,17 +148,18 @@ class TouchGuide:
             findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
             result = FingerResult(findings.mount, findings.symmetry, None, streams)
         findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
-        result = replace(result, noise=self._noise_of(finger, streams, findings))
+        result = replace(result, noise=self._noise_of(streams, findings))
         needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
         return FingerOutcome(result, findings, touches, needs_image)
 
-    def _noise_of(self, finger: str, streams: Mapping[str, str], findings: Findings) -> Noise | None:
+    def _noise_of(self, streams: Mapping[str, str], findings: Findings) -> Noise | None:
         """Return the noise of a finger before its first touch; add it to the notes."""
-        sensor, rest = self._rig.finger[finger].wrench, self._noise
+        stream = streams["wrench"]
+        sensor, rest = self._rig.finger[stream].wrench, self._noise
         if sensor is None or rest is None:
             return None
         stated = mount_of(sensor)
-        noise = noise_at_rest(rest[streams["wrench"]], stated, findings.mount or stated)
+        noise = noise_at_rest(rest[stream], stated, findings.mount or stated)
         if noise is None:
             findings.notes.append("the noise is not measured: the readings moved, or did not change at all")
             return None
@@ -174,7 +175,7 @@ class TouchGuide:
             return ""
         suspects = [need.key for need in needs_of(sensor) if need.scales] or ["a gain or unit of the sensor"]
         asked = f"you were asked for about {ASKED_N:g} N and the sensor reads {force_n:.0f} N"
-        return f"{asked}: {', '.join(suspects)}? Nothing of this finger is written; correct it, and begin again"
+        return f"{asked}: {', '.join(suspects)}? The mounting of this finger is left open; correct it, and begin again"
 
     def _hold(self, prompt: Prompt, centre: Touch | None, stream: str) -> Steps[dict[str, FingerReadings]]:
         """Wait for a touch that is held still, and return the readings while it is."""
