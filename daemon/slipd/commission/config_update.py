@@ -153,7 +153,7 @@ def _pad_values(pad: Pad, result: FingerResult) -> Iterator[_Value]:
     if result.axes is not None:
         scale = [sign * abs(each) for sign, each in zip(result.axes, pad.axis_scale, strict=True)]
         yield "axis_scale", str(scale), scale != pad.axis_scale
-    if result.noise is not None and result.noise.threshold is not None:
+    if pad.threshold == 0.0 and result.noise is not None and result.noise.threshold is not None:
         yield _noise_value("threshold", pad.threshold, result.noise.threshold)
 
 

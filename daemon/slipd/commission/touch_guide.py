@@ -156,10 +156,9 @@ class TouchGuide:
         """Return the noise of a finger before its first touch; add it to the notes."""
         stream = streams["wrench"]
         sensor, rest = self._rig.finger[stream].wrench, self._noise
-        if sensor is None or rest is None:
+        if sensor is None or rest is None or findings.mount is None:
             return None
-        stated = mount_of(sensor)
-        noise = noise_at_rest(rest[stream], stated, findings.mount or stated)
+        noise = noise_at_rest(rest[stream], mount_of(sensor), findings.mount)
         if noise is None:
             findings.notes.append("the noise is not measured: the readings moved, or did not change at all")
             return None

@@ -53,8 +53,8 @@ def test_readings_that_do_not_change_or_that_move_have_no_noise(scale: float) ->
     assert noise_at_rest(readings, MOUNT, MOUNT) is None
 
 
-@pytest.mark.parametrize(("stated", "written"), [("threshold = 0.0", True), ("threshold = 18.0", False)])
-def test_a_threshold_is_kept_where_it_agrees(stated: str, written: bool) -> None:
+@pytest.mark.parametrize(("stated", "written"), [("threshold = 0.0", True), ("threshold = 1.0", False)])
+def test_a_threshold_is_found_only_where_none_hides_the_noise(stated: str, written: bool) -> None:
     text = shipped("gauges_pvdf.toml").read_text(encoding="utf-8").replace("MEASURE", "")
     rig = parse(text.replace("threshold = 0.005", stated), "rig")
     found = changes(rig, {"left": FingerResult(None, None, None, {}, Noise(0.01, 0.0001, 20.0))})
