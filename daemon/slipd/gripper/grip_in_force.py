@@ -123,11 +123,12 @@ class GripInForce:
         else:
             self.closed_to_m = permit.width_m if permit.kind == "move" else self.closed_to_m
             self._policy.record_force(applied_n, t_ns, reflex=kind == "reflex")
-        self._claimed = True
+        self._claimed, self._stored = True, None
 
     def renew(self) -> None:
         """Forget what was sent: an activation voids it, and the gripper decides what becomes of its grip."""
         self._held = self._claimed = False
+        self._stored = None
         self._policy.begin_release()
         self.command_n = None
 
@@ -155,6 +156,7 @@ class GripInForce:
         """End the grasp, its force and its budget."""
         self._policy.end_grasp()
         self._held = self._claimed = False
+        self._stored = None
         self.closed_to_m = None
 
     def _adopt(self, sample: GripperSample) -> None:

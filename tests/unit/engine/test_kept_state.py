@@ -78,6 +78,21 @@ def test_a_restart_in_a_grasp_goes_on_with_the_zeros_and_the_grip_in_force() -> 
     assert kept(run)["grip"]["raised_n"] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    "change", [{"found": 3}, {"stage": 0, "outputs": (0, 0, 0)}, {}], ids=["no object", "inactive", "width"]
+)
+def test_a_grip_that_the_gripper_does_not_confirm_is_forgotten(change: dict[str, Any]) -> None:
+    before, state = held()
+    for name, value in change.items():
+        setattr(before.gripper, name, value)
+    state["grip"]["width_m"] += 0.0 if change else 0.01
+    state["grip"]["force_n"] = 7.0
+    run = restarted(before, state)
+    assert run.published("gripper")[-1]["force_command_n"] != 7.0
+    grip = kept(run)["grip"]
+    assert grip is None or grip["force_n"] != 7.0
+
+
 Change = Callable[[dict[str, Any]], object]
 DAMAGED: dict[str, Change] = {
     "device": lambda state: state["tares"]["left.wrench"].update(opened="opened another"),
