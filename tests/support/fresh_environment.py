@@ -33,9 +33,9 @@ class Environment:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
         assert done.returncode == 0, done.stdout + done.stderr
 
-    def slipd(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    def slipd(self, *arguments: str | Path, module: str = "slipd") -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            (self.python, "-m", "slipd", *arguments),
+            (self.python, "-m", module, *arguments),
             cwd=self._folder, env=self._variables, capture_output=True, text=True, check=False, timeout=100,
         )  # fmt: skip
 

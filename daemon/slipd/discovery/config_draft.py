@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from slipd.config import Wrench
 from slipd.config.stream_hints import OPTIONS, default_rate_hz
 from slipd.device_text import one_line
-from slipd.devices import DEVICES
+from slipd.devices import DEVICES, SLIPD, find_device
 from slipd.discovery.port_probe import Found
 from slipd.discovery.serial_ports import SerialPort
 
@@ -87,6 +87,9 @@ def _of_kind(found: Sequence[Placed], kind: str) -> list[tuple[SerialPort, Found
 def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
     set_hz = default_rate_hz(DEVICES[found.device])
     lines = [f"\n[{header}]", f'device = "{found.device}"']
+    provider = find_device(found.device)
+    if provider is not None and provider.package != SLIPD:
+        lines.append(f'package = "{provider.package}"')
     if found.identity:
         lines.append(f"# it reports: {one_line(found.identity)}")
     if port.warning:

@@ -106,6 +106,8 @@ def doctor_capture(path: Path, rate_hz: float | None) -> bool:
         findings = examine(capture, rate_hz)
     except KeyError:
         raise SlipdError(f"{path}: needs the device {capture.device!r} of {capture.package}") from None
+    except (TypeError, ValueError) as error:
+        raise SlipdError(f"{path}: its options are not those of {capture.device}: {error}") from error
     print(report_text(capture, findings), end="")
     return all(finding.level != "wrong" for finding in findings)
 

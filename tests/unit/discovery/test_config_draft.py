@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from other_packages import Install, install
 
 from slipd import config
 from slipd.config.toml_lines import marked_keys
@@ -10,6 +11,8 @@ from slipd.devices import DEVICES
 from slipd.discovery.config_draft import draft
 from slipd.discovery.port_probe import Found
 from slipd.discovery.serial_ports import NUMBER, SerialPort
+
+__all__ = ["install"]
 
 
 def port(name: str, warning: str = "") -> SerialPort:
@@ -32,6 +35,12 @@ def test_the_draft_of_every_device_is_a_valid_config() -> None:
     assert rig.recording.incidents.enabled, "what happened before a warning can be seen"
     for words in ("slipd commission my_rig.toml", "/dev/serial/by-id/nothing: no device", NUMBER, "it reports: RFT40"):
         assert words in text
+
+
+def test_a_device_of_another_package_names_it(install: Install) -> None:
+    install("slipd-anyskin", "anyskin", "slipd_anyskin:DEVICE")
+    rig = config.parse(draft([(port("a"), Found("anyskin", 100.0, taxels=5))], [], "rig.toml"), "draft")
+    assert rig.streams()["left.pad"].package == "slipd-anyskin"
 
 
 @pytest.mark.parametrize(

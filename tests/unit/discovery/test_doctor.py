@@ -270,3 +270,6 @@ def test_a_file_that_is_no_capture_is_refused(tmp_path: Path) -> None:
     path.write_text(capture("mine", [], package="some-sensor 1.2").text(), encoding="utf-8")
     with pytest.raises(SlipdError, match=r"needs the device 'mine' of some-sensor 1.2"):
         doctor_capture(path, None)
+    path.write_text(capture("bota", [], options={"sinc_length": 3}).text(), encoding="utf-8")
+    with pytest.raises(SlipdError, match="its options are not those of bota: sinc_length must be"):
+        doctor_capture(path, None)
