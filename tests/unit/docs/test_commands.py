@@ -69,6 +69,9 @@ def test_a_command_in_the_text_names_a_command_and_options_that_exist(command: C
     parser = parser_of(program)
     for word in words:
         below = next((action for action in parser._actions if isinstance(action, argparse._SubParsersAction)), None)
+        default = getattr(parser, "default", "")
+        if below is not None and default and word not in below.choices:
+            parser, below = below.choices[default], None
         if word.startswith("--"):
             assert word.partition("=")[0] in parser._option_string_actions, f"{parser.prog} has no {word}"
         elif below is not None:
