@@ -183,13 +183,17 @@ class GripInForce:
 
 
 def _confirms(sample: GripperSample, stored: StoredGrip) -> bool:
-    """Return whether the gripper still holds what it held: an object, at the same width and with the same force."""
+    """Return whether the gripper still holds what it held: an object, at the same width and with the same force.
+
+    A kept force that was never sent, because the daemon was killed before, is not what the gripper reports.
+    """
     if not sample.object.startswith("contact") or sample.object != stored.object:
         return False
     if sample.width_m is None or stored.width_m is None or sample.moving:
         return False
     if not math.isclose(sample.width_m, stored.width_m, abs_tol=SAME_WIDTH_M):
         return False
-    if sample.force_n is None or stored.reported_n is None:
+    if sample.force_n is None:
         return True
-    return math.isclose(sample.force_n, stored.reported_n, abs_tol=SAME_FORCE_N)
+    before_n = (stored.force_n, stored.force_n if stored.reported_n is None else stored.reported_n)
+    return all(math.isclose(sample.force_n, force_n, abs_tol=SAME_FORCE_N) for force_n in before_n)

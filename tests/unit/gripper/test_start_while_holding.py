@@ -167,6 +167,19 @@ def test_A10_a_grip_far_outside_the_limits_is_not_changed_to_them_at_once(
     assert cell.code("grip.set", force_n=wanted_n) == "out_of_range"
 
 
+@pytest.mark.parametrize("jaws", [GRIPPERS["wsg"], GRIPPERS["external_gripper"]])
+def test_A10_a_kept_force_that_was_never_sent_is_not_believed(jaws: type[Jaws]) -> None:
+    """The daemon was killed between a request and its command; the gripper reports the force that it has."""
+    cell = brought_up(jaws, HELD_N)
+    cell.mute = True
+    assert cell.code("grip.set", force_n=HELD_N + STEP_N) is None
+    kept, cell.mute = cell.kept(), False
+    cell.restart(kept)
+    cell.run(200)
+    cell.lease()
+    assert cell.ask("grip.hold")["result"] == {"force_n": pytest.approx(HELD_N, abs=0.05)}
+
+
 @EACH
 def test_free_fingers_begin_a_grip_with_any_force(jaws: type[Jaws]) -> None:
     cell = brought_up(jaws)
