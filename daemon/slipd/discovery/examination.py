@@ -223,5 +223,5 @@ def _damage(decoded: Decoded, total: int) -> Iterator[Finding]:
     ]
     found = [Finding("wrong" if grave(count) else "look", f"{count} {text}") for count, text, grave in checks if count]
     yield from found or [Finding("ok", "no damaged, lost or repeated reading")]
-    if health.note:
-        yield Finding("look", health.note)
+    for text in filter(None, (health.note, health.warning)):
+        yield Finding("look", text)
