@@ -32,7 +32,7 @@ async def test_P4_a_signal_ends_the_process_well(
 ) -> None:
     text = rig.file.read_text(encoding="utf-8").replace("mu = 0.5", "mu = 0.5  # MEASURE")
     rig.file.write_text(text, encoding="utf-8")
-    (hint,) = config.hints(rig.config, str(rig.file))
+    (hint,) = [each for each in config.hints(rig.config, str(rig.file)) if "MEASURE" in each]
     with start(rig.file, "--record", str(tmp_path / "run.mcap")) as process:
         assert process.stdout is not None
         assert process.stderr is not None

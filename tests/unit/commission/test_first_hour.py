@@ -86,3 +86,37 @@ def test_a_rig_of_serial_optoforce_pvdf_and_wsg_is_commissioned(
         assert finger.wrench.mass_kg == pytest.approx(0.1, abs=0.005)
     left = {key for *_, key in marked_keys(found.text)}
     assert left == {"mu", "rate_hz", "rows", "cols", "pitch_m", "electrode_m"}, "friction was left out"
+
+
+def test_readings_in_counts_are_remarked_on_every_finger_and_end_what_builds_on_them(tmp_path: Path) -> None:
+    filled_in = {old: new for old, new in FILLED_IN.items() if "counts_per_n =" not in old}
+    text = replaced(draft(PORTS, [], "rig.toml"), filled_in).replace("counts_per_n =", "period_ms = 10\ncounts_per_n =")
+    read = config.parse(text, "read")
+    true = config.parse(text.replace("counts_per_n = [1.0, 1.0, 1.0]", "counts_per_n = [20.0, 20.0, 20.0]"), "true")
+    host = Person(EmulatedEngine(true, read, tmp_path), read.text, TOUCHES, {})
+    assert not follow(Commission(read, ["left", "right"], 20.0, "restart").run(), host.respond)
+    assert sum("about 5 N and the sensor reads 1" in line for line in host.printed) == 2
+    assert "  left out: the forces of finger left, right are in another unit, see above" in host.printed
+    assert host.text == read.text
+
+
+LEFT_PAD = (
+    "centre of the left pad with",
+    "end of the left pad",
+    "corner of the left pad",
+    "left pad again, and push along +X",
+    "left pad again, and push along +Y",
+)
+"""Words of the prompts for the left pad, in the order of ``TOUCHES``."""
+
+
+@pytest.mark.parametrize("touched", [False, True])
+def test_a_finger_that_nobody_touches_is_left_out_alone(touched: bool, tmp_path: Path) -> None:
+    read = config.parse(replaced(draft(PORTS, [], "rig.toml"), FILLED_IN), "read")
+    only = dict(zip(LEFT_PAD, TOUCHES.values(), strict=True)) if touched else {}
+    host = Person(EmulatedEngine(read, read, tmp_path), read.text, only, {})
+    assert not follow(Commission(read, ["left", "right"], 2.0, "restart").run(), host.respond)
+    shown = [line for line in host.printed if "is left out; later" in line]
+    assert ("  finger left is left out; later: slipd commission --finger left" in shown) == (not touched)
+    assert "  finger right is left out; later: slipd commission --finger right" in shown
+    assert ("  left out; later: slipd commission --from mounting" in host.printed) == (not touched)
