@@ -58,7 +58,7 @@ IMPOSSIBLE = [
         "rate_hz = 800",
         "rate_hz = 4000",
         "finger.left.wrench.rate_hz",
-        "must be from 50 to 800 Hz, the rates of bota, got 4000",
+        "must be from 25.01 to 800 Hz, the rates of bota, got 4000",
     ),
     (
         "rate_hz = 800",
