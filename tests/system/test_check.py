@@ -87,7 +87,7 @@ def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path:
     ], "a fault of form hides none of its own kind"
     rig.write_text(text.replace("rate_hz = 800.0", "rate_hz = 8000.0", 1), encoding="utf-8")
     done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
-    told = f"{rig}:{rows.index('rate_hz = 800.0') + 1}: finger.left.wrench.rate_hz: must be from 50 to 800 Hz"
+    told = f"{rig}:{rows.index('rate_hz = 800.0') + 1}: finger.left.wrench.rate_hz: must be from 25.01 to 800 Hz"
     assert done.stderr.startswith(told)
 
 
