@@ -60,7 +60,7 @@ class KeptState:
         }
         self._basis = {name: basis_of(stream) for name, stream in config.streams().items()}
         self._kept: dict[str, tuple[Offset, StoredTare]] = {}
-        self._until_ns = 0
+        self._until_ns: int | None = None
         self.waiting: dict[str, StoredTare] = {}
         self.problems: dict[str, str] = {}
 
@@ -77,14 +77,15 @@ class KeptState:
         if state is None:
             return f"{_NOT_USED}: {event.problem}"
         same_run = state.boot == self._boot
-        self._until_ns = t_ns + round(self._config.restart.gap_s * _NS) - (self._wall_ns(t_ns) - state.kept_wall_ns)
+        gap_ns = round(self._config.restart.gap_s * _NS) - (self._wall_ns(t_ns) - state.kept_wall_ns)
+        self._until_ns = None if same_run else t_ns + gap_ns
         gap = "" if same_run else self._why_too_old(state, t_ns)
         for name, tare in state.tares.items():
             if problem := gap or self._why_not(name, tare):
                 self.problems[name] = f"{_TARE_NOT_USED}: {problem}"
             else:
                 self.waiting[name] = tare if same_run else tare.model_copy(update={"origin": "stored"})
-        if state.grip is not None and self._gripper is not None:
+        if state.grip is not None and self._gripper is not None and not gap:
             self._gripper.restore(state.grip)
         return ""
 
@@ -121,7 +122,7 @@ class KeptState:
             return
         if (tare.device or tare.opened) != (device.reported or device.opened):
             self.problems[name] = f"{_TARE_NOT_USED}: it is of {tare.device or tare.opened}"
-        elif t_ns > self._until_ns:
+        elif self._until_ns is not None and t_ns > self._until_ns:
             self.problems[name] = f"{_TARE_NOT_USED}: the device answers too late for restart.gap_s"
         else:
             channel.restore_tare(self._offset(tare, channel))

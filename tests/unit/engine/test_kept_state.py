@@ -149,6 +149,7 @@ def test_a_recording_that_begins_during_a_run_begins_with_its_state() -> None:
     assert isinstance(first, StateRestored)
     again = Engine(config.parse(RIG, "rig.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     again.handle(first, run.t_ns + 7200 * SECOND)
+    again.handle(LinkUp("right.pad", "opened right.pad"), run.t_ns + 7200 * SECOND)
     assert again.state_text(run.t_ns) == first.text, "a tare of this run has no limit of age"
 
 
