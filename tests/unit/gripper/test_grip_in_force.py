@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 from control_bench import MS, T0, Pad, Parse, Recorded, ask, close_, make, open_, reading, refused, took
 
 from slipd.gripper.gripper_control import GripperControl
+from slipd.stored_state import StoredGrip
 
 
 def test_a_grasp_does_not_end_on_the_word_of_the_gripper_while_a_finger_presses(
@@ -240,6 +241,36 @@ class TestAGripThatNoCommandBegan:
         control.update(reading(0.04, T0 + 2 * MS, **self.HOLDING))
         assert control.policy.unknown
         assert control.force_command_n is None
+
+    @pytest.mark.parametrize(
+        ("now", "force_n"),
+        [
+            ({"force_n": None}, 6.0),
+            ({"force_n": 6.4}, 6.0),
+            ({"force_n": 8.0}, 8.0),
+            ({"object": "contact_opening"}, None),
+            ({"moving": True}, None),
+            ({"width_m": None}, None),
+            ({"width_m": 0.05}, None),
+        ],
+    )
+    def test_that_was_kept_goes_on_where_the_gripper_confirms_it(
+        self, left: str, gripper: str, parse: Parse, session: Recorded, now: dict[str, Any], force_n: float | None
+    ) -> None:
+        kept = StoredGrip(
+            force_n=6.0, requested_n=5.0, raised_n=1.0, reflexed_n=2.0, closed_to_m=0.0, width_m=0.04,
+            object="contact_closing", reported_n=None,
+        )  # fmt: skip
+        control = self.control(left, gripper, parse, session, Pad(None))
+        assert control.conditions() == []
+        control.restore(kept)
+        assert control.kept() == kept
+        seen = {"width_m": 0.04, **self.HOLDING} | now
+        control.update(reading(seen.pop("width_m"), T0, **seen))
+        policy = control.policy
+        assert policy.force_n == force_n
+        assert (policy.raised_n, policy.reflexed_n) == ((1.0, 2.0) if force_n == 6.0 else (0.0, 0.0))
+        assert len(control.conditions()) == (force_n is None)
 
     def test_may_have_begun_while_the_gripper_was_out_of_sight(
         self, control: GripperControl, session: Recorded
