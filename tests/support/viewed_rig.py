@@ -15,9 +15,11 @@ from typing import Any
 
 from grasp_table import grasp_table
 from gripper_table import external_gripper_table
+from known_zeros import keep_zeros
 from pushed_sensors import PADS, Contact, Sensors
 from rig_parts import first_line, part
 
+from slipd import config as configs
 from slipd.signals.pad import PadGeometry
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
@@ -122,6 +124,7 @@ class ViewedRig:
         config = self._folder / "rig.toml"
         gripper = external_gripper_table(self._folder, step_n=5.0) + grasp_table(0.1)
         config.write_text("".join(fingers) + gripper + self._bus, encoding="utf-8")
+        keep_zeros(configs.load(config))
         with part(self._folder, "slipd", "run", "--config", str(config)) as process:
             self._publish = first_line(process).partition(": ")[2]
             self._requests = process.stdout.readline().strip().partition(": ")[2]
