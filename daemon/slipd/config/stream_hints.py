@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -48,7 +49,7 @@ def needs_of(stream: Stream) -> list[Need]:
 def default_rate_hz(device: Device) -> float | None:
     """Return the rate that slipd sets on a device whose options are left out, Hz; None if it sets none."""
     value = _option(device, {})
-    return None if device.rate_option is None or value is None else device.rate_option.convert(value)
+    return None if device.rate_option is None or value is None else device.rate_option.convert(value) or None
 
 
 def _rate_hints(path: str, stream: Stream, device: Device) -> Iterator[tuple[str, str]]:
@@ -57,7 +58,7 @@ def _rate_hints(path: str, stream: Stream, device: Device) -> Iterator[tuple[str
     if option is None or value is None:
         return
     set_hz = option.convert(value)
-    if stream.rate_hz / MARGIN <= set_hz <= stream.rate_hz * MARGIN or set_hz == float("inf"):
+    if stream.rate_hz / MARGIN <= set_hz <= stream.rate_hz * MARGIN or set_hz in (0.0, math.inf):
         return
     default = "" if option.name in stream.options else ", its default,"
     rule = f"{stream.rate_hz:g} Hz, but {OPTIONS}{option.name} = {value:g}{default} sets {set_hz:g} Hz"

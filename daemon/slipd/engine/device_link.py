@@ -212,7 +212,7 @@ class DeviceLink:
         if health is Health.OK and counters.warning:
             return Health.WARN, counters.warning
         if health is not Health.STALE:
-            return health, ": ".join(filter(None, (message, counters.note)))
+            return health, ": ".join(filter(None, (message, counters.warning, counters.note)))
         if t_ns - max(self._opened_ns, stream.last_ns or 0) <= SILENT_NS:
             return health, message
         why = counters.note or self._why_silent(stream, t_ns)

@@ -1,16 +1,18 @@
 """An ATI Ethernet Axia as seen from its network: RDT records over UDP, and its calibration over TCP and HTTP.
 
-Not emulated: everything that its web pages and console can change.
+Not emulated: what its web pages and console can change, but for the output rate.
 """
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from slipd.arrays import Array
 from slipd.devices.netft import netft_calibration
+from slipd.devices.netft.netft_output_rate import rounded_hz
 from slipd.devices.shared import rdt_records as rdt
 from slipd.sim.wrench_stream import WrenchStream, whole
 
@@ -23,6 +25,9 @@ CALIBRATION: dict[str, Any] = {
     "torque_unit": "N-m",
 }
 SERIAL = "FT27462"
+
+_CHANGE = re.compile(rb"GET /comm\.cgi\?comrdtrate=(\d{1,5}) HTTP/1\.[01]\r\n")
+_CHANGED = b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html></html>"
 
 
 class NetftSensor:
@@ -65,12 +70,16 @@ class NetftSensor:
         self._stream.feel(force_n, torque_nm)
 
     def inquire(self, request: bytes) -> bytes:
-        """Return the answer to an inquiry over TCP or HTTP; empty for anything else."""
+        """Return the answer to an inquiry over TCP or HTTP, and set the output rate; empty for anything else."""
         if request == netft_calibration.TCP_INQUIRY.request:
             return netft_calibration.encode_tcp(COUNTS_PER_N, COUNTS_PER_NM)
         if request == netft_calibration.XML_INQUIRY.request:
             page: dict[str, str | int] = {"cfgcalsn": SERIAL, "runrate": INTERNAL_HZ, "scfgfu": "N", "scfgtu": "Nm"}
+            page |= {"comrdtrate": round(self.rate_hz)}
             return netft_calibration.encode_xml(page | {"cfgcpf": COUNTS_PER_N, "cfgcpt": COUNTS_PER_NM})
+        if (change := _CHANGE.match(request)) and 1 <= int(change[1]) <= INTERNAL_HZ:
+            self.rate_hz = self._stream.rate_hz = rounded_hz(int(change[1]), INTERNAL_HZ)
+            return _CHANGED
         return b""
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:

@@ -1,7 +1,8 @@
 """The emulated devices of a config: what each sensor reads of the load on its pad, and the config with their addresses.
 
 The config is taken as the truth about how the sensors are mounted. Its copy has other ports, no identities of devices,
-the default endpoints, and the calibration of a Net F/T over TCP, not from its web page; everything else is as it was.
+the default endpoints, and the calibration of a Net F/T over TCP, not from its web page, where its output rate is not
+set either; everything else is as it was.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ SCAN_SHARE = 0.5
 IDENTITY_KEYS = ("hardware_id",)
 _PAGE = re.compile(r"""(\bcalibration\s*=\s*)["']xml["']""")
 """Calibration of a Net F/T on its web page: only a privileged process may serve port 80, so the copy asks over TCP."""
+_PAGE_RATE = re.compile(r"(\boutput_hz\s*=\s*)\d+")
+"""Output rate that is set there; the emulated sensor has the rate of the config."""
 BUS_KEYS = ("publish", "requests", "secret_key", "readers", "requesters", "allow_local_tcp")
 
 
@@ -117,15 +120,15 @@ class TouchedDevices:
         Raises:
             ConfigError: The text of the config hides a port from the substitution, such as in an inline table.
         """
-        lines = lines_of(self._rig.text)
+        lines, streams = lines_of(self._rig.text), self._rig.streams()
         for path, number in key_lines(self._rig.text).items():
             line = lines[number - 1]
             if path[-1] == "port":
                 lines[number - 1] = self._with_address(line)
-            elif _PAGE.search(line):
-                lines[number - 1] = _PAGE.sub(r'\1"tcp"', line)
             elif path[-1] in IDENTITY_KEYS or (path[0] == "bus" and path[-1] in BUS_KEYS):
                 lines[number - 1] = f"# {line}  # emulated devices have another"
+            elif (stream := streams.get(".".join(path[1:3]))) is not None and stream.device == "netft":
+                lines[number - 1] = _PAGE_RATE.sub(r"\g<1>0", _PAGE.sub(r'\1"tcp"', line))
         text = "\n".join(lines) + "\n"
         ports = {stream.port for stream in config.parse(text, "emulated config").streams().values()}
         if ports != set(self.addresses.values()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 from slipd.devices import Inquiry
 from slipd.errors import LinkError
@@ -16,11 +17,23 @@ MAX_REPLY_BYTES = 65_536
 
 
 async def inquire(address: str, inquiry: Inquiry) -> bytes:
-    """Send the request of an inquiry and return the whole answer.
+    """Send the request of an inquiry, make the change that the answer calls for, and return the newest whole answer.
+
+    A change that fails is no fault of the link: the answer shows it.
 
     Raises:
         LinkError: No answer within TIMEOUT_S, an answer that is cut off or too long, or one that fails its check.
     """
+    answer = await _checked(address, inquiry)
+    if request := inquiry.change(answer):
+        with contextlib.suppress(LinkError):
+            await _checked(address, Inquiry(inquiry.port, request, 0))
+        with contextlib.suppress(LinkError):
+            answer = await _checked(address, inquiry)
+    return answer
+
+
+async def _checked(address: str, inquiry: Inquiry) -> bytes:
     host, _ = host_and_port(address)
     try:
         async with asyncio.timeout(TIMEOUT_S):

@@ -51,6 +51,13 @@ def test_a_good_config_is_not_warned_of() -> None:
             "but options.sinc_length = 64, its default, sets 800 Hz: write rate_hz = 800, or options.sinc_length = 512",
         ),
         (
+            'device = "bota"\nport = "/dev/left-wrench"\nrate_hz = 800',
+            'device = "netft"\nport = "udp://10.0.0.1:49152"\nrate_hz = 800\n'
+            'options = { calibration = "xml", output_hz = 100 }',
+            "finger.left.wrench.rate_hz",
+            "options.output_hz = 100 sets 100 Hz: write rate_hz = 100, or options.output_hz = 800",
+        ),
+        (
             "rate_hz = 800",
             "rate_hz = 800\nbaud = 921600",
             "finger.left.wrench.baud",

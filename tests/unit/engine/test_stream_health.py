@@ -53,6 +53,8 @@ def test_a_rate_that_deviates_from_the_config_is_reported(links: dict[str, Devic
     assert status(link, now).rate_hz == pytest.approx(hz, rel=0.01)
     link.streams[""].rate_hint = DEVICES["netft"].rate_hint
     assert ("comm.htm" in health(link, now)[1]) != well
+    link.session.health.warning = "the sensor did not take the rate"
+    assert health(link, now)[1].endswith("the sensor did not take the rate")
 
 
 def test_damaged_frames_are_reported_only_while_they_last(links: dict[str, DeviceLink]) -> None:

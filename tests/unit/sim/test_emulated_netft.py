@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from driving import MS, drive
+from loop_waits import eventually
 
 from slipd.devices import netft
+from slipd.devices.netft import netft_calibration
+from slipd.devices.netft.netft_output_rate import encode_change
 from slipd.devices.shared import rdt_records as rdt
+from slipd.events import Bytes, Event, LinkSpec, LinkUp
+from slipd.samples import WrenchSample
+from slipd.sim.emulate import emulated
 from slipd.sim.emulated_netft import SERIAL, NetftSensor, make
+from slipd.transport import Links
+
+if TYPE_CHECKING:
+    from loop_waits import Eventually
+
+__all__ = ["eventually"]  # fixture
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
 
@@ -80,8 +96,59 @@ def test_each_start_numbers_the_records_from_one_and_the_status_is_sent() -> Non
     assert (decoder.health.restarts, decoder.health.lost) == (1, 0)
 
 
-def test_nothing_else_is_answered() -> None:
-    assert make(5).inquire(b"GET / HTTP/1.0\r\n\r\n") == b""
+@pytest.mark.parametrize("request_", [b"GET / HTTP/1.0\r\n\r\n", encode_change(7001), encode_change(0)])
+def test_nothing_else_is_answered(request_: bytes) -> None:
+    assert make(5).inquire(request_) == b""
+
+
+class Locked(NetftSensor):
+    """A sensor that refuses a change, and one that does not answer it at all."""
+
+    answer = b"HTTP/1.0 401 Unauthorized\r\n\r\n"
+
+    def inquire(self, request: bytes) -> bytes:
+        return self.answer if b".cgi" in request else super().inquire(request)
+
+
+class Mute(Locked):
+    answer = b""
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked_hz", "rate_hz", "warning"),
+    [
+        (NetftSensor, 1000, 1000.0, ""),
+        (NetftSensor, 300, 7000 / 23, ""),
+        (Locked, 1000, 100.0, "the sensor did not take output_hz = 1000: its web page reports 100 Hz"),
+        (Mute, 1000, 100.0, "the sensor did not take output_hz = 1000: its web page reports 100 Hz"),
+    ],
+)
+async def test_the_output_rate_is_set_over_http_before_the_records_start(
+    kind: type[NetftSensor], asked_hz: int, rate_hz: float, warning: str, unused_udp_port: int, eventually: Eventually
+) -> None:
+    """The page is served at the port of the emulated calibration: port 80 needs the rights for it."""
+    sensor, address = kind(9, rate_hz=100.0), f"udp://127.0.0.5:{unused_udp_port}"
+    session = netft.Session("xml", buffered=False, output_hz=asked_hz)
+    inquiry = netft.inquiry("xml", output_hz=asked_hz)
+    assert inquiry is not None
+    samples: list[WrenchSample] = []
+
+    def handle(event: Event) -> None:
+        if isinstance(event, LinkUp):
+            session.start(0)
+        elif isinstance(event, Bytes):
+            samples.extend(session.receive(event.data, 0))
+            links.write("left.wrench", session.on_time(0))
+
+    spec = LinkSpec("left.wrench", "udp", address, inquiry=replace(inquiry, port=netft_calibration.TCP_INQUIRY.port))
+    async with emulated([("netft", sensor, address)]) as emulation, asyncio.TaskGroup() as tasks:
+        running = tasks.create_task(emulation.run())
+        async with Links(tasks, [spec], handle) as links:
+            await eventually(lambda: len(samples) >= 5)
+        running.cancel()
+    times_ns = [sample.device_time_ns for sample in samples if sample.device_time_ns is not None]
+    assert times_ns[4] - times_ns[0] == pytest.approx(4e9 / rate_hz, abs=2e9 / 7000)
+    assert session.health.warning == warning
 
 
 def test_the_seed_makes_the_noise() -> None:

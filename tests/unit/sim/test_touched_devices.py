@@ -177,6 +177,17 @@ def test_an_emulated_gripper_has_the_address_of_its_config(tmp_path: Path) -> No
     assert gripper.receive(modbus.encode_request(modbus.Request(5, modbus.READ_INPUT, 2000, 3)), 10 * MS) != []
 
 
+@pytest.mark.parametrize(
+    "options",
+    ['options = { output_hz = 1000, calibration = "xml" }', 'options.calibration = "xml"\noptions.output_hz=1000'],
+)
+def test_the_output_rate_of_an_emulated_sensor_is_not_set_on_a_page(options: str, tmp_path: Path) -> None:
+    text = f'[finger.f.wrench]\ndevice = "netft"\nport = "udp://192.168.1.1:49152"\nrate_hz = 1000\n{options}\n'
+    copy = config.parse(TouchedDevices(config.parse(text, "rig"), tmp_path).config_text(), "copy").finger["f"].wrench
+    assert copy is not None
+    assert copy.options == {"calibration": "tcp", "output_hz": 0}
+
+
 def test_a_port_in_an_inline_table_is_refused(tmp_path: Path) -> None:
     text = '[finger.f]\nwrench = { device = "bota", port = "/dev/x", rate_hz = 100.0 }\n'
     with pytest.raises(ConfigError, match="every port must be on a line of its own"):

@@ -112,6 +112,34 @@ async def test_an_answer_that_its_check_refuses_is_asked_for_again(
     assert "IndexError" in events[1].reason
 
 
+@pytest.mark.parametrize(
+    ("answers", "newest"),
+    [
+        ([b"slow", b"ok", b"fast"], b"fast"),
+        ([b"slow", b"", b"fast"], b"fast"),
+        ([b"slow", b"refused", b"slow"], b"slow"),
+        ([b"slow", b"ok", b""], b"slow"),
+        ([b"fast"], b"fast"),
+    ],
+)
+async def test_a_change_is_made_before_the_link_is_up_and_the_newest_answer_counts(
+    answers: list[bytes], newest: bytes
+) -> None:
+    asked: list[bytes] = []
+    wanted = [QUESTION, b"be fast", QUESTION][: len(answers)]
+
+    async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        asked.append(await reader.read(100))
+        writer.write(answers.pop(0))
+        writer.close()
+
+    async with await asyncio.start_server(meet, "127.0.0.1", 0) as server:
+        port = server.sockets[0].getsockname()[1]
+        inquiry = Inquiry(port, QUESTION, 0, change=lambda answer: b"be fast" if answer == b"slow" else b"")
+        assert await inquire("udp://127.0.0.1:1", inquiry) == newest
+    assert asked == wanted
+
+
 async def test_the_answer_is_the_first_that_a_link_hands_on(serving: Serving, eventually: Eventually) -> None:
     async with host(b"one million", hangs_up=False) as port:
         spec = LinkSpec("left.wrench", "udp", "udp://127.0.0.1:9", inquiry=Inquiry(port, QUESTION, 11))

@@ -3,20 +3,17 @@
 The session first requests the calibration, which is the value of one count, over TCP or from the sensor's web page.
 Source: ATI Ethernet Axia manual, table 4.7 (status bits). Classic Net F/T boxes: pyNetFT (netft/pyNetFT,
 ``classify_status``), where 0x80010000 is a warning and every other status but 0 an error. The output rate is a setting
-of the sensor: gbartyzel/ros2_net_ft_driver, ``ati_ft_interface.cpp``, sets it by ``/comm.cgi?comrdtrate=RATE`` over
-HTTP; slipd never does.
+of the sensor, which slipd changes only where the option ``output_hz`` is given (`netft_output_rate`).
 """
 
 from __future__ import annotations
 
-from slipd.devices import Device
+from slipd.devices import Device, RateOption
 from slipd.devices.netft.netft_decoder import Decoder
+from slipd.devices.netft.netft_output_rate import FASTEST_HZ
 from slipd.devices.netft.netft_session import Session, inquiry
 
 __all__ = ["DEVICE", "Decoder", "Session", "inquiry"]
-
-FASTEST_HZ = 7912.0
-"""Highest output rate in the manual."""
 
 DEVICE = Device(
     "netft",
@@ -24,8 +21,9 @@ DEVICE = Device(
     ("udp",),
     Decoder,
     Session,
-    rates_hz=(1.0, FASTEST_HZ),
-    rate_hint="set RDT Output Rate on the sensor's web page (comm.htm), or rate_hz in the config",
+    rates_hz=(1.0, float(FASTEST_HZ)),
+    rate_option=RateOption("output_hz"),
+    rate_hint="set RDT Output Rate on the sensor's web page (comm.htm), or options.output_hz or rate_hz in the config",
     inquiry=inquiry,
     frame="a record of a Net F/T",
     evidence="driver",

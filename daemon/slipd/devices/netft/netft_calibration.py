@@ -41,7 +41,7 @@ _TCP_HEADER = b"\x12\x34"
 _HTTP = b"HTTP/1."
 _STATUS = re.compile(rb"HTTP/1\.\d (\d{3})\b")
 _ROOT = re.compile(rb"<([A-Za-z]\w*)")
-_TAG = re.compile(r"<(scfgfu|scfgtu|cfgcpf|cfgcpt|cfgcalsn|runrate)>([^<]{0,64})</\1>")
+_TAG = re.compile(r"<(scfgfu|scfgtu|cfgcpf|cfgcpt|cfgcalsn|runrate|comrdtrate)>([^<]{0,64})</\1>")
 _SERIAL = re.compile(r"[\w.-]{1,32}", re.ASCII)
 
 
@@ -54,12 +54,14 @@ class Calibration:
         torque_nm: Newton metres per count.
         identity: The reported serial number; "" if there is none.
         internal_hz: The reported rate of the sensor's clock, Hz; None if there is no plausible one.
+        output_hz: The reported output rate, Hz; None if there is no plausible one.
     """
 
     force_n: float
     torque_nm: float
     identity: str = ""
     internal_hz: float | None = None
+    output_hz: float | None = None
 
 
 def from_counts(counts_per_force: float, counts_per_torque: float, force_unit: str, torque_unit: str) -> Calibration:
@@ -110,7 +112,6 @@ def read_xml(answer: bytes) -> Calibration | str | None:
     tags = dict(_TAG.findall(page.decode("latin-1")))
     try:
         calibration = from_counts(float(tags["cfgcpf"]), float(tags["cfgcpt"]), tags["scfgfu"], tags["scfgtu"])
-        internal_hz = float(tags.get("runrate", 0))
     except KeyError as error:
         return f"the sensor's page has no {error.args[0]}"
     except ValueError as error:
@@ -119,7 +120,8 @@ def read_xml(answer: bytes) -> Calibration | str | None:
     return replace(
         calibration,
         identity=f"S/N {serial}" if _SERIAL.fullmatch(serial) else "",
-        internal_hz=internal_hz if INTERNAL_HZ[0] <= internal_hz <= INTERNAL_HZ[1] else None,
+        internal_hz=_rate_hz(tags.get("runrate")),
+        output_hz=_rate_hz(tags.get("comrdtrate")),
     )
 
 
@@ -161,6 +163,15 @@ def encode_xml(tags: Mapping[str, str | int]) -> bytes:
     page = "".join(f"<{name}>{value}</{name}>\n" for name, value in tags.items())
     head = "HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\n\r\n"
     return f'{head}<?xml version="1.0"?><netft>\n{page}</netft>\n'.encode()
+
+
+def _rate_hz(text: str | None) -> float | None:
+    """Return a plausible rate of the page, Hz; None if it is no number, or impossible."""
+    try:
+        rate_hz = float(text or 0)
+    except ValueError:
+        return None
+    return rate_hz if INTERNAL_HZ[0] <= rate_hz <= INTERNAL_HZ[1] else None
 
 
 def _per_count(name: str, units: Mapping[str, float], unit: str, counts: float) -> float:

@@ -75,11 +75,18 @@ class Decoder:
         self._internal_hz = netft_calibration.checked_hz("internal_hz", internal_hz)
         self._records = rdt.RecordScanner(self.health, _RESERVED)
         self._per_count: Array | None = None
+        self._warning = ""
         self.calibrate(calibration)
 
-    def calibrate(self, calibration: Calibration | None) -> None:
-        """Set the value of a count; None if it is unknown, in which case records are counted as bad."""
+    def calibrate(self, calibration: Calibration | None, warning: str = "") -> None:
+        """Set the value of a count, and what is wrong with the sensor's settings.
+
+        Args:
+            calibration: None if it is unknown; records are counted as bad then.
+            warning: Shown while the records report nothing more urgent.
+        """
         self._per_count = None
+        self._warning = warning
         if calibration is not None:
             self._per_count = np.repeat((calibration.force_n, calibration.torque_nm), 3)
             if self._internal_hz and calibration.internal_hz:
@@ -96,7 +103,7 @@ class Decoder:
             self.health.bad += len(heads)
             return []
         if heads:
-            self.health.warning = MONITOR if heads[-1][1] >> 16 & 1 else ""
+            self.health.warning = MONITOR if heads[-1][1] >> 16 & 1 else self._warning
         values = (counts * self._per_count).tolist()
         tick_ns = 1e9 / self._internal_hz if self._internal_hz else 0.0
         samples = [

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from slipd.devices import Inquiry
 from slipd.devices.netft import netft_calibration
 from slipd.devices.netft.netft_decoder import INTERNAL_HZ, Decoder
+from slipd.devices.netft.netft_output_rate import checked_output_hz, needed_change, rate_fault
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.startup_sequence import RETRY_PAUSE_NS, StartupSequence, Step
 from slipd.samples import WrenchSample
@@ -31,6 +34,9 @@ class Session:
         internal_hz: See `Decoder`; a rate on the web page takes precedence.
         buffered: Let the sensor send several records per datagram, as its RDT buffer size says: fewer wake-ups, later
             readings.
+        output_hz: Output rate that slipd sets on the sensor, Hz, where its web page reports another one; the sensor
+            stores it, and rounds it up to its clock divided by a whole number. It needs "xml". 0 leaves the sensor as
+            it is set.
 
     Raises:
         ValueError: An option is out of range or unknown.
@@ -45,8 +51,10 @@ class Session:
         torque_unit: str = "N-m",
         internal_hz: float = INTERNAL_HZ,
         buffered: bool = True,
+        output_hz: int = 0,
     ) -> None:
         self._has_inquiry = inquiry(calibration) is not None
+        self._output_hz = checked_output_hz(output_hz, calibration)
         self._read = netft_calibration.read_tcp if calibration == "tcp" else netft_calibration.read_xml
         self.decoder = Decoder(counts_per_force, counts_per_torque, force_unit, torque_unit, internal_hz)
         self.health = self.decoder.health
@@ -112,7 +120,7 @@ class Session:
             self.health.bad_bytes += len(answer)
             self._set_trouble(f"wrong calibration: {calibration}", now_ns)
         elif calibration is not None:
-            self.decoder.calibrate(calibration)
+            self.decoder.calibrate(calibration, rate_fault(self._output_hz, calibration))
             self.identity = calibration.identity
             self._trouble = ""
             self._startup.start(now_ns)
@@ -121,7 +129,7 @@ class Session:
         self._trouble, self._trouble_due_ns = trouble, now_ns + RETRY_PAUSE_NS
 
 
-def inquiry(calibration: str = "tcp", **_others: Any) -> Inquiry | None:
+def inquiry(calibration: str = "tcp", output_hz: int = 0, **_others: Any) -> Inquiry | None:
     """Return the inquiry to send over TCP before the link is up, for the options of `Session`; None for none.
 
     Raises:
@@ -129,4 +137,5 @@ def inquiry(calibration: str = "tcp", **_others: Any) -> Inquiry | None:
     """
     if calibration not in _INQUIRIES:
         raise ValueError(f"calibration must be one of {', '.join(_INQUIRIES)}, got {calibration!r}")
-    return _INQUIRIES[calibration]
+    found = _INQUIRIES[calibration]
+    return replace(found, change=partial(needed_change, output_hz)) if found is not None and output_hz else found

@@ -96,12 +96,16 @@ class Inquiry:
         reply_bytes: Length of the answer; 0 if it ends with the connection.
         check: ``check(answer)`` returns what is wrong with a complete answer, "" if nothing is. After a wrong answer
             the request is repeated.
+        change: ``change(answer)`` returns a request that changes a setting of the device, b"" if none is needed. Its
+            reply, which ends with the connection, is not read: the inquiry is repeated, and shows whether the device
+            obeyed.
     """
 
     port: int
     request: bytes
     reply_bytes: int
     check: Callable[[bytes], str] = lambda _: ""
+    change: Callable[[bytes], bytes] = lambda _: b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +148,8 @@ class RateOption:
 
     Attributes:
         name: Its name.
-        product: Rate times value of the option, Hz, where the option is a period or a length; None: it is the rate.
+        product: Rate times value of the option, Hz, where the option is a period or a length; None: it is the rate, and
+            0 leaves the device as it is set.
     """
 
     name: str
@@ -186,7 +191,7 @@ class Device:
             the link. None if there is never one.
         needs: What a config must state, because the device does not report it.
         rate_option: Option that sets the rate of its readings; None if none does.
-        rate_hint: How to set the rate on the device itself, where slipd does not; "" if it does.
+        rate_hint: How to set the rate on the device itself, where slipd need not set it; "" if it does.
         frame: What the device sends, for people and with an article, such as "a Bota frame".
         evidence: What the decoder was compared with, see `EVIDENCE`.
         emulator: Module whose ``make(seed, **settings)`` returns an emulator; "": ``slipd.sim.emulated_<name>`` for a

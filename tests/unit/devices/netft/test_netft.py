@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -144,6 +145,60 @@ def test_the_inquiry_follows_the_options() -> None:
     for make in (netft.inquiry, netft.Session):
         with pytest.raises(ValueError, match="one of tcp, xml, config, got"):
             make(calibration="guess")
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"output_hz": -1, "calibration": "xml"}, "output_hz must be an integer from 1 to 7912, or 0 .* got -1"),
+        ({"output_hz": 0.5, "calibration": "xml"}, "output_hz must be an integer .* got 0.5"),
+        ({"output_hz": 1000}, 'output_hz = 1000 needs calibration = "xml"'),
+    ],
+)
+def test_a_rate_that_cannot_be_set_is_refused(options: dict[str, Any], fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        netft.Session(**options)
+
+
+@pytest.mark.parametrize(
+    ("reported", "wanted", "request_", "fault"),
+    [
+        ({"comrdtrate": 100}, 0, b"", ""),
+        ({"comrdtrate": 1000}, 1000, b"", ""),
+        ({"comrdtrate": 304}, 300, b"", ""),  # 7000 / 23, the next rate above 300 Hz
+        ({"comrdtrate": 7000}, 7912, b"", ""),
+        ({"comrdtrate": 488, "runrate": 488}, 400, b"", ""),
+        (
+            {"comrdtrate": 100},
+            1000,
+            b"GET /comm.cgi?comrdtrate=1000 HTTP/1.0\r\n\r\n",
+            "take output_hz = 1000: .* 100 Hz",
+        ),
+        ({"comrdtrate": "?"}, 1000, b"", "reports no output rate"),
+        ({}, 1000, b"", "reports no output rate"),
+    ],
+)
+def test_the_output_rate_is_set_only_where_the_page_reports_another(
+    reported: dict[str, Any], wanted: int, request_: bytes, fault: str
+) -> None:
+    """Request and rounding are those of public clients, see `netft_output_rate`."""
+    tags = {"scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 7000} | reported
+    page = netft_calibration.encode_xml(tags)
+    asked = netft.inquiry(calibration="xml", output_hz=wanted)
+    assert asked is not None
+    assert asked.change(page) == request_
+    session = started(calibration="xml", output_hz=wanted)
+    session.receive(page, 0)
+    assert len(session.receive(record(1), 1)) == 1
+    assert re.search(fault, session.health.warning) if fault else session.health.warning == ""
+    session.receive(record(2, 1 << 16), 2)
+    assert session.health.warning == netft_decoder.MONITOR
+
+
+def test_a_page_that_cannot_be_read_changes_nothing() -> None:
+    asked = netft.inquiry(calibration="xml", output_hz=1000)
+    assert asked is not None
+    assert asked.change(b"HTTP/1.0 503 busy\r\n\r\n") == b""
 
 
 def started(**options: Any) -> netft.Session:
