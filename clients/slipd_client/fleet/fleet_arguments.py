@@ -64,6 +64,14 @@ def add_fleet(add: Add) -> None:
         help=f"serve it to browsers instead; prints the address of the page (default: {DEFAULT_LISTEN})",
     )
     fleet.add_argument("--json", action="store_true", help="print the fleet as JSON, once a second")
+    fleet.add_argument(
+        "--robots",
+        type=_name,
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="the robots of this fleet: they come first, also before they were ever heard, and are never displaced",
+    )
 
 
 def _add_reach(command: argparse.ArgumentParser, listening: str) -> None:

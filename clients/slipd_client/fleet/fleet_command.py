@@ -60,7 +60,7 @@ def _listening(chosen: argparse.Namespace) -> Iterator[FleetListener]:
     reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
     wait_s = ROUTER_S if chosen.once else math.inf
     with opened(configuration(reach, "router"), described(reach), wait_s) as session:
-        yield FleetListener(session, chosen.fleet)
+        yield FleetListener(session, chosen.fleet, chosen.robots)
 
 
 def _take(listener: FleetListener, seconds: float) -> None:

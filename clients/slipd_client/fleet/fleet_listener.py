@@ -7,6 +7,7 @@ interpreter: a view that computes for a moment would hold up the network of a th
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 
 import zenoh
 from zenoh.ext import AdvancedSubscriber, HistoryConfig, RecoveryConfig, declare_advanced_subscriber
@@ -47,13 +48,14 @@ class FleetListener:
     Args:
         session: Of Zenoh; it ends the subscriptions when it is closed.
         fleet: Name of the fleet.
+        expected: See `FleetState`.
 
     Attributes:
         state: The state of the robots as of the last `take`.
     """
 
-    def __init__(self, session: zenoh.Session, fleet: str) -> None:
-        self.state = FleetState()
+    def __init__(self, session: zenoh.Session, fleet: str, expected: Iterable[str] = ()) -> None:
+        self.state = FleetState(expected)
         self._fleet = fleet
         self._waiting: FairQueue[tuple[str, str, bytes, float, str]] = FairQueue(PEER_SHARE, MOST_PEERS)
         history = HistoryConfig(detect_late_publishers=True)

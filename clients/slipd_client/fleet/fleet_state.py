@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,8 +37,8 @@ NAME_CLASH = "name_clash"
 CLASH_TEXT = "two or more robots call themselves {}: give each a name of its own, slipctl bridge --robot NAME"
 
 MOST_ROBOTS = 10_000
-"""Most robots that are listed. A further one displaces one of the session that publishes the most; where none has more
-than its own session, its messages only count as `FleetState.unread`."""
+"""Most robots that are listed. A further one displaces an unexpected one of the session that publishes the most; where
+none has more than its own session, its messages only count as `FleetState.unread`."""
 
 MOST_RUNS = 8
 """Most runs of the daemon that are remembered of each robot: kept warnings of earlier ones may arrive late."""
@@ -63,6 +63,7 @@ class RobotRow:
         restarts: Times that the daemon was restarted; a run beyond the last ``MOST_RUNS`` counts again.
         version: Of slipd.
         object_name: What is held, where it is named.
+        expected: Whether it is one of the robots that the user named; true where none are named.
     """
 
     robot: str
@@ -78,18 +79,23 @@ class RobotRow:
     restarts: int
     version: str
     object_name: str
+    expected: bool = True
 
 
 class FleetState:
     """Keeps the state of every robot by its messages and signs of life.
 
+    Args:
+        expected: Names of robots that are listed from the beginning, and that no other robot displaces.
+
     Attributes:
         unread: Messages that could not be read, and those of robots beyond ``MOST_ROBOTS``.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, expected: Iterable[str] = ()) -> None:
         self.unread = 0
-        self._robots: dict[str, _Robot] = {}
+        self._expected = frozenset(expected)
+        self._robots: dict[str, _Robot] = {name: _Robot() for name in self._expected}
         self._names: dict[str, dict[str, None]] = {}
         """Peer → the robots that it was the first to publish, the newest last; "": known by signs of life alone."""
 
@@ -126,8 +132,11 @@ class FleetState:
             known.daemon_seen |= alive
 
     def rows(self, now_s: float) -> list[RobotRow]:
-        """Return the state of every robot that was ever seen, sorted by name."""
-        return [self._robots[name].row(name, now_s) for name in sorted(self._robots)]
+        """Return the state of every robot that is expected or was ever seen, sorted by name."""
+        return [
+            self._robots[name].row(name, now_s, expected=not self._expected or name in self._expected)
+            for name in sorted(self._robots)
+        ]
 
     def _robot(self, name: str, peer: str) -> _Robot | None:
         known = self._robots.get(name)
@@ -136,14 +145,14 @@ class FleetState:
                 return None
             known = self._robots[name] = _Robot()
             self._names.setdefault(peer, {})[name] = None
-        elif peer and self._names.get("", {}).pop(name, "") is None:  # so far known by signs of life alone
+        elif peer and self._names.get("", {}).pop(name, "") is None:  # so far seen by signs of life alone, not expected
             self._names.setdefault(peer, {})[name] = None
         return known
 
     def _make_room(self, peer: str) -> bool:
         """Forget the newest robot of the peer with the most, unless it then has fewer than ``peer``."""
-        largest = max(self._names, key=lambda each: len(self._names[each]))
-        if len(self._names[largest]) <= len(self._names.get(peer, ())) + 1:
+        largest = max(self._names, key=lambda each: len(self._names[each]), default="")
+        if len(self._names.get(largest, ())) <= len(self._names.get(peer, ())) + 1:
             return False
         name, _ = self._names[largest].popitem()
         del self._robots[name]
@@ -235,7 +244,7 @@ class _Robot:
         self.runs[boot] = run
         self.begun += 1
 
-    def row(self, name: str, now_s: float) -> RobotRow:
+    def row(self, name: str, now_s: float, *, expected: bool) -> RobotRow:
         # a kept message of a daemon that has been silent since this view began is of unknown age
         age_s = None if self.heard_s is None or not self.daemon_seen else now_s - self.heard_s
         beside = [run for run in self.runs.values() if run is not self.run and run.beside(now_s)]
@@ -264,6 +273,7 @@ class _Robot:
             restarts=max(self.begun - 1, 0),
             version=_text(self.run.status and self.run.status.version),
             object_name=_text(self.run.status and self.run.status.object_name),
+            expected=expected,
         )
 
 

@@ -20,8 +20,11 @@ _STATE_COLOURS = {LIVE: "32", GONE: "1;31", CLASH: "1;31"}
 
 
 def by_urgency(rows: Sequence[RobotRow]) -> list[RobotRow]:
-    """Return the robots that need attention first: alarms, then those not live, then ill ones, then by name."""
-    return sorted(rows, key=lambda row: (-SEVERITY[row.level], -(row.health or 0), row.robot))
+    """Return the robots that need attention first: alarms, then those not live, then ill ones, then by name.
+
+    Robots that the user did not name follow those that he named: anyone may publish under a name.
+    """
+    return sorted(rows, key=lambda row: (not row.expected, -SEVERITY[row.level], -(row.health or 0), row.robot))
 
 
 def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Terminal) -> list[str]:
@@ -39,7 +42,8 @@ def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Ter
     lines = [*head, *map(_robot_line, by_urgency(rows))]
     if len(lines) > terminal.lines:
         left_out = len(lines) - terminal.lines + 1
-        lines = [*lines[: terminal.lines - 1], [(f"{left_out} more, all less urgent", "2")]]
+        less_urgent = ", all less urgent" if all(row.expected for row in rows) else ""
+        lines = [*lines[: terminal.lines - 1], [(f"{left_out} more{less_urgent}", "2")]]
     spoken = [[(spelled(text, ascii_only=terminal.ascii_only), code) for text, code in line] for line in lines]
     return [paint(line, terminal.columns, colour=terminal.colour) for line in spoken]
 
@@ -94,6 +98,7 @@ def _health(row: RobotRow) -> str:
 def _remarks(row: RobotRow) -> str:
     """Return what explains the row: its fault, levels of fingers now or at last, the worst stream, what is lost."""
     parts = [row.fault] if row.fault else []
+    parts += [] if row.expected else ["not one of --robots"]
     if row.fingers:
         levels = ", ".join(f"{plain(finger)} {level}" for finger, level in row.fingers.items())
         parts.append(levels if row.state in PUBLISHING else f"last: {levels}")

@@ -92,7 +92,7 @@ function showLevel(cell, level) {
 function remarksOf(robot) {
   const publishing = robot.state === "live" || robot.state === "clash";
   const fingers = Object.entries(robot.fingers).map(([finger, level]) => `${finger} ${level}`).join(", ");
-  const parts = [robot.fault, publishing || !fingers ? fingers : `last: ${fingers}`];
+  const parts = [robot.fault, robot.expected ? "" : "not one of --robots", publishing || !fingers ? fingers : `last: ${fingers}`];
   if (robot.state === "live") parts.push(robot.reasons.join(", "));
   parts.push(robot.complaint, robot.object_name && `holds ${robot.object_name}`);
   parts.push(robot.missed_warnings ? `${robot.missed_warnings} warnings missed` : "");

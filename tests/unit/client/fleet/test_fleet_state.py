@@ -253,6 +253,31 @@ def test_Z9_made_up_names_of_one_session_leave_room_for_the_robots_of_others(
     assert (len(names), "early" in names) == (100, True)
 
 
+@pytest.mark.parametrize("most", [3, 100])
+def test_Z9_a_named_robot_is_listed_from_the_beginning_and_never_displaced(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", most)
+    named = ["arm1", "arm2", "arm3"]
+    state = FleetState(named)
+    assert [(row.robot, row.state, row.level) for row in state.rows(0.0)] == [
+        (name, "gone", "unknown") for name in named
+    ]
+    for peer in range(60):  # sessions with two robots each, of which the first claims the name of a robot
+        for name in ("arm1", f"made-up-{peer}"):
+            robot = Robot(state, name, boot=f"boot-{peer}", peer=f"peer-{peer}")
+            robot.joins()
+            robot.sends("status", 0.0, fingers=levels(left="stable"), streams={})
+    robot = Robot(state, "arm3", peer="honest")
+    robot.joins()
+    robot.sends("status", 1.0, fingers=levels(left="stable"), streams={})
+    robot.warns(1.1, "slipping")
+    assert (robot.row(1.1).state, robot.row(1.1).level) == ("live", "slipping")
+    rows = state.rows(1.1)
+    assert {row.robot for row in rows if row.expected} == set(named)
+    assert len(rows) == min(most, 63)
+
+
 def test_what_cannot_be_read_makes_no_row() -> None:
     state = FleetState()
     assert state.take_message("arm3", "status", b"no message", 0.0) is None
