@@ -32,8 +32,8 @@ def arrive(publisher: zenoh.Session, view: zenoh.Session, name: str) -> None:
     with_order = {"priority": zenoh.Priority.INTERACTIVE_HIGH, "congestion_control": zenoh.CongestionControl.BLOCK}
     until_s = time.monotonic() + PATIENCE_S
     with view.declare_subscriber(key, zenoh.handlers.FifoChannel(1)) as arrived:
-        publisher.put(key, b"", **with_order)
         while arrived.try_recv() is None:
+            publisher.put(key, b"", **with_order)  # again: the router may not know of the subscriber yet
             assert time.monotonic() < until_s, f"what {name} published did not arrive"
             time.sleep(0.01)
 
