@@ -224,7 +224,7 @@ class ServiceRun:
         if self._recording is not None and (change := self._recording.poll(t_ns)):
             self.handle(change)
         if self._continuous is not None:
-            for change in self._continuous.changes(t_ns, lambda: self.engine.first_events(t_ns)):
+            for change in self._continuous.changes(t_ns, lambda: self.engine.kept.first_events(t_ns)):
                 self.handle(change)
         if self._incidents is not None and (saved := self._incidents.change(t_ns)):
             self.handle(saved)
@@ -256,7 +256,7 @@ class ServiceRun:
             self.handle(change)
         if self._state is not None and t_ns - self._kept_ns >= KEEP_NS:
             self._kept_ns = t_ns
-            self._state.keep(self.engine.state_text(t_ns))
+            self._state.keep(self.engine.kept.text(t_ns))
             if self._state.problem != self._state_problem:
                 self._state_problem = self._state.problem
                 self.handle(HostNotice("state", self._state_problem))

@@ -100,11 +100,11 @@ def make(text: str, parse: Parse, session: Recorded, **fingers: Any) -> GripperC
 
 def ask(control: GripperControl, kind: IntentKind, t_ns: int, **wanted: Any) -> Refusal | None:
     """A request of who holds the lease, or of somebody who has it just for this."""
-    holder = control.policy.holder(t_ns)
-    control.policy.acquire(holder or b"ann", 200, t_ns)
+    holder = control.policy.lease.holder(t_ns)
+    control.policy.lease.acquire(holder or b"ann", 200, t_ns)
     found = control.carry_out(kind, t_ns, holder or b"ann", **wanted)
     if holder is None:
-        control.policy.release(b"ann", t_ns)
+        control.policy.lease.release(b"ann", t_ns)
     return found
 
 

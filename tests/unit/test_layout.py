@@ -10,7 +10,7 @@ from pathlib import Path
 from project import DAEMON, ROOT
 
 MOST_LINES = 300
-LONGER: dict[str, str] = {}
+LONGER = {"engine/engine.py": "every event enters here, and every output leaves here"}
 """Longer files, and why."""
 
 FILES = sorted(DAEMON.rglob("*.py"))

@@ -20,8 +20,6 @@ from slipd.engine.status_reader import StatusReader
 from slipd.events import (
     Bytes,
     Event,
-    FirstEvents,
-    HostNotice,
     LinkDown,
     LinkSpec,
     LinkUp,
@@ -63,6 +61,9 @@ class Engine:
         config: The rig.
         boot: Id of this run.
         wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+
+    Attributes:
+        kept: What is kept for the next run, and what precedes a recording that begins now.
     """
 
     def __init__(self, config: Config, *, boot: str, wall_minus_monotonic_ns: int) -> None:
@@ -88,9 +89,9 @@ class Engine:
         )
         self._gripper_publisher = None if self._gripper is None else GripperPublisher(self._gripper, sequencer)
         self._status_publisher = StatusPublisher(self._fingers, named, self._gripper, self._policy, sequencer)
-        self._kept = KeptState(config, boot, wall_minus_monotonic_ns, self._fingers, self._gripper)
+        self.kept = KeptState(config, boot, wall_minus_monotonic_ns, self._links, self._fingers, self._gripper)
         self._status_reader = StatusReader(
-            self._links, self._fingers, self._gripper, self._lateness, self._recordings, self._kept.problems
+            self._links, self._fingers, self._gripper, self._lateness, self._recordings, self.kept.problems
         )
         self._status_pace = Pace(config.rates.status_hz)
         self._handlers = RequestHandlers(
@@ -110,17 +111,6 @@ class Engine:
     def links(self) -> dict[str, LinkSpec]:
         """The links that are to be opened, by name."""
         return {name: link.spec for name, link in self._links.items()}
-
-    def first_events(self, t_ns: int) -> FirstEvents:
-        """What precedes a recording that begins now: the zeros and the grip in force, and the links that are open."""
-        links = (LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
-        return StateRestored(self.state_text(t_ns)), *links
-
-    def state_text(self, t_ns: int) -> str:
-        """Return what the next run may take over, as the text of its `StateRestored`; it changes each minute."""
-        links = self._links.values()
-        devices = {stream.name: link.identity for link in links for stream in link.streams.values()}
-        return self._kept.text(devices, t_ns)
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         """Handle one event at ``t_ns`` (CLOCK_MONOTONIC) and return its outputs, in order."""
@@ -148,7 +138,7 @@ class Engine:
                 self._handle_lost_link(name, t_ns, out)
                 self._publish_status(t_ns, out)
             case StateRestored():
-                self._status_reader.note(HostNotice("state", self._kept.restore(event, t_ns)))
+                self._status_reader.note(self.kept.restore(event, t_ns))
                 self._publish_status(t_ns, out)
             case _:  # HostNotice, IncidentsChanged
                 self._status_reader.note(event)
@@ -165,10 +155,9 @@ class Engine:
         late_ns, arrival = self._lateness.late_ns, PROMPT
         for stream, samples, times_ns in link.receive(data, t_ns, late_ns):
             if late_ns:
-                waited_ns, unread_ns = self._lateness.waited_ns(t_ns), self._lateness.unread_ns(t_ns)
-                arrival = Arrival(waited_ns, unread_ns, link.dated(stream))
-            if stream in self._kept.waiting:
-                self._kept.apply(stream, link.identity, t_ns)
+                arrival = self._lateness.arrival(t_ns, dated=link.dated(stream))
+            if stream in self.kept.waiting:
+                self.kept.apply(stream, t_ns)
             self._handle_samples(stream, samples, times_ns, arrival, t_ns, out)
         if pieces := link.due(t_ns):
             out += [Write(link.spec.name, piece) for piece in pieces]
@@ -243,7 +232,7 @@ class Engine:
             out.append(reply)
         self._write_due(t_ns, out)
         for record in self._recordings.due():
-            out.append(replace(record, opened=self.first_events(t_ns)) if record.name else record)
+            out.append(replace(record, opened=self.kept.first_events(t_ns)) if record.name else record)
             self._publish_status(t_ns, out)
 
     # Time
@@ -278,7 +267,7 @@ class Engine:
     def _check_lease_and_gripper(self, t_ns: int, out: list[Output]) -> None:
         """Publish at once that a fault was latched, or that a lease ended by itself."""
         if self._gripper is None:
-            if self._policy.lapsed(t_ns):
+            if self._policy.lease.lapsed(t_ns):
                 self._publish_status(t_ns, out)
         elif self._gripper.on_time(t_ns):
             self._publish_gripper(t_ns, out)
@@ -286,7 +275,7 @@ class Engine:
 
     def _handle_wake_up(self, t_ns: int, out: list[Output]) -> None:
         """Handle the end of a suspend, in which CLOCK_MONOTONIC stood still: readings are old, the lease ends."""
-        self._policy.end_lease()
+        self._policy.lease.end()
         if self._gripper is not None:
             self._gripper.wake()
             self._publish_gripper(t_ns, out)

@@ -9,8 +9,9 @@ import numpy as np
 
 from slipd.config import Config
 from slipd.engine.device_identity import Identity
+from slipd.engine.device_link import DeviceLink
 from slipd.errors import SlipdError
-from slipd.events import StateRestored
+from slipd.events import FirstEvents, HostNotice, LinkUp, StateRestored
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
@@ -20,6 +21,7 @@ from slipd.stored_state import StoredState, StoredTare, basis_of, read_state, ri
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS
+_TOPIC = "state"
 _NOT_USED, _TARE_NOT_USED = "the state of the run before is not used", "the stored tare is not used"
 
 
@@ -33,6 +35,7 @@ class KeptState:
         config: The rig.
         boot: Id of this run.
         wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+        links: The links by name.
         fingers: The fingers by name.
         gripper: The gripper; None where the config names none.
 
@@ -46,12 +49,14 @@ class KeptState:
         config: Config,
         boot: str,
         wall_minus_monotonic_ns: int,
+        links: Mapping[str, DeviceLink],
         fingers: Mapping[str, Finger],
         gripper: GripperControl | None,
     ) -> None:
         self._config, self._boot, self._rig = config, boot, rig_of(config)
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
-        self._gripper = gripper
+        self._links, self._gripper = links, gripper
+        self._of_stream = {stream.name: link for link in links.values() for stream in link.streams.values()}
         self._channels: dict[str, ForceChannel | ImageChannel] = {
             f"{name}.{kind}": channel
             for name, finger in fingers.items()
@@ -64,18 +69,14 @@ class KeptState:
         self.waiting: dict[str, StoredTare] = {}
         self.problems: dict[str, str] = {}
 
-    def restore(self, event: StateRestored, t_ns: int) -> str:
-        """Take over what the run before kept.
-
-        Returns:
-            Why nothing of it is used, for people; "" where the text can be read.
-        """
+    def restore(self, event: StateRestored, t_ns: int) -> HostNotice:
+        """Take over what the run before kept; the notice says why nothing of it is used, "" where it is."""
         try:
             state = None if event.problem else read_state(event.text, self._config)
         except SlipdError as error:
-            return f"{_NOT_USED}: {error}"
+            return HostNotice(_TOPIC, f"{_NOT_USED}: {error}")
         if state is None:
-            return f"{_NOT_USED}: {event.problem}"
+            return HostNotice(_TOPIC, f"{_NOT_USED}: {event.problem}")
         same_run = state.boot == self._boot
         gap_ns = round(self._config.restart.gap_s * _NS) - (self._wall_ns(t_ns) - state.kept_wall_ns)
         self._until_ns = None if same_run else t_ns + gap_ns
@@ -87,7 +88,7 @@ class KeptState:
                 self.waiting[name] = tare if same_run else tare.model_copy(update={"origin": "stored"})
         if state.grip is not None and self._gripper is not None and not gap:
             self._gripper.restore(state.grip)
-        return ""
+        return HostNotice(_TOPIC, "")
 
     def _why_too_old(self, state: StoredState, t_ns: int) -> str:
         gap_s, most_s = (self._wall_ns(t_ns) - state.kept_wall_ns) / _NS, self._config.restart.gap_s
@@ -106,15 +107,9 @@ class KeptState:
     def _wall_ns(self, t_ns: int) -> int:
         return t_ns + self._wall_minus_monotonic_ns
 
-    def apply(self, name: str, device: Identity, t_ns: int) -> None:
-        """Put the tare that waits for a stream in force, now that a reading of it came.
-
-        Args:
-            name: The stream.
-            device: Its device, as it is known now.
-            t_ns: Now.
-        """
-        tare, channel = self.waiting[name], self._channels[name]
+    def apply(self, name: str, t_ns: int) -> None:
+        """Put the tare that waits for a stream in force, now that a reading of it came."""
+        tare, channel, device = self.waiting[name], self._channels[name], self._of_stream[name].identity
         if tare.device and not device.reported:
             return
         del self.waiting[name]
@@ -134,13 +129,18 @@ class KeptState:
         value, std = np.reshape(tare.offset, shape), np.reshape(tare.std, shape)
         return Offset(tare.id, value, t_ns, tare.readings, tare.by, std, gravity, tare.origin)
 
-    def text(self, devices: Mapping[str, Identity], t_ns: int) -> str:
-        """Return the text of what the next run may take over; ``devices``: the device of each stream."""
+    def first_events(self, t_ns: int) -> FirstEvents:
+        """Return what precedes a recording that begins now: the zeros and the grip in force, and the open links."""
+        links = (LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
+        return StateRestored(self.text(t_ns)), *links
+
+    def text(self, t_ns: int) -> str:
+        """Return what the next run may take over, as the text of its `StateRestored`; it changes each minute."""
         tares = dict(self.waiting)
         for name, channel in self._channels.items():
             offset = channel.tare.current
             if channel.tare.known:
-                tares[name] = self._stored(name, offset, devices[name])
+                tares[name] = self._stored(name, offset, self._of_stream[name].identity)
         grip = None if self._gripper is None else self._gripper.kept()
         minute = self._wall_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
         state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)

@@ -1,7 +1,7 @@
 """State behind the grip rules: the lease, the force in force, the slew and budget spent, and the latched fault.
 
-The policy keeps the state and decides about leases only. `slipd.gripper.motion_gate` decides about motions, on the
-snapshot that `GripPolicy.state` returns. The end of a lease moves nothing.
+The policy only keeps the state. `slipd.gripper.motion_gate` decides about motions, on the snapshot that
+`GripPolicy.state` returns.
 """
 
 from __future__ import annotations
@@ -9,15 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slipd.refusal import Refusal
+from slipd.gripper.lease import Lease
 
 ROUNDING_N = 1e-9
 """Tolerance of force comparisons, N: 5.1 N - 3.1 N is not exactly 2 N. Far below the resolution of any gripper."""
-
-_MS = 1_000_000
-NO_LEASE = Refusal(
-    "no_lease", "this client does not hold the lease, or its lease has ended: acquire it first (lease.acquire)"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,16 +81,13 @@ class GripPolicy:
 
     Attributes:
         limits: As given.
+        lease: Which client may move the gripper.
     """
 
     def __init__(self, limits: GripLimits, max_lease_ms: int) -> None:
         self.limits = limits
-        self._max_lease_ms = max_lease_ms
+        self.lease = Lease(max_lease_ms)
         self._now_ns = 0
-        self._holder: bytes | None = None
-        self._ttl_ns = 0
-        self._expires_ns = 0
-        self._lapsed = False
         self._raising = _Allowance(limits.raise_n_per_s, limits.step_n)
         self._lowering = _Allowance(limits.lower_n_per_s, limits.step_n)
         self._force_n: float | None = None
@@ -104,72 +96,13 @@ class GripPolicy:
         self._raised_n = self._reflexed_n = 0.0  # in this grasp, by requests and by the reflex
         self._fault = ""
 
-    # The lease
-
-    def holder(self, t_ns: int) -> bytes | None:
-        """Return the client that holds the lease at ``t_ns``, or None; an expired lease stays expired."""
-        now_ns = self._now(t_ns)
-        if self._holder is not None and now_ns >= self._expires_ns:
-            self.end_lease()
-        return self._holder
-
-    def expires_in_s(self, t_ns: int) -> float | None:
-        """Return the remaining time of the lease, s; None if nobody holds it."""
-        return None if self.holder(t_ns) is None else (self._expires_ns - self._now_ns) * 1e-9
-
-    def acquire(self, client: bytes, ttl_ms: int, t_ns: int) -> Refusal | None:
-        """Give the lease to a client; its holder may acquire it again."""
-        if not 0 < ttl_ms <= self._max_lease_ms:
-            return Refusal("out_of_range", f"ttl_ms must be from 1 to {self._max_lease_ms}, got {ttl_ms}", "ttl_ms")
-        if self.holder(t_ns) not in (None, client):
-            rest = (self._expires_ns - self._now_ns) // _MS
-            return Refusal("lease_held", f"another client holds the lease for {rest} ms more, unless it renews it")
-        self._holder, self._ttl_ns = client, ttl_ms * _MS
-        self._expires_ns = self._now_ns + self._ttl_ns
-        return None
-
-    def renew(self, client: bytes, t_ns: int) -> Refusal | None:
-        """Restart the time of a lease."""
-        refusal = self.check_lease(client, t_ns)
-        if refusal is None:
-            self._expires_ns = self._now_ns + self._ttl_ns
-        return refusal
-
-    def release(self, client: bytes, t_ns: int) -> Refusal | None:
-        """End the lease; nothing moves."""
-        refusal = self.check_lease(client, t_ns)
-        if refusal is None:
-            self._holder = None
-        return refusal
-
-    def end_lease(self) -> None:
-        """Revoke the lease, as if it had expired."""
-        self._lapsed = self._lapsed or self._holder is not None
-        self._holder = None
-
-    def lapsed(self, t_ns: int) -> bool:
-        """Return True once after a lease expired or was revoked; call it before the next request is judged."""
-        self.holder(t_ns)
-        lapsed, self._lapsed = self._lapsed, False
-        return lapsed
-
-    def check_lease(self, client: bytes, t_ns: int) -> Refusal | None:
-        """Return a refusal unless the client holds the lease."""
-        if self.holder(t_ns) == client:
-            return None
-        return NO_LEASE
-
-    def _now(self, t_ns: int) -> int:
-        self._now_ns = max(self._now_ns, t_ns)
-        return self._now_ns
-
     # Forces
 
     def state(self, t_ns: int) -> GripState:
         """Return the snapshot for the motion gate at ``t_ns``."""
         now_ns = self._now(t_ns)
         return GripState(
-            holder=self.holder(t_ns),
+            holder=self.lease.holder(t_ns),
             fault=self._fault,
             force_n=self._force_n,
             unknown=self._unknown,
@@ -283,6 +216,10 @@ class GripPolicy:
         """Record the end of the grasp: the gripper opened, lost its object or is inactive; its budget ends too."""
         self._force_n = self._requested_n = None
         self._unknown = self._releasing = False
+
+    def _now(self, t_ns: int) -> int:
+        self._now_ns = max(self._now_ns, t_ns)
+        return self._now_ns
 
     def _budget_left_n(self, raised_n: float) -> float:
         return max(self.limits.budget_n - raised_n, 0.0)

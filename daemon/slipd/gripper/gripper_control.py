@@ -97,7 +97,7 @@ class GripperControl:
     def wake(self) -> None:
         """Handle the end of a suspend: unsent commands are dropped, the lease ends, and all readings are old."""
         self._drop()
-        self.policy.end_lease()
+        self.policy.lease.end()
         self._lose_sight()
 
     def on_time(self, t_ns: int) -> bool:
@@ -106,7 +106,7 @@ class GripperControl:
         self._latch(self._faults.update_command(lost=self._session.command_lost))
         if self.sample is not None and self._silent_ns > self._silence_ns:
             self._forget(NO_ANSWER)
-        lapsed = self.policy.lapsed(t_ns)
+        lapsed = self.policy.lease.lapsed(t_ns)
         if lapsed:
             self.carry_out("lease_end", t_ns)
         before, self._reported_fault = self._reported_fault, self.policy.fault
@@ -115,7 +115,7 @@ class GripperControl:
     def lose(self) -> None:
         """Handle the loss of the link: the state of the gripper is unknown, and the lease ends."""
         self._forget(LINK_LOST)
-        self.policy.end_lease()
+        self.policy.lease.end()
 
     def carry_out(
         self,

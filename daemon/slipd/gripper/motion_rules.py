@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 
-from slipd.gripper.grip_policy import NO_LEASE, ROUNDING_N
+from slipd.gripper.grip_policy import ROUNDING_N
 from slipd.gripper.intent import Intent, Situation
+from slipd.gripper.lease import NO_LEASE
 from slipd.refusal import Refusal
 
 ACTIVATING = Refusal("activating", "the gripper is still activating")

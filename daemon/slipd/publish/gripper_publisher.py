@@ -53,5 +53,5 @@ def gripper_body(gripper: GripperControl, t_ns: int, act: ReflexAct | None = Non
 
 def lease_body(policy: GripPolicy, t_ns: int) -> Body:
     """Return ``lease``: whether a client holds the lease, and for how long."""
-    expires_in_s = policy.expires_in_s(t_ns)
+    expires_in_s = policy.lease.expires_in_s(t_ns)
     return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}

@@ -92,7 +92,7 @@ class FingerHandlers:
             return tares
         refusal = self._check_others_lease(request, t_ns, "changed")
         if refusal is None and not tares.busy and tares.finger.is_pressed() is True:
-            refusal = self._policy.check_lease(request.client, t_ns)
+            refusal = self._policy.lease.check(request.client, t_ns)
         return refusal or tares.undo() or replies.tare_in_use(tares)
 
     def _gravity_set(self, request: Request, t_ns: int) -> Result:
@@ -107,7 +107,7 @@ class FingerHandlers:
         if fault is not None:
             return Refusal("out_of_range", fault, "gravity_mps2")
         sender, sent_ns = self._gravity_from.get(finger.name, (request.client, t_ns))
-        holder = self._policy.holder(t_ns)
+        holder = self._policy.lease.holder(t_ns)
         if holder not in (None, request.client) and sender == holder and t_ns - sent_ns <= FRESH_NS:
             rule = f"the lease holder sends the gravity of finger {finger.name}: no other client may send it now"
             return Refusal("lease_held", rule, "gravity_mps2")
@@ -133,7 +133,7 @@ class FingerHandlers:
         """Refuse coefficients that make a verdict more lenient, unless the client holds the lease."""
         if self._config.friction_without_lease or not finger.friction.is_more_lenient(mu_s, mu_d):
             return None
-        refusal = self._policy.check_lease(request.client, t_ns)
+        refusal = self._policy.lease.check(request.client, t_ns)
         if refusal is None:
             return None
         why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
@@ -141,7 +141,7 @@ class FingerHandlers:
 
     def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
         """Refuse to change the readings by which another client moves the gripper."""
-        if self._policy.holder(t_ns) in (None, request.client):
+        if self._policy.lease.holder(t_ns) in (None, request.client):
             return None
         return Refusal("lease_held", f"another client holds the lease: only that client may have its sensors {done}")
 
@@ -167,7 +167,7 @@ def _change(finger: Finger, mu_s: float) -> str:
 
 def lease_advice(policy: GripPolicy, t_ns: int) -> str:
     """Return what a client without the lease may do about it, for people."""
-    held = policy.holder(t_ns) is not None
+    held = policy.lease.holder(t_ns) is not None
     return "another client holds the lease" if held else "acquire the lease first (lease.acquire)"
 
 

@@ -28,7 +28,7 @@ def _refuse(_: Request, __: int) -> Result:
 
 def _acknowledge(gripper: GripperControl, request: Request, t_ns: int) -> Result:
     fault = gripper.policy.fault
-    refusal = gripper.policy.check_lease(request.client, t_ns) or gripper.acknowledge()
+    refusal = gripper.policy.lease.check(request.client, t_ns) or gripper.acknowledge()
     return refusal or replies.fault_acknowledged(fault)
 
 

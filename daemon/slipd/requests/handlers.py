@@ -88,7 +88,7 @@ class RequestHandlers:
         refusal = check_request(body, self._boot, t_ns)
         if refusal is not None:
             return Reply(request.client, replies.reply_body(body.get("id"), refusal, t_ns))
-        urgent = body["op"] in URGENT_OPS and self._policy.holder(t_ns) == request.client
+        urgent = body["op"] in URGENT_OPS and self._policy.lease.holder(t_ns) == request.client
         seen = self._kept.seen(request.client, body, t_ns, urgent=urgent)
         if isinstance(seen, Refusal):
             return Reply(request.client, replies.reply_body(body["id"], seen, t_ns))
@@ -112,7 +112,7 @@ class RequestHandlers:
         held = self._policy.grips or self._policy.releasing
         if rule == "never" or (rule == "in_grasp" and not held):
             return None
-        refusal = self._policy.check_lease(request.client, t_ns)
+        refusal = self._policy.lease.check(request.client, t_ns)
         if refusal is None:
             return None
         why = f"the reflex acts on {op}, so that it may move the gripper"

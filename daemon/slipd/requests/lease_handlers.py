@@ -32,13 +32,13 @@ class LeaseHandlers:
 
     def _acquire(self, request: Request, t_ns: int) -> Result:
         ttl_ms = request.body["ttl_ms"]
-        return self._policy.acquire(request.client, ttl_ms, t_ns) or replies.lease_granted(ttl_ms)
+        return self._policy.lease.acquire(request.client, ttl_ms, t_ns) or replies.lease_granted(ttl_ms)
 
     def _renew(self, request: Request, t_ns: int) -> Result:
-        return self._policy.renew(request.client, t_ns) or replies.done()
+        return self._policy.lease.renew(request.client, t_ns) or replies.done()
 
     def _release(self, request: Request, t_ns: int) -> Result:
-        return self._policy.release(request.client, t_ns) or replies.done()
+        return self._policy.lease.release(request.client, t_ns) or replies.done()
 
 
 def policy_without_gripper() -> GripPolicy:

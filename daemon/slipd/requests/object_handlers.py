@@ -52,7 +52,7 @@ class ObjectHandlers:
         """
         if self._config.friction_without_lease or name == self._named.name:
             return None
-        refusal = self._policy.check_lease(request.client, t_ns)
+        refusal = self._policy.lease.check(request.client, t_ns)
         if refusal is None:
             return None
         rule = "another name may make verdicts more lenient, as friction is learned for each"

@@ -179,7 +179,7 @@ class Cell:
 
     def kept(self) -> StateRestored:
         """What the daemon keeps for the next run, as the event with which that begins."""
-        return StateRestored(self.engine.state_text(self.now_ns))
+        return StateRestored(self.engine.kept.text(self.now_ns))
 
     def replug(self) -> None:
         """The gripper's link is lost and comes back."""

@@ -110,9 +110,9 @@ class Site(RuleBasedStateMachine):
         self.taken_away = False
         if lapsed:
             self.holder = None
-        assert self.policy.lapsed(self.t_ns) == lapsed
-        assert self.policy.holder(self.t_ns) == self.holder
-        assert not self.policy.lapsed(self.t_ns)
+        assert self.policy.lease.lapsed(self.t_ns) == lapsed
+        assert self.policy.lease.holder(self.t_ns) == self.holder
+        assert not self.policy.lease.lapsed(self.t_ns)
 
     # Requests
 
@@ -194,7 +194,7 @@ class Site(RuleBasedStateMachine):
     def lease(self, client: bytes, body: dict[str, Any]) -> Refusal | None:
         if body["op"] == "lease.acquire":
             right = 0 < body["ttl_ms"] <= MAX_LEASE_MS and self.holder in (None, client)
-            refusal = self.policy.acquire(client, body["ttl_ms"], self.t_ns)
+            refusal = self.policy.lease.acquire(client, body["ttl_ms"], self.t_ns)
             if right:
                 self.holder, self.ttl_ns = client, body["ttl_ms"] * MS
         else:
@@ -259,7 +259,7 @@ class Site(RuleBasedStateMachine):
 
     @rule()
     def the_host_slept(self) -> None:
-        self.policy.end_lease()
+        self.policy.lease.end()
         self.taken_away = self.holder is not None
         self.look()
 

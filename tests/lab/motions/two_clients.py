@@ -213,7 +213,7 @@ class Walk:
 
     def ask(self, client: bytes, op: str, fields: dict[str, Any]) -> None:
         cell, before_motion = self.cell, self.granted
-        holder = cell.policy.holder(cell.now_ns)
+        holder = cell.policy.lease.holder(cell.now_ns)
         self.granted = op if op in MOTIONS and client == holder else self.granted  # the wire is seen before the reply
         reply = cell.ask(op, client, **fields)
         self.done[f"{op} {'done' if reply['ok'] else reply['error']['code']}"] += 1

@@ -20,7 +20,7 @@ from shifts.shift_program import Newest, ShiftProgram
 from shifts.slow_rig import MS, SECOND, STEP_NS, SlowRig, settings
 
 from slipd.engine.engine import Engine
-from slipd.events import Event, FirstEvents, Output, Publish, Reply, Request, Tick
+from slipd.events import Event, Output, Publish, Reply, Request, Tick
 from slipd.service_run import ServiceRun
 
 BEGIN_NS = 50 * SECOND
@@ -58,13 +58,7 @@ class _Overheard:
 
     def __init__(self, engine: Engine, look: Callable[[Output], None]) -> None:
         self._engine, self._look = engine, look
-        self.links, self.farewell = engine.links, engine.farewell
-
-    def first_events(self, t_ns: int) -> FirstEvents:
-        return self._engine.first_events(t_ns)
-
-    def state_text(self, t_ns: int) -> str:
-        return self._engine.state_text(t_ns)
+        self.links, self.farewell, self.kept = engine.links, engine.farewell, engine.kept
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         outputs = self._engine.handle(event, t_ns)

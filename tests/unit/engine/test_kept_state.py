@@ -23,7 +23,7 @@ EARLIER = BOOT.replace("b", "a")
 
 def kept(run: Run) -> dict[str, Any]:
     """What a run keeps for the next one."""
-    return json.loads(run.engine.state_text(run.t_ns).partition(" ")[2])
+    return json.loads(run.engine.kept.text(run.t_ns).partition(" ")[2])
 
 
 def held(force_n: float = 5.0) -> tuple[Run, dict[str, Any]]:
@@ -145,12 +145,12 @@ def test_a_stored_tare_waits_for_its_device_and_gives_way_to_one_of_this_run() -
 def test_a_recording_that_begins_during_a_run_begins_with_its_state() -> None:
     run, _ = held()
     assert run.refusal("record.start") is None
-    [first, *_] = run.engine.first_events(run.t_ns)
+    [first, *_] = run.engine.kept.first_events(run.t_ns)
     assert isinstance(first, StateRestored)
     again = Engine(config.parse(RIG, "rig.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     again.handle(first, run.t_ns + 7200 * SECOND)
     again.handle(LinkUp("right.pad", "opened right.pad"), run.t_ns + 7200 * SECOND)
-    assert again.state_text(run.t_ns) == first.text, "a tare of this run has no limit of age"
+    assert again.kept.text(run.t_ns) == first.text, "a tare of this run has no limit of age"
 
 
 FATES = ("whole", "none", "old", "later", "truncated", "flipped", "another device", "another config", "another rig")
@@ -179,7 +179,7 @@ def hold(run: Run, normal_n: float, bias_n: float, count: int) -> None:
 
 def damaged(fate: str, run: Run, rng: random.Random) -> tuple[str, str | None]:
     """Return the config and the text with which the next run begins, 60 s to an hour later."""
-    text, state = run.engine.state_text(run.t_ns), kept(run) | {"boot": EARLIER}
+    text, state = run.engine.kept.text(run.t_ns), kept(run) | {"boot": EARLIER}
     config_text = run.engine._kept._config.text
     minutes = {"old": -61, "later": 70}.get(fate, 0)
     state["kept_wall_ns"] += minutes * 60 * SECOND

@@ -30,9 +30,9 @@ def test_a_grasp_does_not_end_on_the_word_of_the_gripper_while_a_finger_presses(
 
 
 def test_a_lost_gripper_has_no_lease(control: GripperControl) -> None:
-    control.policy.acquire(b"ann", 200, T0)
+    control.policy.lease.acquire(b"ann", 200, T0)
     control.lose()
-    assert control.policy.holder(T0) is None
+    assert control.policy.lease.holder(T0) is None
 
 
 def test_the_force_of_a_grip_is_known_beyond_a_lost_link(control: GripperControl) -> None:
@@ -121,7 +121,7 @@ def test_a_sleep_of_the_host_drops_what_waited_and_ends_what_was_known(
     left: str, gripper: str, parse: Parse, session: Recorded
 ) -> None:
     control = make(left + gripper + 'lease_end = "stop"\n', parse, session)
-    control.policy.acquire(b"ann", 200, T0)
+    control.policy.lease.acquire(b"ann", 200, T0)
     control.on_time(T0)
     close_(control, 5.0, None, None, T0)
     session.send()
@@ -129,7 +129,7 @@ def test_a_sleep_of_the_host_drops_what_waited_and_ends_what_was_known(
     control.wake()
     assert (control.policy.fault, control.policy.force_n, control.sample) == ("command_lost", 5.0, None)
     assert control.on_time(T0 + MS) is True
-    assert control.policy.holder(T0 + MS) is None
+    assert control.policy.lease.holder(T0 + MS) is None
     assert session.commands[-1] == ("halt",), "they may still be closing"
 
 
@@ -179,7 +179,7 @@ def test_a_force_alone_is_no_motion_that_would_be_stopped(
         assert took(ask(control, "hold", T0))
         assert control.policy.force_n == 6.0
     else:
-        control.policy.acquire(b"ann", 200, T0 + 2 * MS)
+        control.policy.lease.acquire(b"ann", 200, T0 + 2 * MS)
         control.on_time(T0 + 203 * MS)
     assert session.commands == [("move", 0.0, None, 5.0), ("force", 6.0)]
 

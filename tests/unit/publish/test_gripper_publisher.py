@@ -71,5 +71,5 @@ def test_what_a_gripper_measures_is_published_unless_it_is_not_finite(control: G
 
 
 def test_the_lease_is_published_with_the_time_until_it_ends(control: GripperControl) -> None:
-    assert control.policy.acquire(b"ann", 200, T0) is None
+    assert control.policy.lease.acquire(b"ann", 200, T0) is None
     assert gripper_body(control, T0 + 50 * MS)["lease"] == {"held": True, "expires_in_s": pytest.approx(0.15)}
