@@ -87,7 +87,6 @@ class GripPolicy:
     def __init__(self, limits: GripLimits, max_lease_ms: int) -> None:
         self.limits = limits
         self.lease = Lease(max_lease_ms)
-        self._now_ns = 0
         self._raising = _Allowance(limits.raise_n_per_s, limits.step_n)
         self._lowering = _Allowance(limits.lower_n_per_s, limits.step_n)
         self._force_n: float | None = None
@@ -100,7 +99,7 @@ class GripPolicy:
 
     def state(self, t_ns: int) -> GripState:
         """Return the snapshot for the motion gate at ``t_ns``."""
-        now_ns = self._now(t_ns)
+        now_ns = self.lease.now(t_ns)
         return GripState(
             holder=self.lease.holder(t_ns),
             fault=self._fault,
@@ -148,7 +147,7 @@ class GripPolicy:
 
     def change_left_n(self, t_ns: int) -> tuple[float, float]:
         """Return the largest lowering and the largest raise that step and rate leave at ``t_ns``, N."""
-        now_ns = self._now(t_ns)
+        now_ns = self.lease.now(t_ns)
         return self._lowering.left_n(now_ns), self._raising.left_n(now_ns)
 
     def record_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
@@ -159,7 +158,7 @@ class GripPolicy:
         """
         if not math.isfinite(force_n):
             raise ValueError(f"force_n must be finite, got {force_n}")
-        now_ns = self._now(t_ns)
+        now_ns = self.lease.now(t_ns)
         if self._force_n is None:
             self._raised_n = self._reflexed_n = 0.0
         else:
@@ -216,10 +215,6 @@ class GripPolicy:
         """Record the end of the grasp: the gripper opened, lost its object or is inactive; its budget ends too."""
         self._force_n = self._requested_n = None
         self._unknown = self._releasing = False
-
-    def _now(self, t_ns: int) -> int:
-        self._now_ns = max(self._now_ns, t_ns)
-        return self._now_ns
 
     def _budget_left_n(self, raised_n: float) -> float:
         return max(self.limits.budget_n - raised_n, 0.0)

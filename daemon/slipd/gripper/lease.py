@@ -32,7 +32,7 @@ class Lease:
 
     def holder(self, t_ns: int) -> bytes | None:
         """Return the client that holds the lease at ``t_ns``, or None; an expired lease stays expired."""
-        now_ns = self._now(t_ns)
+        now_ns = self.now(t_ns)
         if self._holder is not None and now_ns >= self._expires_ns:
             self.end()
         return self._holder
@@ -83,6 +83,7 @@ class Lease:
             return None
         return NO_LEASE
 
-    def _now(self, t_ns: int) -> int:
+    def now(self, t_ns: int) -> int:
+        """Return the latest time of all calls."""
         self._now_ns = max(self._now_ns, t_ns)
         return self._now_ns

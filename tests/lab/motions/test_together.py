@@ -200,7 +200,7 @@ class Site(RuleBasedStateMachine):
         else:
             right = self.holder == client
             renews = body["op"] == "lease.renew"
-            refusal = (self.policy.renew if renews else self.policy.release)(client, self.t_ns)
+            refusal = (self.policy.lease.renew if renews else self.policy.lease.release)(client, self.t_ns)
             self.holder = None if right and not renews else self.holder
         assert (refusal is None) == right
         self.until_ns = self.latest_ns + self.ttl_ns if right else self.until_ns

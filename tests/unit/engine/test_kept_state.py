@@ -180,7 +180,7 @@ def hold(run: Run, normal_n: float, bias_n: float, count: int) -> None:
 def damaged(fate: str, run: Run, rng: random.Random) -> tuple[str, str | None]:
     """Return the config and the text with which the next run begins, 60 s to an hour later."""
     text, state = run.engine.kept.text(run.t_ns), kept(run) | {"boot": EARLIER}
-    config_text = run.engine._kept._config.text
+    config_text = run.engine.kept._config.text
     minutes = {"old": -61, "later": 70}.get(fate, 0)
     state["kept_wall_ns"] += minutes * 60 * SECOND
     text = seal(json.dumps(state))

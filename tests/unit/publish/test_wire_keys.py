@@ -21,7 +21,7 @@ from slipd_client.messages.schema.topics import TOPICS
 OTHER_FORMATS = {"devices", "sim", "recording", "config"}
 """Rooms with formats of their own: bytes of devices, emulators of devices, recordings, config files."""
 
-CLIENTS = {"replay_command.py", "demo.py", "evaluation", "export", "plot"}
+CLIENTS = {"replay_command.py", "demo.py", "demo_summary.py", "evaluation", "export", "plot"}
 """Programs and rooms that read messages, as every client does."""
 
 READERS = {"requests", "bus"}
