@@ -130,3 +130,22 @@ def test_the_page_says_that_two_robots_have_one_name_and_what_to_do(
     finally:
         other.leaves()
     browser.until("""slipd.rows.get("arm2").cells[1].textContent === "live" """)
+
+
+@needs_browser
+def test_Z9_a_robot_that_the_view_no_longer_lists_leaves_the_page(
+    fleet: tuple[str, dict[str, Robot]], browser: Browser
+) -> None:
+    """As where another displaced it: a row that stays would show its last level for ever."""
+    browser.open(fleet[0])
+    browser.until("slipd.rows.size === 2")
+    browser.until("""(() => {
+        const whole = window.fetch;
+        window.fetch = async (...asked) => {
+            const fleet = await (await whole(...asked)).json();
+            return Response.json({ ...fleet, robots: fleet.robots.filter((robot) => robot.robot !== "arm2") });
+        };
+        return true;
+    })()""")
+    browser.until(shows(["arm1", ["live", "STABLE", "WARN"]]))
+    browser.until("slipd.rows.size === 1")

@@ -52,6 +52,12 @@ function show(fleet) {
   const unread = fleet.unread ? `, ${fleet.unread} messages not read` : "";
   setText(byId("facts"), `${fleet.fleet}: ${live} of ${fleet.robots.length} robots are live${unread}`);
   byId("no-robots").hidden = fleet.robots.length > 0;
+  const listed = new Set(fleet.robots.map((robot) => robot.robot));
+  for (const [name, row] of rows) {
+    if (listed.has(name)) continue;
+    row.remove();
+    rows.delete(name);
+  }
   const body = byId("robot-rows");
   fleet.robots.forEach((robot, place) => {
     const row = rows.get(robot.robot) ?? newRow(robot.robot);

@@ -41,9 +41,9 @@ def encode_change(output_hz: int) -> bytes:
 
 
 def needed_change(output_hz: int, page: bytes) -> bytes:
-    """Return the request that the sensor needs after it sent its page; empty if it runs at the rate, or hides its own.
+    """Return the request that sets the rate; empty if the page reports that it is set, or reports no rate.
 
-    The sensor stores the rate, so that it is never written without need.
+    The sensor stores the rate, so slipd never writes it without need.
     """
     calibration = read_xml(page)
     if not isinstance(calibration, Calibration) or calibration.output_hz is None:
