@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar,
 import zmq
 
 from slipd_client.clock import ServerClock
-from slipd_client.errors import LeaseInUse, RequestRefused, check_seconds
+from slipd_client.errors import CallError, LeaseInUse, RequestRefused, check_seconds
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Link
 from slipd_client.messages.schema.replies import (
@@ -228,6 +228,8 @@ class GripClientBase:
             TareGivenUp: The daemon began the tare and gave it up; ``reason`` says why.
             CallError: ``seconds`` is not a positive time.
         """
+        if isinstance(seconds, str):
+            raise CallError(f"call tare(finger, stream, seconds): got stream {stream!r} and seconds {seconds!r}")
         if isinstance(stream, (int, float)):
             return self._protocol.tare(finger, stream, self.timeout_s, unloaded=unloaded)
         return self._protocol.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded)

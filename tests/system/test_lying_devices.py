@@ -217,7 +217,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GripClient, 
         stack.callback(pusher.end)
         client = stack.enter_context(GripClient(requests))
         until(lambda: client.status()["gripper"]["width_m"] is not None)
-        until(lambda: client.tare("left", 0.2, "all")["verified"] is not None)
+        until(lambda: client.tare("left", "all", 0.2)["verified"] is not None)
         until(lambda: leased(client, lambda: client.gripper_activate(drop=True)))
         until(lambda: bool(client.status()["gripper"]["active"]))
         until(lambda: leased(client, lambda: client.gripper_close(5.0)))

@@ -61,7 +61,7 @@ def test_F6_a_kill_in_a_grasp_leaves_the_zeros_or_an_unknown_level(
             assert first_verdicts(publish) == {("unknown", ("not_tared",), None)}, "a free gripper that nobody tared"
             with GripClient(requests, timeout_s=PATIENCE_S) as client:
                 for finger in ("left", "right"):
-                    client.tare(finger, 0.3, "all")
+                    client.tare(finger, "all", 0.3)
                 emulation.stdin.write("press left 37 N; press right 37 N\n")
                 emulation.stdin.flush()
                 until_s = time.monotonic() + PATIENCE_S

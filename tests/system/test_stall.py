@@ -95,6 +95,15 @@ def first_lines(running: subprocess.Popen[str], count: int) -> list[str]:
     return [] if running.stdout is None else [running.stdout.readline().strip() for _ in range(count)]
 
 
+def tared(client: GripClient) -> bool:
+    """Tare every finger; return whether every zero is known, which a finger without a reading yet delays."""
+    with suppress(ClientError):
+        for finger in LINES:
+            client.tare(finger, "all", 0.1, unloaded=True)
+        return all(stream["tare_origin"] is not None for stream in client.status()["streams"].values())
+    return False
+
+
 @contextmanager
 def bed_in(folder: Path) -> Iterator[Bed]:
     """Two fingers on ptys and UDP; the run is recorded in ``run.mcap``."""
@@ -112,11 +121,9 @@ def bed_in(folder: Path) -> Iterator[Bed]:
         publish, requests = (line.partition(": ")[2] for line in first_lines(daemon, 2))
         with GripClient(requests, timeout_s=PATIENCE_S) as client:
             until_s = time.monotonic() + PATIENCE_S
-            while any(stream["tare_origin"] is None for stream in client.status()["streams"].values()):
+            while not tared(client):
                 assert time.monotonic() < until_s
-                with suppress(ClientError):  # no reading came yet
-                    for finger in LINES:
-                        client.tare(finger, 0.1, "all", unloaded=True)
+                time.sleep(0.2)
         yield Bed(daemon, devices, stack.enter_context(Subscriber(publish, ("slip",))))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from slipd_client.errors import NoAnswer, RequestRefused, TareGivenUp
+from slipd_client.errors import CallError, NoAnswer, RequestRefused, TareGivenUp
 from slipd_client.grip import GripClient
 
 if TYPE_CHECKING:
@@ -102,3 +102,8 @@ def test_a_tare_without_readings_is_told(daemon: Daemon, monkeypatch: pytest.Mon
 def test_a_tare_over_no_time_is_a_bad_call(requests: str, seconds: float) -> None:
     with GripClient(requests) as client, pytest.raises(ValueError, match="positive time"):
         client.tare("left", seconds)
+
+
+def test_seconds_before_the_stream_are_a_bad_call(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client, pytest.raises(CallError, match=r"call tare\(finger, stream, seconds\)"):
+        client.tare("left", 0.5, "pad")  # type: ignore[arg-type]
