@@ -12,6 +12,7 @@ from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
 from slipd.engine.device_identity import DeviceIdentity, Identity
+from slipd.engine.flood_limit import FLOOD_FACTOR, FloodLimit
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.engine.stream_meter import StreamMeter, make_stream
 from slipd.events import LinkSpec
@@ -21,12 +22,6 @@ from slipd.publish.status_publisher import StreamStatus
 from slipd.samples import Sample
 from slipd_client.messages import Health
 
-FLOOD_FACTOR = 4.0
-"""Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two."""
-BURST_S = 1.0
-"""Readings that may arrive at once after a stall of the daemon, as time at the expected rate."""
-LEAST_BURST = 32.0
-"""Least number of readings that may arrive at once: slow streams come in bunches too."""
 FAULT_SHOWN_NS = 1_000_000_000
 """A flood, or an error in decoding, is reported for this long after it happened last."""
 SILENT_NS = 1_000_000_000
@@ -48,7 +43,6 @@ class DeviceLink:
         session: The conversation with the device; None for a device that sends unasked.
         up: The link is open.
         reconnects: Times that the link came up again.
-        dropped: Readings dropped because the device floods.
     """
 
     def __init__(self, spec: LinkSpec, config: StreamConfig) -> None:
@@ -61,12 +55,9 @@ class DeviceLink:
         self.streams: dict[str, StreamMeter] = {}
         self.up = False
         self.reconnects = 0
-        self.dropped = 0
         self._identity = DeviceIdentity(config.hardware_id)
         self._message = "not opened yet"
-        self._allowed = self._rate_hz = 0.0
-        self._allowed_ns = 0
-        self._dropped_ns: int | None = None
+        self._flood = FloodLimit()
         self._opened_ns = 0
         self._received_ns: int | None = None  # when bytes came last
         self._bad_bytes = 0  # of the decoder when the link was opened
@@ -75,14 +66,14 @@ class DeviceLink:
     def add(self, sensor: str, stream: StreamMeter) -> None:
         """Add a stream of the link."""
         self.streams[sensor] = stream
-        self._rate_hz += stream.expected_hz
+        self._flood.rate_hz += stream.expected_hz
 
     def open(self, identity: str, t_ns: int) -> bytes:
         """Begin anew on an opened link; return the first bytes for the device."""
         if self._identity.open(identity):
             self.reconnects += 1
         self.up, self._message = True, ""
-        self._allowed_ns, self._allowed = t_ns, self._burst()
+        self._flood.open(t_ns)
         self._opened_ns, self._received_ns = t_ns, None
         self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
         self.interrupt()
@@ -149,11 +140,8 @@ class DeviceLink:
             self._identity.check(session)
         if not samples or self._identity.mismatch:
             return []
-        if len(samples) > self._allowed:
-            samples = self._within_rate(samples, t_ns)
-        self._allowed -= len(samples)
         runs = []
-        for run in _runs(samples):
+        for run in _runs(self._flood.limit(samples, t_ns)):
             stream = self.streams.get(run[0].source)
             if stream is not None:
                 kept, times_ns = stream.update(run, late_ns)
@@ -206,7 +194,7 @@ class DeviceLink:
             return Health.ERROR, self._identity.mismatch
         if self._fault and t_ns - self._fault_ns < FAULT_SHOWN_NS:
             return Health.ERROR, self._fault
-        if self._dropped_ns is not None and t_ns - self._dropped_ns < FAULT_SHOWN_NS:
+        if self._flood.dropped_ns is not None and t_ns - self._flood.dropped_ns < FAULT_SHOWN_NS:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
         health, message = stream.condition(t_ns, unread_ns, late_ns)
         if health is Health.OK and counters.warning:
@@ -269,24 +257,10 @@ class DeviceLink:
             clock_uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
             clock_drift_ppm=clock.drift_ppm,
             counters=self._decoder.health,
-            dropped=self.dropped,
+            dropped=self._flood.dropped,
             reconnects=self.reconnects,
             channel=channel,
         )
-
-    def _within_rate(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
-        """Drop the oldest readings that exceed the rate of a flood."""
-        refill = (t_ns - self._allowed_ns) * 1e-9 * FLOOD_FACTOR * self._rate_hz
-        self._allowed, self._allowed_ns = min(self._allowed + refill, self._burst()), t_ns
-        surplus = len(samples) - int(self._allowed)
-        if surplus <= 0:
-            return samples
-        self.dropped += surplus
-        self._dropped_ns = t_ns
-        return samples[surplus:]
-
-    def _burst(self) -> float:
-        return max(BURST_S * self._rate_hz, LEAST_BURST)
 
 
 def _runs(samples: Sequence[Sample]) -> list[Sequence[Sample]]:
