@@ -10,7 +10,7 @@ from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.command_queue import Command, CommandQueue
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_messages import Reply
+from slipd.devices.wsg.wsg_reply_scanner import Reply
 
 ANSWER_NS = 250_000_000
 """Time allowed for the answer to a command; older grippers take 70 ms."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_messages import FINGERS, Reply
+from slipd.devices.wsg.wsg_messages import FINGERS
+from slipd.devices.wsg.wsg_reply_scanner import Reply, ReplyScanner
 from slipd.samples import GripperSample
 
 NEWEST = 2 * len(wire.UPDATES)
@@ -24,7 +25,7 @@ class Decoder:
     def __init__(self) -> None:
         self.health = DecoderHealth()
         self.words: frozenset[str] = frozenset()
-        self._scanner = wire.ReplyScanner(self.health)
+        self._scanner = ReplyScanner(self.health)
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: number and data of the update
         self._count = 0  # of updates
 

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE
 
 DISCONNECT = 0x07
 HOME = 0x20
@@ -100,8 +99,8 @@ _GOAL = struct.Struct("<Bff")  # flags, width in mm, speed in mm/s
 _UPDATE = struct.Struct("<BH")  # periodic, period in ms
 _SYSTEM = struct.Struct("<BBHI")  # type, hardware revision, firmware, serial number
 _LIMITS = struct.Struct("<8f")  # as in `Limits`
-_STATUS_LENGTH = 2
-_TYPICAL_BYTES = 14
+STATUS_LENGTH = 2
+"""Bytes of the status at the beginning of a reply."""
 
 _COMMANDS = (DISCONNECT, HOME, PREPOSITION, STOP, ACKNOWLEDGE, SET_FORCE, OVERDRIVE)
 
@@ -138,65 +137,9 @@ class Limits(NamedTuple):
     nominal_force: float
     overdrive_force: float
 
-
-class Reply(NamedTuple):
-    """An answer or an update: id, status, and the data after it."""
-
-    id: int
-    status: int
-    data: bytes
-
-
-class ReplyScanner(PacketScanner):
-    """Find the replies in a stream.
-
-    Args:
-        health: Receives ``bad`` and ``bad_bytes``.
-    """
-
-    def __init__(self, health: DecoderHealth) -> None:
-        super().__init__(SEED_WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, health)
-
-    def replies(self, data: bytes) -> list[Reply]:
-        """Scan the next bytes of the stream; return the replies they complete."""
-        return [
-            Reply(packet.id, int.from_bytes(packet.payload[:_STATUS_LENGTH], "little"), packet.payload[_STATUS_LENGTH:])
-            for packet in self.packets(data)
-        ]
-
-
-def _is_reply(reply_id: int, size: int, payload: bytes) -> bool:
-    expected = REPLY_SIZES.get(reply_id)
-    if expected is None or size not in (_STATUS_LENGTH, _STATUS_LENGTH + expected):
-        return False
-    if len(payload) < _STATUS_LENGTH:
-        return True
-    status = int.from_bytes(payload[:_STATUS_LENGTH], "little")
-    if status >= len(weiss.STATUS_WORDS) or size != _STATUS_LENGTH + (expected if status == OK else 0):
-        return False
-    return len(payload) < size or _is_sound(reply_id, status, payload[_STATUS_LENGTH:])
-
-
-def _is_sound(reply_id: int, status: int, data: bytes) -> bool:
-    """Return whether the numbers of a reply are plausible."""
-    if status != OK:
-        return True
-    if reply_id in (GET_FORCE, WIDTH, FORCE):
-        return abs(parse_number(data)) <= MOST  # also False for NaN
-    if reply_id == GRASPING:
-        return data[0] < len(GRASPING_STATES)
-    if reply_id == LIMITS:
-        return _are_limits(parse_limits(data))
-    return True
-
-
-def _are_limits(limits: Limits) -> bool:
-    return (
-        all(map(math.isfinite, limits))
-        and 0.0 < limits.stroke_mm <= MOST
-        and 0.0 <= limits.min_speed < limits.max_speed <= MOST
-        and 0.0 <= limits.min_force < limits.nominal_force <= MOST
-    )
+    def most_force(self, *, overdrive: bool) -> float:
+        """Return the largest force limit, N of both fingers."""
+        return max(self.nominal_force, self.overdrive_force) if overdrive else self.nominal_force
 
 
 def encode(packet_id: int, payload: bytes = b"") -> bytes:
@@ -255,7 +198,7 @@ def parse_update(payload: bytes) -> int:
 
 def encode_reply(reply_id: int, status: int = OK, data: bytes = b"") -> bytes:
     """Return a reply as the gripper sends it."""
-    return encode(reply_id, status.to_bytes(_STATUS_LENGTH, "little") + data)
+    return encode(reply_id, status.to_bytes(STATUS_LENGTH, "little") + data)
 
 
 def encode_number(reply_id: int, number: float) -> bytes:

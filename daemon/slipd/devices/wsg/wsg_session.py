@@ -12,8 +12,9 @@ from slipd.devices.shared.state_machine import StateMachine
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_command_queue import HOME, WsgCommandQueue
 from slipd.devices.wsg.wsg_decoder import Decoder
-from slipd.devices.wsg.wsg_messages import FINGERS, Limits, Reply
-from slipd.devices.wsg.wsg_states import ACTIVATION, IN_PROGRESS, QUEUED, TRANSITIONS, Event, State
+from slipd.devices.wsg.wsg_messages import FINGERS, Limits
+from slipd.devices.wsg.wsg_reply_scanner import Reply
+from slipd.devices.wsg.wsg_states import ACTIVATION, IN_PROGRESS, QUEUED, TRANSITIONS, Event, State, report_of
 from slipd.samples import GripperSample
 
 PERIOD_MS = 20
@@ -121,16 +122,9 @@ class Session(GripperSessionBase):
     @property
     def force_range_n(self) -> tuple[float, float]:
         """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
-        least = 0.0 if self._limits is None else self._limits.min_force
-        return least / FINGERS, self._most_force / FINGERS
-
-    @property
-    def _most_force(self) -> float:
-        """Largest force limit, N of both fingers."""
-        limits = self._limits
-        if limits is None:
-            return math.inf
-        return max(limits.nominal_force, limits.overdrive_force) if self._overdrive else limits.nominal_force
+        if self._limits is None:
+            return 0.0, math.inf
+        return self._limits.min_force / FINGERS, self._limits.most_force(overdrive=self._overdrive) / FINGERS
 
     @property
     def force_sent_n(self) -> float | None:
@@ -281,7 +275,7 @@ class Session(GripperSessionBase):
         if self._startup.state == "running":
             self._fault, self._width_m = fault, sample.width_m or 0.0
             if self._machine.state not in IN_PROGRESS:
-                self._reported = _report(referenced=referenced, fault=fault)
+                self._reported = report_of(referenced=referenced, fault=fault)
                 self._machine.handle(self._reported)
         sample.active = referenced and not self.activating
         sample.echo_ok = self._queue.echo_ok
@@ -297,9 +291,3 @@ class Session(GripperSessionBase):
             self._queue.give_up("no reply")
         self._fault, self._reported = "", None
         self._machine.handle(Event.FELL_SILENT)
-
-
-def _report(*, referenced: bool, fault: str) -> Event:
-    if not referenced:
-        return Event.REPORTED_INACTIVE
-    return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE

@@ -100,3 +100,10 @@ QUEUED = frozenset({State.HOMING_QUEUED, State.REHOMING_QUEUED})
 IN_PROGRESS = frozenset({State.HOMING, State.REHOMING_QUEUED})
 ACTIVATION = QUEUED | IN_PROGRESS
 """In these states the gripper accepts no motion."""
+
+
+def report_of(*, referenced: bool, fault: str) -> Event:
+    """Return the event of a reading, whose ``fault`` is "" where the gripper reports none."""
+    if not referenced:
+        return Event.REPORTED_INACTIVE
+    return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
