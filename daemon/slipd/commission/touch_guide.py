@@ -18,8 +18,8 @@ from slipd.commission.mounting_search import find_mounting
 from slipd.commission.readings import FingerReadings, ReadingListener
 from slipd.commission.rest_noise import Noise, noise_at_rest
 from slipd.commission.three_axis_search import find_three_axis
-from slipd.commission.touches import CENTRE, CORNER, END, NAMES, PUSH_X, PUSH_Y, PUSHES, Findings, Touch, mount_of
-from slipd.config import Config, Pad
+from slipd.commission.touches import CENTRE, NAMES, PUSHES, TEXTS, Findings, Touch, mount_of, scan_centroid
+from slipd.config import Config
 from slipd.config.stream_hints import needs_of
 
 TOUCH_N = 1.5
@@ -48,14 +48,6 @@ PUSH_SHARE = 0.2
 
 OTHER_SHARE = 0.2
 """A finger that feels less than this share of the other one was not the one that was pressed."""
-
-TEXTS = {
-    CENTRE: "Press the centre of the {finger} pad with a fingertip, at right angles, with about 5 N, and hold still.",
-    END: "Press the middle of the +X end of the {finger} pad (the end towards the fingertip).",
-    CORNER: "Press the corner of the {finger} pad at +X and +Y.",
-    PUSH_X: "Press the centre of the {finger} pad again, and push along +X (towards the fingertip) without sliding.",
-    PUSH_Y: "Press the centre of the {finger} pad again, and push along +Y without sliding.",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,14 +281,3 @@ def _image_change(rest: FingerReadings, held: FingerReadings) -> str:
     size = max(float(np.abs(part - rest.image).sum()) for part in (first, second))
     noise = NOISE_STD * float(np.std(rest.images, axis=0).sum()) / math.sqrt(half)
     return "changed" if float(np.abs(second - first).sum()) > STEADY * size + noise else ""
-
-
-def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:
-    """Return the centre of pressure along the columns and the rows of the scan, from its middle, m."""
-    total = float(image.sum())
-    if total <= 0.0:
-        return None
-    row, col = np.divmod(np.arange(image.size), pad.cols)
-    along_cols = float(image @ (col - 0.5 * (pad.cols - 1))) * pad.pitch_m / total
-    along_rows = float(image @ (row - 0.5 * (pad.rows - 1))) * pad.pitch_m / total
-    return along_cols, along_rows

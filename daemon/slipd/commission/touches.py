@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slipd.arrays import Array
-from slipd.config import Wrench
+from slipd.config import Pad, Wrench
 from slipd.signals.mounting import Mounting
 
 CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
@@ -25,6 +25,15 @@ NAMES = {
     PUSH_Y: "the push along +Y",
 }
 """What each touch is, for people."""
+
+TEXTS = {
+    CENTRE: "Press the centre of the {finger} pad with a fingertip, at right angles, with about 5 N, and hold still.",
+    END: "Press the middle of the +X end of the {finger} pad (the end towards the fingertip).",
+    CORNER: "Press the corner of the {finger} pad at +X and +Y.",
+    PUSH_X: "Press the centre of the {finger} pad again, and push along +X (towards the fingertip) without sliding.",
+    PUSH_Y: "Press the centre of the {finger} pad again, and push along +Y without sliding.",
+}
+"""What the guide asks a person to do for each touch, in the order in which it asks."""
 
 LEAST_TRAVEL_M = 0.003
 """Presses must be this far apart to show the orientation of the image, m."""
@@ -115,3 +124,14 @@ def goes_to_end(travel: Array) -> bool:
 def goes_to_corner(travel: Array) -> bool:
     """Return whether a travel from the centre leads to the +X +Y corner."""
     return bool(travel[0] >= LEAST_TRAVEL_M and travel[1] >= min(LEAST_TRAVEL_M, 0.2 * travel[0]))
+
+
+def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:
+    """Return the centre of pressure along the columns and the rows of the scan, from its middle, m."""
+    total = float(image.sum())
+    if total <= 0.0:
+        return None
+    row, col = np.divmod(np.arange(image.size), pad.cols)
+    along_cols = float(image @ (col - 0.5 * (pad.cols - 1))) * pad.pitch_m / total
+    along_rows = float(image @ (row - 0.5 * (pad.rows - 1))) * pad.pitch_m / total
+    return along_cols, along_rows
