@@ -24,9 +24,6 @@ from slipd.friction.friction_state import FrictionState
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
-LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
-"""Levels that need an image. Without it they become unknown; a worse level stays as it is."""
-
 
 class Finger:
     """A force sensor with a pad in front of it, one of both, or a pad of three-axis taxels.
@@ -123,16 +120,7 @@ class Finger:
         Returns:
             The new state; None where nothing changed.
         """
-        self._path.tares.check_silence(t_ns, unread_ns)
-        newest, image = self._path.newest, self.image
-        if newest.is_stale:
-            return None
-        if self._freshness.is_stale(t_ns, unread_ns):
-            return self._path.lose_force(t_ns)
-        rests_on_image = newest.load_distribution is not None and newest.level in LEVELS_BY_IMAGE
-        if rests_on_image and image is not None and not image.is_fresh(t_ns, unread_ns):
-            return self._path.lose_image()
-        return None
+        return self._path.check_silence(t_ns, unread_ns)
 
     def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
         """Report slip until a time, because evidence of these kinds shows it; see `VerdictPath.note_motion`."""

@@ -36,6 +36,9 @@ from slipd.motion.evidence import evidence_mask
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.tare import Tare
 
+LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
+"""Levels that need an image. Without it they become unknown; a worse level stays as it is."""
+
 
 class VerdictPath:
     """Turns the samples of one finger into verdicts, and keeps the newest.
@@ -196,7 +199,20 @@ class VerdictPath:
         disagreement = self._check is not None and bool(self._check.disagreement)
         return self.presence.is_untouched(self.state, disagreement=disagreement)
 
-    def lose_image(self) -> FingerState:
+    def check_silence(self, t_ns: int, unread_ns: int | None) -> FingerState | None:
+        """Update the verdict if a stream that it depends on fell silent; see `Finger.check_silence`."""
+        self.tares.check_silence(t_ns, unread_ns)
+        newest, image = self.newest, self._image
+        if newest.is_stale:
+            return None
+        if self._freshness.is_stale(t_ns, unread_ns):
+            return self.lose_force(t_ns)
+        rests_on_image = newest.load_distribution is not None and newest.level in LEVELS_BY_IMAGE
+        if rests_on_image and image is not None and not image.is_fresh(t_ns, unread_ns):
+            return self._lose_image()
+        return None
+
+    def _lose_image(self) -> FingerState:
         """Return the state without the image: rotation is not observed any more."""
         self.newest = replace(
             self.state,
