@@ -11,15 +11,15 @@ from slipd.config import Finger, Pad, axes_of, stale_after_ns
 from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, ImageFreshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
+from slipd.finger.pad_zero import PadZero
 from slipd.fusion import Contact, ContactShape, contact_shape
 from slipd.samples import UNTRUSTED, TactileSample
 from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.frozen_image import FrozenImage
-from slipd.signals.observed_zero import ObservedZero
 from slipd.signals.pad import PadGeometry, taxel_wrench
-from slipd.signals.tare import Offset, Tare
+from slipd.signals.tare import Offset
 from slipd.signals.taxel_health import Mask, TaxelHealth
 
 STALE: tuple[str, ...] = ("stale",)
@@ -62,7 +62,6 @@ class ImageChannel:
         taxels = self.geometry.taxels
         self.three_axis = axes_of(pad) == 3
         shape = (taxels, 3) if self.three_axis else (taxels,)
-        self.tare = Tare(np.reshape(pad.tare, shape) if pad.tare else np.zeros(shape))
         self._scale = np.array(pad.axis_scale if self.three_axis else pad.axis_scale[0])
         self._threshold = pad.threshold
         self._least_n = finger.min_normal_n
@@ -70,6 +69,8 @@ class ImageChannel:
         self._rule = finger.load_rule
         self._calibrated = pad.gain_error is not None
         self._charge = ChargeReconstruction(taxels, pad.charge_tau_s) if pad.charge_tau_s else None
+        self._zero = PadZero(pad, shape, self._scale, self._charge)
+        self.tare = self._zero.tare
         self.taxel_health = TaxelHealth(
             pad.rows,
             pad.cols,
@@ -82,8 +83,6 @@ class ImageChannel:
         self._watch = WrenchWatch(LARGEST_READING, LARGEST_READING, repeats=pad.stuck_after, gap_ns=stale_after_ns(pad))
         self.is_frozen = False
         self.freshness = ImageFreshness(stale_after_ns(pad))
-        self._offset_stated = bool(pad.tare)
-        self._observed = ObservedZero(pad.threshold)
         self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()
@@ -112,9 +111,7 @@ class ImageChannel:
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         doubtful = not UNTRUSTED.isdisjoint(sample.status)
         self.is_frozen = self._frozen.update(sample.values, t_ns, summary.normal_n)
-        before = self.tare.current
-        values = self.tare.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.is_frozen)
-        self._apply_new_offset(before)
+        values = self._zero.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.is_frozen)
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
         values = self._scale * values
@@ -128,7 +125,7 @@ class ImageChannel:
         free = summary.normal_n is not None and summary.no_contact and summary.normal_n > -self._least_n
         self.taxel_health.update(readings, t_ns, free, summary.moving, pressure, shear)
         if not doubtful and self._charge is None:
-            self._judge_zero(readings, t_ns, free=summary.no_contact)
+            self._zero.judge(readings, t_ns, free=summary.no_contact)
         self._set_pressure(values, sample)
         self.t_ns, self.status = t_ns, sample.status
         self._assumed_free = self._charge is not None and summary.no_contact
@@ -156,40 +153,30 @@ class ImageChannel:
 
     def undo_tare(self) -> bool:
         """Restore the offset before the last tare; return False where there is none."""
-        before = self.tare.current
-        if not self.tare.undo():
-            return False
-        self._apply_new_offset(before)
-        return True
+        return self._zero.undo()
 
     def restore_tare(self, offset: Offset) -> None:
         """Put the offset of an earlier run in force."""
-        before = self.tare.current
-        self.tare.restore(offset)
-        self._apply_new_offset(before)
+        self._zero.restore(offset)
 
     def reject_tare(self, text: str) -> None:
         """Forget the offset of an earlier run; see `Tare.reject`."""
-        before = self.tare.current
-        self.tare.reject(text)
-        self._apply_new_offset(before)
+        self._zero.reject(text)
 
     @property
     def tared(self) -> bool:
-        """The offset is right: by the config, by a tare, or as the pad was seen to be free."""
-        return self._offset_stated or self.tare.known
+        """The offset is right; see `PadZero.tared`."""
+        return self._zero.tared
 
     @property
     def zero_known(self) -> bool:
-        """The zero is known: the offset is right, or the pad finds its zero each time it is free, as charge pads do."""
-        return self.tared or self._charge is not None
+        """The zero is known; see `PadZero.known`."""
+        return self._zero.known
 
     @property
     def zero_origin(self) -> str | None:
-        """Where the zero comes from: "config", "measured", "stored" or "observed"; None: it is not known."""
-        if self._charge is not None and not self.tare.known:
-            return "observed"
-        return self.tare.current.origin if self.zero_known else None
+        """Where the zero comes from; see `PadZero.origin`."""
+        return self._zero.origin
 
     @property
     def measured(self) -> Mask | None:
@@ -202,21 +189,6 @@ class ImageChannel:
         if self.is_frozen:
             return "stuck"
         return "" if self.zero_known or self.t_ns is None else "not_tared"
-
-    def _apply_new_offset(self, before: Offset) -> None:
-        """Shift, or forget, what was learned with the offset ``before`` where another is in force."""
-        if self.tare.current is before:
-            return
-        if self._charge is not None:
-            self._charge.shift(self._scale * (self.tare.current.value - before.value))
-
-    def _judge_zero(self, readings: Array, t_ns: int, *, free: bool) -> None:
-        """Confirm a zero that is not known, or reject a stored one, by an image of a pad that may be free."""
-        self._observed.update(readings, t_ns, free=free)
-        if self._observed.wrong:
-            self.reject_tare("the pad reads a load while the force sensor measures none")
-        elif self._observed.right and not self.zero_known:
-            self.tare.observe(t_ns)
 
     def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""
