@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,20 @@ class TestChargePad:
         finger.disconnect_image()
         for _ in range(5):
             assert verdict(press(10.0, counts=FULL)) == ("unknown", ("rotation_unobserved",))
+
+    def test_another_zero_during_a_contact_changes_no_load(self, finger: Finger, press: Press) -> None:
+        self.hold(press, 1.0)
+        image = finger.image
+        assert image is not None
+        counts = np.round(1000 * np.exp(-1.0 / 2.0) * np.ones((4, 4)))
+        by_config = image.tare.current
+        image.restore_tare(replace(by_config, id=1, value=by_config.value + 200.0, origin="stored"))
+        press(10.0, counts=counts)
+        assert image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)
+        image.reject_tare("the normal force is clearly negative")
+        assert image.tare.current is by_config
+        press(10.0, counts=counts)
+        assert image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)
 
 
 def test_T1_masked_three_axis_taxels_are_replaced_by_their_neighbours(right: str, parse: Parse) -> None:
