@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from slipd.config import Config, Stream
 from slipd.errors import SlipdError
+from slipd.friction.friction_estimate import Taught
 
 
 class _Stored(BaseModel):
@@ -65,6 +66,8 @@ class StoredGrip(_Stored):
         width_m: Width that the gripper reported, m; None: not known.
         object: What the gripper reported of the object, as `GripperSample.object`.
         reported_n: Force that the gripper reported, N; None: it reports none.
+        object_name: Name of the object, as a client stated it; None: it has no name.
+        friction: What was learned of the static and the dynamic friction of this object, by finger.
     """
 
     force_n: float = Field(ge=0.0)
@@ -75,6 +78,8 @@ class StoredGrip(_Stored):
     width_m: float | None
     object: str
     reported_n: float | None
+    object_name: str | None = None
+    friction: dict[str, tuple[Taught, Taught]] = {}
 
 
 class StoredState(_Stored):

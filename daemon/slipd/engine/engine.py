@@ -89,7 +89,7 @@ class Engine:
         )
         self._gripper_publisher = None if self._gripper is None else GripperPublisher(self._gripper, sequencer)
         self._status_publisher = StatusPublisher(self._fingers, named, self._gripper, self._policy, sequencer)
-        self.kept = KeptState(config, boot, wall_minus_monotonic_ns, self._links, self._fingers, self._gripper)
+        self.kept = KeptState(config, boot, wall_minus_monotonic_ns, self._links, self._fingers, self._gripper, named)
         self._status_reader = StatusReader(
             self._links, self._fingers, self._gripper, self._lateness, self._recordings, self.kept.problems
         )

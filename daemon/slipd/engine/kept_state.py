@@ -15,9 +15,10 @@ from slipd.events import FirstEvents, HostNotice, LinkUp, StateRestored
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
+from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.signals.tare import Offset
-from slipd.stored_state import StoredState, StoredTare, basis_of, read_state, rig_of, seal
+from slipd.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS
@@ -38,6 +39,7 @@ class KeptState:
         links: The links by name.
         fingers: The fingers by name.
         gripper: The gripper; None where the config names none.
+        named: Keeps the name of the object.
 
     Attributes:
         waiting: Tares whose stream has not been read since they were restored, by stream.
@@ -52,10 +54,11 @@ class KeptState:
         links: Mapping[str, DeviceLink],
         fingers: Mapping[str, Finger],
         gripper: GripperControl | None,
+        named: NamedObject,
     ) -> None:
         self._config, self._boot, self._rig = config, boot, rig_of(config)
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
-        self._links, self._gripper = links, gripper
+        self._links, self._fingers, self._gripper, self._named = links, fingers, gripper, named
         self._of_stream = {stream.name: link for link in links.values() for stream in link.streams.values()}
         self._channels: dict[str, ForceChannel | ImageChannel] = {
             f"{name}.{kind}": channel
@@ -66,6 +69,7 @@ class KeptState:
         self._basis = {name: basis_of(stream) for name, stream in config.streams().items()}
         self._kept: dict[str, tuple[Offset, StoredTare]] = {}
         self._until_ns: int | None = None
+        self._grip: StoredGrip | None = None
         self.waiting: dict[str, StoredTare] = {}
         self.problems: dict[str, str] = {}
 
@@ -87,8 +91,23 @@ class KeptState:
             else:
                 self.waiting[name] = tare if same_run else tare.model_copy(update={"origin": "stored"})
         if state.grip is not None and self._gripper is not None and not gap:
-            self._gripper.restore(state.grip)
+            self._grip = grip = state.grip
+            self._gripper.restore(grip, lambda: self._resume(grip))
         return HostNotice(_TOPIC, "")
+
+    def _resume(self, grip: StoredGrip) -> None:
+        """Go on with the name of the object, and with what was learned of it: the gripper still holds it.
+
+        What a client of this run stated meanwhile counts instead.
+        """
+        if self._named.set_by is None:
+            self._named.name = grip.object_name
+            for finger in self._fingers.values():
+                finger.set_object(grip.object_name)
+        for name, finger in self._fingers.items():
+            same = self._named.name == grip.object_name and finger.friction.set_by is None
+            if same and name in grip.friction:
+                finger.friction.estimate.resume(grip.friction[name])
 
     def _why_too_old(self, state: StoredState, t_ns: int) -> str:
         gap_s, most_s = (self._wall_ns(t_ns) - state.kept_wall_ns) / _NS, self._config.restart.gap_s
@@ -142,6 +161,9 @@ class KeptState:
             if channel.tare.known:
                 tares[name] = self._stored(name, offset, self._of_stream[name].identity)
         grip = None if self._gripper is None else self._gripper.kept()
+        if grip is not None and grip is not self._grip:
+            friction = {name: finger.friction.estimate.taught() for name, finger in self._fingers.items()}
+            grip = grip.model_copy(update={"object_name": self._named.name, "friction": friction})
         minute = self._wall_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
         state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)
         return seal(state.model_dump_json())

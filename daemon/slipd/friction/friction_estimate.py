@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from slipd.finite import finite_or_none
 from slipd.friction.friction_state import FrictionState
-from slipd.friction.learning import LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp, learn
+from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp, learn
 from slipd.fusion.rows import Rows, new_rows
 
 STEP_NS = 20_000_000
@@ -16,9 +17,25 @@ into reads; shorter than any reaction to it."""
 MOST_OBJECTS = 256
 """Named objects that are remembered; beyond that the one forgotten is the one not named for longest."""
 
+MOST_LN = 7.0
+"""Largest absolute logarithm of a coefficient that one run takes over from another: beyond it no friction is real."""
+
 _OBJECT = ("object_ln", "object_var", "object_floor")
 _Knowledge = tuple[tuple[float, float], tuple[float, float], float]
-_NOTHING: _Knowledge = (math.nan, math.nan), (math.nan, math.nan), 0.0
+_UNKNOWN = math.nan, math.nan
+_NOTHING: _Knowledge = _UNKNOWN, _UNKNOWN, 0.0
+
+
+class Taught(NamedTuple):
+    """What was learned of one coefficient; each pair is the mean and the variance of its logarithm.
+
+    Attributes:
+        slips: By the slips of the present grasp, the newest last; None: one that was disproved since.
+        earlier: By earlier grasps of the named object; None: nothing.
+    """
+
+    slips: tuple[tuple[float, float] | None, ...]
+    earlier: tuple[float, float] | None
 
 
 class FrictionEstimate:
@@ -122,6 +139,39 @@ class FrictionEstimate:
         known = [*self._objects.values(), self._knowledge()]
         return math.exp(min((_lowest(ln, var) for ln, var, _ in known if not math.isnan(var[0])), default=math.inf))
 
+    def taught(self) -> tuple[Taught, Taught]:
+        """Return what was learned of the object in the grip: its static and its dynamic friction."""
+        ln, var, _ = self._knowledge()
+        static, dynamic = map(_real, zip(ln, var, strict=True))
+        return Taught(self._slips(0), static), Taught(self._slips(1), dynamic)
+
+    def resume(self, taught: tuple[Taught, Taught]) -> None:
+        """Go on with what the run before learned in the present grasp, if it is stricter than what is stated.
+
+        What was carried does not go on: it only makes verdicts more lenient.
+        """
+        before = self._row.copy()
+        for kind, (slips, earlier) in enumerate(taught):
+            samples = [*slips, *self._slips(kind)][-KEPT:]
+            self._row["taken"][0, kind] = len(samples)
+            for k, sample in enumerate(samples):
+                ln, var = _real(sample) or _UNKNOWN
+                self._row["sample_ln"][0, kind, k], self._row["sample_var"][0, kind, k] = ln, var
+            self._row["object_ln"][0, kind], self._row["object_var"][0, kind] = _real(earlier) or _UNKNOWN
+        self._row["touched_s"] = math.inf  # the time without a daemon is no gap that ends the grasp
+        combine(self._row)
+        (bound,), (stated,) = self._row["bound"].tolist(), self._row["stated"].tolist()
+        if not 0.0 < bound < stated:
+            self._row[:] = before
+        self._take_over()
+
+    def _slips(self, kind: int) -> tuple[tuple[float, float] | None, ...]:
+        """Return the samples of one coefficient by the present grasp, the newest last."""
+        (taken,) = self._row["taken"][:, kind].tolist()
+        at = [k % KEPT for k in range(max(taken - KEPT, 0), taken)]
+        lns, variances = (self._row[name][0, kind].tolist() for name in ("sample_ln", "sample_var"))
+        return tuple(_real((lns[k], variances[k])) for k in at)
+
     def segments(self, times_ns: Sequence[int]) -> Iterator[tuple[int, int]]:
         """Yield ranges of readings with one state each; take over what was learned before each of them.
 
@@ -174,6 +224,11 @@ class FrictionEstimate:
             carried or None,
             self._name,
         )
+
+
+def _real(known: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return mean and variance of the logarithm of a coefficient; None where they cannot be those of friction."""
+    return known if known is not None and abs(known[0]) <= MOST_LN and 0.0 < known[1] < math.inf else None
 
 
 def _lowest(ln: tuple[float, float], var: tuple[float, float]) -> float:

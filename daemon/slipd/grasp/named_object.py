@@ -8,7 +8,7 @@ class NamedObject:
 
     Attributes:
         name: Name of the object; None: none is named.
-        set_by: Client that named it, or took its name back; None: no client did.
+        set_by: Client that named it, or took its name back; None: no client of this run did.
         set_t_ns: When that client did, CLOCK_MONOTONIC; None likewise.
     """
 

@@ -57,10 +57,16 @@ class GripInForce:
         self._claimed = False  # a command of this run decided what the gripper holds, or that it holds nothing
         self._before = _Before(None, unknown=False, claimed=False)
         self._stored: StoredGrip | None = None
+        self._confirmed: Callable[[], None] = lambda: None
 
-    def restore(self, grip: StoredGrip) -> None:
-        """Keep the grip of the run before until the gripper confirms or contradicts it."""
-        self._stored = grip
+    def restore(self, grip: StoredGrip, confirmed: Callable[[], None]) -> None:
+        """Keep the grip of the run before until the gripper confirms or contradicts it.
+
+        Args:
+            grip: The grip.
+            confirmed: Called once the gripper confirms it.
+        """
+        self._stored, self._confirmed = grip, confirmed
 
     def kept(self, sample: GripperSample | None) -> StoredGrip | None:
         """Return the grip in force for the next run; None without one, or where its force is not known.
@@ -169,6 +175,7 @@ class GripInForce:
         if stored is not None and _confirms(sample, stored):
             self._held, self._claimed, self.closed_to_m = True, True, stored.closed_to_m
             self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n, stored.reflexed_n)
+            self._confirmed()
             return
         measured_n = self._fingers.pressed_n(sample.t_ns)
         if not sample.object.startswith("contact") and measured_n is None:

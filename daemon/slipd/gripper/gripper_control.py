@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import cast
 
 from slipd.config import Gripper as GripperConfig
@@ -79,9 +79,9 @@ class GripperControl:
         self._follow(sample)
         self._grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
 
-    def restore(self, grip: StoredGrip) -> None:
-        """Put the grip of the run before in force again once the gripper confirms it."""
-        self._grip.restore(grip)
+    def restore(self, grip: StoredGrip, confirmed: Callable[[], None]) -> None:
+        """Put the grip of the run before in force again once the gripper confirms it, and then call ``confirmed``."""
+        self._grip.restore(grip, confirmed)
 
     def kept(self) -> StoredGrip | None:
         """Return the grip in force for the next run; None without one, or where its force is not known."""

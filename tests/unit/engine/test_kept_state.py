@@ -49,9 +49,9 @@ def restarted(before: Run, state: dict[str, Any] | str | None, text: str = RIG, 
     if state is not None:
         run.feed(StateRestored(state if isinstance(state, str) else seal(json.dumps(state))))
     run.up()
-    for _ in range(5):
+    for _ in range(20):
         run.feel(5.0)
-    run.serve_gripper(200)
+        run.serve_gripper(10)
     run.feel(5.0)
     return run
 
@@ -91,6 +91,105 @@ def test_a_grip_that_the_gripper_does_not_confirm_is_forgotten(change: dict[str,
     assert run.published("gripper")[-1]["force_command_n"] != 7.0
     grip = kept(run)["grip"]
     assert grip is None or grip["force_n"] != 7.0
+
+
+def slip(run: Run) -> None:
+    """Let the object slip on the left finger, at less than half of the load that the stated friction carries."""
+    for k in range(620):
+        run.wrench(5.0, (0.6 + 0.001 * k if k < 580 else 0.9, 0.0))
+        if k % 20 == 0:
+            run.image(np.full((4, 4), 100 + k % 7))
+            run.skin(5.0, ms=1.0)
+            run.serve_gripper(5)
+
+
+def friction(run: Run) -> tuple[str | None, float, float]:
+    """Name of the object, and the coefficient of static friction in use on each finger."""
+    status = run.ask("status")["result"]
+    return status["object_name"], status["fingers"]["left"]["mu"], status["fingers"]["right"]["mu"]
+
+
+def slipped(name: str | None = "mug") -> tuple[Run, dict[str, Any], float]:
+    """A run that learned the friction of a named object by a slip, what it keeps, and the coefficient."""
+    run, _ = held()
+    if name is not None:
+        run.ask("object.set", name=name)
+    slip(run)
+    found, mu, right = friction(run)
+    assert (found, mu, right) == (name, pytest.approx(0.21, abs=0.01), 0.5)
+    return run, kept(run) | {"boot": EARLIER}, mu
+
+
+@pytest.mark.parametrize("name", ["mug", None])
+def test_A10_what_a_slip_taught_and_the_name_go_on_with_the_grip(name: str | None) -> None:
+    before, state, mu = slipped(name)
+    run = restarted(before, state)
+    assert friction(run) == (name, mu, 0.5)
+    assert (run.level("left"), run.published("slip.left")[-1]["mu_source"]) == (("stable", []), "learned")
+    status = run.ask("status")["result"]
+    assert (status["object_by"], status["object_t_ns"]) == (None, None), "no client of this run named it"
+    again = restarted(run, kept(run) | {"boot": EARLIER})
+    assert friction(again) == (name, mu, 0.5), "nor does a second kill lose it"
+    for _ in range(5):
+        again.feel(0.0)
+        again.serve_gripper(10)
+    assert (friction(again)[1] < 0.5) is (name is not None), "another grasp, of the same object where it has a name"
+
+
+def test_what_a_slip_taught_waits_for_the_gripper() -> None:
+    before, state, mu = slipped()
+    run = Run(RIG, zeros=False)
+    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+    run.feed(StateRestored(seal(json.dumps(state))))
+    assert kept(run)["grip"] == state["grip"], "kept until the gripper answers"
+    run.up()
+    run.feel(5.0)
+    assert friction(run) == (None, 0.5, 0.5)
+    for _ in range(5):
+        run.serve_gripper(10)
+        run.feel(5.0)
+    assert friction(run) == ("mug", mu, 0.5)
+
+
+def test_what_a_slip_taught_ends_where_the_gripper_does_not_confirm_its_grip() -> None:
+    before, state, _ = slipped()
+    state["grip"]["width_m"] += 0.01
+    assert friction(restarted(before, state)) == (None, 0.5, 0.5)
+
+
+def test_what_a_client_states_before_the_gripper_answers_counts_instead() -> None:
+    before, state, _ = slipped()
+    for op, fields, expected in (
+        ("object.set", {"name": "box"}, ("box", 0.5, 0.5)),
+        ("friction.set", {"finger": "left", "mu_s": 0.4}, ("mug", 0.4, 0.5)),
+    ):
+        run = Run(RIG, zeros=False)
+        run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+        run.feed(StateRestored(seal(json.dumps(state))))
+        run.up()
+        run.lease()
+        assert run.refusal(op, **fields) is None
+        run.serve_gripper(50)
+        assert kept(run)["grip"]["force_n"] == 5.0
+        assert friction(run) == expected
+
+
+@pytest.mark.parametrize(
+    "slips", [[[-0.1, 0.01]], [[-1.5, 0.0]], [[-1.5, -1.0]], [[1e300, 0.01]], [[-1.5, 1e300]], [[-1.5, 5e-324]], []]
+)
+def test_friction_that_is_not_stricter_or_cannot_be_is_ignored(slips: list[list[float]]) -> None:
+    before, state, _ = slipped()
+    kept_of = state["grip"]["friction"]
+    state["grip"]["friction"] = {"left": [[slips, None]] * 2, "another finger": kept_of["left"]}
+    assert friction(restarted(before, state)) == ("mug", 0.5, 0.5)
+
+
+def test_a_state_of_before_friction_was_kept_is_read() -> None:
+    before, state, _ = slipped()
+    del state["grip"]["friction"], state["grip"]["object_name"]
+    run = restarted(before, state)
+    assert friction(run) == (None, 0.5, 0.5)
+    assert kept(run)["grip"]["force_n"] == 5.0
 
 
 Change = Callable[[dict[str, Any]], object]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
-from learning_hand import Hand, carry, slip
+from learning_hand import Hand, Q, carry, slip
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
@@ -86,3 +87,44 @@ def test_a_grasp_that_is_discarded_teaches_its_object_nothing(hand: Hand) -> Non
     hand.estimate.discard_grasp()
     assert hand.estimate.state == before
     assert hand.let_go() == before
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_another_run_that_goes_on_with_a_grasp_is_never_more_lenient(seed: int) -> None:
+    """Both feel the same after the first run could have been killed."""
+    rng, rest = random.Random(seed), carry(0.05, 0.01)
+
+    def course() -> list[Q]:
+        peak = rng.uniform(0.1, 0.55)
+        return carry(peak) if rng.random() < 0.4 else [*slip(peak, 0.8 * peak), *rest]
+
+    killed = Hand()
+    killed.estimate.set_object(rng.choice(["mug", None]))
+    for _ in range(rng.randrange(1, 9)):
+        killed.feel(course())
+        if rng.random() < 0.2:
+            killed.let_go()
+    killed.feel([*slip(0.3, 0.2), *rest])
+    again = Hand()
+    again.estimate.set_object(killed.estimate.state.object_name)
+    again.estimate.resume(killed.estimate.taught())
+    assert again.estimate.state.source == "learned"
+    assert again.estimate.state.mu_d == pytest.approx(killed.estimate.state.mu_d)
+    for k in range(9):
+        now, known = again.estimate.state.mu, killed.estimate.state.mu
+        assert now is not None
+        assert known is not None
+        assert now <= known + 1e-12, f"after {k} more"
+        more = course()
+        killed.feel(more)
+        again.feel(more)
+
+
+def test_slips_of_another_run_come_before_those_of_this_one(hand: Hand) -> None:
+    before = Hand()
+    before.feel([*slip(0.2, 0.1), *carry(0.05)] * 3)
+    hand.feel(slip(0.25, 0.2))
+    own = hand.estimate.taught()[0].slips
+    hand.estimate.resume(before.estimate.taught())
+    assert hand.estimate.taught()[0].slips == (*before.estimate.taught()[0].slips, *own)
+    assert hand.estimate.state.mu < 0.25  # type: ignore[operator]

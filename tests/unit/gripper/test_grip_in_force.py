@@ -263,7 +263,8 @@ class TestAGripThatNoCommandBegan:
         )  # fmt: skip
         control = self.control(left, gripper, parse, session, Pad(None))
         assert control.conditions() == []
-        control.restore(kept)
+        confirmed: list[bool] = []
+        control.restore(kept, lambda: confirmed.append(True))
         assert control.kept() == kept
         seen = {"width_m": 0.04, **self.HOLDING} | now
         control.update(reading(seen.pop("width_m"), T0, **seen))
@@ -271,6 +272,7 @@ class TestAGripThatNoCommandBegan:
         assert policy.force_n == force_n
         assert (policy.raised_n, policy.reflexed_n) == ((1.0, 2.0) if force_n == 6.0 else (0.0, 0.0))
         assert len(control.conditions()) == (force_n is None)
+        assert confirmed == [True] * (force_n == 6.0)
 
     def test_may_have_begun_while_the_gripper_was_out_of_sight(
         self, control: GripperControl, session: Recorded
