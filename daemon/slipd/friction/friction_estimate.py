@@ -157,7 +157,8 @@ class FrictionEstimate:
             for k, sample in enumerate(samples):
                 ln, var = _real(sample) or _UNKNOWN
                 self._row["sample_ln"][0, kind, k], self._row["sample_var"][0, kind, k] = ln, var
-            self._row["object_ln"][0, kind], self._row["object_var"][0, kind] = _real(earlier) or _UNKNOWN
+            if (known := _real(earlier)) is not None:
+                self._row["object_ln"][0, kind], self._row["object_var"][0, kind] = known
         self._row["touched_s"] = math.inf  # the time without a daemon is no gap that ends the grasp
         combine(self._row)
         (bound,), (stated,) = self._row["bound"].tolist(), self._row["stated"].tolist()
