@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -155,7 +156,9 @@ class VerdictPath:
         )
         self.newest = batch
         if PULLED in batch.phases and self.tares.main.current.origin == "stored":
-            self._reject_zero("the normal force is clearly negative")
+            cast("ForceChannel | ImageChannel", self._force or self._image).reject_tare(
+                "the normal force is clearly negative"
+            )
         if self.motion is not None:
             self.motion.update_force(batch)
         if check is not None:
@@ -163,11 +166,6 @@ class VerdictPath:
         if self.tares.busy:
             self.tares.check_load(self.state)
         return batch
-
-    def _reject_zero(self, text: str) -> None:
-        channel = self._force or self._image
-        if channel is not None:
-            channel.reject_tare(text)
 
     def _learning(self, arrival: Arrival) -> Learning:
         """Return what readings that arrived so may teach of friction; a new zero casts doubt on what they taught."""

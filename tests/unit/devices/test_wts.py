@@ -121,3 +121,9 @@ def test_worked_requests_and_answers_are_written(made: bytes, sent: str) -> None
 
 def test_the_interval_of_a_request_is_read() -> None:
     assert wts.parse_start(wts.encode_start(250)[6:-2]) == 250
+
+
+def test_a_single_image_is_written_as_drivers_read_it() -> None:
+    answer = wts.encode_single(np.arange(3, dtype="<u2"), 1234)
+    head = bytes.fromhex("AAAAAA 20 0D00 0000 D2040000 00")  # id, length, status, time in ms, flags
+    assert answer[:-2] == head + bytes.fromhex("0000 0100 0200")

@@ -78,6 +78,20 @@ def test_a_restart_in_a_grasp_goes_on_with_the_zeros_and_the_grip_in_force() -> 
     assert kept(run)["grip"]["raised_n"] == pytest.approx(1.0)
 
 
+def test_F6_a_stored_zero_that_a_clear_pull_contradicts_is_not_used() -> None:
+    before, state = held()
+    run = restarted(before, state)
+    assert zeros(run)["left.wrench"] == (1, "stored")
+    for _ in range(30):
+        run.feel(-4.0)
+    assert zeros(run)["left.wrench"] == (0, None)
+    stream = run.ask("status")["result"]["streams"]["left.wrench"]
+    assert "the stored zero does not fit: the normal force is clearly negative" in stream["message"]
+    for _ in range(30):
+        run.feel(5.0)
+    assert run.level("left") == ("unknown", ["not_tared"])
+
+
 @pytest.mark.parametrize(
     "change", [{"found": 3}, {"stage": 0, "outputs": (0, 0, 0)}, {}], ids=["no object", "inactive", "width"]
 )

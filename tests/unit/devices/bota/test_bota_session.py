@@ -310,3 +310,7 @@ def test_an_answer_belongs_to_its_own_letter() -> None:
     assert bota_text.find_ack(received, "C") == 0
     assert bota_text.find_ack(received, "c") == 3
     assert bota_text.find_ack(received, "R") is None
+
+
+def test_the_answer_to_a_question_for_the_product_is_as_the_makers_driver_reads_it() -> None:
+    assert bota_text.encode_product("SensONE", 42) == b"p,0,42,0,0,SensONE\r\nr,0,p,0\r\n"
