@@ -67,8 +67,8 @@ def _judge_contact() -> None:
     wrench = Wrench(device="bota", port="-", rate_hz=1000.0)
     pad = Pad(device="pvdf", port="-", rate_hz=100.0, rows=2, cols=2, pitch_m=0.01, electrode_m=0.005)
     finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
-    for channel in filter(None, (finger.force, finger.image)):
-        channel.tare.observe(0)  # without a known zero nothing is a contact
+    for tare in (channel.tare for channel in (finger.force, finger.image) if channel is not None):
+        tare.observe(0)  # without a known zero nothing is a contact
     finger.update_image(TactileSample(0, None, np.ones(4)))
     for torque in (np.zeros(3), None):
         samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(3)]
