@@ -66,7 +66,7 @@ class StoredGrip(_Stored):
         width_m: Width that the gripper reported, m; None: not known.
         object: What the gripper reported of the object, as `GripperSample.object`.
         reported_n: Force that the gripper reported, N; None: it reports none.
-        object_name: Name of the object, as a client stated it; None: it has no name.
+        named: Name of the object, as a client stated it; None: it has no name.
         friction: What was learned of the static and the dynamic friction of this object, by finger.
     """
 
@@ -78,7 +78,7 @@ class StoredGrip(_Stored):
     width_m: float | None
     object: str
     reported_n: float | None
-    object_name: str | None = None
+    named: str | None = None
     friction: dict[str, tuple[Taught, Taught]] = {}
 
 

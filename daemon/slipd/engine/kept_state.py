@@ -101,11 +101,11 @@ class KeptState:
         What a client of this run stated meanwhile counts instead.
         """
         if self._named.set_by is None:
-            self._named.name = grip.object_name
+            self._named.name = grip.named
             for finger in self._fingers.values():
-                finger.set_object(grip.object_name)
+                finger.set_object(grip.named)
         for name, finger in self._fingers.items():
-            same = self._named.name == grip.object_name and finger.friction.set_by is None
+            same = self._named.name == grip.named and finger.friction.set_by is None
             if same and name in grip.friction:
                 finger.friction.estimate.resume(grip.friction[name])
 
@@ -163,7 +163,7 @@ class KeptState:
         grip = None if self._gripper is None else self._gripper.kept()
         if grip is not None and grip is not self._grip:
             friction = {name: finger.friction.estimate.taught() for name, finger in self._fingers.items()}
-            grip = grip.model_copy(update={"object_name": self._named.name, "friction": friction})
+            grip = grip.model_copy(update={"named": self._named.name, "friction": friction})
         minute = self._wall_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
         state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)
         return seal(state.model_dump_json())

@@ -92,6 +92,40 @@ def test_F6_a_stored_zero_that_a_clear_pull_contradicts_is_not_used() -> None:
     assert run.level("left") == ("unknown", ["not_tared"])
 
 
+def test_a_state_that_cannot_be_read_is_reported_and_nothing_of_it_is_used() -> None:
+    run = Run(RIG, zeros=False)
+    run.feed(StateRestored("", "state.json: Permission denied"))
+    run.up()
+    notices = run.ask("status")["result"]["notices"]
+    assert notices["state"] == "the state of the run before is not used: state.json: Permission denied"
+
+
+def test_a_stored_zero_waits_for_the_identity_of_its_device() -> None:
+    before, state = held()
+    state["tares"]["left.wrench"]["device"] = "S/N 7"
+    assert zeros(restarted(before, state))["left.wrench"] == (0, None), "this device never reports one"
+
+
+def test_a_stored_zero_replaces_none_that_was_measured_meanwhile() -> None:
+    run, state = held()
+    run.feed(StateRestored(seal(json.dumps(state))))
+    run.feel(5.0)
+    assert zeros(run)["left.wrench"] == (1, "measured")
+
+
+def test_a_device_that_answers_only_after_the_longest_gap_gets_no_stored_zero() -> None:
+    before, state = held()
+    run = Run(RIG, zeros=False)
+    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+    run.feed(StateRestored(seal(json.dumps(state))))
+    run.t_ns += 3700 * SECOND
+    run.up()
+    run.feel(5.0)
+    assert zeros(run)["left.wrench"] == (0, None)
+    stream = run.ask("status")["result"]["streams"]["left.wrench"]
+    assert "the device answers too late for restart.gap_s" in stream["message"]
+
+
 @pytest.mark.parametrize(
     "change", [{"found": 3}, {"stage": 0, "outputs": (0, 0, 0)}, {}], ids=["no object", "inactive", "width"]
 )
@@ -200,7 +234,7 @@ def test_friction_that_is_not_stricter_or_cannot_be_is_ignored(slips: list[list[
 
 def test_a_state_of_before_friction_was_kept_is_read() -> None:
     before, state, _ = slipped()
-    del state["grip"]["friction"], state["grip"]["object_name"]
+    del state["grip"]["friction"], state["grip"]["named"]
     run = restarted(before, state)
     assert friction(run) == (None, 0.5, 0.5)
     assert kept(run)["grip"]["force_n"] == 5.0
