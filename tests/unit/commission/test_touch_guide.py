@@ -21,6 +21,7 @@ from slipd.commission.config_update import changed_text, changes
 from slipd.commission.dialogue import Choice, Event, Output, Prompt, Say, Skipped, follow
 from slipd.commission.readings import ReadingListener
 from slipd.commission.touch_guide import FingerOutcome, TouchGuide
+from slipd.commission.touches import scan_centroid
 from slipd.config.toml_lines import marked_keys
 from slipd.errors import SlipdError
 from slipd.sim import touched_devices
@@ -252,6 +253,19 @@ def test_noise_is_measured_and_what_is_confirmed_loses_its_mark(tmp_path: Path) 
     assert wrench is not None
     assert wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
     assert any("noise at rest 0.0" in line for line in (*printed, *outcome.findings.notes))
+
+
+def test_noise_finer_than_a_count_is_not_measured_and_the_person_is_told(tmp_path: Path) -> None:
+    rig = config.parse(SERIAL.format(scale="[2.0, 2.0, 2.0]"), "coarse")
+    outcome, _ = commission(rig, rig, tmp_path)
+    assert outcome.result.noise is None
+    assert "the noise is not measured: the readings moved, or did not change at all" in outcome.findings.notes
+
+
+def test_an_image_without_a_load_has_no_centre() -> None:
+    pad = charge_rig(left={}).finger["left"].pad
+    assert pad is not None
+    assert scan_centroid(pad, np.zeros(pad.rows * pad.cols)) is None
 
 
 def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
