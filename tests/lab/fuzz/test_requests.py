@@ -23,7 +23,7 @@ from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session
 from slipd.finger.finger import Finger
-from slipd.gripper import motion_gate, reflex
+from slipd.gripper import motion_gate
 from slipd.permit import Permit
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.idempotency import IdempotencyCache
@@ -95,7 +95,6 @@ def harder(self: Session, permit: Permit, now_ns: int, *, execute: Callable[...,
         (motion_gate, "TABLE", without("no_fault_is_latched"), "a fault stands"),
         (Finger, "is_trusted_for_raise", always, "good False"),
         (Session, "execute", harder, "N applied"),
-        (reflex, "PERIOD_NS", 200_000_000, "the reflex raised by"),
         (IdempotencyCache, "seen", nothing, "was granted to"),
         (RequestHandlers, "answer", failing, "RuntimeError: broken"),
     ],

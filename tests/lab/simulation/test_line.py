@@ -81,6 +81,8 @@ def test_L6_another_device_on_the_path_is_refused(seed):
     for line in bed.lines.values():
         bed.plug(line.link)
     bed.run(READY_S)
+    assert bed.ask("tare", finger="right", seconds=0.1)["ok"]
+    bed.run(0.5)
     assert bed.level() == "unknown"
     assert bed.health("left.wrench")["health"] == 2
     assert bed.level("right") == "no_contact"
