@@ -37,11 +37,11 @@ else
 test: $(READY)
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target $(KERNELS) lint portable_quick
 	@echo "== tests of the rooms from devices to the engine, with coverage"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== tests of the rooms that guide a person: every branch of them is tested"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov-config=$(NO_CONFIG) --cov-branch --cov-report= \
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" --cov-config=$(NO_CONFIG) --cov-branch --cov-report= \
 		--cov=slipd.discovery --cov=slipd.commission $(GUIDES)
 	@$(BIN)/coverage report --rcfile=$(NO_CONFIG) --fail-under=100 --precision=2 --skip-covered --show-missing
 	@echo "== the other tests that can share the machine"

@@ -215,8 +215,7 @@ class ForceChannel:
     def reject_tare(self, text: str) -> None:
         """Forget the offset of an earlier run; see `Tare.reject`."""
         self.tare.reject(text)
-        if self.tare.current is not self._offset:
-            self._take_offset()
+        self._take_offset()
 
     def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
         """Set the apparent gravity in the pad frame, m/s²; a finger that turns gives up its tare."""
