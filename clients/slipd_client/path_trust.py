@@ -1,6 +1,6 @@
 """Check that no other user can change a config or stand in for the daemon. The daemon imports this too.
 
-Whoever can write the config decides what moves, and whoever can create the sockets decides what clients believe.
+A user who can write the config decides what moves; one who can create the sockets decides what clients believe.
 
 The rule is that of OpenSSH's ``StrictModes``, as Debian ships it: the file and every folder on its path belong to root
 or to the user who runs slipd, and nobody else may write to them; a private group of that user counts as the user. It

@@ -12,7 +12,7 @@ from slipd.commission.readings import FingerReadings
 from slipd.commission.touches import Mount
 
 TOUCHED_N = 0.5
-"""A noise of this size is none: the finger was touched, or the gripper moved."""
+"""Readings that vary by more than this, N, are no noise: the finger was touched, or the gripper moved."""
 
 LEAST_IMAGES = 20
 """Fewest images that show the noise of their taxels."""
