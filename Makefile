@@ -42,7 +42,7 @@ test: $(READY)
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== tests of the rooms that guide a person: every branch of them is tested"
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" --cov-config=$(NO_CONFIG) --cov-branch --cov-report= \
-		--cov=slipd.discovery --cov=slipd.commission $(GUIDES)
+		--cov=slipd.tools.discovery --cov=slipd.tools.commission $(GUIDES)
 	@$(BIN)/coverage report --rcfile=$(NO_CONFIG) --fail-under=100 --precision=2 --skip-covered --show-missing
 	@echo "== the other tests that can share the machine"
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" $(addprefix --ignore=,$(ROOMS) $(GUIDES) $(DAEMONS) $(LONG))

@@ -11,10 +11,10 @@ import os
 import sys
 from typing import NoReturn
 
-from slipd.cli_parser import parser
-from slipd.device_text import printable_lines
 from slipd.errors import ConfigError, SlipdError
-from slipd.log_lines import log_uncaught, open_log
+from slipd.io.log_lines import log_uncaught, open_log
+from slipd.tools.cli_parser import parser
+from slipd.types.device_text import printable_lines
 
 DONE, FAULT, WRONG, INTERRUPTED = 0, 1, 2, 130
 
@@ -56,7 +56,7 @@ def _exit_code(arguments: argparse.Namespace) -> int:
 
 
 def _first_steps(_: argparse.Namespace) -> int:
-    from slipd.shipped_command import FIRST_STEPS
+    from slipd.tools.shipped_command import FIRST_STEPS
 
     print(FIRST_STEPS)
     return WRONG
@@ -78,7 +78,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    from slipd.demo import run_demo
+    from slipd.tools.demo import run_demo
 
     return run_demo(arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record)
 
@@ -91,28 +91,28 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from slipd.check_command import check_command
+    from slipd.tools.check_command import check_command
 
     check_command(arguments.config)
     return DONE
 
 
 def _config_list(_: argparse.Namespace) -> int:
-    from slipd.shipped_command import print_configs
+    from slipd.tools.shipped_command import print_configs
 
     print_configs()
     return DONE
 
 
 def _config_show(arguments: argparse.Namespace) -> int:
-    from slipd.shipped_command import print_config
+    from slipd.tools.shipped_command import print_config
 
     print_config(arguments.name)
     return DONE
 
 
 def _docs(arguments: argparse.Namespace) -> int:
-    from slipd.shipped_command import print_page, print_pages
+    from slipd.tools.shipped_command import print_page, print_pages
 
     if arguments.name is None:
         print_pages()
@@ -128,7 +128,7 @@ def _slipctl(arguments: argparse.Namespace) -> int:
 
 
 def _service(arguments: argparse.Namespace) -> int:
-    from slipd.service_command import ServiceFiles, own_program
+    from slipd.tools.service_command import ServiceFiles, own_program
 
     files = ServiceFiles(arguments.system, arguments.root, arguments.program or own_program())
     (files.install if arguments.command == "service install" else files.uninstall)()
@@ -136,14 +136,14 @@ def _service(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from slipd.replay_command import replay_command
+    from slipd.tools.replay_command import replay_command
 
     whole = replay_command(arguments.file, arguments.speed, as_json=arguments.json, publish=arguments.publish)
     return DONE if whole else FAULT
 
 
 def _recover(arguments: argparse.Namespace) -> int:
-    from slipd.progress import Progress
+    from slipd.io.progress import Progress
     from slipd.recording.recover import recover
     from slipd_client.health.bundle import without_secrets
 
@@ -165,10 +165,10 @@ def _view(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
-    from slipd.evaluation.evaluate_command import EvaluateCommand
-    from slipd.evaluation.executors import on_dask
-    from slipd.evaluation.recording_choice import chosen
-    from slipd.evaluation.result_cache import ResultCache, cache_folder
+    from slipd.tools.evaluation.evaluate_command import EvaluateCommand
+    from slipd.tools.evaluation.executors import on_dask
+    from slipd.tools.evaluation.recording_choice import chosen
+    from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 
     if arguments.table is not None and arguments.json:
         raise SlipdError("--table writes a file and --json prints: give one of them")
@@ -186,8 +186,8 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
 
 def _plot(arguments: argparse.Namespace) -> int:
-    from slipd.plot.binned_track import Window
-    from slipd.plot.plot_command import plot_command
+    from slipd.tools.plot.binned_track import Window
+    from slipd.tools.plot.plot_command import plot_command
 
     window = Window(arguments.begin_s, arguments.end_s)
     whole = plot_command(arguments.file, arguments.out, arguments.config, window)
@@ -195,7 +195,7 @@ def _plot(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from slipd.export.export_command import ExportOptions, export_command
+    from slipd.tools.export.export_command import ExportOptions, export_command
 
     options = ExportOptions(arguments.to, arguments.rate, arguments.task, arguments.overwrite)
     try:
@@ -207,27 +207,27 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _devices(arguments: argparse.Namespace) -> int:
-    from slipd.devices_command import print_devices
+    from slipd.tools.devices_command import print_devices
 
     print_devices(arguments.name)
     return DONE
 
 
 def _doctor(arguments: argparse.Namespace) -> int:
-    from slipd.discovery.doctor_command import doctor
+    from slipd.tools.discovery.doctor_command import doctor
 
     return DONE if doctor(arguments) else FAULT
 
 
 def _init(arguments: argparse.Namespace) -> int:
-    from slipd.discovery.init_command import init_command
+    from slipd.tools.discovery.init_command import init_command
 
     init_command(arguments.file, arguments.ports, only_list=arguments.list)
     return DONE
 
 
 def _commission(arguments: argparse.Namespace) -> int:
-    from slipd.commission.commission_command import CommissionOptions, commission_command
+    from slipd.tools.commission.commission_command import CommissionOptions, commission_command
 
     options = CommissionOptions(
         arguments.finger,
@@ -248,14 +248,14 @@ def _commission(arguments: argparse.Namespace) -> int:
 
 
 def _emulate(arguments: argparse.Namespace) -> int:
-    from slipd.sim.emulate_command import emulate_command
+    from slipd.tools.sim.emulate_command import emulate_command
 
     emulate_command(arguments.file, arguments.dir, arguments.script, arguments.seed)
     return DONE
 
 
 def _touch(arguments: argparse.Namespace) -> int:
-    from slipd.sim.emulate_command import touch_command
+    from slipd.tools.sim.emulate_command import touch_command
 
     return touch_command(arguments.dir, arguments.words)
 

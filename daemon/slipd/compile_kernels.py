@@ -13,7 +13,7 @@ from numba.core import event
 
 from slipd.engine.warm_up import warm_up
 from slipd.fusion.compiled import KERNELS
-from slipd.progress import Progress
+from slipd.io.progress import Progress
 
 PURPOSE = "compiling kernels, once"
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slipd.device_text import printable
+from slipd.types.device_text import printable
 
 
 class SlipdError(Exception):

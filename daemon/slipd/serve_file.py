@@ -13,10 +13,10 @@ from pathlib import Path
 
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
-from slipd.host.config_reload import ConfigReload, kept_text
-from slipd.host.polling_selector import PollingSelector
-from slipd.host.run_signals import EndSignals, handled_signals
-from slipd.host.systemd_notify import SystemdNotifier
+from slipd.io.host.config_reload import ConfigReload, kept_text
+from slipd.io.host.polling_selector import PollingSelector
+from slipd.io.host.run_signals import EndSignals, handled_signals
+from slipd.io.host.systemd_notify import SystemdNotifier
 from slipd.service import serve
 from slipd.service_run import Endpoints
 

@@ -13,16 +13,16 @@ from typing import Any
 from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config
 from slipd.events import HostNotice
-from slipd.host.config_reload import ConfigReload
-from slipd.host.realtime import realtime_priority
-from slipd.host.run_signals import EndSignals
-from slipd.host.stage_checks import stage_checks
-from slipd.host.systemd_notify import SystemdNotifier
-from slipd.host.watchdog import Watchdog
+from slipd.io.host.config_reload import ConfigReload
+from slipd.io.host.realtime import realtime_priority
+from slipd.io.host.run_signals import EndSignals
+from slipd.io.host.stage_checks import stage_checks
+from slipd.io.host.systemd_notify import SystemdNotifier
+from slipd.io.host.watchdog import Watchdog
+from slipd.io.ticker import Ticker
+from slipd.io.transport import Links
+from slipd.io.zmtp.listener import raise_descriptor_limit
 from slipd.service_run import Endpoints, ServiceRun
-from slipd.ticker import Ticker
-from slipd.transport import Links
-from slipd.zmtp.listener import raise_descriptor_limit
 
 LOSS_REPORT_S = 10.0
 """Period of the log lines about data lost on this host, s: often enough to find the cause, too rare to flood the

@@ -18,14 +18,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from slipd.bus.authentication import guard
-from slipd.bus.publisher import Publisher
-from slipd.bus.request_server import RequestServer
-from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, HostNotice, Publish, Record, Reply, Request, Tick, Write
-from slipd.log_lines import log_kept
+from slipd.grasp.stored_state import rig_of
+from slipd.io.bus.authentication import guard
+from slipd.io.bus.publisher import Publisher
+from slipd.io.bus.request_server import RequestServer
+from slipd.io.bus.runtime_directory import RuntimeDirectory
+from slipd.io.log_lines import log_kept
+from slipd.io.transport import Links
+from slipd.io.zmtp.endpoint import check_free
+from slipd.io.zmtp.listener_progress import ListenerProgress
 from slipd.recording.continuous_recording import KIND, ContinuousRecording, run_name
 from slipd.recording.incidents import Incidents, file_of_run
 from slipd.recording.mcap_file import check_new
@@ -34,10 +38,6 @@ from slipd.recording.requested_recordings import RequestedRecordings, check_room
 from slipd.recording.run_files import RunFiles
 from slipd.recording.state_file import StateFile
 from slipd.recording.writer import Recorder, Room
-from slipd.stored_state import rig_of
-from slipd.transport import Links
-from slipd.zmtp.endpoint import check_free
-from slipd.zmtp.listener_progress import ListenerProgress
 from slipd_client.health.repairs import summary
 from slipd_client.messages import GRASP_TOPIC, STATUS_TOPIC, WARNING_TOPIC, encode
 from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, runtime_dir

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import zmq
 
-from slipd.bus.request_server import RequestServer
-from slipd.zmtp.endpoint import USER_ALONE, Access
+from slipd.io.bus.request_server import RequestServer
+from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd_client.messages import PROTOCOL_VERSION, decode, encode
 
 if TYPE_CHECKING:

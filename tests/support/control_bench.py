@@ -10,9 +10,9 @@ from slipd.config import Config
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
-from slipd.permit import Permit
-from slipd.refusal import Refusal
-from slipd.samples import GripperSample
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
+from slipd.types.samples import GripperSample
 
 MS = 1_000_000
 T0 = 100_000_000_000

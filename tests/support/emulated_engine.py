@@ -9,9 +9,9 @@ from typing import Any
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Output, Publish, Reply, Request, Tick, Write
-from slipd.sim.emulators import Emulator
-from slipd.sim.hand_commands import parse_command
-from slipd.sim.touched_devices import TouchedDevices
+from slipd.tools.sim.emulators import Emulator
+from slipd.tools.sim.hand_commands import parse_command
+from slipd.tools.sim.touched_devices import TouchedDevices
 from slipd_client.errors import RequestRefused
 from slipd_client.messages.reader import typed_message
 from slipd_client.messages.schema import replies

@@ -8,8 +8,8 @@ from typing import Any
 import msgpack
 
 from slipd.devices.external_gripper import Session
-from slipd.samples import GripperSample
-from slipd.sim.emulated_external_gripper import Driver
+from slipd.tools.sim.emulated_external_gripper import Driver
+from slipd.types.samples import GripperSample
 
 MS = 1_000_000
 

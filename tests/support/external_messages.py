@@ -8,7 +8,7 @@ import msgpack
 
 from slipd.devices import external
 from slipd.devices.external import encode_reading
-from slipd.samples import ObjectSample, TactileSample, WrenchSample
+from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
 
 WRENCH = {"stream": "left.wrench", "t_ns": 5, "force_n": [1.0, 2.0, 3.0], "torque_nm": [0.1, 0.2, 0.3]}
 IMAGE = {"stream": "left.pad", "t_ns": 6, "values": [1.0, 2.0, 3.0, 4.0]}

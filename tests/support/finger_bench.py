@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from known_zeros import known_finger
 
-from slipd.arrays import Array
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.fusion import torque_limit
 from slipd.fusion.rows import READING, TOUCHING, new_rows
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 MS = 1_000_000

@@ -14,7 +14,7 @@ from typing import Any
 
 from walk_peers import PEERS, SentCommand
 
-from slipd.permit import Permit
+from slipd.types.permit import Permit
 
 MS = 1_000_000
 STEPS = 4_000

@@ -9,8 +9,8 @@ from commission_person import ANSWERS, PULLS, TOUCHES, touch_for
 from emulated_engine import EmulatedEngine
 
 from slipd import config
-from slipd.commission.config_update import changed_text
-from slipd.commission.dialogue import (
+from slipd.tools.commission.config_update import changed_text
+from slipd.tools.commission.dialogue import (
     Ask,
     Change,
     Choice,

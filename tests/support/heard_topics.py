@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
-from slipd.bus.publisher import Publisher
+from slipd.io.bus.publisher import Publisher
 
 if TYPE_CHECKING:
     from loop_waits import Eventually

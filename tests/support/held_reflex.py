@@ -9,7 +9,7 @@ from judging import ask
 
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.reflex import Reflex, ReflexAct, ReflexSettings
-from slipd.permit import Permit
+from slipd.types.permit import Permit
 
 MS = 1_000_000
 T0 = 50_000_000_000

@@ -9,8 +9,8 @@ from typing import Any
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge
-from slipd.permit import Permit
-from slipd.refusal import Refusal
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
 
 READY = GripperState(
     answers=True,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.levels import Assessment, ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
+from slipd.types.arrays import Array
 
 MU = 0.6
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
-from slipd.sim.true_contact import Load
+from slipd.tools.sim.true_contact import Load
+from slipd.types.arrays import Array
 
 
 def finger_load(load: Load, *, right: bool) -> Load:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slipd.devices import GripperSession
-from slipd.permit import Permit
+from slipd.types.permit import Permit
 
 
 def activate(session: GripperSession, now_ns: int = 0) -> bool:

@@ -11,7 +11,7 @@ from permits import move, set_force
 from slipd.devices import robotiq_2f
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 ILLEGAL_FUNCTION = 1  # of Modbus exceptions
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]

@@ -17,11 +17,11 @@ from demo_story import Story
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.recording.mcap_file import RecordingFile
-from slipd.sim.emulated_pvdf import PvdfElectronics
-from slipd.sim.robot_program import Plan
-from slipd.sim.scene import Scene
-from slipd.sim.scene_script import Script
-from slipd.sim.virtual_rig import VirtualRig
+from slipd.tools.sim.emulated_pvdf import PvdfElectronics
+from slipd.tools.sim.robot_program import Plan
+from slipd.tools.sim.scene import Scene
+from slipd.tools.sim.scene_script import Script
+from slipd.tools.sim.virtual_rig import VirtualRig
 
 BOOT, WALL_NS, SEED = "b", 1_790_000_000_000_000_000, 11
 READY_S, BEGIN_S = 0.25, 0.4

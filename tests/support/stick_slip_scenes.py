@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, GraspTrace, LoadHistory, PadCompliance
-from slipd.sim.stickslip import simulate as simulate_grasp
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, GraspTrace, LoadHistory, PadCompliance
+from slipd.tools.sim.stickslip import simulate as simulate_grasp
 
 Load = tuple[float, float, float]
 

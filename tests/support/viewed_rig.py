@@ -97,7 +97,7 @@ class ViewedRig:
     def __enter__(self) -> ViewedRig:
         with contextlib.ExitStack() as stack:
             gripper = f"unix://{self._folder}/gripper"
-            emulated = ("slipd.sim.emulate", "external_gripper", "--at", gripper)
+            emulated = ("slipd.tools.sim.emulate", "external_gripper", "--at", gripper)
             emulator = stack.enter_context(part(self._folder, *emulated))
             self.daemon = stack.enter_context(self.start_daemon())
             first_line(emulator)

@@ -18,9 +18,9 @@ from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.sim.emulated_external_gripper import DRIVER, Driver
-from slipd.sim.emulated_robotiq_2f import FORCE_TABLE, Gripper2F
-from slipd.sim.emulated_wsg import make as make_wsg
+from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver
+from slipd.tools.sim.emulated_robotiq_2f import FORCE_TABLE, Gripper2F
+from slipd.tools.sim.emulated_wsg import make as make_wsg
 
 
 @dataclass(frozen=True)

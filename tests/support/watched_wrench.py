@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.signals.frozen import WrenchWatch
+from slipd.types.arrays import Array
 
 MS = 1_000_000
 

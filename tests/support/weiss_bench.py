@@ -11,10 +11,10 @@ import pytest
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.shared.weiss_tactile import TactileSession
-from slipd.samples import TactileSample
-from slipd.sim.emulated_dsacon32 import Dsacon32
-from slipd.sim.emulated_wts import WtsModule
-from slipd.sim.weiss_controller import WeissController
+from slipd.tools.sim.emulated_dsacon32 import Dsacon32
+from slipd.tools.sim.emulated_wts import WtsModule
+from slipd.tools.sim.weiss_controller import WeissController
+from slipd.types.samples import TactileSample
 
 MS = 1_000_000
 

@@ -9,8 +9,8 @@ from typing import Any
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.samples import GripperSample
-from slipd.sim.emulated_wsg import Gripper, make
+from slipd.tools.sim.emulated_wsg import Gripper, make
+from slipd.types.samples import GripperSample
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000

@@ -11,7 +11,7 @@ from project import CONFIG, TRIAL
 
 from slipd import __version__, config
 from slipd.cli import main
-from slipd.cli_parser import SLIPCTL, parser
+from slipd.tools.cli_parser import SLIPCTL, parser
 from slipd_client import slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))

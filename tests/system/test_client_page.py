@@ -18,8 +18,8 @@ from project import DOCS
 from service_rig import serving
 
 from slipd import config
-from slipd.sim import emulate
-from slipd.sim.touched_devices import TouchedDevices
+from slipd.tools.sim import emulate
+from slipd.tools.sim.touched_devices import TouchedDevices
 from slipd_client.aio import AsyncGripClient
 from slipd_client.errors import RequestRefused
 

@@ -18,9 +18,9 @@ from own_address import free_port, own_host
 from service_rig import asked, serving
 
 from slipd import config
-from slipd.sim import touched_devices
-from slipd.sim.emulate import emulated
-from slipd.sim.hand_commands import parse_command
+from slipd.tools.sim import touched_devices
+from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.hand_commands import parse_command
 from slipd_client import keys
 
 RIG = """# One finger.

@@ -54,7 +54,14 @@ def hand(rig: Rig, tmp_path: Path) -> Iterator[Hand]:
     rig.file.write_text(
         rig.file.read_text(encoding="utf-8") + external_gripper_table(tmp_path, step_n=5.0), encoding="utf-8"
     )
-    emulate = [sys.executable, "-m", "slipd.sim.emulate", "external_gripper", "--at", f"unix://{tmp_path}/gripper"]
+    emulate = [
+        sys.executable,
+        "-m",
+        "slipd.tools.sim.emulate",
+        "external_gripper",
+        "--at",
+        f"unix://{tmp_path}/gripper",
+    ]
     with start(rig.file) as daemon, subprocess.Popen(emulate, stdout=subprocess.DEVNULL) as emulator:
         peer = client_of(daemon)
         peer.close()

@@ -20,8 +20,8 @@ from typing import Any
 import pytest
 from daemon_peers import Client, Device
 
-from slipd.device_text import LONGEST
 from slipd.service_run import Endpoints
+from slipd.types.device_text import LONGEST
 
 PATIENCE_S = 60.0
 HOSTILE_S = 4.0

@@ -25,7 +25,7 @@ def test_init_writes_a_config_that_check_accepts_and_replaces_none(tmp_path: Pat
     pipe = subprocess.PIPE
     devices = {
         name: subprocess.Popen(
-            [sys.executable, "-m", "slipd.sim.emulate", name, "--at", str(ports / f"usb-{name}")],
+            [sys.executable, "-m", "slipd.tools.sim.emulate", name, "--at", str(ports / f"usb-{name}")],
             stdin=pipe,
             stdout=pipe,
         )

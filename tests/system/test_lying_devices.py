@@ -210,7 +210,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GripClient, 
         daemon = stack.enter_context(process("slipd", "run", "--config", str(file), folder=folder))
         assert daemon.stdout is not None
         publish, requests = (daemon.stdout.readline().partition(": ")[2].strip() for _ in range(2))
-        gripper = ("slipd.sim.emulate", "external_gripper", "--at", f"unix://{folder}/gripper")
+        gripper = ("slipd.tools.sim.emulate", "external_gripper", "--at", f"unix://{folder}/gripper")
         stack.enter_context(process(*gripper, folder=folder))
         pusher = Pusher(f"ipc://{folder}/readings")
         pusher.start()

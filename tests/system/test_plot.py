@@ -16,10 +16,10 @@ from replays import RECORDINGS
 from terminals import PseudoTerminal
 
 from slipd.cli import main
-from slipd.plot.plot_command import is_plot
-from slipd.plot.report_page import GENERATOR
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
+from slipd.tools.plot.plot_command import is_plot
+from slipd.tools.plot.report_page import GENERATOR
 
 DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
 PAGE = f'<!doctype html>\n<meta name="generator" content="{GENERATOR}">'
@@ -222,8 +222,8 @@ def test_a_png_without_matplotlib_names_what_to_install(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "slipd.plot.chart_png", raising=False)
-    monkeypatch.delattr("slipd.plot.chart_png", raising=False)
+    monkeypatch.delitem(sys.modules, "slipd.tools.plot.chart_png", raising=False)
+    monkeypatch.delattr("slipd.tools.plot.chart_png", raising=False)
     assert main(["plot", DEMO, "--out", "a.png"]) == 1
     assert "a.png: a PNG needs matplotlib: pip install 'slipd[chart]'" in capsys.readouterr().err
     assert list(here.iterdir()) == []

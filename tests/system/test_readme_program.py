@@ -78,7 +78,7 @@ def test_the_program_of_readme_outlives_the_daemon_that_it_steers(tmp_path: Path
     text = config.shipped("demo.toml").read_text("utf-8").replace('"virtual/', f'"{tmp_path}/')
     rig.write_text(text.replace("[finger.left.wrench]", "[finger.left.wrench]\nmass_kg = 0.02"))
     serve = ("-m", "slipd", "run", str(rig))
-    with part(log, "-m", "slipd.sim.virtual_gripper", "--dir", str(tmp_path)) as hand:
+    with part(log, "-m", "slipd.tools.sim.virtual_gripper", "--dir", str(tmp_path)) as hand:
         assert hand.stdout is not None
         hand.stdout.readline()
         with part(log, "-u", "-c", PROGRAM) as program:

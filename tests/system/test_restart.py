@@ -103,7 +103,7 @@ def test_a_daemon_that_aborts_and_is_started_again_finds_the_grip_and_leaves_a_w
         rig, first = folder / "demo.toml", folder / "first.mcap"
         text = config.shipped("demo.toml").read_text(encoding="utf-8")
         rig.write_text(text.replace('"virtual/', f'"{folder}/'), encoding="utf-8")
-        line(stack.enter_context(part(folder, "slipd.sim.virtual_gripper", "--dir", str(folder))))
+        line(stack.enter_context(part(folder, "slipd.tools.sim.virtual_gripper", "--dir", str(folder))))
 
         with part(folder, "slipd", "run", "--config", str(rig), "--record", str(first)) as daemon:
             publish, requests = endpoints(daemon)

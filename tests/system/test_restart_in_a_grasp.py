@@ -20,7 +20,7 @@ from own_address import free_port, own_host
 from pushed_sensors import HELD, PADS, Sensors
 from viewed_rig import FINGER
 
-from slipd.sim.emulate import emulated, emulator_for
+from slipd.tools.sim.emulate import emulated, emulator_for
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.health.repairs import repairs

@@ -20,8 +20,8 @@ from slipd.devices.shared import modbus
 from slipd.engine.engine import Engine
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.sim.emulators import make_emulator
-from slipd.transport import Links
+from slipd.io.transport import Links
+from slipd.tools.sim.emulators import make_emulator
 from slipd_client.errors import RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.keys import create, load

@@ -15,9 +15,9 @@ import pytest
 from project import CONFIG, ROOT
 
 from slipd.cli import main
-from slipd.host.stage_checks import ANSWER_S
-from slipd.host.watchdog import FEEDS_PER_TIMEOUT
-from slipd.service_command import own_program, with_program
+from slipd.io.host.stage_checks import ANSWER_S
+from slipd.io.host.watchdog import FEEDS_PER_TIMEOUT
+from slipd.tools.service_command import own_program, with_program
 
 UNIT, USER_UNIT = CONFIG / "slipd.service", CONFIG / "slipd-user.service"
 RULES, USERS = CONFIG / "70-slipd.rules", CONFIG / "slipd.sysusers"

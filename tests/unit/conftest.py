@@ -11,7 +11,7 @@ from engine_rig import FULL_IMAGE, GRIPPER, LEFT, RIGHT, Run, wrench_of
 
 from slipd import config
 from slipd.config import Config
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 
 @pytest.fixture

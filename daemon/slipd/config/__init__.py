@@ -15,9 +15,9 @@ from slipd.config.host_model import Realtime, Restart
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
 from slipd.config.recording_model import Continuous, Incidents, Recording
+from slipd.config.shipped_files import config_file as shipped
 from slipd.config.stream_model import Stream
 from slipd.config.stream_settings import axes_of, device_options, in_newtons, stale_after_ns, transport_of
-from slipd.shipped_files import config_file as shipped
 
 __all__ = [
     "Bus",

@@ -14,13 +14,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.devices import Device, Need
 from slipd.devices.shared import crc
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
-from slipd.samples import WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import WrenchSample
 
 CHANNELS = 6
 FRAME_LENGTH = 36

@@ -19,7 +19,7 @@ from slipd.devices import Device, Need
 from slipd.devices.shared import crc
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 ROWS = 8
 COLS = 16

@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.devices import Device
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
-from slipd.samples import TactileSample
+from slipd.types.arrays import Array
+from slipd.types.samples import TactileSample
 
 FINGERS = 2
 TAXELS = 28

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.arrays import Array
 from slipd.devices import Device
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.sequence_tracker import FURTHEST_GAP
-from slipd.samples import TactileSample
+from slipd.types.arrays import Array
+from slipd.types.samples import TactileSample
 
 MAX_MESSAGE = 1 << 17
 """Longest message, characters; a hand of 368 taxels with all fields of version 1.7.7 fills 54,053."""

@@ -19,7 +19,7 @@ from slipd.events import LinkSpec
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.publish.status_publisher import StreamStatus
-from slipd.samples import Sample
+from slipd.types.samples import Sample
 from slipd_client.messages import Health
 
 FAULT_SHOWN_NS = 1_000_000_000

@@ -46,7 +46,7 @@ from slipd.publish.wire_values import Body
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.lease_handlers import policy_without_gripper
 from slipd.requests.recording_state import RecordingState
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 SUSPENSION_NS = 50_000_000
 """A longer sleep of the host makes every stream stale and ends the lease."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slipd.samples import Sample
+from slipd.types.samples import Sample
 
 FLOOD_FACTOR = 4.0
 """Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two."""

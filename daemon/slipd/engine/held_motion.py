@@ -13,7 +13,7 @@ from slipd.motion.evidence import Evidence
 from slipd.motion.outside_motion import OutsideMotion
 from slipd.motion.risk import MotionRisk
 from slipd.motion.width_change import WidthChange
-from slipd.samples import GripperSample, ObjectSample
+from slipd.types.samples import GripperSample, ObjectSample
 
 REPORTED_NS = 300_000_000
 """Motion of the jaws, in pads that measure the force, or by another process, stays reported for this long after the

@@ -16,9 +16,9 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.grasp.named_object import NamedObject
+from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.gripper_control import GripperControl
 from slipd.signals.tare import Offset
-from slipd.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS

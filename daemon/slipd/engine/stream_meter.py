@@ -11,9 +11,9 @@ from slipd.config import ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock
 from slipd.signals.host_time import host_time
+from slipd.types.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 from slipd_client.messages.names import DAEMON_LATE
 

@@ -20,12 +20,12 @@ from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.streaming import IDENTITY, move_to_pad, new_readings, spin_utilisation_1n
 from slipd.motion.image_fit import ImageFitter
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
-from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
 from slipd.signals.taxel_blocks import BLOCK_NS, Blocks
 from slipd.signals.taxel_faults import TaxelFaults
+from slipd.types.samples import TactileSample, WrenchSample
 
 
 def warm_up() -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from slipd.finger.freshness import Arrival
 from slipd.finger.image_channel import ImageChannel
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 
 class DelayedRead(NamedTuple):

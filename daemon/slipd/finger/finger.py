@@ -21,7 +21,7 @@ from slipd.finger.verdict import PAD_PULLED
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.finger.verdict_path import VerdictPath
 from slipd.friction.friction_state import FrictionState
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.refusal import Refusal
+from slipd.types.refusal import Refusal
 from slipd_client.messages.schema.request_fields import STREAM
 
 

@@ -8,19 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.config import Wrench
 from slipd.finger.freshness import Arrival
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import PENDING, UNTRUSTED, Rows
 from slipd.fusion.streaming import IDENTITY, WrenchTransform, move_to_pad, new_readings
-from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
-from slipd.samples import WrenchSample
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Offset, Tare
+from slipd.types.arrays import Array
+from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.types.samples import WrenchSample
 
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 """Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""

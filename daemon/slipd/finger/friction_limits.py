@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finite import finite_or_none
 from slipd.friction.learning import Z
 from slipd.fusion import Contact, Utilisation, grip_needed_n, torque_limit
 from slipd.fusion.load_noise import relative_noise
+from slipd.types.finite import finite_or_none
 
 
 def needed_normal_n(finger: Finger, state: FingerState) -> float | None:

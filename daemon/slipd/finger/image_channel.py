@@ -6,14 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
 from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, ImageFreshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.finger.pad_zero import PadZero
 from slipd.fusion import Contact, ContactShape, contact_shape
-from slipd.samples import UNTRUSTED, TactileSample
 from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
@@ -21,6 +19,8 @@ from slipd.signals.frozen_image import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Offset
 from slipd.signals.taxel_health import Mask, TaxelHealth
+from slipd.types.arrays import Array
+from slipd.types.samples import UNTRUSTED, TactileSample
 
 STALE: tuple[str, ...] = ("stale",)
 """Reason why an image that is too old, or missing, cannot be used."""

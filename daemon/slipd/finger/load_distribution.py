@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion import Contact, Loads, grey_loads
 from slipd.fusion.hull import Outline
 from slipd.fusion.loads import active_loads
+from slipd.types.arrays import Array
 
 
 @dataclass(slots=True, frozen=True, eq=False)

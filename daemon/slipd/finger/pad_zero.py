@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.config import Pad
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.observed_zero import ObservedZero
 from slipd.signals.tare import Offset, Tare
+from slipd.types.arrays import Array
 
 
 class PadZero:

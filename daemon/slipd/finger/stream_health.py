@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.samples import UNTRUSTED
 from slipd.signals.tare import Tare
+from slipd.types.samples import UNTRUSTED
 from slipd_client.messages import Health
 
 Condition = tuple[Health, str]

@@ -8,8 +8,8 @@ from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion.rows import UNTRUSTED
 from slipd.fusion.streaming import IDENTITY, new_readings
-from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
-from slipd.samples import TactileSample
+from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.types.samples import TactileSample
 
 _UNKNOWN = (math.nan,) * 6
 

@@ -7,7 +7,7 @@ from slipd.finger.force_channel import UNTRUSTED_FAULTS, ForceChannel
 from slipd.finger.freshness import Freshness
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import Verdict
-from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
 
 DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared", "pulled"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
 """Reasons of a verdict that leave the force on the finger unknown."""

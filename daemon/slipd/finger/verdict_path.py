@@ -34,8 +34,8 @@ from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Ve
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import LATE, PULLED
 from slipd.motion.evidence import evidence_mask
-from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.tare import Tare
+from slipd.types.samples import TactileSample, WrenchSample
 
 LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
 """Levels that need an image. Without it they become unknown; a worse level stays as it is."""

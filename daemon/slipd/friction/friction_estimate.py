@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from slipd.finite import finite_or_none
 from slipd.friction.friction_state import FrictionState
 from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp, learn
 from slipd.fusion.rows import Rows, new_rows
+from slipd.types.finite import finite_or_none
 
 STEP_NS = 20_000_000
 """A verdict takes over what was learned at multiples of this time, so that it does not depend on how readings are split

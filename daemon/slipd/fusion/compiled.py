@@ -17,7 +17,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from slipd.source_stamp import source_stamp
+from slipd.fusion.source_stamp import source_stamp
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
+from slipd.types.arrays import Array
 
 DEFAULT_MIN_NORMAL_N = 0.2
 """Below this normal force, the error of the centroid (torque noise / normal force) exceeds the size of a fingertip."""

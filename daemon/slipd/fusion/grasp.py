@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 
 class PadPose(NamedTuple):

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
 from slipd.fusion.rows import Rows
+from slipd.types.arrays import Array, Indices
 
 
 @compiled

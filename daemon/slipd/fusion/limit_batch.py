@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slipd.arrays import Array
 from slipd.fusion.limit.batch import solve_torque_limits, solve_utilisations
 from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES
 from slipd.fusion.rows import TORQUE_LIMIT, UTILISATION, new_rows
+from slipd.types.arrays import Array
 
 _NAMES = np.array(KINDS)
 

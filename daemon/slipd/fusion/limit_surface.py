@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.arrays import Array
 from slipd.fusion.limit.grip_factor import solve_grip_factor
 from slipd.fusion.limit.solve import (
     GOAL,
@@ -28,6 +27,7 @@ from slipd.fusion.limit.solve import (
     solve_torque_limit,
     solve_utilisation,
 )
+from slipd.types.arrays import Array
 
 Twist = tuple[float, float, float]
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
 from slipd.fusion.hull import Outline
+from slipd.types.arrays import Array, Indices
 
 ON_HULL = 1e-6
 """Fraction of the contact's extent within which a centroid counts as lying on the hull. The tilt that meets it would

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slipd.arrays import Array
 from slipd.fusion.hull import convex_hull
+from slipd.types.arrays import Array
 
 CORNER_PITCHES = 0.6
 """A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a

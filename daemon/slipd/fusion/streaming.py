@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.contact import Contact, contact_numbers
 from slipd.fusion.levels import Assessment
@@ -31,6 +30,7 @@ from slipd.fusion.rows import (
     Rows,
     new_rows,
 )
+from slipd.types.arrays import Array
 
 
 class WrenchTransform(NamedTuple):

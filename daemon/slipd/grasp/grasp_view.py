@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.arrays import Array
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.friction_limits import needed_normal_n
-from slipd.finite import finite_or_none
 from slipd.fusion.grasp import (
     PadPose,
     asymmetry,
@@ -25,6 +23,8 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
+from slipd.types.arrays import Array
+from slipd.types.finite import finite_or_none
 from slipd_client.messages import SEVERITY
 
 _NO_WRENCH = (math.nan,) * 6

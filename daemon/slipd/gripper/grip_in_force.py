@@ -7,13 +7,13 @@ from collections.abc import Callable
 from typing import NamedTuple, cast
 
 from slipd.devices import GripperSession
-from slipd.finite import finite_or_none
+from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.all_fingers import AllFingers
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
-from slipd.permit import Permit
-from slipd.samples import GripperSample
-from slipd.stored_state import StoredGrip
+from slipd.types.finite import finite_or_none
+from slipd.types.permit import Permit
+from slipd.types.samples import GripperSample
 
 SAME_WIDTH_M, SAME_FORCE_N = 1e-3, 1.0
 """A gripper that holds what it held reports the same width and force within this."""

@@ -12,7 +12,7 @@ from typing import cast
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
-from slipd.finite import finite_or_none
+from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.all_fingers import AllFingers
 from slipd.gripper.grip_in_force import GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
@@ -20,10 +20,10 @@ from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, Gri
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge, why_not_sent
 from slipd.gripper.motion_rules import PUT_DOWN
-from slipd.permit import Permit
-from slipd.refusal import Refusal
-from slipd.samples import GripperSample
-from slipd.stored_state import StoredGrip
+from slipd.types.finite import finite_or_none
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
+from slipd.types.samples import GripperSample
 from slipd_client.messages.names import GRIP_UNKNOWN, Health
 
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0

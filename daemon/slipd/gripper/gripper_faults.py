@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 ECHO_READINGS = 3
 """Wrong echoes in a row that count as a mismatch: a reading that crosses a command still echoes the previous one."""

@@ -5,7 +5,7 @@ A client that dies stops renewing its lease, which then ends within its own time
 
 from __future__ import annotations
 
-from slipd.refusal import Refusal
+from slipd.types.refusal import Refusal
 
 _MS = 1_000_000
 NO_LEASE = Refusal(

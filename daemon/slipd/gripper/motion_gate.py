@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 from slipd.gripper import motion_rules as rules
 from slipd.gripper.intent import Intent, IntentKind, Situation
-from slipd.permit import Permit
-from slipd.refusal import Refusal
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
 
 Rule = Callable[[Intent, Situation], Refusal | None]
 

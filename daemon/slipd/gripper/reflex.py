@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slipd.finite import finite_or_none
 from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
+from slipd.types.finite import finite_or_none
 
 PERIOD_NS = 20_000_000
 """Least time between two acts, and the time over which one act ramps: grippers take about 50 commands a second."""

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_agreement import ImageAgreement
 from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array
 
 KEPT_NS = 10_000_000_000
 """A path begins anew after this time: charge and rubber creep for longer."""

@@ -15,9 +15,9 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.motion.image_fit import neighbours_along
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array
 
 LEAST_LEFT, LEAST_SHARE, LEAST_CORRELATION = 0.2, 0.4, 0.4
 """The six modes of load and tilt leave at least the first share of the squared change; otherwise a tilt may explain it.

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array
 
 BLOCK_S = 0.05
 """Duration of a block, s: a contact that creeps with 3 mm/s moves 0.15 mm in it."""

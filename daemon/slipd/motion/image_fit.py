@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array, Indices
 
 MODES, MOTIONS = 8, 3
 """Ways in which an image changes: gain, two of tilt, two of growth; then the motions: two of shift, and the turn."""

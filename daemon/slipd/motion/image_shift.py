@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.motion.centroid_shift import (
     AGAIN_M,
     ALONG,
@@ -34,6 +33,7 @@ from slipd.motion.image_fit import MOTIONS, ImageFit, ImageFitter
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array
 
 Flags = NDArray[np.bool_]
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 LOOK_NS = 60_000_000
 """Least time between two looks: pads report 40 Hz and more, but many renew their readings at only 10 Hz."""

@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.motion.evidence import Evidence
 from slipd.motion.surprises import f_surprise
-from slipd.samples import ObjectSample
+from slipd.types.arrays import Array
+from slipd.types.samples import ObjectSample
 
 SETTLED_NS = 200_000_000
 """A hold this young still settles."""

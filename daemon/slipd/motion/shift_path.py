@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.motion.image_fit import MOTIONS
 from slipd.motion.surprises import f_surprise
+from slipd.types.arrays import Array
 
 LONG_STEP = 4
 """Steps of the longer second difference."""

@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.motion.evidence import Evidence
 from slipd.motion.surprises import f_surprise
+from slipd.types.arrays import Array
 
 LEAST_HZ = 500.0
 """A slower sensor does not see the band of friction, 100 to 250 Hz."""

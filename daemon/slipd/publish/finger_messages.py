@@ -10,9 +10,9 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED
-from slipd.finite import finite_or_none
 from slipd.publish.friction_messages import friction_body, required_friction_body
 from slipd.publish.wire_values import Body, array, numbers, pair
+from slipd.types.finite import finite_or_none
 from slipd_client.messages import SEVERITY, level_code
 
 NEWTON, UNCALIBRATED = "N", "uncalibrated"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finite import finite_or_none
 from slipd.friction.friction_state import FrictionState
 from slipd.publish.wire_values import Body
+from slipd.types.finite import finite_or_none
 
 
 def friction_body(friction: FrictionState) -> Body:

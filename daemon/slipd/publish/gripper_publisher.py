@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from slipd.events import Output
-from slipd.finite import finite_or_none
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex import ReflexAct
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.wire_values import Body
+from slipd.types.finite import finite_or_none
 from slipd_client.messages import GRIPPER_TOPIC
 
 

@@ -8,12 +8,12 @@ from slipd.events import RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
-from slipd.finite import finite_or_none
 from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.friction_messages import friction_body, friction_setter_body
 from slipd.publish.wire_values import Body
-from slipd.refusal import Refusal
+from slipd.types.finite import finite_or_none
+from slipd.types.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
 Result = Body | Refusal

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from slipd import __version__
-from slipd.device_text import one_line
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.events import IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.finite import finite_or_none
 from slipd.grasp.named_object import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
@@ -23,6 +21,8 @@ from slipd.publish.friction_messages import friction_setter_body
 from slipd.publish.gripper_publisher import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.wire_values import Body
+from slipd.types.device_text import one_line
+from slipd.types.finite import finite_or_none
 from slipd_client.messages import STATUS_TOPIC, Health
 
 

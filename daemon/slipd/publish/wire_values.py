@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 Body = dict[str, Any]
 """A map on the wire: a message, the result of a reply, or a part of either."""

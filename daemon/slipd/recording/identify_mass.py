@@ -15,18 +15,18 @@ from pathlib import Path
 import numpy as np
 
 from slipd import config
-from slipd.arrays import Array
 from slipd.config import Config, Wrench, device_options
 from slipd.devices import DEVICES
 from slipd.errors import RecordingError
 from slipd.events import Bytes, LinkDown, LinkUp, Request
 from slipd.recording.reader import Recording, open_recording
-from slipd.samples import UNTRUSTED, WrenchSample
 from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import MIN_READINGS
 from slipd.signals.weight_identification import Identification, identify
+from slipd.types.arrays import Array
+from slipd.types.samples import UNTRUSTED, WrenchSample
 
 POSE_TOLERANCE_MPS2 = 0.5
 """A pose ends when gravity has changed by this much since its start, m/s²: 3° of tilt."""

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd import config
-from slipd.arrays import Array
 from slipd.config.toml_edit import with_numbers
 from slipd.errors import RecordingError
+from slipd.types.arrays import Array
 
 FEWEST_ROWS = 5
 """Fewest rows of a tare: fewer do not show whether the pad is at rest."""

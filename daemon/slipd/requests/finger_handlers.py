@@ -13,9 +13,9 @@ from slipd.finger.finger_tares import Tares
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.publish import replies
 from slipd.publish.replies import Result
-from slipd.refusal import Refusal
 from slipd.requests.gripper_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
+from slipd.types.refusal import Refusal
 from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"

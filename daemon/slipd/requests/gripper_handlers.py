@@ -9,7 +9,7 @@ from slipd.events import Request
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish import replies
 from slipd.publish.replies import Result
-from slipd.refusal import Refusal
+from slipd.types.refusal import Refusal
 
 Handler = Callable[[Request, int], Result]
 """Carries out a checked request at a time, or refuses it."""

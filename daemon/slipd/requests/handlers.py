@@ -13,7 +13,6 @@ from slipd.gripper.gripper_control import GripperControl
 from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.publish.wire_values import Body
-from slipd.refusal import Refusal
 from slipd.requests.finger_handlers import FingerHandlers, lease_advice
 from slipd.requests.gripper_handlers import gripper_handlers
 from slipd.requests.idempotency import IdempotencyCache
@@ -21,6 +20,7 @@ from slipd.requests.lease_handlers import LeaseHandlers
 from slipd.requests.object_handlers import ObjectHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
+from slipd.types.refusal import Refusal
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
 
 _FREED_BY = {

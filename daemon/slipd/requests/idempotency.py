@@ -8,7 +8,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
-from slipd.refusal import Refusal
+from slipd.types.refusal import Refusal
 from slipd_client.messages.schema.ops import OPEN_OPS
 
 PER_CLIENT = 64

@@ -9,9 +9,9 @@ from slipd.grasp.named_object import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.publish import replies
 from slipd.publish.replies import Result
-from slipd.refusal import Refusal
 from slipd.requests.finger_handlers import client_name, lease_advice
 from slipd.requests.gripper_handlers import Handler
+from slipd.types.refusal import Refusal
 
 
 class ObjectHandlers:

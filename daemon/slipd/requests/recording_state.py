@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from slipd.events import Record, RecordingChanged, Request
-from slipd.refusal import Refusal
+from slipd.types.refusal import Refusal
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11

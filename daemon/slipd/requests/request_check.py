@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from slipd.refusal import Refusal
+from slipd.types.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Kind

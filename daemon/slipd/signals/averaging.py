@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 LARGEST_READING = 1e12
 """No device reports more (a count has at most 32 bits), and sums of squares stay finite far beyond it."""

@@ -19,8 +19,8 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
+from slipd.types.arrays import Array
 
 OFFSET_TAU_S = 0.5
 """Time constant of learning the offset without contact, s: long compared to noise, short compared to warming."""

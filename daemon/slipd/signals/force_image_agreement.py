@@ -22,10 +22,10 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array, Indices
 from slipd.fusion import Contact
 from slipd.fusion.compiled import compiled
 from slipd.signals.pad import STEPS, neighbours
+from slipd.types.arrays import Array, Indices
 
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""

@@ -11,8 +11,8 @@ import math
 from collections.abc import Sequence
 from operator import mul
 
-from slipd.arrays import Array
 from slipd.signals.reading_comparison import IMPOSSIBLE, JUMPS, NOT_FINITE, REPEATS, any_finding, compare
+from slipd.types.arrays import Array
 
 STUCK_NS = 20_000_000
 """Shortest reported run, whatever the noise: a device may send several readings of one conversion."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 FROZEN_IMAGES = 3
 """Number of images in a row that equal the one before. XELA's server repeats 7 % of its images, never two in a row."""

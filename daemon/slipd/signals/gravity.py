@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.signals.averaging import flushed
+from slipd.types.arrays import Array
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 MOST_GRAVITY_MPS2 = 5.0 * STANDARD_GRAVITY_MPS2

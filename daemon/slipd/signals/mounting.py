@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 
 class Mounting:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 HELD_NS = 200_000_000
 """Time for which a free pad must read the same: it may show a touch before the force sensor measures it, ns."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 """Steps (rows, columns) to the eight neighbours of a taxel, in the order of `neighbours`."""

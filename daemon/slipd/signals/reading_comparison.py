@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
+from slipd.types.arrays import Array
 
 REPEATS, JUMPS, IMPOSSIBLE, NOT_FINITE = 1, 2, 4, 8
 """Findings about a reading, which `compare` adds up."""

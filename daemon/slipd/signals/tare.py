@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.signals.averaging import MOVING_FACTOR, Average, most_std
+from slipd.types.arrays import Array
 from slipd_client.messages import TareReason
 
 MIN_READINGS = 8

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
+from slipd.types.arrays import Array, Indices
 
 BLOCK_NS = 90_000_000
 """A block ends with the first image this long after the end of the previous block: three images at 30 Hz."""

@@ -23,7 +23,6 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array, Indices
 from slipd.signals.pad import STEPS, neighbours
 from slipd.signals.taxel_blocks import Blocks
 from slipd.signals.taxel_surroundings import (
@@ -35,6 +34,7 @@ from slipd.signals.taxel_surroundings import (
     lowest_around,
     mean_around,
 )
+from slipd.types.arrays import Array, Indices
 
 Mask = NDArray[np.bool_]
 

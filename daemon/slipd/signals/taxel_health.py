@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.signals.pad import neighbours
 from slipd.signals.taxel_blocks import WINDOW, Blocks
 from slipd.signals.taxel_faults import Kind, TaxelFaults
+from slipd.types.arrays import Array
 
 Mask = NDArray[np.bool_]
 

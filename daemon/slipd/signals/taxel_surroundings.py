@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
+from slipd.types.arrays import Array, Indices
 
 Mask = NDArray[np.bool_]
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 MIN_POSES = 3
 """Least number of poses: two lie on a line."""

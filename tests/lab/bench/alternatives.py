@@ -16,7 +16,7 @@ from chart.rivals.scaled import Scaled
 from chart.scenes import Scene
 from scipy.optimize import root
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 SOURCE = Path(__file__).with_name("limit.c")
 FLAGS = ("-std=c99", "-O3", "-ffp-contract=off")

@@ -19,9 +19,9 @@ from bench.alternatives import FLAGS, NATIVE, InC, compiled_c, hybr, plain_hybr
 from bench.tables import Table
 from chart.scenes import COLS, MU, PITCH_M, ROWS, Scene, grid, ordinary, scene
 
-from slipd.arrays import Array
 from slipd.engine.warm_up import warm_up
 from slipd.fusion import TorqueLimit, torque_limit, torque_limits, utilisation, utilisations
+from slipd.types.arrays import Array
 
 ROUNDS, CASES, REPEATS, CALLS = 9, 256, 8, 5000
 QUICK_ROUNDS, QUICK_CASES, QUICK_REPEATS, QUICK_CALLS = 2, 16, 1, 200

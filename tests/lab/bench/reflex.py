@@ -26,8 +26,8 @@ from grasp_table import grasp_table
 
 from slipd.devices import bota
 from slipd.devices.bota import bota_text
-from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
-from slipd.sim.true_contact import Pad
+from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
+from slipd.tools.sim.true_contact import Pad
 from slipd_client.errors import RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import MESSAGE_LIMITS, decode

@@ -12,9 +12,9 @@ import pytest
 from bench.alternatives import FLAGS, SOURCE, InC, compiled_c
 from chart.scenes import FAMILIES, PITCH_M, Scene, draw
 
-from slipd.arrays import Array
 from slipd.fusion import torque_limits, utilisations
 from slipd.fusion.limit.solve import KINDS
+from slipd.types.arrays import Array
 
 if shutil.which("cc") is None:
     pytest.skip("no C compiler named cc is here", allow_module_level=True)

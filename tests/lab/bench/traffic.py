@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.devices import bota
-from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
-from slipd.sim.true_contact import Pad, Patch
+from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
+from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.types.arrays import Array
 
 INDEX_N = 2.0**-16
 """30 s at 1 kHz pull with 0.46 N at the end."""

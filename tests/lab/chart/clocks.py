@@ -16,8 +16,8 @@ import numpy as np
 from bench.tables import Table
 from chart.clocks_streams import BOOT_NS, Stream, Times
 
-from slipd.arrays import Array
 from slipd.signals.clock import DeviceClock
+from slipd.types.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from chart.scenes import COLS, PITCH_M, ROWS
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 Random = np.random.Generator
 

@@ -16,8 +16,8 @@ from bench.tables import Table
 from chart.continuous import SHAPES, image
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.fusion import binary_loads, grey_loads, matched_loads, torque_limit, utilisation
+from slipd.types.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure

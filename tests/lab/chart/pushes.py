@@ -20,8 +20,8 @@ import numpy as np
 from bench.tables import Table
 from project import DATA
 
-from slipd.arrays import Array
 from slipd.fusion import torque_limit, utilisation
+from slipd.types.arrays import Array
 
 PUSHES = DATA / "pushes"
 WEIGHT_N = 1.518 * 9.81

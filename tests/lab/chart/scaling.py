@@ -12,7 +12,7 @@ from chart.scenes import MU, Scene
 from chart.scores import timed
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 ASKED = ("slipd", "batch", "hybr", "Clarabel", "Weiszfeld")
 MOST, QUICK_MOST = 4096, 256

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 Random = np.random.Generator
 

@@ -18,8 +18,8 @@ from chart.rivals import models
 from chart.scenes import Scene, draw
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.fusion import torque_limit
+from slipd.types.arrays import Array
 
 WRONG, WRONG_TOLD = 1e-6, "1e-6"
 """Of the contact's own torque: an error above this is told as wrong."""

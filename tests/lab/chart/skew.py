@@ -17,10 +17,10 @@ import numpy as np
 from bench.tables import Table
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.fusion import grey_loads, matched_loads, tipping_margin, torque_limit, utilisation
-from slipd.sim.stickslip.pressed_patch import ELECTRODE_SAMPLES
-from slipd.sim.true_contact import Pad, Patch
+from slipd.tools.sim.stickslip.pressed_patch import ELECTRODE_SAMPLES
+from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.types.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

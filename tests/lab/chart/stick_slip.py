@@ -11,10 +11,10 @@ import numpy as np
 from bench.tables import Table
 from stick_slip_scenes import GRIP_N, PAD, STEADY, history, kinetic_j, onset, ramp, simulate
 
-from slipd.arrays import Array
 from slipd.fusion import utilisation
-from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspTrace
-from slipd.sim.true_contact import Pad
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspTrace
+from slipd.tools.sim.true_contact import Pad
+from slipd.types.arrays import Array
 
 A = 0.010
 MU = STEADY.mu_s

@@ -34,7 +34,7 @@ from evaluate.scene import STEP_S, Scene
 from evaluate.score import RunScore, score
 from project import DOCS
 
-from slipd.sim.offline_grasp import BEGIN_NS, run_offline
+from slipd.tools.sim.offline_grasp import BEGIN_NS, run_offline
 
 SECONDS = 60.0
 READ_NS = 10_000_000

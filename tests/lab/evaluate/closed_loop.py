@@ -18,10 +18,10 @@ from simulation.bed import NEVER_S, WALL_NS, Bed
 from simulation.watch import Watch
 
 from slipd import config
-from slipd.sim.scene import Scene
-from slipd.sim.scene_script import GRAVITY_MPS2, Script
-from slipd.sim.stickslip import FrictionLaw
-from slipd.sim.virtual_rig import VirtualRig
+from slipd.tools.sim.scene import Scene
+from slipd.tools.sim.scene_script import GRAVITY_MPS2, Script
+from slipd.tools.sim.stickslip import FrictionLaw
+from slipd.tools.sim.virtual_rig import VirtualRig
 
 POUR_S, POURED_S, END_S = 2.2, 5.2, 6.5
 STRONG_N = 22.0

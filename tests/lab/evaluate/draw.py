@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene
 
-from slipd.arrays import Array
-from slipd.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing
-from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
+from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
+from slipd.types.arrays import Array
 
 Random = np.random.Generator
 

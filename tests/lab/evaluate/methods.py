@@ -33,9 +33,9 @@ from evaluate.scene import Scene
 from evaluate.score import LATE_S, PROMPT_S, SAFE
 from evaluate.truth import Truth
 
-from slipd.arrays import Array
 from slipd.fusion import utilisation
-from slipd.sim.offline_grasp import Heard
+from slipd.tools.sim.offline_grasp import Heard
+from slipd.types.arrays import Array
 
 BEFORE_S, SPAN_S = 0.5, 0.5
 DEBOUNCE_S = 0.01

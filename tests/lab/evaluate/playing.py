@@ -8,10 +8,10 @@ import numpy as np
 from evaluate.scene import STEP_S, Scene
 from evaluate.truth import Truth
 
-from slipd.arrays import Array
 from slipd.fusion import utilisation
-from slipd.sim.stickslip import GraspTrace, SteppedGrasp
-from slipd.sim.stickslip.grasp_simulation import empty_trace, write_sample
+from slipd.tools.sim.stickslip import GraspTrace, SteppedGrasp
+from slipd.tools.sim.stickslip.grasp_simulation import empty_trace, write_sample
+from slipd.types.arrays import Array
 
 SAFETY = 1.3
 """Factor on the load for which ``grip_needed_n`` is asked: ``grip_safety`` of the config."""

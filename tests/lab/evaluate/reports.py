@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 from slipd_client.messages import level_code
 
 NO_CONTACT, STABLE, CAUTION, WARNING, SLIPPING, UNKNOWN = (

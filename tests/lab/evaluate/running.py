@@ -28,9 +28,9 @@ from project import DAEMON
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Event, Publish
-from slipd.sim.finger_sensing import FingerSensing, offline_config
-from slipd.sim.offline_grasp import BEGIN_NS, BOOT, Heard, run_offline
-from slipd.sim.stickslip import GraspTrace
+from slipd.tools.sim.finger_sensing import FingerSensing, offline_config
+from slipd.tools.sim.offline_grasp import BEGIN_NS, BOOT, Heard, run_offline
+from slipd.tools.sim.stickslip import GraspTrace
 
 READ_NS = 1_000_000
 FACTORS = (0.8, 0.9, 1.0, 1.1, 1.2)

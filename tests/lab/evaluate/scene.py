@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion import utilisation
-from slipd.sim.finger_sensing import FingerSensing
-from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
+from slipd.tools.sim.finger_sensing import FingerSensing
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
+from slipd.types.arrays import Array
 
 STEP_S = 5e-4
 """Of every history and trace: half the period of the force sensor."""

@@ -47,7 +47,7 @@ from evaluate.reports import NO_CONTACT, SLIPPING, STABLE, UNKNOWN, WARNING, Rep
 from evaluate.truth import Episode, Truth
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 PROMPT_S = 0.1
 EARLY_S, LATE_S = 0.02, 0.25

@@ -15,7 +15,7 @@ from evaluate.running import READ_NS, Result, Task, Variant, config_text, record
 from evaluate.summary import summarise
 from evaluate.user_errors import ERRORS
 
-from slipd.sim.offline_grasp import run_offline
+from slipd.tools.sim.offline_grasp import run_offline
 
 
 def test_there_are_enough_families_and_no_seed_is_of_both_ranges() -> None:

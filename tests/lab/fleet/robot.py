@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slipd.bus.publisher import Publisher
+from slipd.io.bus.publisher import Publisher
 from slipd_client.messages import WARNING_TOPIC, encode
 
 

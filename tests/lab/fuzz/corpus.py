@@ -10,8 +10,8 @@ import numpy as np
 from permits import activate, move
 
 from slipd.devices import DEVICES, Decoder, GripperSession, Session
-from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
-from slipd.sim.emulators import Emulator, make_emulator
+from slipd.tools.sim.emulators import Emulator, make_emulator
+from slipd.types.samples import GripperSample, Sample, TactileSample, WrenchSample
 
 READINGS = 240
 """Enough that a round of damage seldom meets the same neighbours again."""

@@ -21,9 +21,9 @@ from fuzz.asking import MOST_CAPTURED, Ask, Asker, Captured
 from fuzz.request_report import AGAIN, LOOKED_AT_NS, UNJUDGED, Found
 from fuzz.request_world import RequestWorld
 
-from slipd.bus.request_server import RequestServer
 from slipd.events import Request
-from slipd.zmtp.peer import Peer
+from slipd.io.bus.request_server import RequestServer
+from slipd.io.zmtp.peer import Peer
 from slipd_client.messages import ERROR_CODES, MESSAGE_LIMITS, MessageError, decode, encode
 
 STRICT, ROUND = 1_000_000, 10_000

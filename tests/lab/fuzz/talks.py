@@ -10,7 +10,7 @@ from fuzz.damage import damage
 from fuzz.outcome import Outcome
 
 from slipd.devices import DEVICES
-from slipd.sim.emulators import make_emulator
+from slipd.tools.sim.emulators import make_emulator
 
 BAD_SHARE = 0.3
 """Of the pieces, in both directions, that suffer a mishap while the line is bad."""

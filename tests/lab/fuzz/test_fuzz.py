@@ -23,7 +23,7 @@ from project import DOCS
 from slipd.devices import DEVICES, Decoder, bota
 from slipd.devices.bota.bota_decoder import FRAME_LENGTH
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
 DAMAGED = 600

@@ -24,9 +24,9 @@ from permits import activate, move
 from slipd.devices.robotiq_2f import Session
 from slipd.finger.finger import Finger
 from slipd.gripper import motion_gate
-from slipd.permit import Permit
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.idempotency import IdempotencyCache
+from slipd.types.permit import Permit
 
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
 AGAIN = f"PYTHONPATH=tests/support:tests/lab python -m fuzz --only requests --seed {SEED} --rounds 1"

@@ -44,7 +44,7 @@ def rig(folder: Path) -> Iterator[tuple[str, str, subprocess.Popen[str]]]:
     publish, requests = f"ipc://{folder}/run/publish", f"ipc://{folder}/run/requests"
     view = ("slipd_client.slipctl", "--publish", publish, "--requests", requests, "view", "--listen", "127.0.0.1:0")
     with contextlib.ExitStack() as stack:
-        stack.enter_context(part(folder, "slipd.sim.virtual_gripper", "--dir", str(folder))[0])
+        stack.enter_context(part(folder, "slipd.tools.sim.virtual_gripper", "--dir", str(folder))[0])
         daemon, _ = part(folder, "slipd", "run", "--config", str(folder / "rig.toml"))
         process = stack.enter_context(daemon)
         serving, line = part(folder, *view)

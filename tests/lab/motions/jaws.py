@@ -1,7 +1,7 @@
 """Three emulated grippers behind their own protocols, with or without an object between the jaws.
 
-Each is the emulator of `slipd.sim`, so that what it is sent is obeyed, and a reader of its line that is written down a
-second time: whatever the daemon writes becomes a `Sent` in metres and newtons on one pad.
+Each is the emulator of `slipd.tools.sim`, which obeys the bytes it receives, with an independent reader of its line:
+whatever the daemon writes becomes a `Sent` in metres and newtons on one pad.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from slipd.devices.shared import modbus
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages
-from slipd.sim import emulated_external_gripper, emulated_robotiq_2f, emulated_wsg
-from slipd.sim.scene import Scene
+from slipd.tools.sim import emulated_external_gripper, emulated_robotiq_2f, emulated_wsg
+from slipd.tools.sim.scene import Scene
 
 EPS_M = 1e-6
 

@@ -13,8 +13,8 @@ from judging import ask
 
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.reflex import Reflex, ReflexSettings
-from slipd.refusal import Refusal
 from slipd.requests.idempotency import IdempotencyCache
+from slipd.types.refusal import Refusal
 
 MS = 1_000_000
 MAX_LEASE_MS = 200

@@ -3,8 +3,8 @@
     make peers    (about a minute; writes docs/measured/peers.md)
     PYTHONPATH=tests/support:tests/lab python -m peers [--report FILE]
 
-An emulator that a maker's driver accepts sends what the device sends, and `tests/unit/sim/test_every_emulator.py` holds
-that slipd reads what the emulators send. So a misreading shows, unless both sides of this chain share it.
+An emulator that a maker's driver accepts sends what the device sends, and `tests/unit/tools/sim/test_every_emulator.py`
+checks that slipd reads what the emulators send. So a misreading shows, unless both sides of this chain share it.
 """
 
 from __future__ import annotations

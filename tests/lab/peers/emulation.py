@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.sim.emulate import emulated
-from slipd.sim.emulators import make_emulator
+from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.emulators import make_emulator
 
 FORCE_N, TORQUE_NM = (3.0, -2.0, -11.0), (0.05, -0.03, 0.02)
 """Load on an emulated force/torque sensor; no two components agree in size or sign, so that no swap goes unseen."""

@@ -9,7 +9,7 @@ from optoforce.reading import FX_SCALE, FY_SCALE, FZ_SCALE
 from peers.comparison import Comparison
 from peers.emulation import FORCE_N, TORQUE_NM, device_at
 
-from slipd.sim.emulated_optoforce import COUNTS_PER_N, COUNTS_PER_NM
+from slipd.tools.sim.emulated_optoforce import COUNTS_PER_N, COUNTS_PER_NM
 
 NOISE_COUNTS = 12
 """Five times the noise of the emulated sensor and one count of rounding."""

@@ -9,7 +9,7 @@ import websocket
 from peers.comparison import Comparison
 from peers.emulation import device_at
 
-from slipd.sim.emulated_xela import REST_COUNTS, SENSORS, TAXELS
+from slipd.tools.sim.emulated_xela import REST_COUNTS, SENSORS, TAXELS
 
 PORT = 15_907
 NOISE_COUNTS = 15

@@ -153,7 +153,7 @@ class ShiftRun:
         self.service.raise_failure()
 
     def write(self, link: str, data: bytes) -> None:
-        """Take what the daemon writes to a device, in place of `slipd.transport.Links`."""
+        """Take what the daemon writes to a device, in place of `slipd.io.transport.Links`."""
         self.lines.write(link, data, self._age_ns)
 
     def _switch(self, on: bool) -> None:

@@ -1,7 +1,7 @@
 """A rig as slow as many are: force at 100 Hz, pads of 4 x 4 taxels at 12.5 Hz, a gripper; its devices and their loads.
 
-The devices are the emulators of `slipd.sim`, so the bytes are real. The box has no dynamics: its load follows the robot
-program, and while it exceeds what friction carries, the box slides.
+The devices are the emulators of `slipd.tools.sim`, so the bytes are real. The box has no dynamics: its load follows the
+robot program, and while it exceeds what friction carries, the box slides.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from simulation.edits import wrench as edited
 
 from slipd import config
 from slipd.devices import pvdf
-from slipd.sim.emulated_bota import BotaLine
-from slipd.sim.emulated_robotiq_2f import GripperLine
-from slipd.sim.emulators import Emulator
-from slipd.sim.true_contact import Pad, Patch
+from slipd.tools.sim.emulated_bota import BotaLine
+from slipd.tools.sim.emulated_robotiq_2f import GripperLine
+from slipd.tools.sim.emulators import Emulator
+from slipd.tools.sim.true_contact import Pad, Patch
 
 MS = 1_000_000
 SECOND = 1_000 * MS

@@ -19,10 +19,10 @@ from slipd import config
 from slipd.devices import DEVICES, Decoder
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Reply, Request, Tick, Write
-from slipd.sim.emulated_pvdf import PvdfElectronics
-from slipd.sim.scene import Scene
-from slipd.sim.scene_script import Script
-from slipd.sim.virtual_rig import LINES, VirtualRig
+from slipd.tools.sim.emulated_pvdf import PvdfElectronics
+from slipd.tools.sim.scene import Scene
+from slipd.tools.sim.scene_script import Script
+from slipd.tools.sim.virtual_rig import LINES, VirtualRig
 from slipd_client import messages
 
 MS = 1_000_000

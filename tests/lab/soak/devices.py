@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.sim.emulate import prepare_process, serve_until_ended
-from slipd.sim.emulated_netft import NetftSensor
-from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfLine
-from slipd.sim.emulators import Emulator
-from slipd.sim.true_contact import Pad, Patch
+from slipd.tools.sim.emulate import prepare_process, serve_until_ended
+from slipd.tools.sim.emulated_netft import NetftSensor
+from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfLine
+from slipd.tools.sim.emulators import Emulator
+from slipd.tools.sim.true_contact import Pad, Patch
 
 FORCE_HZ, RECORDS_A_DATAGRAM = 4000.0, 40
 IMAGE_HZ, DWELL_NS = 500.0, 10_000

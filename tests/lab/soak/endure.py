@@ -20,7 +20,7 @@ from bench.tables import Table
 from project import CONFIG, MODULES
 from soak.watched_loop import Watched
 
-from slipd.sim.robot_program import RobotProgram
+from slipd.tools.sim.robot_program import RobotProgram
 from slipd_client.subscriber import Subscriber
 
 QUICK_SECONDS = 40.0

@@ -14,8 +14,8 @@ import time
 from pathlib import Path
 
 from slipd.devices import bota
-from slipd.sim.emulate import prepare_process
-from slipd.sim.pseudo_terminal import PseudoTerminal
+from slipd.tools.sim.emulate import prepare_process
+from slipd.tools.sim.pseudo_terminal import PseudoTerminal
 
 CHUNK = 64
 """Frames a write at most; where the line takes no more, the flood pauses for a moment."""

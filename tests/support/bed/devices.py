@@ -8,7 +8,7 @@ import sys
 
 from bed.rig import make_device
 
-from slipd.sim.emulate import prepare_process, serve_until_ended
+from slipd.tools.sim.emulate import prepare_process, serve_until_ended
 
 if __name__ == "__main__":
     plan = [(name, make_device(name, address), address) for name, address in json.loads(sys.argv[1])]

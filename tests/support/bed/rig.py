@@ -15,10 +15,10 @@ from driving import drive
 from own_address import free_port, own_host
 
 from slipd.devices import DEVICES, Device
-from slipd.samples import Sample, TactileSample
-from slipd.sim.emulate import emulator_for
-from slipd.sim.emulated_netft import NetftSensor
-from slipd.sim.emulators import Emulator
+from slipd.tools.sim.emulate import emulator_for
+from slipd.tools.sim.emulated_netft import NetftSensor
+from slipd.tools.sim.emulators import Emulator
+from slipd.types.samples import Sample, TactileSample
 
 REHEARSAL_S = 3.0
 MS = 1_000_000

@@ -11,7 +11,7 @@ import pytest
 from project import DAEMON, DOCS, ROOT
 
 from slipd.motion.evidence import EVIDENCE as KINDS
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 from slipd_client.messages import (
     ERROR_CODES,
     EVIDENCE,
@@ -52,7 +52,7 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     """Reasons stand in tuples, or are added to a list, in the files that make verdicts."""
     given = {f"disagreement_{what}" for what in ("contact", "centroid", "force")}
     for name in (
-        "samples",
+        "types/samples",
         "finger/verdict",
         "finger/three_axis",
         "finger/trust",

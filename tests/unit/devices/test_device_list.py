@@ -14,7 +14,7 @@ import pytest
 from project import DOCS
 
 from slipd.devices import DEVICES, EVIDENCE, Device
-from slipd.sim.emulators import make_emulator
+from slipd.tools.sim.emulators import make_emulator
 
 MS = 1_000_000
 READINGS = 5

@@ -13,7 +13,7 @@ from gripper_walks import MS, walks
 from walk_peers import PEERS, SentCommand
 
 from slipd.devices.external_gripper.external_gripper_message import Report
-from slipd.permit import Permit
+from slipd.types.permit import Permit
 
 MODULES = {device: import_module(f"slipd.devices.{device}.{device.removesuffix('_2f')}_states") for device in PEERS}
 WALKS = 24

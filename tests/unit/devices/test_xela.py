@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices import xela
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 

@@ -14,7 +14,8 @@ import pytest
 from documented_commands import OTHERS, PAGES, PROGRAMS, Command, commands, mentions
 from project import CONFIG, DOCS, ROOT
 
-from slipd import cli, cli_parser, config
+from slipd import cli, config
+from slipd.tools import cli_parser
 from slipd_client import slipctl_parser
 
 ALL = [command for page in PAGES for command in commands(page)]

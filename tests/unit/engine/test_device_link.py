@@ -11,7 +11,7 @@ from slipd.devices.bota import bota_text
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.engine.device_link import DeviceLink, make_links
 from slipd.events import LinkSpec
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 from slipd_client.messages import Health
 
 

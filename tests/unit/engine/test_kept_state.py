@@ -14,7 +14,7 @@ from engine_rig import BOOT, GRIPPER, LEFT, NO_IMAGE, RIGHT, WALL_NS, Run
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import LinkUp, StateRestored
-from slipd.stored_state import seal
+from slipd.grasp.stored_state import seal
 
 RIG = LEFT + RIGHT + GRIPPER
 SECOND = 1_000_000_000

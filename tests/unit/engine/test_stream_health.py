@@ -7,7 +7,7 @@ from device_links import MS, T0, Parse, S, frame, health, status
 
 from slipd.devices import DEVICES, tsf85
 from slipd.engine.device_link import DeviceLink, make_links
-from slipd.sim.emulators import make_emulator
+from slipd.tools.sim.emulators import make_emulator
 from slipd_client.messages import Health
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from slipd.config import Config
 from slipd.engine.stream_meter import BAD_TIME_SHOWN_NS, StreamMeter, make_stream
-from slipd.samples import Sample, TactileSample, WrenchSample
+from slipd.types.samples import Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 MS = 1_000_000

@@ -19,7 +19,7 @@ from slipd.engine.engine import Engine
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
 from slipd.engine.warm_up import warm_up
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 def kernels():
     modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] == "slipd"]

@@ -20,7 +20,7 @@ from slipd.finger.finger_state import FingerState
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import level_code
 
 FULL = np.full(16, 100.0)

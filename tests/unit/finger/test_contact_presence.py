@@ -10,7 +10,7 @@ import pytest
 from finger_bench import EMPTY, FULL, MS, T0, Image, NoisyFinger, Parse, Press, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 
 class TestIsPressed:

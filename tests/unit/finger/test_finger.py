@@ -11,7 +11,7 @@ from known_zeros import known_finger
 
 from slipd.config import Levels, stale_after_ns
 from slipd.finger.finger import Finger
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 
 def test_finger_is_unknown_before_the_first_reading(finger: Finger) -> None:

@@ -11,7 +11,7 @@ from finger_bench import FULL, MS, T0, Image, Parse, make_finger, read_force
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.stream_health import force_conditions
 from slipd.fusion.streaming import move_to_pad, wrench_at
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from finger_bench import MS, NoisyFinger, Press, read_force, verdict
 
-from slipd.arrays import Array
 from slipd.finger.finger import Finger
-from slipd.samples import WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import WrenchSample
 
 
 def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press) -> None:

@@ -16,7 +16,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import Contact, contact_from_wrench
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 
 class TestChargePad:

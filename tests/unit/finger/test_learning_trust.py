@@ -11,7 +11,7 @@ from finger_bench import FULL, MS, Image, Parse, Wrench, make_finger, read_force
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.freshness import PROMPT, Arrival
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 CARRIED_MORE = 6.0
 """Tangential force on 10 N of grip, N: above the stated μ of 0.5."""

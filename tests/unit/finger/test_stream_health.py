@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from finger_bench import MS, T0, NoisyFinger, Parse, make_finger, read_force, taxel_faults
 
-from slipd.arrays import Array
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 

@@ -9,7 +9,7 @@ import pytest
 from finger_bench import EMPTY, FULL, MS, T0, NoisyFinger, Press, verdict
 
 from slipd.finger.finger import Finger
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 
 class TestTareOfTheForceSensor:

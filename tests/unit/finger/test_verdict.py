@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from slipd.finger.finger import Finger
 from slipd.finger.verdict import danger_reasons
 from slipd.fusion.rows import LOAD_DROP_BIT
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 RISING = np.linspace(3.0, 4.8, 150)
 """A pull that grows, N, on a contact that is pressed with 10 N and has a μ of 0.5."""

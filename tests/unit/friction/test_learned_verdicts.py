@@ -12,7 +12,7 @@ from finger_bench import MS, T0, Parse, Wrench, make_finger
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 pytestmark = pytest.mark.no_cover
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows
 
-from slipd.arrays import Array
 from slipd.fusion.level_steps import GROWTH_S, GROWTH_STDS, grows
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
+from slipd.types.arrays import Array
 
 LIGHT_N = 0.5
 LEVER_M = 5e-4

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from load_course import MU, Watch, contact_rows, line, slips_at
 
-from slipd.arrays import Array
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import FREE, LOAD_DROP_BIT, Rows
 from slipd.motion.evidence import evidence_mask
+from slipd.types.arrays import Array
 
 NORMAL_N = 10.0
 STD_N = 0.02

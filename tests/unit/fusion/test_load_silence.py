@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows, line, slips_at
 
-from slipd.arrays import Array
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import UNSOLVED, Rows
+from slipd.types.arrays import Array
 
 NORMAL_N = 10.0
 STD_N = 0.02

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows
 
-from slipd.arrays import Array
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.types.arrays import Array
 
 RISE_N, FALL_N, PLATEAU_N = 1000, 90, 200
 COUNT = RISE_N + FALL_N + PLATEAU_N

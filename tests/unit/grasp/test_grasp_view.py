@@ -20,7 +20,7 @@ from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.hold_state import HoldState
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_publisher import grasp_body
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
 MS = 1_000_000

@@ -10,10 +10,10 @@ import pytest
 from project import CONFIG
 
 from slipd import config
-from slipd.arrays import Array
 from slipd.devices import xela
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, Tick
+from slipd.types.arrays import Array
 
 START_NS = 1_000_000_000
 PERIOD_NS = 100_000_000

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import pytest
 from control_bench import MS, T0, Pad, Parse, Recorded, ask, close_, make, open_, reading, refused, took
 
+from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.gripper_control import GripperControl
-from slipd.stored_state import StoredGrip
 
 
 def test_a_grasp_does_not_end_on_the_word_of_the_gripper_while_a_finger_presses(

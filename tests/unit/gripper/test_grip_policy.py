@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from judging import ask, code
 
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
-from slipd.permit import Permit
-from slipd.refusal import Refusal
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
 
 MS = 1_000_000
 T0 = 50_000_000_000

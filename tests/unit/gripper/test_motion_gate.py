@@ -16,8 +16,8 @@ import slipd
 from slipd.gripper.grip_policy import GripLimits, GripState
 from slipd.gripper.intent import Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import KINDS, TABLE, judge, why_not_sent
-from slipd.permit import Permit
-from slipd.refusal import Refusal
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
 
 LIMITS = GripLimits(min_n=3.0, max_n=25.0, step_n=2.0, raise_n_per_s=10.0, lower_n_per_s=2.0, budget_n=12.0)
 FREE = GripState(

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from slipd.arrays import Array
 from slipd.motion.centroid_shift import LONGEST_NS, CentroidShift, moving_until
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array
 
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)
 X, Y = GEOMETRY.positions()

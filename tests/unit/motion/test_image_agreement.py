@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from slipd.arrays import Array
 from slipd.motion.image_agreement import ImageAgreement
 from slipd.signals.pad import PadGeometry
+from slipd.types.arrays import Array
 
 GAPPY, FULL = PadGeometry(8, 16, 0.0032, 0.0015), PadGeometry(8, 16, 0.0032, 0.0032)
 FINE_M = 2e-4

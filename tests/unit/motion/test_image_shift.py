@@ -15,7 +15,7 @@ from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
-from slipd.sim.stickslip import (
+from slipd.tools.sim.stickslip import (
     ContactPatch,
     FrictionLaw,
     GraspedObject,
@@ -24,7 +24,7 @@ from slipd.sim.stickslip import (
     PadCompliance,
     simulate,
 )
-from slipd.sim.true_contact import Pad
+from slipd.tools.sim.true_contact import Pad
 
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)
 PAD = Pad(8, 16, 0.004, 0.003)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from slipd.arrays import Array
 from slipd.motion.image_step import BACKGROUND, LONGEST_LOOK_NS, LOOK_NS, LOOKS_PER_HOUR, ImageStep
+from slipd.types.arrays import Array
 
 PERIOD_NS = 100_000_000
 ALARM = math.log(LOOKS_PER_HOUR)

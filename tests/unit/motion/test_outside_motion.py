@@ -9,7 +9,7 @@ import pytest
 
 from slipd.motion.evidence import Evidence
 from slipd.motion.outside_motion import OutsideMotion
-from slipd.samples import ObjectSample
+from slipd.types.samples import ObjectSample
 
 RATE_HZ, T0 = 30.0, 10**11
 LEVEL = (0.0, 0.0, 0.0, 1.0)

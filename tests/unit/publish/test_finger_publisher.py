@@ -14,7 +14,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 MS = 1_000_000
 T0 = 100_000_000_000

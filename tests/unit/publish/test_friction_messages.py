@@ -13,7 +13,7 @@ from known_zeros import known_finger
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body
-from slipd.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 MS = 1_000_000
 T0 = 100_000_000_000

@@ -12,7 +12,7 @@ from slipd.config import Config, device_options
 from slipd.devices import DEVICES, GripperSession
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.gripper_publisher import gripper_body
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 MS = 1_000_000
 T0 = 100_000_000_000

@@ -18,13 +18,13 @@ from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.request_fields import ENVELOPE
 from slipd_client.messages.schema.topics import TOPICS
 
-OTHER_FORMATS = {"devices", "sim", "recording", "config"}
-"""Rooms with formats of their own: bytes of devices, emulators of devices, recordings, config files."""
+OTHER_FORMATS = {"devices", "recording", "config"}
+"""Rooms with formats of their own: bytes of devices, recordings, config files."""
 
-CLIENTS = {"replay_command.py", "demo.py", "demo_summary.py", "evaluation", "export", "plot"}
+CLIENTS = {"tools"}
 """Programs and rooms that read messages, as every client does."""
 
-READERS = {"requests", "bus"}
+READERS = {"requests", "io"}
 """Rooms that read requests."""
 
 REQUEST_FIELDS = {field.name for field in ENVELOPE} | {name for op in OPS.values() for name in op.fields}

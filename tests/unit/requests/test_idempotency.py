@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from slipd.refusal import Refusal
 from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
+from slipd.types.refusal import Refusal
 
 MS = 1_000_000
 T0 = 50_000_000_000

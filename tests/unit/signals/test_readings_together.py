@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from watched_wrench import MS
 
-from slipd.arrays import Array
 from slipd.signals.frozen import WrenchWatch
 from slipd.signals.reading_comparison import any_finding, compare
+from slipd.types.arrays import Array
 
 ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))
 READS = st.lists(st.lists(st.tuples(ROWS, st.sampled_from((0, 1, 1, 1, 7, 21))), min_size=1, max_size=8), max_size=8)

@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.signals import taxel_surroundings as surroundings
 from slipd.signals.pad import neighbours
+from slipd.types.arrays import Array
 
 ROWS, COLS = 5, 7
 TAXELS = ROWS * COLS

@@ -10,11 +10,11 @@ import math
 import struct
 from collections.abc import Sequence
 
-from slipd.arrays import Array
 from slipd.devices.shared import crc
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
-from slipd.samples import WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import WrenchSample
 
 FRAME_LENGTH = 37
 

@@ -7,7 +7,7 @@ from slipd.devices.bota.bota_decoder import Decoder
 from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 SAMPLES_HZ = 51_200
 """Internal sampling rate; the sinc filter averages this many samples per second over its length."""

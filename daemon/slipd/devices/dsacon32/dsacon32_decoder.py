@@ -15,7 +15,7 @@ from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.shared import weiss_tactile as tactile
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, TactileDecoder, Words
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 MAX_MATRICES = 16
 """The SDH hand has six."""

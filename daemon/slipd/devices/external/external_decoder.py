@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.devices.external import external_message as message
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.msgpack_scanner import MsgpackScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
-from slipd.samples import ObjectSample, TactileSample, WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
 
 MAX_STREAMS = 64
 """Most streams with sequence numbers on one socket: limits the memory that invented names can fill."""

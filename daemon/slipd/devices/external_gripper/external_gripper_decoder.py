@@ -8,7 +8,7 @@ from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Message, Report
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.msgpack_scanner import MsgpackScanner
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 _BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf]|\Z)")  # a map of 2 to 10 fields, and a key
 

@@ -12,7 +12,7 @@ from slipd.devices.external_gripper.external_gripper_states import ACTIVATION, T
 from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
 from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.state_machine import StateMachine
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 ANSWER_MS = 100
 """Time allowed for the answer to a set-point: two polls of a driver that polls its gripper at 20 Hz."""

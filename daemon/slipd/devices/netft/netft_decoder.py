@@ -6,12 +6,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.devices.netft import netft_calibration
 from slipd.devices.netft.netft_calibration import Calibration
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.samples import WrenchSample
+from slipd.types.arrays import Array
+from slipd.types.samples import WrenchSample
 
 INTERNAL_HZ = 7000.0
 

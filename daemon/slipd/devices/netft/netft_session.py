@@ -12,7 +12,7 @@ from slipd.devices.netft.netft_decoder import INTERNAL_HZ, Decoder
 from slipd.devices.netft.netft_output_rate import checked_output_hz, needed_change, rate_fault
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.startup_sequence import RETRY_PAUSE_NS, StartupSequence, Step
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 _INQUIRIES = {"tcp": netft_calibration.TCP_INQUIRY, "xml": netft_calibration.XML_INQUIRY, "config": None}
 

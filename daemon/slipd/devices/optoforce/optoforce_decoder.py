@@ -14,7 +14,7 @@ from slipd.devices.optoforce.optoforce_counter import FrameCounter
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 CHANNELS = 4
 

@@ -10,7 +10,7 @@ from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.padded_text import strip_padding
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 FILTERS_HZ = (0.0, 500.0, 150.0, 50.0, 15.0, 5.0, 1.5)
 """Cut-off frequency of each filter code; code 0 is no filter."""

@@ -8,7 +8,7 @@ from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 _COUNTER_SPAN = 1 << 32
 _TYPICAL_LENGTH = 640  # two sensors of nine pillars and their totals

@@ -24,8 +24,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.devices.shared.partial_message import Incomplete, Malformed, arrived
+from slipd.types.arrays import Array
 
 START = b"\x55\x66\x77\x88"
 END = b"\xaa\xbb\xcc\xdd"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slipd.devices.papillarray.papillarray_decoder import Decoder
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 RATES_HZ = (100, 250, 500, 1000)
 

@@ -8,7 +8,7 @@ from slipd.devices.robotiq_2f.robotiq_registers import REGISTERS, UNIT, parse_st
 from slipd.devices.shared import crc, modbus
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 _STATUS = struct.Struct(f">{REGISTERS}H")
 _STATUS_AT = 3

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from slipd.devices.shared import modbus
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 UNIT = 9
 OUTPUT_ADDRESS = 1000

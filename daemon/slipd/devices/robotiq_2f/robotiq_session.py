@@ -12,7 +12,7 @@ from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.gripper_session_base import GripperSessionBase
 from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.state_machine import StateMachine
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 LAST_UNIT = 247
 """Highest Modbus address."""

@@ -9,7 +9,7 @@ import numpy as np
 from slipd.devices.robotous import robotous_packets as packets
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 COUNTS_PER_N = 50.0
 

@@ -12,7 +12,7 @@ from slipd.devices.robotous import robotous_packets as packets
 from slipd.devices.robotous.robotous_decoder import Decoder
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 RATES_HZ = (200, 10, 20, 50, 100, 200, 333, 500, 1000)
 """Output rate of each code; code 0 is the sensor's default, the same rate as code 5."""

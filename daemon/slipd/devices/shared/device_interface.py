@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from slipd.devices.shared.decoder_health import DecoderHealth
-    from slipd.samples import Sample
+    from slipd.types.samples import Sample
 
 INTERFACE = 1
 """Version of this interface. It rises when a device written for the version before would no longer work."""
@@ -194,8 +194,8 @@ class Device:
         rate_hint: How to set the rate on the device itself, where slipd need not set it; "" if it does.
         frame: What the device sends, for people and with an article, such as "a Bota frame".
         evidence: What the decoder was compared with, see `EVIDENCE`.
-        emulator: Module whose ``make(seed, **settings)`` returns an emulator; "": ``slipd.sim.emulated_<name>`` for a
-            device of slipd, none for one of another package.
+        emulator: Module whose ``make(seed, **settings)`` returns an emulator; "":
+            ``slipd.tools.sim.emulated_<name>`` for a device of slipd, none for one of another package.
         about: Description for ``slipd devices NAME``, Markdown: wiring, a config, what is not confirmed.
         interface: Version of this interface that a device of another package was written for, see `INTERFACE`.
     """

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 from slipd.devices.shared.device_interface import Session
 
 if TYPE_CHECKING:
-    from slipd.permit import Permit
+    from slipd.types.permit import Permit
 
 
 @runtime_checkable

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from slipd.devices.shared.state_machine import StateMachine
-from slipd.permit import Permit
+from slipd.types.permit import Permit
 
 
 class GripperSessionBase(ABC):

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.arrays import Array
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.sequence_tracker import LATE_WITHIN, SequenceTracker
+from slipd.types.arrays import Array
 
 RECORD_LENGTH = 36
 

@@ -6,7 +6,7 @@ from typing import Generic, Protocol, TypeVar
 
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.startup_sequence import StartupSequence
-from slipd.samples import Sample
+from slipd.types.samples import Sample
 
 S = TypeVar("S", bound=Sample)
 

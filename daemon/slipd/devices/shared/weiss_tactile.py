@@ -19,7 +19,7 @@ from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import SILENCE_NS, StartupSequence, Step
 from slipd.devices.shared.weiss_packets import PREAMBLE, Packet, PacketScanner, encode, status_word
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 FRAME = 0x00
 """Id of a packet that contains an image."""

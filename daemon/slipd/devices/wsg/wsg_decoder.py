@@ -6,7 +6,7 @@ from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import FINGERS
 from slipd.devices.wsg.wsg_reply_scanner import Reply, ReplyScanner
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 NEWEST = 2 * len(wire.UPDATES)
 """An update counts for as long as it is one of this many newest: in any order, those of two periods."""

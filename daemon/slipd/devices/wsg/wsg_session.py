@@ -15,7 +15,7 @@ from slipd.devices.wsg.wsg_decoder import Decoder
 from slipd.devices.wsg.wsg_messages import FINGERS, Limits
 from slipd.devices.wsg.wsg_reply_scanner import Reply
 from slipd.devices.wsg.wsg_states import ACTIVATION, IN_PROGRESS, QUEUED, TRANSITIONS, Event, State, report_of
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 PERIOD_MS = 20
 """Period of the public drivers; the shortest one observed, on an older gripper, is 7 ms."""

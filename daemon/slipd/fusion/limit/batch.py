@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.frame import Load
 from slipd.fusion.limit.solve import NONE, Stop, UtilisationAnswer, torque_limit_of, utilisation_of
 from slipd.fusion.limit.sweep import Twist
 from slipd.fusion.rows import TOUCHING, UNTRUSTED, Rows
+from slipd.types.arrays import Array
 
 
 @compiled

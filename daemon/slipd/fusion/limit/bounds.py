@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.frame import U, split
 from slipd.fusion.limit.sweep import Field, clip_to_circle, sweep
+from slipd.types.arrays import Array
 
 
 class Plane(NamedTuple):

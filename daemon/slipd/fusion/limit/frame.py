@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled, compiled_sum
+from slipd.types.arrays import Array
 
 U = 2.0**-53  # unit roundoff of float64
 SMALLEST, LARGEST = 1e-130, 1e130  # lengths and forces whose squares and products neither overflow nor vanish

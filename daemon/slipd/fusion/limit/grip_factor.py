@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.frame import Frame, normalise
 from slipd.fusion.limit.solve import GOAL, MAX_PASSES, Stop, unit_gauge
 from slipd.fusion.limit.sweep import Twist
+from slipd.types.arrays import Array
 
 MAX_ROOT_STEPS = 60  # of a bracketed Newton that takes 3–5
 ROOT = 1e-12  # precision of log k

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.bounds import Bracket, Plane, bounds
 from slipd.fusion.limit.frame import U
 from slipd.fusion.limit.sweep import Sweep, Twist, sharpest, sweep
+from slipd.types.arrays import Array
 
 OPEN, MET, MET_AT_KINK = range(3)  # state of the bounds at the end
 RESOLUTION = 1e-13  # relative change of the sum that may be rounding

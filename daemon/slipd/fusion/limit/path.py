@@ -11,12 +11,12 @@ import math
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled, compiled_sum
 from slipd.fusion.limit.bounds import Bracket, Plane, bounds, hinge_bounds
 from slipd.fusion.limit.frame import Frame, U, split
 from slipd.fusion.limit.newton import RESOLUTION, RULING, newton_step, plane_model
 from slipd.fusion.limit.sweep import Field, Sweep, Twist, clip_to_circle, sharpest
+from slipd.types.arrays import Array
 
 SOFTEST = 0.1  # ε begins at this share of the twist
 FOLLOW = 0.1  # and shrinks by this factor at a time, though not below this share of the gap

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.bounds import Bracket, Plane
 from slipd.fusion.limit.frame import Frame, Load, U, normalise, slip_margin, split
 from slipd.fusion.limit.newton import MET_AT_KINK, OPEN, descend
 from slipd.fusion.limit.path import BESIDE, follow_path
 from slipd.fusion.limit.sweep import Twist, sharpest
+from slipd.types.arrays import Array
 
 KINDS = ("interior", "hinge", "translating", "none")
 INTERIOR, HINGE, TRANSLATING, NONE = range(4)

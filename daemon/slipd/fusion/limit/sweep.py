@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled, compiled_sum
+from slipd.types.arrays import Array
 
 TINY = 1e-150  # added to lengths that are divided by: a taxel at the pole has no direction; squares stay finite
 

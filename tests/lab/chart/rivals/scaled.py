@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from chart.scenes import Scene
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 
 NEAREST = 1e-12
 """Distances below this count as this: what keeps the formulas finite on a taxel."""

@@ -64,7 +64,7 @@ def endpoints(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, s
     (folder / "rig.toml").write_text(RIG.format(folder=folder) + gripper)
     with ExitStack() as stack:
         for device, place in (("bota", "wrench"), ("robotiq_2f", "gripper")):
-            command = ("slipd.sim.emulate", device, "--at", str(folder / place))
+            command = ("slipd.tools.sim.emulate", device, "--at", str(folder / place))
             line = stack.enter_context(running(*command, folder=folder)).stdout
             assert line is not None
             assert line.readline().strip() == str(folder / place)

@@ -17,7 +17,7 @@ from project import DOCS
 from slipd.devices import external
 from slipd.devices.external import encode_reading
 from slipd.devices.external.external_decoder import MAX_STREAMS
-from slipd.samples import ObjectSample, TactileSample, WrenchSample
+from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
 
 DOCUMENT = DOCS / "devices.md"
 

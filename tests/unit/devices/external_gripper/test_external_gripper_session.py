@@ -22,7 +22,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
 )
 from slipd.devices.external_gripper.external_gripper_session import ANSWER_MS, SILENCE_NS
 from slipd.devices.shared.command_queue import ATTEMPTS
-from slipd.sim.emulated_external_gripper import DRIVER
+from slipd.tools.sim.emulated_external_gripper import DRIVER
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000

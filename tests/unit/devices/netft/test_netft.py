@@ -13,7 +13,7 @@ from slipd.devices.netft import netft_calibration, netft_decoder
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.startup_sequence import RETRY_PAUSE_NS, SILENCE_NS
-from slipd.samples import UNTRUSTED
+from slipd.types.samples import UNTRUSTED
 
 WORKED = bytes.fromhex(
     "00 00 00 07 00 01 E2 40 00 00 00 00 00 BC 61 4E FF D9 DA 60 05 D8 E3 20 00 02 49 F0 FF FF 5B F0 00 00 00 07"

@@ -15,7 +15,7 @@ from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from slipd.devices.robotiq_2f import Session
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 OUTPUT, INPUT = 1000, 2000
 PATIENCE_S = 30.0

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from slipd.devices import external_gripper, robotiq_2f, wsg
-from slipd.permit import Permit
+from slipd.types.permit import Permit
 
 sessions = pytest.mark.parametrize("make", [robotiq_2f.Session, wsg.Session, external_gripper.Session])
 

@@ -13,7 +13,7 @@ from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.startup_sequence import ANSWER_NS
-from slipd.sim.emulated_dsacon32 import Dsacon32
+from slipd.tools.sim.emulated_dsacon32 import Dsacon32
 
 
 class BootingDsacon32(Dsacon32):

@@ -15,7 +15,7 @@ from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_command_queue import ANSWER_NS
-from slipd.samples import GripperSample
+from slipd.types.samples import GripperSample
 
 
 def test_starting_sends_queries_and_moves_nothing() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.samples import TactileSample
+from slipd.types.samples import TactileSample
 
 MAGNETOMETERS = 5
 END = b"\r\n"

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.arrays import Array
-from slipd.sim.tactile_stream import TactileStream
+from slipd.tools.sim.tactile_stream import TactileStream
+from slipd.types.arrays import Array
 from slipd_anyskin import MAGNETOMETERS, encode_frame
 
 REST_UT = np.array((600.0, 150.0, 9400.0))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from slipd.devices import Device
 from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.samples import WrenchSample
+from slipd.types.samples import WrenchSample
 
 HEADER = b"\xaa\x55"
 PREFIX = 14

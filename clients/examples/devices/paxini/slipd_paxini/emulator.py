@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.arrays import Array
+from slipd.types.arrays import Array
 from slipd_paxini import HEADER, N_PER_COUNT, PREFIX, encode_request
 
 NOISE_N = 0.05

@@ -1,0 +1,62 @@
+"""Files that come with slipd: configs, the systemd unit and the docs, from the source tree or the installed package.
+
+The wheel holds them below ``slipd/shipped``, in the folders of the source tree, so that their links work.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+from slipd.errors import SlipdError
+
+_PACKAGE = Path(__file__).parents[1] / "shipped"
+ROOT = _PACKAGE if _PACKAGE.is_dir() else Path(__file__).parents[3]
+"""The folder of README.md, ``config/`` and ``docs/``."""
+
+CONFIGS, DOCS = ROOT / "config", ROOT / "docs"
+
+
+def config_file(name: str) -> Path:
+    """Return a file of ``config/``; ``.toml`` may be left out.
+
+    Raises:
+        SlipdError: There is no such file; the text names the nearest one.
+    """
+    return _named("config", name, {path.name: path for path in config_files()}, ".toml")
+
+
+def config_files() -> list[Path]:
+    """Return the files of ``config/``: first the configs, then those for the system."""
+    files = [path for path in CONFIGS.rglob("*") if path.is_file()]
+    return sorted(files, key=lambda path: (path.suffix != ".toml", path.name))
+
+
+def page_file(name: str) -> Path:
+    """Return a page of the docs by its name in `pages`; ``.md`` may be left out.
+
+    Raises:
+        SlipdError: There is no such page; the text names the nearest one.
+    """
+    return _named("page", name.removeprefix("docs/"), pages(), ".md")
+
+
+def pages() -> dict[str, Path]:
+    """Return the pages of the docs by name, such as "physics" or "decisions/0004-no-ladder"; README comes first."""
+    found = [path.relative_to(DOCS) for path in DOCS.rglob("*.md")]
+    ordered = sorted(found, key=lambda path: (len(path.parts), path))
+    return {"README": ROOT / "README.md"} | {path.with_suffix("").as_posix(): DOCS / path for path in ordered}
+
+
+def _named(kind: str, name: str, files: dict[str, Path], suffix: str) -> Path:
+    for known in (name, name + suffix, name.removesuffix(suffix)):
+        if known in files:
+            return files[known]
+    raise SlipdError(f"there is no {kind} {name!r}; {_nearest(name, [key.removesuffix(suffix) for key in files])}")
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"

@@ -1,0 +1,1 @@
+"""What touches the machine: ports, sockets, files, the terminal, systemd."""

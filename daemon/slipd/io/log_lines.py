@@ -1,0 +1,165 @@
+"""The log: lines are escaped, cut, and limited in number, because devices and peers can cause them."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from slipd.io.host.journal import JOURNAL, JournalHandler, PriorityFormatter, is_journal
+from slipd.types.device_text import one_line
+
+BURST = 10
+"""Lines of one kind that pass at once."""
+
+EVERY_S = 5.0
+"""Interval after which one more line passes, s."""
+
+KINDS = 256
+"""Kinds of lines that are counted separately; beyond this number all counts are reset."""
+
+KEPT_BYTES = 1_000_000
+"""Length of a file of the log, after which the next begins."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Kind:
+    allowed: float
+    at_s: float
+    dropped: int = 0
+
+
+class LogGate(logging.Filter):
+    """Pass or drop each line; the next line of a kind states how many were dropped.
+
+    Lines are of one kind if logger, message and first argument, such as the name of a link, are the same.
+
+    Args:
+        now: Monotonic clock, s.
+    """
+
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._now = now
+        self._kinds: dict[tuple[str, str, str], _Kind] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a line passes, after making its text safe."""
+        try:
+            line = one_line(record.getMessage())
+        except (TypeError, ValueError, KeyError):  # its arguments do not fit, which the handler reports
+            return True
+        kind = self._kind(record)
+        if kind.allowed < 1.0:
+            kind.dropped += 1
+            return False
+        kind.allowed -= 1.0
+        record.msg = f"{line} ({kind.dropped} similar lines were dropped)" if kind.dropped else line
+        record.args = ()
+        kind.dropped = 0
+        return True
+
+    def _kind(self, record: logging.LogRecord) -> _Kind:
+        """Return the kind of a line, with its allowance updated."""
+        first = record.args[0] if isinstance(record.args, tuple) and record.args else ""
+        key = record.name, str(record.msg), str(first)
+        now_s = self._now()
+        if key not in self._kinds:
+            if len(self._kinds) >= KINDS:
+                self._kinds.clear()
+            self._kinds[key] = _Kind(BURST, now_s)
+        kind = self._kinds[key]
+        kind.allowed = min(BURST, kind.allowed + (now_s - kind.at_s) / EVERY_S)
+        kind.at_s = now_s
+        return kind
+
+
+class LogFormatter(logging.Formatter):
+    """Escape and indent tracebacks: no text of an exception can look like a line of the log."""
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - named by logging
+        """Return the traceback of an exception."""
+        return _indented(super().formatException(ei))
+
+    def formatStack(self, stack_info: str) -> str:  # noqa: N802
+        """Return the stack of a call."""
+        return _indented(super().formatStack(stack_info))
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"  {one_line(line)}" for line in text.split("\n"))
+
+
+def log_uncaught() -> None:
+    """Send the traceback of an exception that ends the process, or a thread, to the log."""
+    sys.excepthook = _log_uncaught
+    threading.excepthook = lambda fault: _log_uncaught(fault.exc_type, fault.exc_value, fault.exc_traceback)
+
+
+def _log_uncaught(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
+    _log.critical("ended by an unexpected exception", exc_info=(kind, error or kind(), trace))
+
+
+class TerminalHandler(logging.StreamHandler):  # type: ignore[type-arg]
+    """Write the log to standard error, and a copy of every line that passes to a file, where one is kept."""
+
+    copy: logging.Handler | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record."""
+        super().emit(record)
+        if self.copy is not None:
+            self.copy.handle(record)
+
+
+@contextmanager
+def log_kept(path: Path) -> Iterator[None]:
+    """Keep the log in a file too, for ``slipctl diagnose``; not where the journal keeps it, or this program has no log.
+
+    Args:
+        path: The file, in a folder that only this user may change; it grows up to ``KEPT_BYTES``, with one before it.
+    """
+    handlers = [each for each in logging.getLogger().handlers if isinstance(each, TerminalHandler)]
+    try:
+        copies = [RotatingFileHandler(path, maxBytes=KEPT_BYTES, backupCount=1, encoding="utf-8") for _ in handlers]
+    except OSError as error:
+        _log.warning("%s: the log is not kept: %s", path, error.strerror)
+        copies = []
+    for handler, copy in zip(handlers, copies, strict=False):
+        copy.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+        handler.copy = copy
+    try:
+        yield
+    finally:
+        for handler, copy in zip(handlers, copies, strict=False):
+            handler.copy = None
+            copy.close()
+
+
+def open_log(environment: Mapping[str, str] = os.environ, journal: str = JOURNAL) -> None:
+    """Send the log to standard error, through the filter; to the journal, with fields, where it reads standard error.
+
+    Args:
+        environment: Has ``JOURNAL_STREAM`` where systemd started this process.
+        journal: Socket of the journal.
+    """
+    handler: logging.Handler = TerminalHandler()
+    if is_journal(sys.stderr, environment):
+        handler.setFormatter(PriorityFormatter(LogFormatter("%(name)s: %(message)s")))
+        handler = JournalHandler(journal, handler)
+        handler.setFormatter(LogFormatter("%(name)s: %(message)s"))
+    else:
+        handler.setFormatter(LogFormatter("%(levelname)s %(name)s: %(message)s"))
+    handler.addFilter(LogGate())
+    logging.basicConfig(level=logging.INFO, handlers=[handler])

@@ -1,0 +1,223 @@
+"""The two security mechanisms of a connection: without keys (NULL), or with a proven key (CURVE).
+
+CURVE is ZeroMQ RFC 26. libsodium provides the primitives; this file implements the sequence. The cookie of the server
+is only compared, because the state of a handshake is kept with its connection.
+"""
+
+from __future__ import annotations
+
+import secrets
+import struct
+from collections.abc import Callable
+from typing import Protocol
+
+from nacl import bindings as sodium
+from nacl.exceptions import CryptoError
+from zmq.utils import z85
+
+from slipd.io.zmtp.wire import (
+    COMMAND,
+    MORE,
+    ProtocolError,
+    decode_command,
+    decode_metadata,
+    encode_command,
+    encode_frame,
+    encode_metadata,
+)
+
+SEAL_BYTES = 33
+"""Bytes that CURVE adds to a frame: command name, nonce, authenticator and flags."""
+
+MAX_HANDSHAKE_BYTES = 1024
+"""Longest frame of a handshake; INITIATE with the longest identity has about 600 bytes."""
+
+_HELLO_BYTES, _COOKIE_BYTES = 200, 96
+_INITIATE_HEAD = 9 + _COOKIE_BYTES + 8
+_INITIATE_BYTES = 32 + 16 + 80
+"""Bytes in the box of INITIATE before the metadata: long-term key, nonce of the vouch, vouch."""
+
+_MESSAGE = b"\x07MESSAGE"
+_SEALED_MORE, _SEALED_COMMAND = 0x01, 0x02
+
+
+class KeyRefusedError(ProtocolError):
+    """A key may not connect; `reply` is the answer to the peer."""
+
+    reply = encode_frame(encode_command(b"ERROR", b"\x03400"), COMMAND)
+
+
+class Mechanism(Protocol):
+    """Handshake of one connection, and the coding of its frames afterwards.
+
+    Attributes:
+        name: Name of the mechanism in the greeting.
+        properties: Metadata of the peer; None until the handshake ends.
+        key: Key that the peer proved, 40 letters of Z85; b"" without keys.
+    """
+
+    name: bytes
+    properties: dict[bytes, bytes] | None
+    key: bytes
+
+    def handshake(self, body: bytes) -> bytes:
+        """Handle one command of the handshake and return the answer.
+
+        Raises:
+            ProtocolError: It is not the next command of the handshake, or is malformed.
+        """
+
+    def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
+        """Return flags and body of a received frame.
+
+        Raises:
+            ProtocolError: The peer did not seal this frame.
+        """
+
+    def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
+        """Encode a message, or with ``COMMAND`` a command, for the wire."""
+
+
+class Null:
+    """No keys: every client that reaches the socket may connect.
+
+    Args:
+        socket_type: Socket type of this side, as ZeroMQ names it.
+    """
+
+    name = b"NULL"
+    key = b""
+
+    def __init__(self, socket_type: bytes) -> None:
+        self.properties: dict[bytes, bytes] | None = None
+        self._own = _own_properties(socket_type)
+
+    def handshake(self, body: bytes) -> bytes:
+        """Answer READY with READY."""
+        name, data = decode_command(body)
+        if name != b"READY":
+            raise ProtocolError("the handshake does not begin with READY")
+        self.properties = decode_metadata(data)
+        return encode_frame(encode_command(b"READY", self._own), COMMAND)
+
+    def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
+        """Return the frame as it is."""
+        return flags, body
+
+    def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
+        """Frame a message or a command."""
+        return b"".join(encode_frame(frame, MORE) for frame in frames[:-1]) + encode_frame(frames[-1], flags)
+
+
+class Curve:
+    """A key on each side, and all frames encrypted.
+
+    Args:
+        socket_type: Socket type of this side, as ZeroMQ names it.
+        secret: Secret key of the daemon, 32 bytes.
+        admits: Returns whether a key (40 letters of Z85) may connect.
+    """
+
+    name = b"CURVE"
+
+    def __init__(self, socket_type: bytes, secret: bytes, admits: Callable[[bytes], bool]) -> None:
+        self.properties: dict[bytes, bytes] | None = None
+        self.key = b""
+        self._own = _own_properties(socket_type)
+        self._secret, self._public = secret, sodium.crypto_scalarmult_base(secret)
+        self._admits = admits
+        self._client = self._short_secret = b""  # short-term keys: public of the peer, secret of this side
+        self._cookie = b""
+        self._shared = b""
+        self._received = 0  # last nonce of the peer; nonces must increase
+        self._sent = 0
+
+    def handshake(self, body: bytes) -> bytes:
+        """Answer HELLO with WELCOME, and INITIATE with READY if the key may connect."""
+        try:
+            return self._initiate(body) if self._cookie else self._hello(body)
+        except (CryptoError, RuntimeError) as error:
+            raise ProtocolError(
+                "a box of the handshake does not open: does the client have the right public key of the daemon?"
+            ) from error
+
+    def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
+        """Decrypt a frame; accept each frame once and in order."""
+        if body[:8] != _MESSAGE or len(body) < SEAL_BYTES:
+            raise ProtocolError("a frame is not sealed")
+        self._check_nonce(body[8:16])
+        try:
+            plain = sodium.crypto_box_open_afternm(body[16:], b"CurveZMQMESSAGEC" + body[8:16], self._shared)
+        except CryptoError as error:
+            raise ProtocolError("a sealed frame does not open") from error
+        sealed = plain[0]
+        return (MORE if sealed & _SEALED_MORE else 0) | (COMMAND if sealed & _SEALED_COMMAND else 0), plain[1:]
+
+    def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
+        """Encrypt a message or a command, frame by frame."""
+        last = len(frames) - 1
+        kind = _SEALED_COMMAND if flags & COMMAND else 0
+        return b"".join(
+            self._seal_frame(kind | (_SEALED_MORE if number < last else 0), frame)
+            for number, frame in enumerate(frames)
+        )
+
+    def _seal_frame(self, flags: int, body: bytes) -> bytes:
+        nonce = self._next_nonce()
+        box = sodium.crypto_box_afternm(bytes((flags,)) + body, b"CurveZMQMESSAGES" + nonce, self._shared)
+        return encode_frame(_MESSAGE + nonce + box)
+
+    def _hello(self, body: bytes) -> bytes:
+        if len(body) != _HELLO_BYTES or body[:8] != b"\x05HELLO\x01\x00":
+            raise ProtocolError("the handshake does not begin with a HELLO of CURVE 1.0")
+        self._client, nonce, box = body[80:112], body[112:120], body[120:]
+        self._check_nonce(nonce)
+        opening = sodium.crypto_box_beforenm(self._client, self._secret)
+        sodium.crypto_box_open_afternm(box, b"CurveZMQHELLO---" + nonce, opening)
+        public, self._short_secret = sodium.crypto_box_keypair()
+        self._shared = sodium.crypto_box_beforenm(self._client, self._short_secret)
+        self._cookie = secrets.token_bytes(_COOKIE_BYTES)
+        long_nonce = secrets.token_bytes(16)
+        welcome = sodium.crypto_box_afternm(public + self._cookie, b"WELCOME-" + long_nonce, opening)
+        return encode_frame(encode_command(b"WELCOME", long_nonce + welcome), COMMAND)
+
+    def _initiate(self, body: bytes) -> bytes:
+        if body[:9] != b"\x08INITIATE" or not secrets.compare_digest(body[9 : 9 + _COOKIE_BYTES], self._cookie):
+            raise ProtocolError("the INITIATE of the handshake has another cookie")
+        nonce = body[_INITIATE_HEAD - 8 : _INITIATE_HEAD]
+        self._check_nonce(nonce)
+        plain = sodium.crypto_box_open_afternm(body[_INITIATE_HEAD:], b"CurveZMQINITIATE" + nonce, self._shared)
+        if len(plain) < _INITIATE_BYTES:
+            raise ProtocolError("the INITIATE of the handshake is truncated")
+        client, vouch_nonce, vouch = plain[:32], plain[32:48], plain[48:_INITIATE_BYTES]
+        vouched = sodium.crypto_box_open(vouch, b"VOUCH---" + vouch_nonce, client, self._short_secret)
+        if vouched != self._client + self._public:
+            raise ProtocolError("the key of the peer does not vouch for this connection")
+        key = z85.encode(client)
+        if not self._admits(key):
+            raise KeyRefusedError(f"key {key.decode()} is not allowed")
+        properties = decode_metadata(plain[_INITIATE_BYTES:])
+        self.key, self.properties = key, properties
+        nonce = self._next_nonce()
+        ready = sodium.crypto_box_afternm(self._own, b"CurveZMQREADY---" + nonce, self._shared)
+        return encode_frame(encode_command(b"READY", nonce + ready), COMMAND)
+
+    def _check_nonce(self, nonce: bytes) -> None:
+        """Refuse a nonce that is not above the last one: a repeated or older frame."""
+        number = int.from_bytes(nonce, "big")
+        if number <= self._received:
+            raise ProtocolError("a nonce was used before")
+        self._received = number
+
+    def _next_nonce(self) -> bytes:
+        self._sent += 1
+        return struct.pack(">Q", self._sent)
+
+
+def decode_key(key: bytes) -> bytes:
+    """Decode a key of 40 letters of Z85 to its 32 bytes."""
+    return z85.decode(key)
+
+
+def _own_properties(socket_type: bytes) -> bytes:
+    return encode_metadata({b"Socket-Type": socket_type, b"Identity": b""})

@@ -1,0 +1,294 @@
+"""Argument parser of ``slipd``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from slipd import __version__
+from slipd.tools.cli_arguments import add_command, picture, positive, speed, time_s
+from slipd.tools.discovery.doctor_arguments import add_doctor_arguments
+from slipd.tools.evaluation.evaluate_arguments import add_evaluate_arguments
+from slipd.tools.export.export_arguments import add_export_arguments
+from slipd_client.listen_address import add_listen
+
+SLIPCTL = (
+    *("watch", "viewers", "relay", "ros2", "bridge", "fleet", "status", "diagnose"),
+    *("grip", "tare", "friction", "gravity", "object", "record", "keys"),
+)
+"""Commands of ``slipctl`` alone, to which ``slipd`` points those who mistake one for the other."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser; ``command`` of the parsed arguments is the command, e.g. "replay" or "import grips"."""
+    top = argparse.ArgumentParser(prog="slipd", description="Warn a robot that its gripper is about to drop something.")
+    top.add_argument("--version", action="version", version=f"slipd {__version__}")
+    top.set_defaults(command="")
+    commands = top.add_subparsers(metavar="COMMAND")
+
+    run = add_command(commands, "run", "run the daemon")
+    _add_rig(run)
+    run.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
+    run.set_defaults(command="run")
+
+    demo = add_command(commands, "demo", "run the daemon on a virtual gripper")
+    demo.add_argument(
+        "--seconds",
+        type=positive,
+        default=None,
+        metavar="N",
+        help="end after N seconds (default: when you press q; without a terminal, at the end of the scene)",
+    )
+    demo.add_argument("--headless", action="store_true", help="print only the summary, without a live view")
+    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
+    demo.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
+    demo.set_defaults(command="demo")
+
+    check = add_command(commands, "check", "report every fault in a config")
+    _add_rig(check)
+    check.set_defaults(command="check")
+    _add_shipped(commands)
+
+    replay = add_command(commands, "replay", "run a recording through the engine again")
+    replay.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
+    replay.add_argument(
+        "--speed", type=speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
+    )
+    replay.add_argument("--json", action="store_true", help="print every message, one per line")
+    replay.add_argument(
+        "--publish", action="store_true", help="publish the messages on the endpoint of the recorded config"
+    )
+    replay.set_defaults(command="replay")
+
+    recover = add_command(commands, "recover", "write what is intact of a damaged recording as a complete file")
+    recover.epilog = (
+        "OUT has the index and the summary that other programs need, and states what is missing. Exit code 1: FILE is "
+        "not a recording, its start or all of it is damaged, or OUT cannot be written; nothing is written then."
+    )
+    recover.add_argument("file", type=Path, metavar="FILE", help="truncated or damaged recording, MCAP; only read")
+    recover.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    recover.add_argument(
+        "--without-secrets", action="store_true", help="remove passwords, tokens and keys from the config and all texts"
+    )
+    recover.set_defaults(command="recover")
+
+    view = add_command(commands, "view", "show a recording in a browser; prints the address of the page")
+    view.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
+    add_listen(view)
+    view.set_defaults(command="view")
+
+    evaluate = add_command(commands, "evaluate", "compare what configs would have reported on recordings")
+    add_evaluate_arguments(evaluate)
+    evaluate.set_defaults(command="evaluate")
+
+    export = add_command(commands, "export", "write the messages of a recording as files for other programs")
+    add_export_arguments(export)
+    export.set_defaults(command="export")
+
+    plot = add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
+    plot.epilog = (
+        "What the run itself reported is drawn; with another config the recording is replayed. Its length does not "
+        "matter for memory: the least and the largest value of each column of the picture are kept. Only an earlier "
+        "plot is replaced. Exit code 1: the recording is damaged or cut off; it is drawn as far as it goes."
+    )
+    plot.add_argument("file", type=Path, metavar="RECORDING", help="recording, MCAP")
+    plot.add_argument(
+        "--out",
+        type=picture,
+        metavar="FILE",
+        help="a page, .html, or a picture, .png (needs matplotlib); default: RECORDING.html in this folder",
+    )
+    plot.add_argument("--config", type=Path, metavar="FILE", help="replay with this config instead of the recorded one")
+    plot.add_argument(
+        "--from", dest="begin_s", type=time_s, default=0.0, metavar="S", help="draw from this time on (default 0)"
+    )
+    plot.add_argument(
+        "--to",
+        dest="end_s",
+        type=positive,
+        default=float("inf"),
+        metavar="S",
+        help="draw up to this time (default: the end)",
+    )
+    plot.set_defaults(command="plot")
+
+    identify = add_command(
+        commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
+    )
+    identify.add_argument("file", type=Path, metavar="FILE", help="recording with gravity.set requests, MCAP")
+    identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
+    identify.set_defaults(command="identify")
+
+    _add_devices(commands)
+    _add_service(commands)
+    doctor = add_command(commands, "doctor", "read one device, report what is right and wrong, keep a capture of it")
+    add_doctor_arguments(doctor)
+    doctor.set_defaults(command="doctor")
+    for name in SLIPCTL:  # without help: they are not listed
+        other = commands.add_parser(name, add_help=False)
+        other.add_argument("rest", nargs=argparse.REMAINDER)
+        other.set_defaults(command="slipctl", name=name)
+    _add_init(commands)
+    _add_commission(commands)
+    _emulation(commands)
+
+    importer = add_command(commands, "import", "convert other data to a recording")
+    formats = importer.add_subparsers(required=True, metavar="FORMAT")
+    grips = add_command(formats, "grips", "import a gripper trial with two XELA pads")
+    grips.add_argument(
+        "source", type=Path, metavar="SRC", help="folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"
+    )
+    grips.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    grips.add_argument(
+        "--config", type=Path, metavar="FILE", help="config of the rig (default: the shipped grips.toml)"
+    )
+    grips.add_argument(
+        "--tare-rows",
+        type=int,
+        metavar="N",
+        help="the fingers are open in the first N rows: take the zero of the pads from them (default: the config's)",
+    )
+    grips.set_defaults(command="import grips")
+    return top
+
+
+def _add_rig(command: argparse.ArgumentParser) -> None:
+    """Add the config of the rig, which may also follow ``--config``."""
+    rig = command.add_mutually_exclusive_group(required=True)
+    rig.add_argument("config", type=Path, nargs="?", action=_Rig, metavar="FILE", help="config of the rig, TOML")
+    rig.add_argument("--config", type=Path, metavar="FILE", help="the same, as an option")
+
+
+class _Rig(argparse.Action):
+    """Store the positional FILE; without one, leave that of ``--config``."""
+
+    def __call__(self, _parser: Any, namespace: argparse.Namespace, values: Any, _option: str | None = None) -> None:
+        if values is not None:
+            setattr(namespace, self.dest, values)
+
+
+def _add_shipped(commands: Any) -> None:
+    """Add the commands that print what comes with slipd."""
+    configs = add_command(commands, "config", "list or print the shipped configs").add_subparsers(
+        required=True, metavar="list|show"
+    )
+    add_command(configs, "list", "list the shipped configs").set_defaults(command="config list")
+    show = add_command(configs, "show", "print a shipped config: slipd config show demo > my_rig.toml")
+    show.add_argument("name", metavar="NAME", help="name in the list")
+    show.set_defaults(command="config show")
+    docs = add_command(commands, "docs", "list the pages of the documentation, or print one")
+    docs.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
+    docs.set_defaults(command="docs")
+
+
+def _add_devices(commands: Any) -> None:
+    devices = add_command(commands, "devices", "list the installed devices with their packages, or describe one")
+    devices.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
+    devices.set_defaults(command="devices")
+
+
+def _add_service(commands: Any) -> None:
+    actions = add_command(commands, "service", "install or uninstall slipd as a systemd service").add_subparsers(
+        required=True, metavar="install|uninstall"
+    )
+    for name, purpose in (
+        ("install", "write the systemd unit that starts this program, and print the next steps"),
+        ("uninstall", "remove what install wrote; configs, keys and recordings stay"),
+    ):
+        action = add_command(actions, name, purpose)
+        who = action.add_mutually_exclusive_group(required=True)
+        who.add_argument("--system", action="store_true", help="for all users; as root")
+        who.add_argument("--user", action="store_true", help="for this user, without root")
+        action.add_argument("--program", type=Path, metavar="FILE", help="the installed slipd (default: this one)")
+        action.add_argument("--root", type=Path, default=Path("/"), metavar="DIR", help="write below DIR, for packages")
+        action.set_defaults(command=f"service {name}")
+
+
+def _add_init(commands: Any) -> None:
+    init = add_command(commands, "init", "find the devices on the serial ports and write a first config for them")
+    init.epilog = (
+        "Listens at each speed, then asks. Nothing moves: a gripper is asked for its status only. Devices on a network "
+        "are not searched. An existing file is never replaced."
+    )
+    init.add_argument(
+        "file",
+        type=Path,
+        nargs="?",
+        default=Path("slipd.toml"),
+        metavar="FILE",
+        help="new config (default: slipd.toml)",
+    )
+    init.add_argument("--list", action="store_true", help="only list the ports and their devices")
+    init.add_argument(
+        "--ports", type=Path, metavar="DIR", help="folder of the ports (default: /dev/serial/by-id, then other names)"
+    )
+    init.set_defaults(command="init")
+
+
+def _add_commission(commands: Any) -> None:
+    commission = add_command(commands, "commission", "find mounting, weight and friction, and try a first grasp")
+    commission.epilog = (
+        "The daemon must run this config. mounting: you press each pad at three places and push it along two "
+        "directions. weight: you hold the gripper in four poses. friction: you pull at a gripped sample. grasp: the "
+        "gripper closes gently, holds, and opens; it moves only after you agreed (docs/first_day.md). What follows is "
+        "written into the config after each step, and the config before is kept as FILE.previous. Exit code 1: "
+        "something does not follow, and is not guessed; 130: Ctrl-C."
+    )
+    commission.add_argument("file", type=Path, metavar="FILE", help="config of the rig, TOML")
+    commission.add_argument(
+        "--finger", action="append", default=[], metavar="NAME", help="only this finger; may be given several times"
+    )
+    commission.add_argument("--publish", metavar="ENDPOINT", help="endpoint on which slipd publishes")
+    commission.add_argument("--requests", metavar="ENDPOINT", help="endpoint on which slipd accepts requests")
+    commission.add_argument(
+        "--patience", type=positive, default=60.0, metavar="S", help="how long to wait for each touch (default 60)"
+    )
+    commission.add_argument(
+        "--from",
+        dest="first",
+        choices=("mounting", "weight", "friction", "grasp"),
+        default="mounting",
+        metavar="STEP",
+        help="begin with this step: mounting, weight, friction or grasp",
+    )
+    commission.add_argument(
+        "--key", type=Path, metavar="FILE", help="secret key of this client, for a daemon with keys"
+    )
+    commission.add_argument(
+        "--server-key",
+        type=Path,
+        metavar="FILE",
+        help="public key of the daemon (default: that beside the secret key that the config names)",
+    )
+    commission.add_argument(
+        "--dry-run", action="store_true", help="print what would change; change nothing, and move nothing"
+    )
+    commission.add_argument("--page", action="store_true", help=argparse.SUPPRESS)  # slipctl view --config FILE
+    commission.set_defaults(command="commission")
+
+
+def _emulation(commands: Any) -> None:
+    emulate = add_command(commands, "emulate", "emulate every device of a config, to try slipd without hardware")
+    emulate.epilog = (
+        "The sensors are mounted as the config states. A copy of the config with the addresses of the emulated devices "
+        "is written; its path is printed last. What is changed in it meanwhile is kept in the working directory. "
+        "docs/emulation.md lists the commands. Ctrl-C ends it."
+    )
+    emulate.add_argument("file", type=Path, metavar="CONFIG", help="config of a rig, TOML; or name of a shipped one")
+    emulate.add_argument(
+        "--dir", type=Path, metavar="DIR", help="folder for the lines and the copy (default: a temporary one)"
+    )
+    emulate.add_argument("--script", type=Path, metavar="FILE", help="carry out the commands of this file first")
+    emulate.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
+    emulate.set_defaults(command="emulate")
+
+    touch = add_command(commands, "touch", "press, push or twist a pad of a running emulation")
+    touch.add_argument("dir", type=Path, metavar="DIR", help="folder of the emulation, which it prints")
+    touch.add_argument(
+        "words",
+        nargs=argparse.REMAINDER,
+        metavar="COMMAND",
+        help='such as: press left 5 N at 0 0 mm; "help" lists all; without a command, lines of standard input',
+    )
+    touch.set_defaults(command="touch")

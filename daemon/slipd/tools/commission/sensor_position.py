@@ -1,0 +1,85 @@
+"""Find the origin of a force sensor in the pad frame from the torques of touches, and the one that fits worst. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from slipd.tools.commission.touches import CENTRE, PUSHES, Symmetry, Touch
+from slipd.types.arrays import Array
+
+MOST_MISFIT_M = 0.005
+"""Largest distance between the place of a touch by torque and by the image, m: taxels of some millimetres, and an image
+that ends at the edge of the pad, explain less."""
+
+MOST_BY_HAND_M = 0.010
+"""The same without an image, m: a hand meets the centre by some millimetres."""
+
+Loads = Mapping[str, tuple[Array, Array]]
+"""Force and torque of each touch in the axes of the pad, about the origin of the sensor."""
+
+_Equation = tuple[Array, Array]
+"""Matrix and right side of one touch for the origin, divided by the force, so that the residual is a length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where a sensor is.
+
+    Attributes:
+        xyz_m: Its origin in the pad frame, shape (3,), m.
+        residual_m: Root mean square of the residuals of the places, m.
+        misfit_m: Largest residual of one touch, m.
+        fits: It is not larger than sensors and hand explain.
+        worst: The touch without which the others fit best.
+    """
+
+    xyz_m: Array
+    residual_m: float
+    misfit_m: float
+    fits: bool
+    worst: str
+
+
+def find_position(touches: Mapping[str, Touch], loads: Loads, symmetry: Symmetry | None) -> Position:
+    """Find the origin of the sensor by least squares over M = (p − r) × F.
+
+    Args:
+        touches: By step.
+        loads: The same touches in the axes of the pad.
+        symmetry: Orientation of the image, which shows the places p; None without an image: then the touches at the
+            centre count alone.
+    """
+    equations: dict[str, _Equation] = {}
+    for step, (force, torque) in loads.items():
+        scan_m = touches[step].scan_m
+        if symmetry is not None and scan_m is not None:
+            place = np.append(symmetry.place(scan_m), 0.0)
+        elif step in (CENTRE, *PUSHES):
+            place = np.zeros(3)
+        else:
+            continue
+        size = float(np.linalg.norm(force))
+        equations[step] = cross_matrix(force) / size, (torque - np.cross(place, force)) / size  # r × F = −F × r
+    xyz_m, residuals = _solve(equations)
+    misfit_m = float(np.linalg.norm(residuals, axis=1).max())
+    without = {step: _solve({other: each for other, each in equations.items() if other != step}) for step in equations}
+    worst = min(without, key=lambda step: float(np.linalg.norm(without[step][1])))
+    fits = misfit_m <= (MOST_BY_HAND_M if symmetry is None else MOST_MISFIT_M)
+    return Position(np.round(xyz_m, 4) + 0.0, float(np.sqrt(np.mean(residuals**2))), misfit_m, fits, worst)
+
+
+def cross_matrix(vector: Array) -> Array:
+    """Return the matrix of ``vector ×``, shape (3, 3)."""
+    x, y, z = vector
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def _solve(equations: Mapping[str, _Equation]) -> tuple[Array, Array]:
+    """Return the origin, m, and the residual of each touch, shape (touches, 3), m."""
+    matrix = np.vstack([each for each, _ in equations.values()])
+    side = np.concatenate([each for _, each in equations.values()])
+    xyz_m = np.linalg.lstsq(matrix, side, rcond=None)[0]
+    return np.asarray(xyz_m), np.asarray((matrix @ xyz_m - side).reshape(-1, 3))

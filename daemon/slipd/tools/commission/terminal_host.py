@@ -1,0 +1,173 @@
+"""Runs the guide in a terminal: prints what it says, reads lines, sends its requests, and writes the config."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import time
+from pathlib import Path
+
+from slipd.errors import SlipdError
+from slipd.tools.commission.config_update import changed_text, fragment, replace_config
+from slipd.tools.commission.daemon_link import DaemonLink
+from slipd.tools.commission.dialogue import (
+    SKIP,
+    Ask,
+    Change,
+    Choice,
+    Event,
+    Gravity,
+    Output,
+    Prompt,
+    Refusal,
+    Reply,
+    Say,
+    Written,
+)
+from slipd.tools.commission.gravity_teller import GravityTeller
+from slipd.tools.commission.readings import SILENCE_S
+from slipd.tools.commission.refusal_words import reason_of
+from slipd_client.errors import ClientError
+from slipd_client.grip import GripClient
+from slipd_client.messages.schema.topics import Message
+from slipd_client.subscriber import Subscriber
+
+TOPICS = ("wrench", "tactile", "slip")
+LISTEN_S = 0.1
+
+MOST_EARLY = 1000
+"""Most lines that are dropped before a question: input without end must not block the guide."""
+
+
+class TerminalHost:
+    """Answers the guide. Use it in a ``with`` statement.
+
+    Args:
+        file: The config.
+        text: Its text, as the daemon runs it.
+        link: How to reach the daemon.
+        write: Write the config; else only print what would change.
+    """
+
+    def __init__(self, file: Path, text: str, link: DaemonLink, *, write: bool) -> None:
+        self._file, self._text, self._link, self._write = file, text, link, write
+        self._gravity = GravityTeller(link.requests, link.request_keys)
+        self._client = GripClient(link.requests, keys=link.request_keys)
+        try:
+            self._subscriber = Subscriber(link.publish, TOPICS, keys=link.publish_keys)
+        except BaseException:
+            self._client.disconnect()
+            raise
+        self._choices: tuple[str, ...] = (SKIP,)
+        self._kept: Path | None = None
+        self._typed = b""
+        self._ended = False
+
+    def respond(self, output: Output) -> Event:
+        """Carry out one output of the guide, and return what happened."""
+        if isinstance(output, Say):
+            self.say(output.text)
+        elif isinstance(output, Prompt):
+            self._expect(output.choices)
+            self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output)}")
+        elif isinstance(output, Ask):
+            return self._ask(output)
+        elif isinstance(output, Gravity):
+            self._gravity.tell(output.by_finger)
+        elif isinstance(output, Change):
+            return self._change(output)
+        else:
+            return self._next()
+        return None
+
+    def say(self, text: str) -> None:
+        """Show a line."""
+        print(text, flush=True)
+
+    def __enter__(self) -> TerminalHost:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._gravity.stop()
+        self._subscriber.close()
+        self._client.disconnect()
+
+    def _next(self) -> Message | Choice | None:
+        """Return the next typed line or message; None if neither comes for SILENCE_S."""
+        until_s = time.monotonic() + SILENCE_S
+        while time.monotonic() < until_s:
+            if (line := self._line()) is not None:
+                self._subscriber.newest()  # what arrived before the answer
+                return Choice(_word(line, self._choices))
+            if self._ended and self._choices[0] != SKIP:
+                raise SlipdError("an answer is needed, and the standard input has ended: run it in a terminal")
+            if (message := self._subscriber.receive(LISTEN_S)) is not None:
+                return message
+        return None
+
+    def _expect(self, choices: tuple[str, ...]) -> None:
+        """Accept these choices from now on, and drop what was typed before the question."""
+        for _ in range(MOST_EARLY):
+            if self._line() is None:
+                break
+        self._typed = b""
+        self._choices = choices
+
+    def _line(self) -> str | None:
+        """Return a line that was typed, without waiting."""
+        while not self._ended and b"\n" not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
+            data = os.read(sys.stdin.fileno(), 4096)
+            self._typed += data
+            self._ended = not data
+        if b"\n" not in self._typed:
+            return None
+        line, _, self._typed = self._typed.partition(b"\n")
+        return line.decode(errors="replace").strip()
+
+    def _ask(self, ask: Ask) -> Reply | Refusal:
+        try:
+            call = getattr(self._client, ask.method)
+            if not ask.lease:
+                return Reply(call(**ask.fields))
+            with self._client.lease():
+                return Reply(call(**ask.fields))
+        except ClientError as error:
+            return Refusal(reason_of(error))
+        finally:
+            self._subscriber.newest()
+
+    def _change(self, change: Change) -> Written:
+        self.say(f"\n{fragment(change.values)}\n")
+        return self._write_change(change)
+
+    def _write_change(self, change: Change) -> Written:
+        file = self._file
+        try:
+            text = changed_text(self._text, change.values)
+            if not self._write:
+                self.say(f"{file}: not changed, as asked")
+                return Written(None)
+            if file.read_bytes().decode() != self._text:
+                raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
+            self._kept = replace_config(file, text, keep=self._kept is None)
+        except (OSError, ValueError) as error:
+            raise SlipdError(f"{file} is left as it was: {error}; put the lines above into it") from error
+        self.say(f"{file}: changed; the config before is {self._kept}.")
+        self._text = text
+        return Written(text)
+
+
+def _keys_of(prompt: Prompt) -> str:
+    """Return how the person answers: Enter for the first word, the first letter of another, or a text."""
+    first, *others = prompt.choices
+    letters = "".join(f", {word[0]}: {word}" for word in others)
+    typed = f", or type {prompt.free}" if prompt.free else ""
+    return f"[Enter: {first}{letters}{typed}]"
+
+
+def _word(line: str, choices: tuple[str, ...]) -> str:
+    """Return the choice that a line abbreviates; any other line is returned unchanged."""
+    if not line:
+        return choices[0] if choices and choices[0] != SKIP else ""
+    return next((word for word in choices if line.lower() in (word, word[0])), line)

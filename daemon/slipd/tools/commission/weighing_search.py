@@ -1,0 +1,222 @@
+"""Find mass and centre of mass of a finger from its readings in a few poses, and check the mounting against them.
+
+Pure. A finger that nothing touches reads F = b + A⁻¹ m g, where A = s R takes forces of the sensor to the pad frame.
+The orthogonal A that fits the poses best solves Wahba's problem, by a singular value decomposition (Markley, 1988); its
+determinant is the sign s. It is compared with the config and never written: a pose that was not the one that was asked
+for looks like a wrong mounting, and the touches decide between the two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
+from slipd.signals.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
+from slipd.tools.commission.known_rotations import STATED, nearest_known
+from slipd.tools.commission.touches import Mount
+from slipd.tools.commission.weighing_misfit import MOST_MISFIT, force_misfit, torque_misfit, worst_pose
+from slipd.types.arrays import Array
+
+MASSES_KG = (0.001, 20.0)
+"""Least and largest mass of a finger."""
+
+MOST_LEVER_M = 0.25
+"""Largest distance of its centre of mass from the pad, m."""
+
+SURELY_MM_M = 1.0
+"""A longer lever follows from torques in N·mm, which make it a thousand times as long: every true one exceeds 1 mm."""
+
+WXYZ = "the orientations were given in the order w, x, y, z, and are read so"
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Mean readings of a finger that is held still, in the frame of its sensor, without sign.
+
+    Attributes:
+        force: Force, shape (3,), N.
+        torque: Torque about the origin of the sensor, shape (3,), N·m.
+        gravity: Gravity in the pad frame, shape (3,), m/s².
+        wxyz: The same, if the numbers of a typed orientation are read in the order w, x, y, z; None if none was typed.
+    """
+
+    force: Array
+    torque: Array
+    gravity: Array
+    wxyz: Array | None = None
+
+
+@dataclass(slots=True)
+class WeightFindings:
+    """What the poses show.
+
+    Attributes:
+        found: Mass and centre of mass; None where they do not follow.
+        notes: What was found, for people, with residuals.
+        problems: What does not follow or contradicts, and what to do.
+        contradicts: The poses fit another mounting than the stated one.
+        worst: Index of the one pose that is to blame for the problems; None where no single one is.
+    """
+
+    found: Identification | None = None
+    notes: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    contradicts: bool = False
+    worst: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    sign: int
+    rotation: Rotation
+    mass_kg: float
+    misfit: float
+
+
+def find_weight(poses: Sequence[Pose], present: Mount) -> WeightFindings:
+    """Find mass and centre of mass of a finger.
+
+    Args:
+        poses: Three or more.
+        present: Mounting of the sensor by the config, or by the touches.
+    """
+    findings = WeightFindings()
+    gravities = _gravities(poses, findings)
+    wrenches = np.array([present.matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
+    _weigh(poses, wrenches, gravities, present, findings)
+    if findings.problems:
+        by_torque = partial(torque_misfit, sensor_m=math.hypot(*present.xyz_m))
+        misfit = force_misfit if force_misfit(wrenches, gravities) > MOST_MISFIT else by_torque
+        findings.worst = worst_pose(misfit, wrenches, gravities)
+    return findings
+
+
+def _weigh(poses: Sequence[Pose], wrenches: Array, gravities: Array, present: Mount, findings: WeightFindings) -> None:
+    """Add mass and centre of mass, or the problem.
+
+    Args:
+        poses: As read.
+        wrenches: The same in the pad frame, shape (poses, 6).
+        gravities: Shape (poses, 3), m/s².
+        present: Mounting by which they are in the pad frame.
+        findings: Where to add it.
+    """
+    forces = np.array([pose.force for pose in poses])
+    if (problem := _check_mounting(forces, gravities, present, findings)) is not None:
+        findings.problems.append(problem)
+        return
+    try:
+        found = identify(wrenches[:, :3], wrenches[:, 3:], gravities)
+    except ValueError as error:
+        findings.problems.append(str(error))
+        return
+    if (problem := _implausible(found)) is not None:
+        findings.problems.append(problem)
+    elif (share := force_misfit(wrenches, gravities)) > MOST_MISFIT:
+        findings.problems.append(_misfit_text(share))
+    elif torque_misfit(wrenches, gravities, math.hypot(*present.xyz_m)) > MOST_MISFIT:
+        findings.problems.append(
+            f"the torques are {found.residual_nm:.2g} N·m from those of any centre of mass in these poses: the finger "
+            "was touched, or a cable pulls at it"
+        )
+    else:
+        findings.found = found
+        findings.notes += _notes(found)
+
+
+def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: WeightFindings) -> str | None:
+    """Return what contradicts the mounting; note what cannot be decided."""
+    fit = _fit(forces, gravities)
+    if fit is None:
+        findings.notes.append(
+            "sign and rotation of the sensor are not checked: gravity changed in one plane only; a fourth pose would"
+        )
+        return None
+    if not MASSES_KG[0] < fit.mass_kg < MASSES_KG[1]:
+        return _wrong_force(fit.mass_kg)
+    if fit.misfit > MOST_MISFIT:
+        return _misfit_text(fit.misfit)
+    quaternion, how = nearest_known(fit.rotation, present)
+    away = math.degrees((fit.rotation * Rotation.from_quat(quaternion).inv()).magnitude())
+    if (fit.sign, how) == (present.sign, STATED):
+        findings.notes.append(f"sign {fit.sign:+d} and rotation of the config fit the weight, {away:.0f}° apart")
+        return None
+    findings.contradicts = True
+    return (
+        f"the weight fits sign {fit.sign:+d} and a rotation that is {how}, not those of the config (sign "
+        f"{present.sign:+d}): either the mounting is wrong, or the poses were others than asked for. Touches decide: "
+        "slipd commission --from mounting"
+    )
+
+
+def _fit(forces: Array, gravities: Array) -> _Fit | None:
+    """Return the mounting and the mass that fit the poses best; None where gravity leaves a direction out."""
+    d_force, d_gravity = forces - forces.mean(axis=0), gravities - gravities.mean(axis=0)
+    if np.linalg.svd(d_gravity, compute_uv=False)[-1] < LEAST_CHANGE_MPS2 * math.sqrt(len(gravities) - 1):
+        return None
+    left, sizes, right = np.linalg.svd(d_gravity.T @ d_force)
+    pad_from_sensor = left @ right
+    sign = 1 if np.linalg.det(pad_from_sensor) > 0.0 else -1
+    mass_kg = float(sizes.sum() / np.sum(d_gravity**2))
+    residual = d_force @ pad_from_sensor.T - mass_kg * d_gravity
+    weight = mass_kg * STANDARD_GRAVITY_MPS2 * math.sqrt(len(forces))
+    misfit = float(np.linalg.norm(residual)) / weight if weight > 0.0 else math.inf
+    return _Fit(sign, Rotation.from_matrix(sign * pad_from_sensor), mass_kg, misfit)
+
+
+def _gravities(poses: Sequence[Pose], findings: WeightFindings) -> Array:
+    """Return gravity in each pose; orientations that fit only as w, x, y, z are read so."""
+    stated = np.array([pose.gravity for pose in poses])
+    others = [pose.wxyz for pose in poses]
+    if any(other is None for other in others):
+        return stated
+    turned = np.array(others)
+    forces = np.array([pose.force for pose in poses])
+    misfits = [math.inf if (fit := _fit(forces, each)) is None else fit.misfit for each in (stated, turned)]
+    if misfits[0] > MOST_MISFIT >= misfits[1]:
+        findings.notes.append(WXYZ)
+        return turned
+    return stated
+
+
+def _wrong_force(mass_kg: float) -> str:
+    if MASSES_KG[0] < mass_kg / 1000.0 < MASSES_KG[1]:
+        return f"the finger would weigh {mass_kg:.3g} kg: the forces are in mN, not N, or a gain is wrong"
+    return (
+        f"the finger would weigh {1e3 * mass_kg:.2g} g: it is too light to be weighed, and needs no mass_kg; or the "
+        "forces are in kN, or a gain is wrong"
+    )
+
+
+def _implausible(found: Identification) -> str | None:
+    lever_m = float(np.linalg.norm(found.com_m))
+    if lever_m < MOST_LEVER_M:
+        return None
+    unit = "the torques are in N·mm, not N·m" if lever_m > SURELY_MM_M else "the torques are wrong"
+    return (
+        f"the centre of mass would be {lever_m:.3g} m from the pad: {unit}, or xyz_m is wrong. Weighing cannot tell "
+        "these apart; presses beside a pad image can"
+    )
+
+
+def _misfit_text(share: float) -> str:
+    return (
+        f"the readings are {share:.0%} of the weight from any weight in these poses: the finger was touched or moved, "
+        "a cable pulls at it, or the poses were others than asked for"
+    )
+
+
+def _notes(found: Identification) -> list[str]:
+    pairs = zip(1e3 * found.com_m, 1e3 * found.com_std_m, strict=True)
+    places = ", ".join(f"{at:.1f} ± {std:.1f}" for at, std in pairs)
+    return [
+        f"mass {1e3 * found.mass_kg:.1f} ± {1e3 * found.mass_std_kg:.1f} g, centre of mass ({places}) mm in the pad "
+        "frame, as exact as xyz_m",
+        f"residual {found.residual_n:.2g} N, {found.residual_nm:.2g} N·m, in {found.poses} poses",
+    ]

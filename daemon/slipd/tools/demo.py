@@ -1,0 +1,279 @@
+"""``slipd demo``: the virtual gripper, the daemon and a robot program, each a process or thread of its own.
+
+Nothing is simulated between them: the daemon reads pseudo-terminals, the program sends its requests over ZeroMQ, and
+the live view is that of a subscriber. At the end a summary compares the reports with the truth.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import termios
+import threading
+import time
+import tty
+import webbrowser
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
+from pathlib import Path
+from typing import IO, Any
+
+from slipd import config
+from slipd.errors import SlipdError
+from slipd.tools.demo_summary import Tally, print_summary
+from slipd.tools.sim.robot_program import RobotProgram
+from slipd_client.errors import ClientError
+from slipd_client.grip import GripClient
+from slipd_client.page.redirect import redirect_file
+from slipd_client.subscriber import Subscriber
+from slipd_client.watch import Display
+
+PATIENCE_S = 60.0
+"""Longest start of a part, s."""
+
+END_S = 5.0
+"""Longest end of a part after a request to end, s."""
+
+LISTEN_S = 0.05
+
+FINAL_LOOKS = 3
+"""Times that the status is asked for at the end: on a busy machine a request may come too late."""
+
+
+def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> int:
+    """Run the demo to its end, or for ``seconds``, and print a summary.
+
+    On a terminal, without ``seconds``, the daemon and its page stay afterwards, and a key plays the scene again.
+
+    Returns:
+        Exit code: 0 if the scene ran and the daemon ended in good order.
+    """
+    stays = seconds is None and not headless
+    with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
+        _compile_kernels()
+        play = _Play(Path(name), seconds, page, headless=headless, seed=seed)
+        recording: tuple[str, ...] = () if record is None else ("--record", str(record))
+        while play.run(recording, stays=stays):
+            recording = ()  # it is complete
+    return play.code
+
+
+class _Play:
+    """Plays the scene, each time with new parts; the page of the live view stays.
+
+    Args:
+        folder: For ports and logs.
+        seconds: When it ends, s; None: with the scene.
+        page: Ends the page.
+        headless: Print only the summary.
+        seed: Seed of the noise.
+
+    Attributes:
+        code: Exit code so far.
+    """
+
+    def __init__(self, folder: Path, seconds: float | None, page: ExitStack, *, headless: bool, seed: int) -> None:
+        self.code = 0
+        self._folder, self._seconds, self._page, self._headless, self._seed = folder, seconds, page, headless, seed
+        self._plays = 0
+        self._url = ""
+
+    def run(self, recording: Sequence[str], *, stays: bool) -> bool:
+        """Play the scene once; return whether to play it again."""
+        self._plays += 1
+        ports = self._folder / str(self._plays)
+        ports.mkdir()
+        gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
+        seed = ("--seed", str(self._seed))
+        again = False
+        with (
+            _part("slipd.tools.sim.virtual_gripper", gripper_log, "--dir", str(ports), *seed) as gripper,
+            _part("slipd", daemon_log, "run", str(_rig_file(ports)), *recording) as daemon,
+        ):
+            _first_lines(gripper, 1, gripper_log)
+            publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
+            if self._plays == 1:
+                print(f"publish: {publish}\nrequests: {requests}", flush=True)
+                if not self._headless:
+                    self._url = self._page.enter_context(_page(self._folder, publish, requests))
+            truth = _collect(gripper)
+            program = RobotProgram(publish, requests)
+            program.start()
+            tally, whole = _watch(publish, program, daemon, self._seconds, headless=self._headless)
+            program.end()
+            program.join(END_S)
+            streams = _final_streams(requests) if daemon.poll() is None else {}
+            kept = stays and whole and daemon.poll() is None and _has_person()
+            if kept:
+                print_summary(tally, program.report, truth, streams)
+                print(f"\nThe page stays open, and the daemon runs on: {self._url}")
+                again = _waits_for_key(daemon)
+        if not kept:
+            print_summary(tally, program.report, truth, streams)
+        if daemon.returncode != 0 or program.report.error:
+            self.code = 1
+            log = daemon_log.read_text(encoding="utf-8")
+            print(f"exit code of the daemon: {daemon.returncode}; its log:\n{log}", file=sys.stderr)
+        return again
+
+
+def _has_person() -> bool:
+    """Return whether somebody at a terminal can press a key for this program."""
+    terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    return terminal and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+
+
+def _waits_for_key(daemon: subprocess.Popen[str]) -> bool:
+    """Leave everything open until a key is pressed; return whether it plays the scene again."""
+    print("Any key plays the scene again; q ends the demo.", flush=True)
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    try:
+        while daemon.poll() is None:
+            if select.select([terminal], [], [], LISTEN_S)[0]:
+                return os.read(terminal, 1) not in (b"q", b"\x04", b"")
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+    return False
+
+
+def _compile_kernels() -> None:
+    """Let another process fill Numba's cache, with the progress on this terminal, where the daemon's log is not."""
+    command = [sys.executable, "-m", "slipd.compile_kernels"]
+    if subprocess.run(command, check=False).returncode:  # noqa: S603 - our own program
+        raise SlipdError("the kernels cannot be compiled")
+
+
+def _rig_file(ports: Path) -> Path:
+    """Write the shipped demo config with the ports of this run, and return its path."""
+    text = config.shipped("demo.toml").read_text(encoding="utf-8")
+    rig = ports / "demo.toml"
+    rig.write_text(text.replace('"virtual/', f'"{ports}/'), encoding="utf-8")
+    return rig
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Treat SIGTERM and SIGHUP like Ctrl-C, so that no part keeps running with an open recording."""
+    numbers = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
+def _part(name: str, log: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Start a part with its log in a file, and end it in every case. Ctrl-C reaches only the demo itself."""
+    command = [sys.executable, "-m", name, *arguments]
+    with log.open("w", encoding="utf-8") as stderr:
+        process = subprocess.Popen(  # noqa: S603 - our own programs
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stderr, text=True, start_new_session=True
+        )
+    with process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+@contextmanager
+def _page(folder: Path, publish: str, requests: str) -> Iterator[str]:
+    """Serve the live view for a browser, print its address, open it where there is a display, and yield it."""
+    log = folder / "view.log"
+    endpoints = ("--publish", publish, "--requests", requests)
+    with _part("slipd_client.slipctl", log, *endpoints, "view", "--listen", "127.0.0.1:0") as view:
+        (line,) = _first_lines(view, 1, log)
+        print(line, end="", flush=True)
+        url = line.split(": ", 1)[1].strip()
+        if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            with contextlib.suppress(webbrowser.Error):
+                webbrowser.open(redirect_file(folder, url).as_uri())
+        yield url
+
+
+def _first_lines(process: subprocess.Popen[str], count: int, log: Path) -> list[str]:
+    """Return the first lines that a part prints once it is ready.
+
+    Raises:
+        SlipdError: The part ended or was not ready in time; the text contains its log.
+    """
+    timer = threading.Timer(PATIENCE_S, process.kill)
+    timer.start()
+    try:
+        lines = [_pipe(process.stdout).readline() for _ in range(count)]
+    finally:
+        timer.cancel()
+    if not all(lines):
+        logged = log.read_text(encoding="utf-8").strip()
+        raise SlipdError(f"{log.stem} did not start: {logged or 'it printed nothing'}")
+    return lines
+
+
+def _collect(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
+    """Return a list that grows with the events that the virtual gripper reports."""
+    truth: list[dict[str, Any]] = []
+    stdout = _pipe(process.stdout)
+    threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True).start()
+    return truth
+
+
+def _watch(
+    publish: str, program: RobotProgram, daemon: subprocess.Popen[str], seconds: float | None, *, headless: bool
+) -> tuple[Tally, bool]:
+    """Receive every message until the robot program ends, the time is over, or Ctrl-C.
+
+    Returns:
+        Counts of the messages, and whether it was not ended by Ctrl-C.
+    """
+    tally = Tally()
+    until_s = None if seconds is None else time.monotonic() + seconds
+    try:
+        with Subscriber(publish, ("",)) as subscriber, nullcontext() if headless else Display() as display:
+            while daemon.poll() is None and (program.is_alive() if until_s is None else time.monotonic() < until_s):
+                message = subscriber.receive(LISTEN_S)
+                if message is not None:
+                    tally.add(message)
+                if display is not None:
+                    if message is not None:
+                        display.add(message)
+                    display.refresh(subscriber.age_s or 0.0)
+    except KeyboardInterrupt:
+        print()
+        return tally, False
+    return tally, True
+
+
+def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
+    """Return the streams of the daemon's status; nothing where it refuses or does not answer."""
+    error: ClientError | None = None
+    with GripClient(requests) as requester:
+        for _ in range(FINAL_LOOKS):
+            try:
+                streams: dict[str, dict[str, Any]] = requester.status()["streams"]
+            except ClientError as failed:
+                error = failed
+            else:
+                return streams
+    print(f"the daemon does not report its status at the end: {error}", file=sys.stderr)
+    return {}
+
+
+def _pipe(stream: IO[str] | None) -> IO[str]:
+    if stream is None:
+        raise ValueError("the process was started without a pipe")
+    return stream

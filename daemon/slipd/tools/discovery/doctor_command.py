@@ -1,0 +1,203 @@
+"""``slipd doctor``: read a device for some seconds, report what is right and wrong, and keep a capture of the bytes."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import platform
+import time
+import tomllib
+from pathlib import Path
+from typing import Any, cast
+
+from slipd import __version__
+from slipd.config import transport_of
+from slipd.devices import Device, Session, find_device
+from slipd.errors import SlipdError
+from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
+from slipd.io.transport import Links
+from slipd.tools.discovery.capture import SUFFIX, Capture, Direction, Piece, read_capture
+from slipd.tools.discovery.examination import Finding, examine
+from slipd.tools.discovery.port_probe import question_options
+from slipd.types.device_text import one_line
+
+OPEN_S = 3.0
+"""Longest wait for the line to open, s."""
+
+POLL_S = 0.001
+"""Period at which the deadlines of the session are checked, s."""
+
+LINK = "device"
+
+
+def doctor(arguments: argparse.Namespace) -> bool:
+    """Read a device, or examine a capture again; return whether nothing is wrong.
+
+    Raises:
+        SlipdError: See `doctor_command` and `doctor_capture`; or no device is named.
+    """
+    if arguments.port.endswith(SUFFIX):
+        return doctor_capture(Path(arguments.port), arguments.rate)
+    if arguments.device is None:
+        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
+    return doctor_command(
+        arguments.port, arguments.device, arguments.seconds, arguments.out, arguments.baud, arguments.options,
+        arguments.rate,
+    )  # fmt: skip
+
+
+def doctor_command(
+    port: str, name: str, seconds: float, out: Path, baud: int | None, options: str, rate_hz: float | None
+) -> bool:
+    """Read a device, print what is found, and write capture and report.
+
+    Args:
+        port: Path of a serial port, or address.
+        name: Name of the device.
+        seconds: How long to read.
+        out: Folder for capture and report.
+        baud: Speed of a serial line; None: the default of the device.
+        options: Options of the device, the inside of a TOML inline table.
+        rate_hz: Expected readings per second; None: any rate of the device.
+
+    Returns:
+        Whether nothing is wrong.
+
+    Raises:
+        SlipdError: The device is unknown, an option is wrong, or the port cannot be opened.
+    """
+    found = find_device(name)
+    if found is None or found.device is None:
+        why = f"cannot be used: {found.fault}" if found is not None else "is not installed; see `slipd devices`"
+        raise SlipdError(f"the device {name!r} {why}")
+    device, transport = found.device, transport_of(port)
+    if transport not in device.transports:
+        raise SlipdError(f"{name} has a line of kind {' or '.join(device.transports)}, got {port}")
+    given = json.loads(json.dumps(question_options(device, transport) | _parsed(options)))  # as they are read back
+    capture = Capture(
+        name, f"{found.package} {found.version}", transport, (baud or device.baud or 0) if transport == "serial" else 0,
+        given, seconds,
+    )  # fmt: skip
+    asyncio.run(_Reading(device, port, capture).run())
+    findings = examine(capture, rate_hz)
+    report = report_text(capture, findings)
+    print(report, end="")
+    stem = out / f"doctor-{name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    try:
+        for path, text in ((stem.with_suffix(SUFFIX), capture.text()), (stem.with_suffix(".txt"), report)):
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+            print(f"{path}: written")
+    except OSError as error:
+        raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    return all(finding.level != "wrong" for finding in findings)
+
+
+def doctor_capture(path: Path, rate_hz: float | None) -> bool:
+    """Print what a capture shows to the present decoder; return whether nothing is wrong.
+
+    Raises:
+        SlipdError: The file is not a capture, or its device is not installed.
+    """
+    capture = read_capture(path)
+    try:
+        findings = examine(capture, rate_hz)
+    except KeyError:
+        raise SlipdError(f"{path}: needs the device {capture.device!r} of {capture.package}") from None
+    except (TypeError, ValueError) as error:
+        raise SlipdError(f"{path}: its options are not those of {capture.device}: {error}") from error
+    print(report_text(capture, findings), end="")
+    return all(finding.level != "wrong" for finding in findings)
+
+
+def report_text(capture: Capture, findings: list[Finding]) -> str:
+    """Return the report: versions, line, and the findings; it names no port, host or user."""
+    line = f"{capture.transport}, {capture.baud} bit/s" if capture.baud else capture.transport
+    head = f"slipd {__version__}, Python {platform.python_version()}; {capture.device} of {capture.package} on {line}"
+    options = f"options: {dict(capture.options)}\n" if capture.options else ""
+    body = "".join(f"{finding.level:5}  {one_line(finding.text)}\n" for finding in findings)
+    return f"{head}\n{options}{capture.seconds:g} s\n{body}"
+
+
+def _parsed(options: str) -> dict[str, Any]:
+    try:
+        parsed: dict[str, Any] = tomllib.loads(f"options = {{ {options} }}")["options"]
+    except tomllib.TOMLDecodeError as error:
+        raise SlipdError(f"--options must be keys and values as in a config, got {options!r}: {error}") from None
+    return parsed
+
+
+class _Reading:
+    """The conversation with a device for the time of a capture, whose pieces it adds."""
+
+    def __init__(self, device: Device, port: str, capture: Capture) -> None:
+        try:
+            self._session: Session | None = device.session(**capture.options) if device.session is not None else None
+            if self._session is None:
+                device.decoder(**capture.options)
+            inquiry = device.inquiry(**capture.options) if device.inquiry is not None else None
+        except (TypeError, ValueError) as error:
+            raise SlipdError(f"--options: {error}") from None
+        self._spec = LinkSpec(LINK, capture.transport, port, capture.baud, inquiry)
+        self._capture = capture
+        self._settled = asyncio.Event()
+        self._opened_ns = 0
+        self._reason = ""
+        self._links: Links | None = None
+
+    async def run(self) -> None:
+        """Read until the time is over, or the line is lost.
+
+        Raises:
+            SlipdError: The line cannot be opened.
+        """
+        async with asyncio.TaskGroup() as tasks, Links(tasks, [self._spec], self._handle) as self._links:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(OPEN_S):
+                    await self._settled.wait()
+            until_s = time.monotonic() + self._capture.seconds
+            while self._opened_ns and not self._reason and time.monotonic() < until_s:
+                self._write_due()
+                await asyncio.sleep(POLL_S)
+            if self._session is not None and self._opened_ns:
+                self._links.write(LINK, self._session.stop())
+        if not self._opened_ns:
+            raise SlipdError(self._reason or f"{self._spec.address}: cannot be opened")
+        if self._reason:
+            print(f"the line was lost: {one_line(self._reason)}")
+
+    def _handle(self, event: Event) -> None:
+        match event:
+            case LinkUp():
+                self._opened_ns = time.monotonic_ns()
+                self._settled.set()
+                print(f"reading for {self._capture.seconds:g} s: press the sensor, and let go", flush=True)
+                if self._session is not None:
+                    self._write(self._session.start(0), 0)
+            case Bytes(_, data):
+                t_ns = self._add("in", data)
+                if self._session is not None:
+                    self._session.receive(data, t_ns)
+            case LinkDown(_, reason):
+                self._reason = reason
+                self._settled.set()
+            case _:  # what the host cannot change, such as the latency timer of the adapter
+                print(cast("HostNotice", event).text)
+
+    def _write_due(self) -> None:
+        due_ns = self._session.next_deadline() if self._session is not None else None
+        now_ns = time.monotonic_ns() - self._opened_ns
+        if self._session is not None and due_ns is not None and due_ns <= now_ns:
+            self._write(self._session.on_time(now_ns), now_ns)
+
+    def _write(self, data: bytes, t_ns: int) -> None:
+        self._capture.pieces.append(Piece(t_ns, "out", data))
+        if data and self._links is not None:
+            self._links.write(LINK, data)
+
+    def _add(self, direction: Direction, data: bytes) -> int:
+        t_ns = time.monotonic_ns() - self._opened_ns
+        self._capture.pieces.append(Piece(t_ns, direction, data))
+        return t_ns

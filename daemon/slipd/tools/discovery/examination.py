@@ -1,0 +1,227 @@
+"""Examine a capture: decode it as the daemon does, and compare the readings with what is expected of the device."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from slipd.devices import DEVICES, Device
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.engine.silence import LinkActivity, why_silent
+from slipd.events import LinkSpec
+from slipd.tools.discovery.capture import Capture
+from slipd.tools.discovery.port_probe import recognise
+from slipd.types.arrays import Array
+from slipd.types.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
+
+MARGIN = 1.25
+"""Factor by which a rate may differ from the one expected."""
+
+LARGEST_N, LARGEST_NM = 10_000.0, 1_000.0
+"""No force/torque sensor of a gripper measures more."""
+
+BUNCH_S = 0.005
+"""Readings that come together after a longer pause were held back on their way."""
+
+SILENCE_S = 0.05
+CLOCK_ERROR = 0.01
+"""Larger relative difference between the clocks of device and host: no crystal is that wrong."""
+
+BAD_SHARE = 0.01
+"""Larger share of bytes that belong to no frame: not a rare disturbance."""
+
+Level = Literal["ok", "look", "wrong"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the report.
+
+    Attributes:
+        level: "ok", "look" if it is unusual, "wrong" if the device cannot be used like this.
+        text: What was found, and what to check.
+    """
+
+    level: Level
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What a capture decodes to.
+
+    Attributes:
+        samples: The readings.
+        health: Counters of the decoder.
+        bad_bytes_before: Bytes that belong to no frame before the first reading, such as boot text.
+        state: State of the conversation; "" for a device that sends unasked.
+        identified: The device reported an identity.
+    """
+
+    samples: list[Sample]
+    health: DecoderHealth
+    bad_bytes_before: int
+    state: str
+    identified: bool
+
+
+def decode(capture: Capture) -> Decoded:
+    """Decode a capture by the decoder or session of its device.
+
+    Raises:
+        KeyError: The device is not installed.
+    """
+    device = DEVICES[capture.device]
+    session = device.session(**capture.options) if device.session is not None else None
+    listener: Any = session or device.decoder(**capture.options)
+    if session is not None:
+        session.start(0)
+    samples: list[Sample] = []
+    before = 0
+    for t_ns, direction, data in capture.pieces:
+        if direction == "in":
+            samples += listener.receive(data, t_ns)
+            before = before if samples else listener.health.bad_bytes
+        elif session is not None and t_ns > 0:
+            session.on_time(t_ns)
+    state = session.state if session is not None else ""
+    return Decoded(samples, listener.health, before, state, session is not None and bool(session.identity))
+
+
+def examine(capture: Capture, rate_hz: float | None = None) -> list[Finding]:
+    """Return what is right and wrong with a capture.
+
+    Args:
+        capture: The capture.
+        rate_hz: Expected readings per second; None: any rate of the device.
+    """
+    device, decoded = DEVICES[capture.device], decode(capture)
+    received = [piece for piece in capture.pieces if piece.direction == "in"]
+    total = sum(len(piece.data) for piece in received)
+    if not decoded.samples:
+        return list(_why_nothing(capture, device, decoded, total))
+    findings = [Finding("ok", f"{total} bytes in {len(received)} reads, {len(decoded.samples)} readings")]
+    sources: dict[str, list[Sample]] = {}
+    for sample in decoded.samples:
+        sources.setdefault(sample.source, []).append(sample)
+    for source, samples in sources.items():
+        name = f"sensor {source!r}: " if source else ""
+        about = (*_timing(device, samples, rate_hz), *_values(samples))
+        findings += [Finding(finding.level, name + finding.text) for finding in about]
+    findings += _damage(decoded, total)
+    identity = "reports an identity" if decoded.identified else "reports no identity: its port identifies it"
+    return [*findings, Finding("ok", identity)]
+
+
+def _why_nothing(capture: Capture, device: Device, decoded: Decoded, total: int) -> Iterator[Finding]:
+    spec = LinkSpec("", capture.transport, "the given address", capture.baud)
+    activity = LinkActivity(total > 0, decoded.health.bad_bytes > 0, others=False, state=decoded.state)
+    yield Finding("wrong", decoded.health.note or why_silent(device, spec, "", activity))
+    if decoded.state:
+        yield Finding("look", f"the conversation stands at: {decoded.state}")
+    if total and capture.transport == "serial":
+        found = recognise([(piece.t_ns, piece.data) for piece in capture.pieces if piece.direction == "in"])
+        if found is not None and found.device != device.name:
+            yield Finding("look", f"the bytes are those of the device {found.device!r}")
+
+
+def _timing(device: Device, samples: Sequence[Sample], rate_hz: float | None) -> Iterator[Finding]:
+    t_ns = np.array([sample.t_ns for sample in samples])
+    span_s = float(t_ns[-1] - t_ns[0]) * 1e-9
+    if span_s <= 0.0:
+        yield Finding("look", f"{len(samples)} readings at one time: too few for a rate")
+        return
+    measured_hz = (len(samples) - 1) / span_s
+    low_hz, high_hz = (rate_hz, rate_hz) if rate_hz is not None else device.rates_hz
+    expected = f"{low_hz:.4g} Hz" if low_hz == high_hz else f"{low_hz:.4g} to {high_hz:.4g} Hz"
+    fits = low_hz / MARGIN <= measured_hz <= high_hz * MARGIN
+    yield Finding("ok" if fits else "look", f"{measured_hz:.4g} readings/s, expected {expected}")
+    arrivals, counts = np.unique(t_ns, return_counts=True)
+    pauses_s = np.diff(arrivals) * 1e-9
+    together, pause_s = float(np.median(counts)), float(np.median(pauses_s))
+    if together >= 2 and pause_s > BUNCH_S:
+        hint = "an FTDI adapter holds bytes back for its latency timer, 16 ms by default (docs/first_hardware.md)"
+        yield Finding("look", f"{together:.0f} readings come together every {pause_s * 1e3:.1f} ms: {hint}")
+    longest_s = float(pauses_s.max())
+    if longest_s > max(SILENCE_S, 5.0 / measured_hz):
+        yield Finding("look", f"the longest pause between readings is {longest_s * 1e3:.0f} ms")
+    yield from _clock(samples, span_s)
+
+
+def _clock(samples: Sequence[Sample], span_s: float) -> Iterator[Finding]:
+    first, last = samples[0].device_time_ns, samples[-1].device_time_ns
+    if first is None or last is None or last <= first:  # no clock, or it wrapped
+        return
+    ratio = (last - first) * 1e-9 / span_s
+    level: Level = "look" if abs(ratio - 1.0) > CLOCK_ERROR else "ok"
+    yield Finding(level, f"the device's clock advances by {ratio:.4f} s per second of this computer")
+
+
+def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
+    words = Counter(word for sample in samples for word in getattr(sample, "status", ()))
+    for word, count in words.items():
+        yield Finding("look", f"status {word!r} in {count} of {len(samples)} readings")
+    newest = samples[-1]
+    if isinstance(newest, GripperSample):
+        width = "unknown" if newest.width_m is None else f"{newest.width_m * 1e3:.1f} mm"
+        active = "active" if newest.active else "not active"
+        yield Finding("ok", f"gripper {active}, width {width}, fault {newest.fault or 'none'}")
+        return
+    if isinstance(newest, ObjectSample):
+        return
+    rows = [_numbers(sample) for sample in samples]
+    if len({len(row) for row in rows}) > 1:
+        yield Finding("wrong", "the number of taxels changes from image to image")
+        return
+    values = np.array(rows, dtype=np.float64)
+    if not np.all(np.isfinite(values)):
+        yield Finding("wrong", "some values are not finite")
+        return
+    if len(values) > 1 and np.all(values == values[0]):
+        yield Finding(
+            "look", "every reading is the same to the last digit: is the sensor connected to its electronics?"
+        )
+    if isinstance(newest, WrenchSample):
+        yield from _wrench(values, has_torque=newest.has_torque)
+        return
+    flat = int(np.sum(np.all(values == values[0], axis=0)))
+    text = f"{values.shape[1]} values per image, from {values.min():g} to {values.max():g}, {flat} of them never change"
+    yield Finding("ok", text)
+
+
+def _numbers(sample: Sample) -> Array:
+    """Return the values of a reading of a sensor."""
+    return (
+        np.array(sample.numbers) if isinstance(sample, WrenchSample) else np.ravel(cast("TactileSample", sample).values)
+    )
+
+
+def _wrench(values: Array, *, has_torque: bool) -> Iterator[Finding]:
+    mean, scatter = values.mean(axis=0), values.std(axis=0)
+    parts: list[tuple[str, slice, str, float]] = [("force", slice(0, 3), "N", LARGEST_N)]
+    if has_torque:
+        parts.append(("torque", slice(3, 6), "N·m", LARGEST_NM))
+    for name, part, unit, most in parts:
+        level: Level = "wrong" if np.abs(values[:, part]).max() > most else "ok"
+        hint = f": beyond {most:g} {unit}, is the unit or the calibration right?" if level == "wrong" else ""
+        shown = ", ".join(f"{a:.4g} ± {b:.2g}" for a, b in zip(mean[part], scatter[part], strict=True))
+        yield Finding(level, f"{name} {shown} {unit} (mean ± standard deviation){hint}")
+
+
+def _damage(decoded: Decoded, total: int) -> Iterator[Finding]:
+    health = decoded.health
+    bad = health.bad_bytes - decoded.bad_bytes_before
+    checks: list[tuple[int, str, Callable[[int], bool]]] = [
+        (bad, "bytes after the first reading belong to no frame", lambda count: count > BAD_SHARE * total),
+        (health.lost, "readings are missing by the device's own count", lambda count: count > health.good),
+        (health.duplicates, "readings were repeated", lambda _: False),
+        (health.restarts, "times the device's count began anew", lambda _: False),
+    ]
+    found = [Finding("wrong" if grave(count) else "look", f"{count} {text}") for count, text, grave in checks if count]
+    yield from found or [Finding("ok", "no damaged, lost or repeated reading")]
+    for text in filter(None, (health.note, health.warning)):
+        yield Finding("look", text)

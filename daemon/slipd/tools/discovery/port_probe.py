@@ -1,0 +1,200 @@
+"""Find out which device is on a serial port: listen at each speed, then ask.
+
+Nothing that is sent moves a gripper or writes a setting that outlives the power: a gripper is asked for its status
+registers only, a Robotous sensor for its name only, and the other sensors by the start-up of their own session.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import serial
+
+from slipd.devices import DEVICES, Device, Session, pvdf
+from slipd.devices.robotous import robotous_packets
+from slipd.types.samples import TactileSample
+
+LISTEN_S = 0.6
+"""Time of listening at each speed, s: a device that streams sends many readings within, after a boot of 0.2 s."""
+
+ASK_S = 0.6
+"""Time for an answer and the readings after it, s."""
+
+LEAST_READINGS = 3
+POLL_S = 0.005
+READ_BYTES = 65_536
+MOST_SIDE = 64
+
+ASKED = ("robotiq_2f", "tsf85", "wts", "dsacon32", "robotous")
+"""Devices that are silent until they are asked, in the order of asking."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A device on a port.
+
+    Attributes:
+        device: Its name in a config.
+        rate_hz: Readings or images per second that it sent, rounded; None if it was only asked.
+        identity: What it reports about itself; "" if nothing.
+        taxels: Number of taxels of each pad; 0 for other devices.
+        rows: Rows, if its frames carry them.
+        sensors: Names of the sensors on the port, if there are several.
+    """
+
+    device: str
+    rate_hz: float | None = None
+    identity: str = ""
+    taxels: int = 0
+    rows: int = 0
+    sensors: tuple[str, ...] = ()
+
+
+async def identify_port(path: str) -> Found | None:
+    """Return the device on a port; None if nothing that slipd knows answers.
+
+    Raises:
+        OSError: The port cannot be opened or read, for example because another program holds it.
+    """
+    speeds = {device.baud for device in DEVICES.values() if "serial" in device.transports and device.kind != "gripper"}
+    for baud in sorted(speed for speed in speeds if speed):
+        data = await _listen(path, baud)
+        if (found := recognise(data)) is not None:
+            return found
+    for name in ASKED:
+        async with _opened(path, DEVICES[name].baud or 115_200) as port:
+            if (found := await _ask(port, name)) is not None:
+                return found
+    return None
+
+
+def recognise(pieces: Sequence[tuple[int, bytes]]) -> Found | None:
+    """Return the device that sends these bytes.
+
+    Args:
+        pieces: What was read, with the times of reading, ns.
+    """
+    if not pieces:
+        return None
+    found = [
+        heard
+        for device in DEVICES.values()
+        if "serial" in device.transports and device.kind != "gripper" and not device.needs_size
+        if (heard := _heard(device, pieces)) is not None
+    ]
+    if not found and (pad := _pvdf(pieces)) is not None:
+        found.append(pad)
+    return max(found, key=lambda heard: heard[0])[1] if found else None
+
+
+def _heard(device: Device, pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
+    try:
+        return _decode(device.name, device.decoder(**question_options(device)), pieces)
+    except Exception:
+        if device.interface is None:
+            raise
+        return None  # a device of another package hides none of the others
+
+
+def _decode(name: str, decoder: Any, pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
+    """Return how many bytes a decoder understood, and the device."""
+    samples = [(t_ns, sample) for t_ns, data in pieces for sample in decoder.receive(data, t_ns)]
+    total = sum(len(data) for _, data in pieces)
+    understood = total - decoder.health.bad_bytes
+    if len(samples) < LEAST_READINGS or understood < total / 2:
+        return None
+    return understood, _described(name, samples)
+
+
+def _described(name: str, samples: Sequence[tuple[int, Any]], identity: str = "") -> Found:
+    sources = tuple(sorted({sample.source for _, sample in samples} - {""}))
+    images = [sample for _, sample in samples if isinstance(sample, TactileSample)]
+    span_s = (samples[-1][0] - samples[0][0]) * 1e-9 if samples else 0.0
+    per_sensor = len(samples) / max(len(sources), 1)
+    rate_hz = float(f"{(per_sensor - 1) / span_s:.1g}") if span_s > 0.0 else None
+    taxels = len(images[0].values) if images else 0
+    return Found(name, rate_hz, identity, taxels, sensors=sources)
+
+
+def _pvdf(pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
+    """Return a PVDF pad, whose frames do not state the size of the pad: the checksum finds the columns."""
+    data = b"".join(piece for _, piece in pieces)
+    for cols in range(1, MOST_SIDE + 1):
+        heard = pvdf.Decoder(1, cols)
+        heard.receive(data[:4096], 0)
+        if heard.health.good + heard.health.bad < LEAST_READINGS:  # a row beyond the first counts as bad here
+            continue
+        for rows in range(MOST_SIDE, 0, -1):
+            found = _decode("pvdf", pvdf.Decoder(rows, cols), pieces)
+            if found is not None:
+                return found[0], replace(found[1], rows=rows)
+    return None
+
+
+async def _listen(path: str, baud: int) -> list[tuple[int, bytes]]:
+    async with _opened(path, baud) as port:
+        return await _read(port, LISTEN_S)
+
+
+async def _read(port: serial.Serial, seconds: float) -> list[tuple[int, bytes]]:
+    pieces: list[tuple[int, bytes]] = []
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        if data := port.read(READ_BYTES):
+            pieces.append((time.monotonic_ns(), data))
+        await asyncio.sleep(POLL_S)
+    return pieces
+
+
+async def _ask(port: serial.Serial, name: str) -> Found | None:
+    """Ask for one device; return it if it answers."""
+    if name == "robotous":
+        port.write(robotous_packets.encode_command(robotous_packets.PRODUCT_NAME))
+        data = b"".join(piece for _, piece in await _read(port, ASK_S))
+        at = data.find(robotous_packets.SYNC)
+        if at < 0 or not robotous_packets.is_valid_response(data, at):
+            return None
+        return Found(name, identity=robotous_packets.parse_name(data[at + 2 :]))
+    session = cast("Callable[..., Session]", DEVICES[name].session)(**question_options(DEVICES[name]))
+    samples: list[tuple[int, Any]] = []
+    port.write(session.start(time.monotonic_ns()))
+    until_s = time.monotonic() + ASK_S
+    try:
+        while time.monotonic() < until_s:
+            now_ns = time.monotonic_ns()
+            if data := port.read(READ_BYTES):
+                samples += [(now_ns, sample) for sample in session.receive(data, now_ns)]
+            due_ns = session.next_deadline()
+            if due_ns is not None and due_ns <= now_ns:
+                port.write(session.on_time(now_ns))
+            await asyncio.sleep(POLL_S)
+    finally:
+        port.write(session.stop())
+    if not session.identity and len(samples) < LEAST_READINGS:
+        return None
+    found = _described(name, samples, session.identity)
+    return replace(found, rate_hz=None) if DEVICES[name].kind == "gripper" else found
+
+
+def question_options(device: Device, transport: str = "serial") -> dict[str, Any]:
+    """Return options of a session whose readings are not used as forces: the tables are placeholders."""
+    if device.needs_tables:
+        return {"force_table": [(0.0, 1.0), (255.0, 2.0)], "width_table": [(0.0, 0.1), (1.0, 0.0)], "speed_table": None}
+    return {"wiring": transport} if device.needs_wiring else {}
+
+
+@contextlib.asynccontextmanager
+async def _opened(path: str, baud: int) -> AsyncIterator[serial.Serial]:
+    try:
+        port = await asyncio.to_thread(serial.Serial, path, baud, timeout=0, write_timeout=1, exclusive=True)
+    except ValueError as error:
+        raise OSError(str(error)) from None
+    try:
+        yield port
+    finally:
+        port.close()

@@ -1,0 +1,145 @@
+"""The table of an evaluation, and what differs between configs, as text for people and as maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Interval
+from slipd.tools.evaluation.evaluate import Evaluation
+from slipd.tools.evaluation.run_figures import BY_SEVERITY, RunFigures, differences, figures, worst_spans
+from slipd.tools.evaluation.truth_comparison import against_truth
+
+SHOWN = 4
+"""Most intervals of one line; `as_map` has all."""
+
+NOTHING = "-"
+_HEAD = (
+    "recording",
+    "config",
+    "length",
+    *BY_SEVERITY,
+    "changes",
+    "warnings",
+    "first",
+    "slipping at",
+    "λ max",
+    "unknown because",
+    "alarms name",
+)
+_LEFT = {"recording", "config", "slipping at", "unknown because", "alarms name"}
+
+
+def table(evaluations: Sequence[Evaluation]) -> Iterator[str]:
+    """Yield the lines of the table: one for each recording and config, times in s of the worse finger."""
+    rows = [_HEAD, *(row for one in evaluations for row in _rows(one))]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD))]
+    for row in rows:
+        cells = [
+            cell.ljust(width) if name in _LEFT else cell.rjust(width)
+            for name, cell, width in zip(_HEAD, row, widths, strict=True)
+        ]
+        yield "  ".join(cells).rstrip()
+
+
+def comparisons(evaluations: Sequence[Evaluation]) -> Iterator[str]:
+    """Yield what every other config changes against the recorded one, and how each run compares with the truth."""
+    for one in evaluations:
+        runs = {name: run for name, run in one.runs.items() if isinstance(run, ConfigRun)}
+        recorded = runs.get(RECORDED)
+        for name, run in runs.items():
+            if one.truth is not None:
+                yield f"{one.name}, {name}: {against_truth(one.truth, figures(run))}"
+            if recorded is not None and run is not recorded:
+                yield from _compared(f"{one.name}, {name}", recorded, run)
+
+
+def as_map(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
+    """Return all of it, with the levels of every finger over time."""
+    found = []
+    for one in evaluations:
+        recorded = one.runs[RECORDED]
+        runs = {name: _run_map(recorded, run) for name, run in one.runs.items()}
+        truth = None if one.truth is None else one.truth.as_map()
+        found.append({"recording": str(one.path), "truth": truth, "runs": runs})
+    return found
+
+
+def _run_map(recorded: ConfigRun | str, run: ConfigRun | str) -> dict[str, Any]:
+    if isinstance(run, str):
+        return {"fault": run}
+    before = worst_spans(recorded.spans) if isinstance(recorded, ConfigRun) else []
+    against = differences(before, worst_spans(run.spans))
+    return figures(run).as_map() | {"spans": run.as_map()["spans"], "fault": run.fault, "differences": against}
+
+
+def _rows(one: Evaluation) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of one recording; only the first names it."""
+    name = one.name
+    for config, run in one.runs.items():
+        row = ("no run, see below",) if isinstance(run, str) else _figures(figures(run))
+        yield (name, config, *row, *[""] * (len(_HEAD) - 2 - len(row)))
+        name = ""
+    if one.truth is not None:
+        cells = dict.fromkeys(_HEAD, "") | {
+            "config": "truth",
+            "slipping at": _times(one.truth.sliding),
+            "λ max": f"{one.truth.utilisation:.2f}",
+        }
+        yield tuple(cells.values())
+
+
+def _figures(found: RunFigures) -> tuple[str, ...]:
+    unknown = sorted(found.unknown_s.items(), key=lambda item: -item[1])
+    return (
+        f"{found.length_s:.2f}",
+        *(f"{found.level_s[level]:.2f}" if found.level_s[level] else NOTHING for level in BY_SEVERITY),
+        str(found.changes),
+        str(found.warnings),
+        NOTHING if found.first_warning_s is None else f"{found.first_warning_s:.3f}",
+        _times(found.slipping),
+        NOTHING if found.largest is None else f"{found.largest.utilisation:.2f}",
+        ", ".join(f"{reason} {seconds:.2f}" for reason, seconds in unknown) or NOTHING,
+        ", ".join(found.named) or NOTHING,
+    )
+
+
+def _times(found: list[Interval]) -> str:
+    if not found:
+        return NOTHING
+    shown = ", ".join(f"{begin_s:.2f}…{end_s:.2f}" for begin_s, end_s in found[:SHOWN])
+    return shown + (f" and {len(found) - SHOWN} more" if len(found) > SHOWN else "")
+
+
+def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
+    before, after = figures(recorded), figures(run)
+    if recorded.spans and not run.spans:
+        yield f"{name}: no levels; the sensors of a config must be those of the recording"
+        return
+    found = differences(worst_spans(recorded.spans), worst_spans(run.spans))
+    if not found:
+        yield f"{name}: the same levels as {RECORDED}"
+        return
+    seconds = sum(end_s - begin_s for begin_s, end_s, _, _ in found)
+    yield (
+        f"{name}: other levels than {RECORDED} for {seconds:.2f} s; changes {_change(before.changes, after.changes)}, "
+        f"warnings {_change(before.warnings, after.warnings)}, first warning {_first(before, after)}"
+    )
+    longest = sorted(found, key=lambda one: one[0] - one[1])[:SHOWN]
+    for begin_s, end_s, was, now in sorted(longest):
+        yield f"    {begin_s:8.3f}…{end_s:.3f} s  {was} → {now}"
+    if len(found) > SHOWN:
+        yield f"    and {len(found) - SHOWN} shorter times"
+
+
+def _change(before: int, after: int) -> str:
+    return f"{before} as before" if before == after else f"{before} → {after}"
+
+
+def _first(before: RunFigures, after: RunFigures) -> str:
+    was, now = before.first_warning_s, after.first_warning_s
+    if was is None or now is None:
+        return "none as before" if was is now else "gone" if now is None else f"new, at {now:.3f} s"
+    if abs(now - was) < 0.0005:
+        return "as before"
+    return f"{abs(now - was):.3f} s {'earlier' if now < was else 'later'}"

@@ -1,0 +1,195 @@
+"""Draw a chart as SVG, without a library: colours by class, so that a page decides between dark and light."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from html import escape
+from itertools import groupby
+
+from slipd.tools.plot.binned_track import Held, Range, Window
+from slipd.tools.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks, title_of
+from slipd_client.pad_picture import CENTROID, PadImage
+
+WIDTH, LEFT, RIGHT = 1180, 150, 16
+"""Width of the chart, and of what is beside the curves, px."""
+
+TITLE, PANEL, STRIP, GAP, AXIS = 22, 110, 20, 14, 26
+"""Heights of the parts, px."""
+
+LETTER = 6.2
+"""Width of a letter, px, on average; a text that may not fit is left out."""
+
+MOST_LETTERS = 24
+"""Longest name beside a strip."""
+
+TAXEL, SHADES = 12, 24
+"""Side of a taxel in a snapshot, px, and number of its colours."""
+
+
+def chart_svg(parts: Sequence[Panel | StripGroup], window: Window) -> str:
+    """Return the chart."""
+    body: list[str] = []
+    y = 0.0
+    for part in parts:
+        height = PANEL if isinstance(part, Panel) else STRIP * len(part.strips)
+        body.append(_text("title", LEFT, y + TITLE - 7, title_of(part)))
+        body += _legend(part, y) if isinstance(part, Panel) else _note(part, y)
+        body += _panel(part, y + TITLE, window) if isinstance(part, Panel) else _strips(part, y + TITLE, window)
+        y += TITLE + height + GAP
+    body += _time_axis(y, window)
+    return "\n".join(
+        [
+            f'<svg class="chart" viewBox="0 0 {WIDTH} {y + AXIS:g}" role="img" aria-label="course of the run">',
+            *body,
+            "</svg>",
+        ]
+    )
+
+
+def _text(kind: str, x: float, y: float, text: str) -> str:
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(text)}</text>'
+
+
+def _x(t_s: float, window: Window) -> float:
+    share = (t_s - window.begin_s) / (window.end_s - window.begin_s)
+    return LEFT + (WIDTH - LEFT - RIGHT) * min(max(share, 0.0), 1.0)
+
+
+def _legend(panel: Panel, y: float) -> Iterator[str]:
+    x = LEFT + 12 + LETTER * 1.25 * len(title_of(panel))
+    for curve in panel.curves:
+        colour = curve.colour.replace(" ", "")
+        sample = "v-4h18v8h-18z" if curve.kind == "band" else "h18"
+        yield f'<path class="{curve.kind} {colour}" d="M{x:.0f} {y + 11:g}{sample}"/>'
+        yield _text("small", x + 23, y + 15, curve.name)
+        x += 40 + LETTER * len(curve.name)
+
+
+def _note(group: StripGroup, y: float) -> Iterator[str]:
+    if group.note:
+        x = LEFT + 12 + LETTER * 1.25 * len(group.title)
+        shown = textwrap.shorten(group.note, int((WIDTH - RIGHT - x) / LETTER), placeholder=" …")
+        yield f"<g>{_text('small', x, y + 15, shown)}<title>{escape(group.note)}</title></g>"
+
+
+def _panel(panel: Panel, y: float, window: Window) -> Iterator[str]:
+    least, most = panel.span
+    px = PANEL / (most - least)
+
+    def height_of(value: float) -> float:
+        return y + PANEL - (min(value, most) - least) * px
+
+    yield f'<rect class="ground" x="{LEFT}" y="{y:g}" width="{WIDTH - LEFT - RIGHT}" height="{PANEL}"/>'
+    for tick in ticks(least, most, 6):
+        at = height_of(tick)
+        yield f'<path class="grid" d="M{LEFT} {at:.1f}H{WIDTH - RIGHT}"/>'
+        yield _text("small end", LEFT - 6, at + 4, f"{tick:g}")
+    for limit, name in panel.limits:
+        yield f'<path class="limit" d="M{LEFT} {height_of(limit):.1f}H{WIDTH - RIGHT}"/>'
+        yield _text("small end", WIDTH - RIGHT - 4, height_of(limit) - 3, name)
+    for curve in panel.curves:
+        yield from _curve(curve, window, height_of)
+
+
+def _curve(curve: Curve, window: Window, height_of: Callable[[float], float]) -> Iterator[str]:
+    outline = _area if curve.kind == "band" else _line
+    paths = "".join(
+        outline(
+            [(_x(at.begin_s, window), height_of(at.value[0]), height_of(at.value[1])) for at in _until_end(stretch)]
+        )
+        for stretch in stretches(curve.points)
+    )
+    if paths:
+        yield f'<path class="{curve.kind} {curve.colour.replace(" ", "")}" d="{paths}"/>'
+
+
+def _until_end(stretch: list[Held[Range]]) -> list[Held[Range]]:
+    """Return the points with the end of the last one, so that a value that stays is drawn as long as it holds."""
+    last = stretch[-1]
+    return [*stretch, Held(last.end_s, last.end_s, last.value)]
+
+
+def _area(points: Sequence[tuple[float, float, float]]) -> str:
+    """Return the outline of what lies between two values; each point has x and the heights of both."""
+    there = "L".join(f"{x:.1f} {high:.1f}" for x, _, high in _corners(points))
+    back = "L".join(f"{x:.1f} {low:.1f}" for x, low, _ in reversed(_corners(points)))
+    return f"M{there}L{back}Z"
+
+
+def _line(points: Sequence[tuple[float, float, float]]) -> str:
+    """Return a line through least and largest value of each point."""
+    path: list[str] = []
+    for x, low, high in _corners(points):
+        path.append(f"{x:.1f} {low:.1f}")
+        if f"{low:.1f}" != f"{high:.1f}":
+            path.append(f"{x:.1f} {high:.1f}")
+    return f"M{'L'.join(path)}"
+
+
+def _corners(points: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Leave out points whose values are those of both neighbours, as drawn."""
+    drawn = [(round(low, 1), round(high, 1)) for _, low, high in points]
+    inner = (at for at in range(1, len(points) - 1) if not drawn[at - 1] == drawn[at] == drawn[at + 1])
+    return [points[0], *(points[at] for at in inner), points[-1]]
+
+
+def _strips(group: StripGroup, y: float, window: Window) -> Iterator[str]:
+    for row, strip in enumerate(group.strips):
+        top = y + STRIP * row
+        name = strip.name if len(strip.name) <= MOST_LETTERS else f"{strip.name[: MOST_LETTERS - 1]}…"
+        yield f"<g>{_text('small end', LEFT - 6, top + 13, name)}<title>{escape(strip.name)}</title></g>"
+        yield f'<rect class="ground" x="{LEFT}" y="{top:g}" width="{WIDTH - LEFT - RIGHT}" height="{STRIP - 3}"/>'
+        for span in strip.spans:
+            begin, end = _x(span.begin_s, window), _x(span.end_s, window)
+            hover = f"{span.begin_s:.3f} to {span.end_s:.3f} s: {span.whole}"
+            yield (
+                f'<rect x="{begin:.1f}" y="{top:g}" width="{max(end - begin, 0.7):.1f}" height="{STRIP - 3}" '
+                f'fill="{SPAN_COLOURS[span.colour]}"><title>{escape(hover)}</title></rect>'
+            )
+            if text := span.text_for((end - begin - 6) / LETTER):
+                ink = "light" if span.colour in DARK_SPANS else "dark"
+                yield _text(f"small {ink}", begin + 4, top + 13, text)
+
+
+def _time_axis(y: float, window: Window) -> Iterator[str]:
+    for tick in ticks(*window, 12):
+        x = _x(tick, window)
+        yield f'<path class="tick" d="M{x:.1f} {y - GAP:g}v5"/>'
+        yield _text("small middle", x, y + 6, f"{tick:g} s")
+
+
+def snapshot_svg(image: PadImage, marks: Sequence[tuple[str, list[float] | None]]) -> str:
+    """Return the image of a pad with the contact centroid and the pole, as they lie in the pad's frame."""
+    columns, rows = len(image.rows[0]), len(image.rows)
+    size = f'viewBox="0 0 {columns * TAXEL} {rows * TAXEL}" width="{columns * TAXEL}" height="{rows * TAXEL}"'
+    parts = [f'<svg class="pad" {size} role="img" aria-label="image of the pad">']
+    for row, loads in enumerate(image.rows):
+        at = 0
+        for shade, alike in groupby(round(load * SHADES) for load in loads):
+            count = len(list(alike))
+            place = f'x="{at * TAXEL}" y="{row * TAXEL}" width="{count * TAXEL}" height="{TAXEL}"'
+            parts.append(f'<rect {place} fill="{heat(shade / SHADES)}"/>')
+            at += count
+    for sign, point_m in marks:
+        if (place_taxels := image.place(point_m)) is not None:
+            x, y = (taxels * TAXEL for taxels in place_taxels)
+            parts.append(_CROSS.format(x=x, y=y) if sign == CENTROID else _CIRCLE.format(x=x, y=y))
+    return "".join([*parts, "</svg>"])
+
+
+_CROSS = '<path class="mark" d="M{x:.1f} {y:.1f}m-6 0h12m-6 -6v12"/>'
+_CIRCLE = '<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="5"/>'
+
+_HEAT = ((0.27, 0.0, 0.33), (0.23, 0.32, 0.55), (0.13, 0.57, 0.55), (0.37, 0.79, 0.38), (0.99, 0.91, 0.14))
+"""Colours of increasing loads, red, green and blue from 0 to 1: brightness alone shows them too."""
+
+
+def heat(share: float) -> str:
+    """Return the colour of a load from 0 to 1; no load is grey."""
+    if share <= 0.0:
+        return "#8a8a8a"
+    at = min(share, 1.0) * (len(_HEAT) - 1)
+    left = min(int(at), len(_HEAT) - 2)
+    mixed = (a + (b - a) * (at - left) for a, b in zip(_HEAT[left], _HEAT[left + 1], strict=True))
+    return "#" + "".join(f"{round(255 * part):02x}" for part in mixed)

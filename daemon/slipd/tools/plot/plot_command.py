@@ -1,0 +1,205 @@
+"""The command ``slipd plot``: one recording as a page or a picture.
+
+A recording of a run holds what the run published, and that is drawn: a replay takes twenty times as long. The recording
+is replayed where it holds no verdicts that this version can draw, and for another config.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgpack
+
+from slipd import config
+from slipd.errors import RecordingError, SlipdError
+from slipd.io.progress import Progress
+from slipd.recording.reader import Recording, open_recording
+from slipd.tools.draft import Kind, draft
+from slipd.tools.plot.binned_track import Window
+from slipd.tools.plot.chart import chart
+from slipd.tools.plot.report_page import GENERATOR, Report, page
+from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
+from slipd.types.device_text import printable
+
+WHOLE = Window(0.0, math.inf)
+"""All of a run."""
+
+NOT_DRAWABLE = (KeyError, TypeError, ValueError)
+"""Errors of a message without the fields, or not of the kinds, that are drawn."""
+
+
+def is_plot(path: Path) -> bool:
+    """Return whether a file was written by this command, by its first bytes."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(256)
+    except OSError:
+        return False
+    return start.startswith((b"<!doctype html>", b"\x89PNG")) and GENERATOR.encode() in start
+
+
+PLOT = Kind("a plot of slipd", is_plot)
+
+
+def plot_command(path: Path, out: Path | None, config_file: Path | None, window: Window = WHOLE) -> bool:
+    """Read or replay a recording, and write the picture.
+
+    Args:
+        path: The recording.
+        out: The picture; it replaces an earlier one once it is complete, and nothing else. None: a page in this
+            folder.
+        config_file: A config to replay with; None: what the run itself published is drawn.
+        window: The part of the run to draw.
+
+    Returns:
+        Whether the recording is complete; if not, it is drawn as far as it goes.
+
+    Raises:
+        ConfigError: The config cannot be read or has faults.
+        RecordingError: The recording cannot be read, or does not fit the config.
+        SlipdError: The picture cannot be written, or matplotlib is missing for a PNG.
+    """
+    if not window.begin_s < window.end_s:
+        raise SlipdError(f"--from {window.begin_s:g} must be before --to {window.end_s:g}")
+    out = out or Path(f"{path.stem}.html")
+    write = _writer(out)
+    recording = open_recording(path)
+    progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording")
+    with draft(out, PLOT, overwrite=True) as written:
+        with progress.shown() as show:
+            report = make_report(recording, config_file, window, show)
+        write(report, written)
+    if recording.gap:
+        print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
+    print(f"{out}: written")
+    return recording.complete
+
+
+def make_report(
+    recording: Recording, config_file: Path | None, window: Window, progress: Callable[[int, int], None]
+) -> Report:
+    """Return what is drawn of a recording.
+
+    Args:
+        recording: The recording.
+        config_file: A config to replay with; None: what the run itself published is drawn.
+        window: The part of the run to draw.
+        progress: Called with how much of the file is read, and its size.
+
+    Raises:
+        ConfigError: The config cannot be read or has faults.
+        RecordingError: The recording has no messages in this window, or does not fit the config.
+    """
+    if config_file is None:
+        settings = config.parse(recording.config_text, f"{recording.path}: config")
+    else:
+        from slipd.tools.evaluation.config_replay import with_recorded_tares  # here: only a replay loads the engine
+
+        settings = with_recorded_tares(config.load(config_file), recording)
+    first = next(recording.events(), None)
+    if first is None:
+        raise RecordingError(recording.fault or f"{recording.path}: no events in it, so there is nothing to draw")
+    tracks = RunTracks(first[0], window.begin_s)
+    last_s = 0.0
+    replayed = config_file is not None or not _holds_verdicts(recording)
+    if replayed:
+        from slipd.compile_kernels import compile_kernels
+        from slipd.recording.replay import replay
+
+        compile_kernels()
+        messages = replay(recording, settings=settings, on_event=tracks.add_event)
+    else:
+        messages = _published(recording, tracks.add_event)
+    try:
+        for topic, body in messages:
+            last_s = max(last_s, tracks.time_s(body))
+            if last_s > window.end_s:
+                break
+            tracks.add(topic, body)
+            progress(recording.read_bytes, recording.size_bytes)
+    except NOT_DRAWABLE as error:
+        if replayed:
+            raise
+        raise RecordingError(
+            f"{recording.path}: holds a message that slipd cannot have published: {error!r}"
+        ) from error
+    if tracks.window.end_s <= window.begin_s:
+        raise RecordingError(f"{recording.path}: {_nothing_in(window, last_s)}")
+    if config_file is not None:
+        source = (
+            f"Replayed with {config_file.name} ({settings.config_id}): what slipd would have reported with that "
+            "config. The recorded motion stays as it was, and so does the zero of the pads."
+        )
+    else:
+        shown = "Replayed with its own config" if replayed else "As the run itself reported it, with its own config"
+        source = f"{shown} ({settings.config_id})."
+    return Report(
+        recording.path.name,
+        [_recorded(recording, tracks, first[0]), source],
+        [recording.gap] if recording.gap else [],
+        tracks.window,
+        chart(tracks, settings.levels),
+        tracks.changes,
+    )
+
+
+def _holds_verdicts(recording: Recording) -> bool:
+    """Return whether a recording holds verdicts that can be drawn: an import has none, an old one may lack fields."""
+    for topic, payload in recording.messages():
+        if topic.startswith("slip."):
+            try:
+                FingerTracks().add(0.0, msgpack.unpackb(payload))
+            except NOT_DRAWABLE:
+                return False
+            return True
+    return False
+
+
+def _published(recording: Recording, on_event: Callable[[int], object]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the messages that a run published, but not those of topics that are not drawn.
+
+    Their fields are not checked one by one, which would take longer than the rest of the plot.
+    """
+    for topic, payload in recording.messages(on_event):
+        if not topic.startswith("wrench."):
+            yield topic, msgpack.unpackb(payload)
+
+
+def _nothing_in(window: Window, last_s: float) -> str:
+    if last_s > window.end_s:
+        return f"no two messages from {window.begin_s:g} to {window.end_s:g} s, so there is nothing to draw"
+    return f"no message after {window.begin_s:g} s, the last is at {last_s:.3f} s"
+
+
+def _recorded(recording: Recording, tracks: RunTracks, begin_ns: int) -> str:
+    begun = datetime.fromtimestamp((begin_ns + recording.wall_minus_monotonic_ns) * 1e-9, UTC)
+    version = recording.versions.get("slipd", "of an unknown version")
+    begin_s, end_s = tracks.window
+    shown = f"drawn from {begin_s:g} to {end_s:.1f} s" if begin_s else f"{end_s:.1f} s"
+    return f"Recorded by slipd {version} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {shown}."
+
+
+def _writer(out: Path) -> Callable[[Report, Path], None]:
+    """Return what writes files of this kind.
+
+    Raises:
+        SlipdError: Matplotlib is missing.
+    """
+    if out.suffix == ".html":
+        return _write_page
+    try:
+        from slipd.tools.plot import chart_png  # matplotlib is in the extra "chart" only
+    except ImportError as error:
+        raise SlipdError(
+            f"{out}: a PNG needs matplotlib: pip install 'slipd[chart]'; a file .html needs nothing"
+        ) from error
+    return chart_png.save
+
+
+def _write_page(report: Report, path: Path) -> None:
+    path.write_text(page(report), encoding="utf-8")

@@ -1,0 +1,167 @@
+"""A page that shows a run: self-contained, without scripts, readable dark and light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from slipd.tools.plot.binned_track import Window
+from slipd.tools.plot.change_log import MOST_CHANGES, Change, ChangeLog
+from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, Panel, StripGroup
+from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
+from slipd_client.live_view_format import UNKNOWN
+from slipd_client.pad_picture import CENTROID, POLE
+
+GENERATOR = "slipd plot"
+"""What a page and a picture name as their program."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a picture of a run shows.
+
+    Attributes:
+        title: Name of the recording.
+        facts: What it is, in sentences.
+        faults: Why it is not complete; empty for a complete one.
+        window: The part of the run that is drawn.
+        parts: The course of the run.
+        changes: Its changes of level.
+    """
+
+    title: str
+    facts: Sequence[str]
+    faults: Sequence[str]
+    window: Window
+    parts: Sequence[Panel | StripGroup]
+    changes: ChangeLog
+
+
+def page(report: Report) -> str:
+    """Return the page as HTML."""
+    title = escape(report.title)
+    return "\n".join(
+        [
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            f'<meta name="generator" content="{GENERATOR}">',
+            f"<title>{title} · slipd</title>",
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            '<meta name="color-scheme" content="light dark">',
+            # a page from a file may ask nobody for anything
+            """<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">""",
+            f"<style>{_STYLE}{_curve_styles()}</style></head><body>",
+            f"<h1>{title}</h1>",
+            *(f'<p class="fault">{escape(fault)}</p>' for fault in report.faults),
+            *(f"<p>{escape(fact)}</p>" for fact in report.facts),
+            chart_svg(report.parts, report.window),
+            *_snapshots(report.changes),
+            *_changes(report.changes),
+            "</body></html>\n",
+        ]
+    )
+
+
+def _snapshots(log: ChangeLog) -> Iterator[str]:
+    if not log.alarms:
+        yield "<h2>Alarms</h2><p>No finger rose to “warning” or “slipping”.</p>"
+        return
+    yield "<h2>Pads at each alarm</h2>"
+    if not log.snapshots:
+        yield f"<p>{count_of(log.alarms, 'alarm')}, of which none has an image of its pad.</p>"
+        return
+    note = snapshot_note(log, len(log.snapshots))
+    yield f"<p>{note} X points right, Y up; + is the contact centroid, ○ the pole.</p>"
+    yield '<div class="pads">'
+    for change in log.snapshots:
+        if change.image is not None:
+            marks = ((CENTROID, change.centroid_m), (POLE, change.pole_m))
+            text = "<br>".join(map(escape, change_lines(change)))
+            yield f"<figure>{snapshot_svg(change.image, marks)}<figcaption>{text}</figcaption></figure>"
+    yield "</div>"
+
+
+def snapshot_note(log: ChangeLog, shown: int) -> str:
+    """Return how many alarms there are and how many are shown, in a sentence."""
+    if shown == log.alarms:
+        return f"{count_of(log.alarms, 'alarm')}."
+    return f"{count_of(log.alarms, 'alarm')}; the first {shown} with an image are shown."
+
+
+def change_lines(change: Change) -> tuple[str, str]:
+    """Return a change of level in two lines: what changed, and why."""
+    used = "" if change.utilisation is None else f", λ {change.utilisation:.2f}"
+    why = ", ".join(change.reasons) or "no reasons"
+    moves = f"; moves by {', '.join(change.evidence)}" if change.evidence else ""
+    return f"{change.t_s:.3f} s {change.finger}: {change.level}{used}", why + moves
+
+
+def _changes(log: ChangeLog) -> Iterator[str]:
+    yield "<h2>Changes of level</h2>"
+    if not log.count:
+        yield "<p>None.</p>"
+        return
+    if log.count > len(log.changes):
+        yield f"<p>{log.count} changes, of which the first {MOST_CHANGES} are listed.</p>"
+    heads = ("time, s", "finger", "from", "to", "λ", "reasons", "evidence")
+    yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
+    for each in log.changes:
+        used = UNKNOWN if each.utilisation is None else f"{each.utilisation:.3f}"
+        cells = (each.finger, each.previous, each.level, used, ", ".join(each.reasons), ", ".join(each.evidence))
+        level = f'<td class="level" style="border-left-color:{SPAN_COLOURS[each.level]}">'
+        row = "".join(f"{level if at == 2 else '<td>'}{escape(cell)}</td>" for at, cell in enumerate(cells))
+        yield f'<tr><td class="number">{each.t_s:.3f}</td>{row}</tr>'
+    yield "</table>"
+
+
+def count_of(count: int, what: str) -> str:
+    """Return a number with its noun."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def _curve_styles() -> str:
+    light = "".join(f"--{name.replace(' ', '')}:{on_white};" for name, (on_white, _) in COLOURS.items())
+    dark = "".join(f"--{name.replace(' ', '')}:{on_black};" for name, (_, on_black) in COLOURS.items())
+    classes = "".join(
+        f".line.{name},.dashed.{name}{{stroke:var(--{name})}}.band.{name}{{fill:var(--{name})}}"
+        for name in (name.replace(" ", "") for name in COLOURS)
+    )
+    return f":root{{{light}}}@media(prefers-color-scheme:dark){{:root{{{dark}}}}}{classes}"
+
+
+_STYLE = """
+:root{--paper:#fff;--ink:#1b1b1b;--faint:#666;--rule:#ddd;--ground:#f6f6f6;--fault:#b2182b}
+@media(prefers-color-scheme:dark){
+:root{--paper:#16181b;--ink:#e8e8e8;--faint:#a5a5a5;--rule:#3a3d42;--ground:#1e2125;--fault:#ff7b7b}
+}
+body{margin:1.5rem auto;max-width:1200px;padding:0 1rem;background:var(--paper);color:var(--ink)}
+body{font:15px/1.45 sans-serif}
+h1{font-size:1.4rem;overflow-wrap:anywhere}
+h2{font-size:1.1rem;margin-top:2rem}
+p{margin:.3rem 0}
+.fault{color:var(--fault);font-weight:bold}
+svg text{font:12px sans-serif;fill:var(--ink)}
+svg .title{font-weight:bold}
+svg .small{font-size:11px;fill:var(--faint)}
+svg .small.dark{fill:#111}
+svg .small.light{fill:#fff}
+svg .end{text-anchor:end}
+svg .middle{text-anchor:middle}
+.chart{width:100%;height:auto;margin-top:1rem}
+.ground{fill:var(--ground)}
+.grid,.tick{stroke:var(--rule);fill:none}
+.limit{stroke:var(--fault);stroke-dasharray:2 3;fill:none}
+.line,.dashed{fill:none;stroke-width:1.3}
+.dashed{stroke-dasharray:5 3}
+.band{stroke:none;opacity:.22}
+.mark{fill:none;stroke:#fff;stroke-width:2;filter:drop-shadow(0 0 1px #000)}
+.pads{display:flex;flex-wrap:wrap;gap:1rem}
+figure{margin:0;max-width:260px}
+figure svg{max-width:100%;height:auto}
+figcaption{font-size:12px;color:var(--faint)}
+table{border-collapse:collapse;font-size:13px}
+td,th{padding:.15rem .7rem;text-align:left;border-bottom:1px solid var(--rule)}
+.number{text-align:right;font-variant-numeric:tabular-nums}
+.level{border-left:6px solid}
+"""

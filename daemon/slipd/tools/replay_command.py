@@ -1,0 +1,77 @@
+"""The command ``slipd replay``: print or publish the messages of a recording."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from slipd.compile_kernels import compile_kernels, interruptible
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
+
+
+def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: bool) -> bool:
+    """Replay a recording; print changes of level, or every message as JSON.
+
+    Args:
+        path: The recording.
+        speed: Recorded seconds per second, which standard error states first; None: as fast as possible.
+        as_json: Print every message, one per line.
+        publish: Publish the messages too, on the endpoint of the recorded config.
+
+    Returns:
+        Whether the recording is complete.
+
+    Raises:
+        ConfigError: The recorded config has faults (for this version of slipd).
+        SlipdError: The recording cannot be read, or the endpoint cannot be opened.
+    """
+    recording = open_recording(path)
+    with interruptible():
+        messages = replay(recording, speed=speed)
+        compile_kernels()
+    if speed is not None:
+        pace = "in real time" if speed == 1.0 else f"at {speed:g} times real time"
+        print(f"slipd: replays {pace}; as fast as possible: --speed max", file=sys.stderr, flush=True)
+    if publish:
+        asyncio.run(_publish(messages, recording.config_text, str(path), as_json=as_json))
+    else:
+        for topic, body in messages:
+            _print_message(topic, body, as_json=as_json)
+    if not recording.complete:
+        print(f"slipd: the recording is incomplete: {recording.gap}", file=sys.stderr)
+    return recording.complete
+
+
+async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:
+    """Publish a replay; the loop serves subscribers while a thread waits between messages."""
+    from slipd import config
+    from slipd.io.bus.publisher import Publisher
+    from slipd.io.bus.runtime_directory import RuntimeDirectory
+    from slipd_client.messages import encode
+    from slipd_client.paths import publish_endpoint, runtime_dir
+
+    endpoint = config.parse(text, file).bus.publish
+    with contextlib.ExitStack() as stack:
+        if endpoint is None:
+            stack.enter_context(RuntimeDirectory(runtime_dir()))
+        publisher = stack.enter_context(Publisher(endpoint or publish_endpoint()))
+        print(f"publish: {publisher.endpoint}", file=sys.stderr if as_json else sys.stdout, flush=True)
+        while (message := await asyncio.to_thread(next, messages, None)) is not None:
+            publisher.publish(message[0], encode(message[1]))
+            _print_message(*message, as_json=as_json)
+
+
+def _print_message(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"topic": topic} | body, ensure_ascii=False, allow_nan=False))
+    elif topic == "warning":
+        reasons = ", ".join(body["reasons"]) or "none"
+        if body["evidence"]:
+            reasons += f"; moves by {', '.join(body['evidence'])}"
+        print(f"{body['t_ns'] * 1e-9:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({reasons})")

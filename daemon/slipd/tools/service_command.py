@@ -1,0 +1,147 @@
+"""``slipd service``: puts the systemd unit of this program in place, and takes it away again.
+
+It imports nothing but the standard library, so ``make install`` and ``make uninstall`` run it without any package.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from slipd.config.shipped_files import config_file
+from slipd.errors import SlipdError
+
+DESCRIPTION = "Description=Slip warnings for a gripper"
+"""The line by which a unit of slipd is known."""
+
+HOMES = ("/home/", "/root/")
+"""Folders that the system's unit cannot see (``ProtectHome``)."""
+
+NEXT_STEPS = {
+    True: """\
+next:
+    sudo systemd-sysusers                                  # the user slipd, member of dialout
+    sudo usermod -aG slipd $USER                           # may read and request; log in again
+    sudo install -m 644 my_rig.toml /etc/slipd/rig.toml
+    sudo systemctl daemon-reload && sudo systemctl enable --now slipd""",
+    False: """\
+next:
+    install -D -m 644 my_rig.toml ~/.config/slipd/rig.toml
+    systemctl --user daemon-reload && systemctl --user enable --now slipd""",
+}
+
+
+@dataclass(frozen=True)
+class ServiceFiles:
+    """The files of the service of all users, or of one.
+
+    Attributes:
+        system: For all users.
+        root: Folder that stands for ``/``, for packages.
+        program: The program that the unit starts.
+    """
+
+    system: bool
+    root: Path
+    program: Path
+
+    @property
+    def unit(self) -> Path:
+        """Where systemd finds the unit."""
+        if self.system:
+            return self.root / "etc/systemd/system/slipd.service"
+        home = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
+        return home / "systemd/user/slipd.service"
+
+    @property
+    def others(self) -> dict[Path, str]:
+        """The other files with their contents: the user of the service, and rules for serial ports."""
+        if not self.system:
+            return {}
+        shipped = {"etc/sysusers.d/slipd.conf": "slipd.sysusers", "etc/udev/rules.d/70-slipd.rules": "70-slipd.rules"}
+        return {self.root / place: config_file(name).read_text("utf-8") for place, name in shipped.items()}
+
+    def install(self) -> None:
+        """Write the files, readable by all and writable by their owner alone, and print the next steps.
+
+        A file that somebody changed is kept.
+
+        Raises:
+            SlipdError: A file cannot be written, the unit there is none of slipd, or systemd could not start the
+                program.
+        """
+        hidden = [self.program.resolve(), Path(sys.executable).resolve()] if self.root == Path("/") else []
+        if self.system and (homes := [str(path) for path in hidden if str(path).startswith(HOMES)]):
+            raise SlipdError(f"{homes[0]}: the service of all users cannot run a program of one user's home")
+        os.umask(0o022)
+        try:
+            if (there := _text(self.unit)) and DESCRIPTION not in there:
+                raise SlipdError(f"{self.unit}: is not a unit of slipd, and is not replaced")
+            for path, text in self.others.items():
+                if _text(path) in ("", text):
+                    _write(path, text)
+                else:
+                    print(f"kept, because it was changed: {path}")
+            if self.system:
+                (self.root / "etc/slipd").mkdir(parents=True, exist_ok=True)
+            shipped = config_file("slipd.service" if self.system else "slipd-user.service")
+            _write(self.unit, with_program(shipped.read_text("utf-8"), self.program))
+        except OSError as error:
+            raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error
+        print(NEXT_STEPS[self.system])
+
+    def uninstall(self) -> None:
+        """Remove the files that `install` wrote, but none that was changed and no unit of another program.
+
+        Raises:
+            SlipdError: A file cannot be removed.
+        """
+        try:
+            if f"\n{_start(self.program)} " in _text(self.unit):
+                _remove(self.unit)
+            for path, text in self.others.items():
+                if _text(path) == text:
+                    _remove(path)
+        except OSError as error:
+            raise SlipdError(f"{error.filename}: cannot be removed: {error.strerror}") from error
+
+
+def own_program() -> Path:
+    """Return the command ``slipd`` of this environment."""
+    return Path(sys.prefix) / "bin" / "slipd"
+
+
+def with_program(unit: str, program: Path) -> str:
+    """Return a unit that starts this program."""
+    return re.sub(r"^ExecStart=\S+", lambda _: _start(program), unit, flags=re.MULTILINE)
+
+
+def _start(program: Path) -> str:
+    """Return the beginning of the line that starts a program, quoted as systemd reads it."""
+    quoted = str(program).replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%")
+    return f'ExecStart="{quoted}"' if re.search(r"[\s\"'\\]", quoted) else f"ExecStart={quoted}"
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file; "" where there is none."""
+    try:
+        return path.read_text("utf-8")
+    except FileNotFoundError:
+        return ""
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.new")
+    part.write_text(text, "utf-8")
+    part.chmod(0o644)
+    part.replace(path)
+    print(f"{path}: written")
+
+
+def _remove(path: Path) -> None:
+    path.unlink()
+    print(f"{path}: removed")

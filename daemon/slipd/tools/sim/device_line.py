@@ -1,0 +1,300 @@
+"""The device side of a real line: a pseudo-terminal, a socket or a server.
+
+No method waits: bytes that nobody reads are lost, as on a real line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+from collections.abc import AsyncIterator, Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import urlsplit
+
+import zmq
+from websockets.asyncio.server import ServerConnection, broadcast, serve
+from websockets.exceptions import ConnectionClosed
+
+from slipd.tools.sim.pseudo_terminal import PseudoTerminal
+
+READ_BYTES = 65_536
+PIECES_PER_LOOK = 64
+"""Most pieces read at once from a host that floods the line."""
+
+SEND_AHEAD = 64
+"""Messages queued for a daemon that does not read."""
+
+
+class Line(Protocol):
+    """The device side of a line; see `open_line` for the kinds."""
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        """Return whether the line has just been opened, and the pieces written to it."""
+        ...
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        """Send pieces (frames, messages or datagrams) without waiting; without a listener they are lost."""
+        ...
+
+
+@contextlib.asynccontextmanager
+async def open_line(address: str) -> AsyncIterator[Line]:
+    """Open the device side of the line that a daemon opens by ``address``, for the duration of ``with``.
+
+    Args:
+        address: Path of a new pseudo-terminal; ``udp://``, ``tcp://`` or ``ws://`` with ``HOST:PORT`` to serve; the
+            ``ipc://`` endpoint to push to; or the ``unix://`` path to connect to.
+
+    Raises:
+        OSError: The address cannot be served.
+        ValueError: The address is invalid.
+    """
+    scheme = address.partition("://")[0] if "://" in address else ""
+    if scheme == "ws":
+        async with _websocket_line(*_host_and_port(address)) as line:
+            yield line
+        return
+    with contextlib.ExitStack() as stack:
+        if scheme == "udp":
+            yield stack.enter_context(_closing(_UdpLine(*_host_and_port(address))))
+        elif scheme == "tcp":
+            yield stack.enter_context(_closing(_TcpLine(*_host_and_port(address))))
+        elif scheme == "ipc":
+            yield stack.enter_context(_closing(_PushLine(address)))
+        elif scheme == "unix":
+            yield stack.enter_context(_closing(_DriverLine(address.removeprefix("unix://"))))
+        elif not scheme:
+            yield stack.enter_context(_closing(_PtyLine(Path(address))))
+        else:
+            raise ValueError(
+                f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
+            )
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    parts = urlsplit(address)
+    if not parts.hostname or not parts.port:
+        raise ValueError(f"{address}: must have host and port, such as {parts.scheme}://127.0.0.1:5000")
+    return parts.hostname, parts.port
+
+
+class _Closable(Line, Protocol):
+    def close(self) -> None: ...
+
+
+@contextlib.contextmanager
+def _closing(line: _Closable) -> Iterator[Line]:
+    try:
+        yield line
+    finally:
+        line.close()
+
+
+def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
+    """Return a non-blocking socket bound to an address."""
+    family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=kind)[0]
+    made = socket.socket(family, kind, protocol)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(place)
+        made.setblocking(False)
+    except OSError:
+        made.close()
+        raise
+    return made
+
+
+class _PtyLine:
+    def __init__(self, path: Path) -> None:
+        self._port = PseudoTerminal(path)
+        self._poll = select.poll()
+        self._poll.register(self._port.fd, select.POLLIN)
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        events = dict(self._poll.poll(0)).get(self._port.fd, 0)
+        opened = self._port.update(events)
+        data = self._port.read() if events & select.POLLIN else b""
+        return opened, [data] if data else []
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        self._port.write(b"".join(pieces))
+
+    def close(self) -> None:
+        self._port.close()
+
+
+class _UdpLine:
+    """Answer the last sender, as such sensors do."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = _bound(socket.SOCK_DGRAM, host, port)
+        self._peer: tuple[str, int] | None = None
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        received: list[bytes] = []
+        before = self._peer
+        with contextlib.suppress(OSError):  # nothing more to read, or the peer has closed its socket
+            while len(received) < PIECES_PER_LOOK:
+                data, self._peer = self._socket.recvfrom(READ_BYTES)
+                received.append(data)
+        return self._peer != before, received
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        if self._peer is not None:
+            with contextlib.suppress(OSError):
+                for piece in pieces:
+                    self._socket.sendto(piece, self._peer)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _TcpLine:
+    """Serve one host at a time; a new one replaces it."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._server = _bound(socket.SOCK_STREAM, host, port)
+        self._server.listen()
+        self._client: socket.socket | None = None
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        with contextlib.suppress(BlockingIOError):
+            client, _ = self._server.accept()
+            self._disconnect()
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._client = client
+            return True, []
+        return False, self._read()
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        data = b"".join(pieces)
+        if data and self._client is not None:
+            with contextlib.suppress(OSError):
+                self._client.send(data)
+
+    def close(self) -> None:
+        self._disconnect()
+        self._server.close()
+
+    def _read(self) -> list[bytes]:
+        if self._client is None:
+            return []
+        try:
+            data = self._client.recv(READ_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if data:
+            return [data]
+        self._disconnect()
+        return []
+
+    def _disconnect(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+
+class _PushLine:
+    """Push to a daemon once it serves."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._socket = self._context.socket(zmq.PUSH)
+        self._socket.setsockopt(zmq.IMMEDIATE, 1)
+        self._socket.setsockopt(zmq.SNDHWM, SEND_AHEAD)
+        self._socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
+        self._socket.connect(endpoint)
+        self._begun = False
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        begun, self._begun = self._begun, True
+        return not begun, []
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        with contextlib.suppress(zmq.Again):
+            for piece in pieces:
+                self._socket.send(piece, zmq.NOBLOCK)
+
+    def close(self) -> None:
+        self._context.destroy(linger=0)
+
+
+class _DriverLine:
+    """Connect to a daemon once it serves, and again after it was gone."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._socket: socket.socket | None = None
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        if self._socket is None:
+            return self._connect(), []
+        try:
+            data = self._socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return False, []
+        except OSError:
+            data = b""
+        if not data:
+            self.close()
+        return False, [data] if data else []
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.send(b"".join(pieces))
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _connect(self) -> bool:
+        made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        made.setblocking(False)
+        try:
+            made.connect(self._path)
+        except OSError:
+            made.close()
+            return False
+        self._socket = made
+        return True
+
+
+class _WebsocketLine:
+    def __init__(self) -> None:
+        self._clients: set[ServerConnection] = set()
+        self._opened = False
+        self._received: list[bytes] = []
+
+    async def serve_client(self, client: ServerConnection) -> None:
+        self._clients.add(client)
+        self._opened = True
+        try:
+            while True:
+                data = await client.recv(decode=False)
+                if len(self._received) < PIECES_PER_LOOK:
+                    self._received.append(data)
+        except ConnectionClosed:
+            self._clients.discard(client)
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        result = self._opened, self._received
+        self._opened, self._received = False, []
+        return result
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        for piece in pieces:
+            broadcast(self._clients, piece.decode())
+
+
+@contextlib.asynccontextmanager
+async def _websocket_line(host: str, port: int) -> AsyncIterator[Line]:
+    line = _WebsocketLine()
+    async with serve(line.serve_client, host, port, compression=None):
+        yield line

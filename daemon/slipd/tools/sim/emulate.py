@@ -1,0 +1,214 @@
+"""Run emulated devices on real lines, in real time: ``python -m slipd.tools.sim.emulate DEVICE --at ADDRESS``.
+
+A daemon whose config has the same address reads them like the device.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import gc
+import os
+import signal
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import AsyncExitStack
+from typing import Protocol, cast
+from urllib.parse import urlsplit
+
+from slipd.devices import DEVICES, Inquiry
+from slipd.tools.sim.device_line import Line, open_line
+from slipd.tools.sim.emulators import Emulator, make_emulator
+
+TICK_NS = 1_000_000
+"""Period at which lines are read and devices advance, ns: a device answers within a millisecond."""
+
+LONGEST_LAG_NS = 250_000_000
+"""After a longer pause, ns, such as a suspended machine, a device continues where it was instead of catching up."""
+
+ANSWER_BYTES = 4096
+"""Longest request of an inquiry."""
+
+QUESTION_S = 1.0
+"""Longest wait for that request, s."""
+
+HARDWARE_NICENESS = -10
+"""Niceness of this process if permitted, because hardware is not late on a busy machine."""
+
+STDIN = 0
+
+
+class Inquired(Protocol):
+    """An emulator that also answers inquiries."""
+
+    def inquire(self, request: bytes) -> bytes:
+        """Return the answer; empty if there is none."""
+        ...
+
+
+class Emulation:
+    """Emulated devices on their lines.
+
+    Args:
+        devices: Each device with its line.
+        load: Called with the time in ns before the devices advance to it, to change the loads on them.
+    """
+
+    def __init__(self, devices: Sequence[tuple[Emulator, Line]], load: Callable[[int], None] = lambda _: None) -> None:
+        self._devices = devices
+        self._load = load
+
+    async def run(self) -> None:
+        """Run for ever, in real time."""
+        start_ns = now_ns = time.monotonic_ns()
+        self._set_start(start_ns)
+        while True:
+            await asyncio.sleep(max(TICK_NS - (time.monotonic_ns() - now_ns), 0) * 1e-9)
+            before_ns, now_ns = now_ns, time.monotonic_ns()
+            if now_ns - before_ns > LONGEST_LAG_NS:
+                start_ns += now_ns - before_ns
+                self._set_start(start_ns)
+            self._load(now_ns - start_ns)
+            for device, line in self._devices:
+                _advance(device, line, now_ns - start_ns)
+
+    def _set_start(self, start_ns: int) -> None:
+        """Set the start time of devices whose readings carry the time of this host."""
+        for device, _ in self._devices:
+            if hasattr(device, "began_ns"):
+                device.began_ns = start_ns
+
+
+def _advance(device: Emulator, line: Line, t_ns: int) -> None:
+    opened, received = line.listen()
+    if opened:
+        device.opened(t_ns)
+    output = [answer for data in received for answer in device.receive(data, t_ns)]
+    output += device.advance(t_ns)
+    if output:
+        line.send(output)
+
+
+@contextlib.asynccontextmanager
+async def emulated(
+    devices: Sequence[tuple[str, Emulator, str]], load: Callable[[int], None] = lambda _: None
+) -> AsyncIterator[Emulation]:
+    """Open the lines of devices, and the servers of their inquiries.
+
+    Args:
+        devices: Name of each device in the list of devices, its emulator, and the address of its line.
+        load: See `Emulation`.
+
+    Raises:
+        OSError: A line cannot be served at its address.
+        ValueError: An address is invalid.
+    """
+    async with AsyncExitStack() as stack:
+        lines = []
+        for name, device, address in devices:
+            lines.append((device, await stack.enter_async_context(open_line(address))))
+            inquiry = _inquiry(name, device)
+            if inquiry is not None:
+                host = urlsplit(address).hostname
+                await stack.enter_async_context(await _serve_inquiries(cast("Inquired", device), host, inquiry.port))
+        yield Emulation(lines, load)
+
+
+def _inquiry(name: str, device: Emulator) -> Inquiry | None:
+    make = DEVICES[name].inquiry
+    return make(**device.options) if make is not None and hasattr(device, "inquire") else None
+
+
+async def _serve_inquiries(device: Inquired, host: str | None, port: int) -> asyncio.Server:
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(TimeoutError, ConnectionError):
+            async with asyncio.timeout(QUESTION_S):
+                writer.write(device.inquire(await reader.read(ANSWER_BYTES)))
+                await writer.drain()
+        writer.close()
+
+    return await asyncio.start_server(answer, host, port)
+
+
+def emulator_for(device: str, address: str, seed: int = 0) -> Emulator:
+    """Return the emulator of a device for the kind of line in an address.
+
+    Raises:
+        ValueError: The device is unknown, or does not have such a line.
+    """
+    if device not in DEVICES:
+        raise ValueError(f"DEVICE must be one of {', '.join(sorted(DEVICES))}, got {device!r}")
+    kinds = {"udp": "udp", "tcp": "tcp", "ws": "websocket", "ipc": "external", "unix": "local"}
+    transport = kinds.get(address.partition("://")[0], "serial") if "://" in address else "serial"
+    if transport not in DEVICES[device].transports:
+        raise ValueError(
+            f"the address of {device} must be of kind {' or '.join(DEVICES[device].transports)}, got {address}"
+        )
+    return make_emulator(device, seed, **({"wiring": transport} if DEVICES[device].needs_wiring else {}))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one device until SIGTERM, SIGINT, or the end of standard input; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m slipd.tools.sim.emulate", description="Run an emulated device until Ctrl-C."
+    )
+    parser.add_argument("device", metavar="DEVICE", help=", ".join(sorted(DEVICES)))
+    parser.add_argument(
+        "--at",
+        required=True,
+        metavar="ADDRESS",
+        help="path of a new pseudo-terminal, udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT, ipc:///PATH or unix:///PATH",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
+    options = parser.parse_args(argv)
+    try:
+        device = emulator_for(options.device, options.at, options.seed)
+        prepare_process()
+        asyncio.run(serve_until_ended([(options.device, device, options.at)]))
+    except (OSError, ValueError) as error:
+        print(f"emulate: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def prepare_process() -> None:
+    """Make this process as prompt as hardware; call it once its devices exist."""
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, HARDWARE_NICENESS)
+    gc.collect()
+    gc.freeze()  # no device pauses for a garbage collection
+
+
+async def serve_until_ended(devices: Sequence[tuple[str, Emulator, str]]) -> None:
+    """Serve devices until a signal or the end of standard input; print their addresses once all are served.
+
+    Raises:
+        OSError: A line cannot be served at its address.
+        ValueError: An address is invalid.
+    """
+    loop, stop = asyncio.get_running_loop(), asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+
+    def read_stdin() -> None:
+        if not os.read(STDIN, ANSWER_BYTES):
+            stop.set()
+
+    with contextlib.suppress(PermissionError):  # a file or nothing, which does not close
+        loop.add_reader(STDIN, read_stdin)
+    async with emulated(devices) as emulation:
+        for _, _, address in devices:
+            print(address, flush=True)
+        running = asyncio.create_task(emulation.run(), name="emulation")
+        running.add_done_callback(lambda _: stop.set())
+        await stop.wait()
+        loop.remove_reader(STDIN)
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+
+
+if __name__ == "__main__":
+    sys.exit(main())

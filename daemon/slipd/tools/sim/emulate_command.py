@@ -1,0 +1,251 @@
+"""``slipd emulate``: every device of a config on real lines, pressed by commands, which ``slipd touch`` sends.
+
+Commands come from a script, from standard input, and from a local socket, one a line (`slipd.tools.sim.hand_commands`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import stat
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+from slipd import config
+from slipd.config.shipped_files import config_file
+from slipd.errors import SlipdError
+from slipd.tools.sim.emulate import emulated, prepare_process
+from slipd.tools.sim.emulated_copy import EmulatedCopy
+from slipd.tools.sim.hand import PadLoad
+from slipd.tools.sim.hand_commands import HELP, CommandError, parse_command
+from slipd.tools.sim.touched_devices import TouchedDevices
+
+SOCKET = "hand"
+"""Name of the local socket for commands."""
+
+LONGEST_LINE = 1000
+OK, ERROR, END = "ok", "error: ", "end"
+"""First words of the last line of each answer on the socket."""
+
+
+def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: int) -> None:
+    """Emulate the devices of a config until Ctrl-C, SIGTERM, ``quit`` or the end of standard input.
+
+    Args:
+        file: The config, or the name of a shipped one.
+        folder: For its copy, the socket and the pseudo-terminals; created if missing. None: a temporary one. A copy
+            that was changed, as by ``slipd commission``, is kept in the working directory.
+        script: Commands to carry out first.
+        seed: Seed of the noise.
+
+    Raises:
+        ConfigError: The config has faults.
+        SlipdError: A line cannot be served, or a line of the script is wrong.
+    """
+    if not file.exists() and file.name == str(file) and not file.suffix:
+        file = config_file(str(file))
+    rig = config.load(file)
+    lines = _script_lines(script, rig)
+    with contextlib.ExitStack() as stack:
+        if folder is None:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slipd-emulated-")))
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            _check_free(folder)
+            devices = TouchedDevices(rig, folder.absolute(), seed)
+            place = folder.absolute() / file.name
+            copy = EmulatedCopy(place, devices.config_text(), file, devices.addresses)
+            stack.callback(copy.remove)
+            prepare_process()
+            asyncio.run(_serve(devices, copy.path, lines))
+        except (OSError, ValueError) as error:
+            raise SlipdError(f"cannot emulate {file}: {error}") from error
+
+
+def touch_command(folder: Path, words: list[str]) -> int:
+    """Send commands to a running emulation and print the answers; without words, those of standard input.
+
+    Returns:
+        Exit code: 1 if a command was refused.
+
+    Raises:
+        SlipdError: No emulation listens there.
+    """
+    refused = False
+    with socket.socket(socket.AF_UNIX) as line:
+        try:
+            line.connect(str(folder / SOCKET))
+        except OSError as error:
+            raise SlipdError(f"no emulation at {folder}: {error.strerror}; start one: slipd emulate CONFIG") from None
+        with line.makefile("rw", encoding="utf-8") as both:
+            for text in [" ".join(words)] if words else sys.stdin:
+                both.write(text.rstrip("\n") + "\n")
+                both.flush()
+                for answer in both:
+                    if answer.strip() == OK:
+                        break
+                    print(answer, end="", file=sys.stderr if answer.startswith(ERROR) else sys.stdout, flush=True)
+                    if answer.startswith((ERROR, END)):
+                        refused = refused or answer.startswith(ERROR)
+                        break
+                else:
+                    raise SlipdError("the emulation has ended")
+    return int(refused)
+
+
+def _check_free(folder: Path) -> None:
+    """Raise if an emulation runs in a folder: it would lose its copy of the config, and its commands."""
+    with socket.socket(socket.AF_UNIX) as line, contextlib.suppress(OSError):
+        line.connect(str(folder / SOCKET))
+        raise SlipdError(f"{folder}: an emulation runs there; end it, or give another --dir")
+
+
+def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
+    """Return the commands of a script, once all are right."""
+    if script is None:
+        return []
+    try:
+        lines = script.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SlipdError(f"{script}: cannot be read: {error}") from None
+    for number, line in enumerate(lines, start=1):
+        try:
+            for part in line.partition("#")[0].split(";"):
+                parse_command(part, rig.finger)
+        except CommandError as error:
+            raise SlipdError(f"{script}:{number}: {error}") from None
+    return lines
+
+
+async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> None:
+    loop, stop = asyncio.get_running_loop(), asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    desk = _Desk(devices, stop)
+    place = written.with_name(SOCKET)
+    async with emulated(devices.devices, desk.advance) as emulation:
+        place.unlink(missing_ok=True)
+        server = await asyncio.start_unix_server(desk.serve_client, place, limit=LONGEST_LINE)
+        place.chmod(0o600)
+        for name, _, address in devices.devices:
+            print(f"{name}: {address}")
+        print(f"commands: slipd touch {place.parent} help\nby mouse: slipctl view --emulation {place.parent}")
+        print(f"config: {written}", flush=True)
+        tasks = [asyncio.create_task(emulation.run(), name="emulation")]
+        tasks += [asyncio.create_task(_commands(desk, script), name="commands")]
+        for task in tasks:
+            task.add_done_callback(lambda task: stop.set() if task.cancelled() or task.exception() else None)
+        await stop.wait()
+        server.close()
+        for task in tasks:
+            task.cancel()
+        results = await asyncio.gather(*tasks, return_exceptions=True)
+        place.unlink(missing_ok=True)
+    for result in results:
+        if isinstance(result, Exception):
+            raise result
+
+
+async def _commands(desk: _Desk, script: list[str]) -> None:
+    """Carry out the script, then the lines of standard input."""
+    for line in script:
+        await desk.carry_out(line, print)
+    async for line in _standard_input():
+        await desk.carry_out(line, lambda text: print(text, flush=True))
+    desk.end()
+
+
+async def _standard_input() -> AsyncIterator[str]:
+    """Yield the lines of standard input; wait forever without standard input, as in the background."""
+    try:
+        mode = os.fstat(sys.stdin.fileno()).st_mode
+    except (OSError, ValueError, AttributeError):
+        mode = stat.S_IFCHR
+    if stat.S_ISREG(mode):
+        for line in sys.stdin:
+            yield line
+    elif stat.S_ISCHR(mode) and not sys.stdin.isatty():
+        await asyncio.Event().wait()
+    else:
+        reader = asyncio.StreamReader(limit=LONGEST_LINE)
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+        try:
+            async for line in _lines(reader):
+                yield line
+        finally:
+            transport.close()
+
+
+async def _lines(reader: asyncio.StreamReader) -> AsyncIterator[str]:
+    """Yield the lines of a stream; one that is too long counts as its end."""
+    with contextlib.suppress(ValueError, ConnectionError):
+        while data := await reader.readline():
+            yield data.decode(errors="replace")
+
+
+class _Desk:
+    """Carries out commands in the time of the emulation."""
+
+    def __init__(self, devices: TouchedDevices, stop: asyncio.Event) -> None:
+        self._devices, self._stop, self._t_ns = devices, stop, 0
+
+    def advance(self, t_ns: int) -> None:
+        self._t_ns = t_ns
+        self._devices.advance(t_ns)
+
+    def end(self) -> None:
+        self._stop.set()
+
+    async def serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        def answer(text: str) -> None:
+            writer.write(f"{text}\n".encode())
+
+        with contextlib.suppress(ConnectionError, asyncio.CancelledError):  # cancelled: the emulation ends
+            async for line in _lines(reader):
+                if await self.carry_out(line, answer):
+                    answer(END if self._stop.is_set() else OK)
+                await writer.drain()
+        writer.close()
+
+    async def carry_out(self, line: str, answer: Callable[[str], None]) -> bool:
+        """Carry out the commands of a line; return whether all are right."""
+        try:
+            for part in line.partition("#")[0].split(";"):
+                await self._one(part, answer)
+        except CommandError as error:
+            answer(f"{ERROR}{error}")
+            return False
+        return True
+
+    async def _one(self, text: str, answer: Callable[[str], None]) -> None:
+        command = parse_command(text, self._devices.hand.fingers)
+        if command is None:
+            return
+        if command.verb == "wait":
+            await asyncio.sleep(command.seconds)
+        elif command.verb == "quit":
+            self.end()
+        elif command.verb == "help":
+            answer(HELP)
+        elif command.verb == "show":
+            for name, load in self._devices.loads(self._t_ns).items():
+                answer(load_text(name, load))
+        else:
+            self._devices.hand.carry_out(command, self._t_ns * 1e-9)
+
+
+def load_text(name: str, load: PadLoad) -> str:
+    """Return the load on a finger as a line for people."""
+    if load.normal_n == 0.0:
+        return f"{name}: nothing touches"
+    (x, y), (fx, fy) = load.place_m, load.tangential_n
+    return (
+        f"{name}: normal {load.normal_n:.2f} N at {1e3 * x:.1f}, {1e3 * y:.1f} mm, "
+        f"tangential {fx:.2f}, {fy:.2f} N, spin {1e3 * load.spin_nm:.1f} mN·m"
+    )

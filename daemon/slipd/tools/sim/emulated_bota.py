@@ -1,0 +1,179 @@
+"""A Bota force/torque sensor behind a pad, as seen from its line: banner, commands and acknowledgements, frames.
+
+The maker's driver (bota-driver 1.1.16) configures it and reads it. Not emulated: the text data format, the calibration
+matrix, and saved settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slipd.devices import bota
+from slipd.devices.bota import bota_text
+from slipd.types.arrays import Array
+
+BOOT_NS = 200_000_000
+"""Time from power-on to the first frame, ns; the banner comes in the middle."""
+
+TEMPERATURE_C = 31.5
+NAME, SERIAL = "MiniONE", 1
+
+RATE_HZ = 800.0
+"""Rate of frames until a command sets another filter length, Hz."""
+
+_INTERNAL_RATE_HZ = 51_200
+_IN_RUN_MODE = "CRI#"
+_DONE, _REFUSED = 0, 1
+_BINARY = 0
+_NOISE_BLOCK = 1024
+
+
+@dataclass(frozen=True)
+class BotaMount:
+    """Pose of the sensor behind its pad, and its imperfections.
+
+    Attributes:
+        xyz_m: Origin of the sensor in the pad frame, m (``pad_from_sensor`` of a config).
+        quat_xyzw: Rotation from sensor to pad coordinates, likewise.
+        bias: Reading without load: force (3) in N and torque (3) in N·m, in the frame of the sensor; includes the
+            weight of the finger, which does not move in this scene.
+        noise_n: Standard deviation of each force component.
+        noise_nm: Standard deviation of each torque component.
+        sinc_length: Filter length until a command sets another; a frame comes every sinc_length / 51200 s.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
+    """
+
+    xyz_m: tuple[float, float, float] = (0.004, -0.002, -0.025)
+    quat_xyzw: tuple[float, float, float, float] = (0.9659258, 0.2588190, 0.0, 0.0)
+    bias: Sequence[float] = (1.7, -0.9, -2.4, 0.030, -0.020, 0.011)
+    noise_n: float = 0.02
+    noise_nm: float = 0.0002
+    sinc_length: int = 64
+    clock_ppm: float = 40.0
+
+
+class BotaSensor:
+    """The sensor on its line; its caller passes the time.
+
+    Args:
+        mount: Pose behind its pad, and imperfections.
+        rng: Source of its noise.
+    """
+
+    def __init__(self, mount: BotaMount, rng: np.random.Generator) -> None:
+        turn = Rotation.from_quat(np.array(mount.quat_xyzw)).as_matrix().T
+        x, y, z = mount.xyz_m
+        lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix
+        self._from_pad = np.block([[turn, np.zeros((3, 3))], [-turn @ lever, turn]])
+        self._bias = np.array(mount.bias, dtype=np.float64)
+        self._sigma = np.repeat((mount.noise_n, mount.noise_nm), 3)
+        self._rng = rng
+        self._noise: list[list[float]] = []
+        self._ideal: list[float] = self._bias.tolist()
+        self._ppm = mount.clock_ppm
+        self._period_ns = _period_ns(mount.sinc_length)
+        self.restart(0)
+
+    def restart(self, t_ns: int) -> None:
+        """Boot, as at power-on and whenever the port is opened."""
+        self.mode: Literal["boot", "config", "run"] = "boot"
+        self._booted_ns = t_ns
+        self._next_ns = t_ns + BOOT_NS
+        self._received, self._text = b"", bota_text.encode_banner(NAME, SERIAL)
+
+    def receive(self, data: bytes, t_ns: int) -> bytes:
+        """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
+        commands, self._received = bota_text.parse_commands(self._received + data)
+        return b"".join(self._obey(command, t_ns) for command in commands)
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Set the load on the finger from now on.
+
+        Args:
+            force_n: Force on the finger in the pad frame, shape (3,), N.
+            torque_nm: Torque on it about the pad's centre, shape (3,), N·m.
+        """
+        self._ideal = (self._from_pad @ np.concatenate((force_n, torque_nm)) + self._bias).tolist()
+
+    def advance(self, t_ns: int) -> bytes:
+        """Advance to ``t_ns`` and return the bytes due by then."""
+        output = b""
+        if self.mode == "boot":
+            if self._text and t_ns - self._booted_ns >= BOOT_NS // 2:
+                output, self._text = self._text, b""
+            if t_ns >= self._next_ns:
+                self.mode = "run"
+        while self.mode == "run" and t_ns >= self._next_ns:
+            output += self._frame(self._next_ns - self._booted_ns)
+            self._next_ns += self._period_ns
+        return output
+
+    def _frame(self, elapsed_ns: int) -> bytes:
+        if not self._noise:
+            self._noise = self._rng.normal(scale=self._sigma, size=(_NOISE_BLOCK, 6)).tolist()
+        values = [ideal + noise for ideal, noise in zip(self._ideal, self._noise.pop(), strict=True)]
+        device_us = round(elapsed_ns * (1e-3 + self._ppm * 1e-9))
+        return bota.encode_frame(values[:3], values[3:], device_us, temperature_c=TEMPERATURE_C)
+
+    def _obey(self, command: bota_text.Command, t_ns: int) -> bytes:
+        letter = command.letter
+        if self.mode == "boot" or (self.mode == "run" and letter not in _IN_RUN_MODE):
+            return b""
+        code = _DONE
+        if letter in "#I":
+            self.restart(t_ns)
+            return b""
+        if letter == "p":
+            return bota_text.encode_product(NAME, SERIAL)
+        if letter == "C":
+            self.mode = "config"
+        elif letter == "R":
+            self.mode, self._next_ns = "run", t_ns + self._period_ns
+        elif letter == "f" and command.arguments[0]:
+            self._period_ns = _period_ns(command.arguments[0])
+        elif letter == "f" or (letter == "c" and command.arguments[2] != _BINARY):
+            code = _REFUSED
+        return bota_text.encode_ack(letter, code)
+
+
+def _period_ns(sinc_length: int) -> int:
+    return round(sinc_length * 1e9 / _INTERNAL_RATE_HZ)
+
+
+class BotaLine:
+    """A `BotaSensor` that measures in its own frame, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
+
+    Args:
+        seed: Seed of its noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = RATE_HZ
+        mount = BotaMount(xyz_m=(0.0,) * 3, quat_xyzw=(0.0, 0.0, 0.0, 1.0), bias=(0.0,) * 6)
+        self._sensor = BotaSensor(mount, np.random.default_rng(seed))
+        self.feel = self._sensor.feel
+
+    def opened(self, t_ns: int) -> None:
+        """Boot, as at power-on and whenever the port is opened."""
+        self._sensor.restart(t_ns)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Handle bytes from the host; return the acknowledgements."""
+        output = self._sensor.receive(data, t_ns)
+        return [output] if output else []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the bytes due by then; after a longer step, several frames together."""
+        output = self._sensor.advance(t_ns)
+        return [output] if output else []
+
+
+def make(seed: int) -> BotaLine:
+    """Return the emulator with seeded noise."""
+    return BotaLine(seed)

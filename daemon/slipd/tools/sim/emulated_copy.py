@@ -1,0 +1,76 @@
+"""The copy of a config while its devices are emulated: what changed in it is kept, also if that is killed."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slipd.errors import SlipdError
+from slipd.tools.sim.kept_config import keep, with_changes
+
+RECORD = ".{name}.emulated"
+"""Name of the file beside the copy that holds the copy as it was written, and the config that it comes from."""
+
+
+class EmulatedCopy:
+    """The copy of a config for the time of the emulation.
+
+    Args:
+        path: Of the copy. One that an emulation left when it was killed is replaced, and its changes are kept.
+        text: The copy.
+        source: The config.
+        addresses: Address of the emulated device of each port of the config.
+
+    Attributes:
+        path: Of the copy.
+
+    Raises:
+        SlipdError: The copy would replace the config, or a file that no emulation wrote.
+    """
+
+    def __init__(self, path: Path, text: str, source: Path, addresses: Mapping[str, str]) -> None:
+        self.path, self._record_path = path, path.with_name(RECORD.format(name=path.name))
+        if path.exists():
+            if path.samefile(source):
+                raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
+            _keep_changes(path, self._left_record(), "before the last emulation was killed")
+        self._record = {"source": source.read_text(encoding="utf-8"), "copy": text, "addresses": dict(addresses)}
+        _write_private(self._record_path, json.dumps(self._record))
+        _write_private(path, text)
+
+    def remove(self) -> None:
+        """Remove it; what changed in it meanwhile is kept, in the working directory."""
+        with contextlib.suppress(FileNotFoundError):
+            _keep_changes(self.path, self._record, "meanwhile")
+        self.path.unlink(missing_ok=True)
+        self._record_path.unlink(missing_ok=True)
+
+    def _left_record(self) -> dict[str, Any]:
+        """Return the record of the emulation that wrote the present copy."""
+        try:
+            record: dict[str, Any] = json.loads(self._record_path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            raise SlipdError(
+                f"{self.path} exists, and no emulation wrote it: move it away, or give another --dir"
+            ) from None
+        return record
+
+
+def _keep_changes(path: Path, record: Mapping[str, Any], when: str) -> None:
+    try:
+        now = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise SlipdError(f"{path}: changed {when}, and is not UTF-8 text now; it stays, move it away") from None
+    if now != record["copy"]:
+        text = with_changes(record["source"], record["copy"], now, record["addresses"])
+        kept = keep(text, path.name, Path.cwd())
+        print(f"changed {when}: with your ports, the config is kept as {kept}", flush=True)
+
+
+def _write_private(path: Path, text: str) -> None:
+    path.unlink(missing_ok=True)
+    path.touch(0o600, exist_ok=False)
+    path.write_text(text, encoding="utf-8")

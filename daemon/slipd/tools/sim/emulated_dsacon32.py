@@ -1,0 +1,98 @@
+"""A Weiss DSACON32m as seen from its line: it answers requests and streams images.
+
+Not emulated: booting, single images, masks, sensitivities, thresholds and descriptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices import dsacon32
+from slipd.devices.dsacon32 import dsacon32_messages as messages
+from slipd.devices.dsacon32.dsacon32_session import MAX_RATE_HZ
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
+from slipd.tools.sim.weiss_controller import WeissController
+from slipd.types.arrays import Array
+
+FINGER = ((6, 14), (6, 13))
+"""The proximal and the distal matrix of an SDH finger, columns and rows."""
+
+_INDEX_ERROR = 24
+_REQUEST_BYTES = 9
+
+
+class Dsacon32(WeissController):
+    """The controller on its line, powered long before time 0; its caller passes the time.
+
+    Args:
+        matrices: Columns and rows of each matrix; `press` takes the cells of all, in this order.
+        rng: Source of its noise.
+        info: What it reports about itself.
+        noise_counts: Standard deviation of each reading.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
+    """
+
+    rate_hz = 30.0
+
+    def __init__(
+        self,
+        matrices: Sequence[tuple[int, int]],
+        rng: np.random.Generator,
+        *,
+        info: messages.ControllerInfo | None = None,
+        noise_counts: float = 0.7,
+        clock_ppm: float = 80.0,
+    ) -> None:
+        requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
+        super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
+        self.info = info or messages.ControllerInfo(serial=1234)
+        self._matrices = matrices
+        self._rle = False
+
+    def press(self, values: Array, sensor: str | None = None) -> None:
+        """Set the load on the cells from now on, counts.
+
+        Args:
+            values: Loads of the cells of one matrix, or of all, shape (cells,).
+            sensor: Index of the matrix, as in ``sensor`` of a config; None: all.
+
+        Raises:
+            ValueError: The number of values is not the number of cells.
+        """
+        if sensor is not None:
+            sizes = [cols * rows for cols, rows in self._matrices]
+            begin = sum(sizes[: int(sensor)])
+            loads = self._ideal.copy()
+            loads[begin : begin + sizes[int(sensor)]] = values
+            values = loads
+        super().press(values)
+
+    def _obey(self, request: Packet, t_ns: int) -> bytes:
+        if request.id == messages.CONTROLLER:
+            return messages.encode_controller(self.info)
+        if request.id == messages.SENSOR:
+            return messages.encode_sensor(len(self._matrices), serial=5678)
+        if request.id == messages.MATRIX:
+            index = request.payload[0]
+            if index >= len(self._matrices):
+                return messages.encode_error(messages.MATRIX, _INDEX_ERROR)
+            return messages.encode_matrix(*self._matrices[index])
+        rate_hz, self._rle = messages.parse_acquire(request.payload)
+        self._push(round(1e9 / min(rate_hz, MAX_RATE_HZ)) if rate_hz else None, t_ns)
+        return messages.encode_error(messages.ACQUIRE)
+
+    def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
+        return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
+
+
+def make(seed: int = 0, matrices: Sequence[tuple[int, int]] = FINGER) -> Dsacon32:
+    """Return a controller, by default that of one SDH finger; columns and rows of each matrix."""
+    return Dsacon32(matrices, np.random.default_rng(seed))
+
+
+def _is_request(packet_id: int, size: int, _: bytes) -> bool:
+    return messages.REQUEST_SIZES.get(packet_id) == size

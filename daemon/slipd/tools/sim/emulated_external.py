@@ -1,0 +1,91 @@
+"""A program that pushes the readings of force/torque sensors and pads, each a stream of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from slipd.devices.external import encode_reading
+from slipd.tools.sim.tactile_stream import TactileStream
+from slipd.tools.sim.wrench_stream import WrenchStream
+from slipd.types.arrays import Array
+
+WRENCH, PAD = "left.wrench", "left.pad"
+"""Names of the streams."""
+
+RATE_HZ = 500.0
+PAD_EVERY = 5
+"""Wrench readings per image."""
+
+TAXELS = 16
+NOISE = 0.01
+"""Standard deviation of each taxel."""
+
+
+class Pusher:
+    """The program that pushes; its caller passes the time.
+
+    Args:
+        seed: Seed of the noise.
+        wrenches: Names of the streams of force/torque sensors.
+        pads: Names of the streams of pads, each with the shape of its image, (taxels,) or (taxels, 3).
+        rates_hz: Rate of a stream by its name, Hz; by default 500 for a sensor and 100 for a pad.
+
+    Attributes:
+        began_ns: CLOCK_MONOTONIC of the start; the times of its readings count from it.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        wrenches: Sequence[str] = (WRENCH,),
+        pads: Mapping[str, tuple[int, ...]] = {PAD: (TAXELS,)},
+        rates_hz: Mapping[str, float] = {},
+    ) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = RATE_HZ
+        self.began_ns = 0
+        self._wrenches = {name: WrenchStream(seed + k, rates_hz.get(name, RATE_HZ)) for k, name in enumerate(wrenches)}
+        self._images = {
+            name: TactileStream(seed + k, rates_hz.get(name, RATE_HZ / PAD_EVERY), shape, NOISE)
+            for k, (name, shape) in enumerate(pads.items())
+        }
+        for wrench in self._wrenches.values():
+            wrench.start(0)
+        for pad in self._images.values():
+            pad.start(0)
+        self._sent = dict.fromkeys([*wrenches, *pads], 0)
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: the program pushes all the time."""
+
+    def feel(self, force_n: Array, torque_nm: Array, sensor: str = WRENCH) -> None:
+        """Set the load on a sensor from now on, in the frame of the sensor, N and N·m."""
+        self._wrenches[sensor].feel(force_n, torque_nm)
+
+    def press(self, values: Array, sensor: str = PAD) -> None:
+        """Set the load on each taxel of a pad from now on, of the shape of its image."""
+        self._images[sensor].press(values)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Ignore all bytes."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
+        wrenches = [(t, name, values) for name, stream in self._wrenches.items() for t, values in stream.due(t_ns)]
+        images = [(t, name, stream.image()) for name, stream in self._images.items() for t in stream.due(t_ns)]
+        return [self._message(*reading) for reading in sorted(wrenches + images, key=lambda reading: reading[0])]
+
+    def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
+        number = self._sent[stream]
+        self._sent[stream] += 1
+        t_ns = self.began_ns + taken_ns
+        if stream in self._images:
+            return encode_reading(stream, t_ns, seq=number, values=values)
+        return encode_reading(stream, t_ns, seq=number, force_n=values[:3], torque_nm=values[3:])
+
+
+def make(seed: int, **streams: Any) -> Pusher:
+    """Return the emulator with seeded noise; for other streams see `Pusher`."""
+    return Pusher(seed, **streams)

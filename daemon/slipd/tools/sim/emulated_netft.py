@@ -1,0 +1,116 @@
+"""An ATI Ethernet Axia as seen from its network: RDT records over UDP, and its calibration over TCP and HTTP.
+
+Not emulated: what its web pages and console can change, but for the output rate.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from slipd.devices.netft import netft_calibration
+from slipd.devices.netft.netft_output_rate import rounded_hz
+from slipd.devices.shared import rdt_records as rdt
+from slipd.tools.sim.wrench_stream import WrenchStream, whole
+from slipd.types.arrays import Array
+
+INTERNAL_HZ = 7000
+COUNTS_PER_N, COUNTS_PER_NM = 100_000, 2_000_000
+CALIBRATION: dict[str, Any] = {
+    "counts_per_force": COUNTS_PER_N,
+    "counts_per_torque": COUNTS_PER_NM,
+    "force_unit": "N",
+    "torque_unit": "N-m",
+}
+SERIAL = "FT27462"
+
+_CHANGE = re.compile(rb"GET /comm\.cgi\?comrdtrate=(\d{1,5}) HTTP/1\.[01]\r\n")
+_CHANGED = b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html></html>"
+
+
+class NetftSensor:
+    """The sensor; its caller passes the time.
+
+    Args:
+        seed: Seed of its noise.
+        rate_hz: Records per second.
+        block: Records per datagram when they are buffered.
+        internal_hz: Rate of its sample counter.
+        calibration: Counts per unit, and the units, as the options of its session name them.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        rate_hz: float = 4000.0,
+        block: int = 10,
+        internal_hz: float = INTERNAL_HZ,
+        **calibration: Any,
+    ) -> None:
+        self.options: dict[str, Any] = CALIBRATION | calibration
+        self.rate_hz = rate_hz
+        self.status = 0
+        """Status word of the records from now on."""
+        self._stream = WrenchStream(seed, rate_hz)
+        value = netft_calibration.from_counts(**self.options)
+        self._counts_per_unit = np.repeat((1.0 / value.force_n, 1.0 / value.torque_nm), 3)
+        self._internal_hz = internal_hz
+        self._left = 0  # records to send; 0: no limit
+        self._block, self._per_datagram = block, 1
+        self._sequence = 0
+        self._waiting: list[bytes] = []
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: a network device does not notice listeners."""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
+        self._stream.feel(force_n, torque_nm)
+
+    def inquire(self, request: bytes) -> bytes:
+        """Return the answer to an inquiry over TCP or HTTP, and set the output rate; empty for anything else."""
+        if request == netft_calibration.TCP_INQUIRY.request:
+            return netft_calibration.encode_tcp(COUNTS_PER_N, COUNTS_PER_NM)
+        if request == netft_calibration.XML_INQUIRY.request:
+            page: dict[str, str | int] = {"cfgcalsn": SERIAL, "runrate": INTERNAL_HZ, "scfgfu": "N", "scfgtu": "Nm"}
+            page |= {"comrdtrate": round(self.rate_hz)}
+            return netft_calibration.encode_xml(page | {"cfgcpf": COUNTS_PER_N, "cfgcpt": COUNTS_PER_NM})
+        if (change := _CHANGE.match(request)) and 1 <= int(change[1]) <= INTERNAL_HZ:
+            self.rate_hz = self._stream.rate_hz = rounded_hz(int(change[1]), INTERNAL_HZ)
+            return _CHANGED
+        return b""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Handle a datagram; the only answers are records."""
+        command, count = rdt.parse_request(data) or (None, 0)
+        if command in (rdt.START, rdt.START_BUFFERED):
+            self._per_datagram = self._block if command == rdt.START_BUFFERED else 1
+            self._sequence, self._waiting, self._left = 0, [], count
+            self._stream.start(t_ns)
+        elif command == rdt.STOP:
+            self._stream.stop()
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the datagrams complete by then."""
+        output: list[bytes] = []
+        for taken_ns, values in self._stream.due(t_ns):
+            self._sequence += 1
+            counts = whole(values * self._counts_per_unit, 32)
+            ticks = int(taken_ns * self._internal_hz // 1_000_000_000)
+            self._waiting.append(rdt.encode_record(counts, self._sequence, ticks, self.status))
+            is_last = self._sequence == self._left
+            if len(self._waiting) == self._per_datagram or is_last:
+                output.append(b"".join(self._waiting))
+                self._waiting = []
+            if is_last:
+                self._stream.stop()
+                break
+        return output
+
+
+def make(seed: int, rate_hz: float = 4000.0, **settings: Any) -> NetftSensor:
+    """Return the emulator with seeded noise; for other settings see `NetftSensor`."""
+    return NetftSensor(seed, rate_hz, **settings)

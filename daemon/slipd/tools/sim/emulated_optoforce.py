@@ -1,0 +1,138 @@
+"""OptoForce sensors as seen from their line: a six-axis DAQ on a serial port, and the Ethernet converter.
+
+Not emulated: the tare of a DAQ, which the daemon never requests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from slipd.devices.optoforce import optoforce_frames as frames
+from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
+from slipd.devices.optoforce.optoforce_session import UDP_PERIOD
+from slipd.devices.shared import rdt_records as rdt
+from slipd.tools.sim.wrench_stream import WrenchStream, whole
+from slipd.types.arrays import Array
+
+COUNTS_PER_N, COUNTS_PER_NM = [80.0, 80.0, 20.0], [2500.0, 2500.0, 4000.0]
+SERIAL = b"HEXEB123"
+POWER_ON_HZ = 100.0
+
+_UDP_COUNTS_PER_UNIT = np.repeat((UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM), 3)
+_MS = 1_000_000
+
+
+class OptoforceDaq:
+    """The serial DAQ on its line; its caller passes the time. It sends from power-on, at 100 Hz until configured.
+
+    Its counter counts milliseconds, as that of a HEX does.
+
+    Args:
+        seed: Seed of its noise.
+        rate_hz: Readings per second that its session must request.
+        counts_per_n: Counts per newton of its axes.
+        counts_per_nm: Counts per newton metre of its axes.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        rate_hz: float = 1000.0,
+        counts_per_n: Sequence[float] = COUNTS_PER_N,
+        counts_per_nm: Sequence[float] = COUNTS_PER_NM,
+    ) -> None:
+        self.options: dict[str, Any] = {"counts_per_n": counts_per_n, "counts_per_nm": counts_per_nm}
+        self.rate_hz = rate_hz
+        self.status = 0
+        """Status word of the readings from now on."""
+        self._stream = WrenchStream(seed, POWER_ON_HZ)
+        self._stream.start(0)
+        self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm])
+        self._received = b""
+        self._counter = 0
+
+    def opened(self, t_ns: int) -> None:
+        """Drop the bytes of the previous user of the line."""
+        self._received = b""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
+        self._stream.feel(force_n, torque_nm)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Handle bytes from the host; return the answers."""
+        requests, self._received = frames.parse_requests(self._received + data)
+        return [self._answer(request, t_ns) for request in requests]
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the frames due by then."""
+        output: list[bytes] = []
+        for _, values in self._stream.due(t_ns):
+            output.append(frames.encode_reading(whole(values * self._counts_per_unit, 16), self._counter, self.status))
+            self._counter += round(1000.0 / self._stream.rate_hz)
+        return output
+
+    def _answer(self, request: frames.Configuration | None, t_ns: int) -> bytes:
+        if request is None:
+            return frames.encode_frame(frames.SERIAL_NUMBER, SERIAL)
+        if request.period_ms:
+            self._stream.start(t_ns, 1000.0 / request.period_ms)
+        else:
+            self._stream.stop()
+        return frames.encode_frame(frames.ACK, b"\0")
+
+
+class OptoforceConverter:
+    """The Ethernet converter; its caller passes the time. It sends on command, at 100 Hz until another rate is set.
+
+    Args:
+        seed: Seed of its noise.
+        rate_hz: Records per second that its session must request.
+    """
+
+    def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
+        self.options: dict[str, Any] = {"wiring": "udp"}
+        self.rate_hz = rate_hz
+        self.status = 0
+        """Status word of the records from now on."""
+        self._stream = WrenchStream(seed, POWER_ON_HZ)
+        self._sequence = 0
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: a network device does not notice listeners."""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
+        self._stream.feel(force_n, torque_nm)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Handle a datagram; the only answers are records."""
+        command, value = rdt.parse_request(data) or (None, 0)
+        if command == UDP_PERIOD and value:
+            self._stream.rate_hz = 1000.0 / value
+        elif command == rdt.START:
+            self._sequence = 0
+            self._stream.start(t_ns)
+        elif command == rdt.STOP:
+            self._stream.stop()
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the records due by then."""
+        output: list[bytes] = []
+        for taken_ns, values in self._stream.due(t_ns):
+            self._sequence += 1
+            counts = whole(values * _UDP_COUNTS_PER_UNIT, 32)
+            output.append(rdt.encode_record(counts, self._sequence, taken_ns // _MS, self.status))
+        return output
+
+
+def make(seed: int, wiring: str = "serial", **scales: Any) -> OptoforceDaq | OptoforceConverter:
+    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with seeded noise.
+
+    For the scales of the DAQ see `OptoforceDaq`.
+    """
+    return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed, **scales)

@@ -1,0 +1,217 @@
+"""A multiplexed PVDF pad as seen from its line: taxels whose charge leaks, scanned one after another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices import pvdf
+from slipd.types.arrays import Array
+
+FULL_SCALE = 32_767
+ROWS, COLS = 8, 16
+
+
+@dataclass(frozen=True)
+class PvdfElectronics:
+    """Charge amplifier, converter and multiplexer.
+
+    Attributes:
+        tau_s: Leak time constant of the charge amplifier: y' = f' − y/τ.
+        gain_counts_per_n: Counts per newton on the cell of a taxel.
+        gain_spread: Relative standard deviation of the gains of the taxels.
+        offset_counts: Standard deviation of the constant offsets of the taxels.
+        noise_counts: Standard deviation of each reading.
+        rate_hz: Scans per second.
+        dwell_ns: Time from one taxel of a scan to the next.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
+        pyro_n: Pyroelectric effect: load that a taxel would show, were there no leak, after it took the temperature of
+            the object; negative for an object that cools it.
+        pyro_s: Time constant with which a pressed taxel takes that temperature, and a free one loses it.
+        dead: Taxels, in scan order, that feel nothing.
+        saturated: Taxels that read full scale.
+    """
+
+    tau_s: float = 2.0
+    gain_counts_per_n: float = 2000.0
+    gain_spread: float = 0.03
+    offset_counts: float = 20.0
+    noise_counts: float = 2.0
+    rate_hz: float = 200.0
+    dwell_ns: int = 20_000
+    clock_ppm: float = -25.0
+    pyro_n: float = 0.0
+    pyro_s: float = 5.0
+    dead: tuple[int, ...] = ()
+    saturated: tuple[int, ...] = ()
+
+
+class PvdfPad:
+    """The pad on its line; its caller passes the time. It sends unasked and never reads.
+
+    Args:
+        rows: Rows of the scan.
+        cols: Columns of the scan.
+        electronics: Amplifier, converter and multiplexer.
+        rng: Source of noise, gains and offsets.
+
+    Raises:
+        ValueError: A scan takes longer than the time between scans.
+    """
+
+    def __init__(self, rows: int, cols: int, electronics: PvdfElectronics, rng: np.random.Generator) -> None:
+        taxels = rows * cols
+        self._shape = rows, cols
+        self._period_ns = round(1e9 / electronics.rate_hz)
+        self._delay_ns = np.arange(taxels) * electronics.dwell_ns
+        self._scan_takes_ns = int(self._delay_ns[-1])
+        if self._scan_takes_ns >= self._period_ns:
+            raise ValueError(f"a scan must take less than {self._period_ns} ns, got {self._scan_takes_ns}")
+        self._electronics = electronics
+        self._rng = rng
+        self._gain = electronics.gain_counts_per_n * (1.0 + electronics.gain_spread * rng.normal(size=taxels))
+        self._offset = electronics.offset_counts * rng.normal(size=taxels)
+        self._gain[list(electronics.dead)] = 0.0
+        self._offset[list(electronics.saturated)] = 2.0 * FULL_SCALE
+        self._loads_n = np.zeros(taxels)
+        self._warmth = np.zeros(taxels)  # 0 like the pad, 1 like the object
+        self._past: list[tuple[int, Array]] = [(0, np.zeros(taxels))]  # (t_ns, charges), back to the scan's start
+        self._scan = 0
+
+    def advance(self, t_ns: int, loads_n: Array) -> bytes:
+        """Advance to ``t_ns`` and return the scans complete by then.
+
+        Args:
+            t_ns: Time, ns.
+            loads_n: Load on each taxel at ``t_ns``, in scan order, shape (taxels,), N. It changes linearly since the
+                last call, and for that the leak is exact.
+        """
+        before_ns, charge_n = self._past[-1]
+        if t_ns <= before_ns:
+            return b""
+        tau_s, span_s = self._electronics.tau_s, (t_ns - before_ns) * 1e-9
+        gone = -math.expm1(-span_s / tau_s)
+        charge_n = charge_n * (1.0 - gone) + (loads_n - self._loads_n) * (gone * tau_s / span_s)
+        if self._electronics.pyro_n:
+            charge_n += self._electronics.pyro_n * self._warm(loads_n, span_s)
+        self._past.append((t_ns, charge_n))
+        self._loads_n = loads_n
+        output = b""
+        while (scan_ns := self._scan * self._period_ns) + self._scan_takes_ns <= t_ns:
+            output += self._send(scan_ns)
+        return output
+
+    def _warm(self, loads_n: Array, span_s: float) -> Array:
+        """Return how much warmer each taxel became in ``span_s``."""
+        change = ((loads_n > 0.0) - self._warmth) * -math.expm1(-span_s / self._electronics.pyro_s)
+        self._warmth += change
+        return np.asarray(change, dtype=np.float64)
+
+    def _send(self, scan_ns: int) -> bytes:
+        """Return the scan that began at ``scan_ns``, and drop the charges before it."""
+        charge_n = self._sampled(scan_ns + self._delay_ns)
+        noise = self._electronics.noise_counts * self._rng.standard_normal(charge_n.size)
+        counts = np.rint(self._gain * charge_n + self._offset + noise)
+        clipped = np.minimum(np.maximum(counts, -FULL_SCALE), FULL_SCALE).astype(np.int64)
+        device_us = scan_ns * (1e-3 + self._electronics.clock_ppm * 1e-9)
+        dwell_us = self._electronics.dwell_ns * 1e-3
+        data = pvdf.encode_scan(clipped.reshape(self._shape), self._scan, device_us, dwell_us)
+        self._scan += 1
+        next_ns = self._scan * self._period_ns
+        while len(self._past) > 1 and self._past[1][0] <= next_ns:
+            self._past.pop(0)
+        return data
+
+    def _sampled(self, times_ns: NDArray[np.int64]) -> Array:
+        """Return the charge of each taxel at its own time, linear between those of the past."""
+        known_ns, charges_n = zip(*self._past, strict=True)
+        ends = [0, *np.searchsorted(times_ns, known_ns[1:-1]).tolist(), times_ns.size]
+        out = np.empty(times_ns.size)
+        for k in range(len(known_ns) - 1):
+            part = slice(ends[k], ends[k + 1])
+            late = (times_ns[part] - known_ns[k]) * (1.0 / (known_ns[k + 1] - known_ns[k]))
+            before_n = charges_n[k][part]
+            out[part] = before_n + late * (charges_n[k + 1][part] - before_n)
+        return out
+
+
+class PvdfLine:
+    """A pad with given charges and without leak, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
+
+    Args:
+        seed: Seed of its noise.
+        electronics: Its rate, dwell, noise and clock; leak, gain and offsets are left out.
+    """
+
+    def __init__(self, seed: int, electronics: PvdfElectronics = PvdfElectronics()) -> None:
+        self.options: dict[str, Any] = {"rows": ROWS, "cols": COLS}
+        self.rate_hz = electronics.rate_hz
+        self._electronics = electronics
+        self._rng = np.random.default_rng(seed)
+        self._counts = np.zeros((ROWS, COLS))
+        self._scan = 0
+
+    def press(self, values: Array) -> None:
+        """Set the charges from now on, shape (taxels,), counts."""
+        self._counts = np.asarray(values, dtype=np.float64).reshape(ROWS, COLS)
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: the pad sends from power-on."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Ignore all bytes."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the scans complete by then."""
+        behind = self._electronics
+        dwell_us, us_per_ns = behind.dwell_ns * 1e-3, 1e-3 + behind.clock_ppm * 1e-9
+        output: list[bytes] = []
+        while (begun_ns := round(self._scan * 1e9 / self.rate_hz)) + ROWS * COLS * behind.dwell_ns <= t_ns:
+            noisy = np.rint(self._counts + behind.noise_counts * self._rng.standard_normal(self._counts.shape))
+            counts = np.clip(noisy, -FULL_SCALE, FULL_SCALE).astype(np.int64)
+            output.append(pvdf.encode_scan(counts, self._scan, begun_ns * us_per_ns, dwell_us))
+            self._scan += 1
+        return output
+
+
+class PressedPad:
+    """A pad whose charge leaks, under a given load, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
+
+    Args:
+        seed: Seed of its noise.
+        rows: Rows of the scan.
+        cols: Columns of the scan.
+        electronics: Amplifier, converter and multiplexer.
+    """
+
+    def __init__(self, seed: int, rows: int, cols: int, electronics: PvdfElectronics) -> None:
+        self.options: dict[str, Any] = {"rows": rows, "cols": cols}
+        self.rate_hz = electronics.rate_hz
+        self._pad = PvdfPad(rows, cols, electronics, np.random.default_rng(seed))
+        self._loads_n = np.zeros(rows * cols)
+
+    def press(self, values: Array) -> None:
+        """Set the load on each taxel from now on, shape (taxels,), N."""
+        self._loads_n = np.asarray(values, dtype=np.float64)
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: the pad sends from power-on."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Ignore all bytes."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the scans complete by then; a late step returns several together."""
+        output = self._pad.advance(t_ns, self._loads_n)
+        return [output] if output else []
+
+
+def make(seed: int) -> PvdfLine:
+    """Return a pad of 8 x 16 taxels with seeded noise."""
+    return PvdfLine(seed)

@@ -1,0 +1,219 @@
+"""A Robotiq 2F gripper as seen from its line: Modbus registers in front of a drive that the scene moves.
+
+Not emulated: emergency release, faults of the gripper itself, and the full stroke of a real activation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Table, Units
+from slipd.devices.shared import modbus
+from slipd.tools.sim.scene import GripCommand, Scene
+
+FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
+"""Force byte and normal force on one pad, N. The maker publishes no curve, so this one is invented, and not linear."""
+
+SPEED_MPS = (0.020, 0.150)
+"""Speed of the fingers at speed bytes 0 and 255, m/s."""
+
+POLL_HZ = 50.0
+"""Polling rate of its session, Hz."""
+
+ACTIVATION_NS = 500_000_000
+
+FRAME_GAP_NS = 5_000_000
+"""Longest gap within a request, ns: the bytes of a frame follow at once, and a host leaves 5 ms between frames."""
+
+READABLE = 6
+"""Registers that can be read; the driver of PickNikRobotics/ros2_robotiq_gripper (3b6cf8f) reads six."""
+UNUSED = (0,) * (READABLE - robotiq_registers.REGISTERS)
+
+_INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
+_FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
+_FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
+_MOVING_A, _HOLDING_A_PER_N = 0.12, 0.02
+
+
+@dataclass
+class Jaws:
+    """Two jaws without a scene, which close on a rigid part or on nothing.
+
+    Attributes:
+        width_m: Width between the pads.
+        part_m: Width of the part between the pads, m; 0: no part.
+        moving: The jaws move.
+        in_contact: They hold the part.
+        normal_n: Force on one pad.
+    """
+
+    width_m: float
+    part_m: float = 0.0
+    moving: bool = False
+    in_contact: bool = False
+    normal_n: float = 0.0
+
+    def follow(self, command: GripCommand, dt_s: float) -> None:
+        """Move for ``dt_s`` towards the width of a command."""
+        squeeze = 0.0 < self.part_m <= self.width_m and command.width_m < self.part_m
+        stop_m = self.part_m if squeeze else command.width_m
+        away_m, reach_m = stop_m - self.width_m, command.speed_mps * dt_s
+        self.moving = abs(away_m) > reach_m
+        self.width_m = self.width_m + math.copysign(reach_m, away_m) if self.moving else stop_m
+        self.in_contact = squeeze and not self.moving
+        self.normal_n = command.force_n if self.in_contact else 0.0
+
+
+class Gripper2F:
+    """The gripper on its line, and the drive's command to the scene.
+
+    Args:
+        width_table: Position byte / 255 and width between the pads, m.
+        force_table: Force byte and normal force on one pad, N.
+        unit: Its Modbus address.
+
+    Attributes:
+        activated_ns: When it was first activated, ns; None before.
+    """
+
+    def __init__(
+        self,
+        width_table: Table = WIDTH_TABLE,
+        force_table: Table = FORCE_TABLE,
+        unit: int = robotiq_registers.UNIT,
+    ) -> None:
+        self._force_bytes, self._forces_n = zip(*force_table, strict=True)
+        self.activated_ns: int | None = None
+        self._units = Units(force_table, width_table, None)
+        self._unit = unit
+        self._open_width_m = open_width_m = self._units.width_range_m[1]
+        self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
+        self._output = robotiq_registers.parse_output(self._registers)
+        self._received, self._received_ns = b"", 0
+        self._ready_ns = 0
+        self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], self._forces_n[0])
+        self._width_m, self._normal_n = open_width_m, 0.0
+        self._moving, self._holding = False, False
+
+    def receive(self, data: bytes, t_ns: int) -> bytes:
+        """Handle bytes that the host wrote by ``t_ns``; return the answers."""
+        if t_ns - self._received_ns > FRAME_GAP_NS:
+            self._received = b""
+        self._received_ns = t_ns
+        requests, self._received = modbus.parse_requests(self._received + data, self._unit)
+        return b"".join(self._answer(request, t_ns) for request in requests)
+
+    def command(self, t_ns: int) -> GripCommand:
+        """Return the present command to the drive."""
+        stage = self._stage(t_ns)
+        if stage == _ACTIVATING:
+            self._command = GripCommand(self._open_width_m, SPEED_MPS[1], self._forces_n[0])
+        elif stage == _ACTIVE and self._output.go:
+            self._command = self._goal
+        elif not self._holding:  # stopped; a held object stays held
+            self._command = GripCommand(self._width_m, self._command.speed_mps, self._command.force_n)
+        return self._command
+
+    def observe(self, scene: Scene | Jaws) -> None:
+        """Read the state of the scene, or of the jaws without one, after the command."""
+        self._width_m, self._normal_n = scene.width_m, scene.normal_n
+        self._moving, self._holding = scene.moving, scene.in_contact
+
+    def _answer(self, request: modbus.Request, t_ns: int) -> bytes:
+        first = request.read_address - robotiq_registers.INPUT_ADDRESS
+        reads_well = first >= 0 and first + request.read_count <= READABLE
+        written = robotiq_registers.write_output(self._registers, request) if request.registers else self._registers
+        if written is None or (request.read_count and not reads_well):
+            return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
+        self._write_output(written, t_ns)
+        if not request.read_count:
+            return modbus.encode_reply(request)
+        return modbus.encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
+
+    def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:
+        was_active, written = self._output.activate, robotiq_registers.parse_output(registers)
+        slow, fast = SPEED_MPS
+        self._registers, self._output = registers, written
+        self._goal = GripCommand(
+            width_m=self._units.width_m(written.position),
+            speed_mps=slow + (fast - slow) * written.speed / 255,
+            force_n=float(np.interp(written.force, self._force_bytes, self._forces_n)),
+        )
+        if written.activate and not was_active:
+            self._ready_ns = t_ns + ACTIVATION_NS
+            self.activated_ns = t_ns if self.activated_ns is None else self.activated_ns
+
+    def _stage(self, t_ns: int) -> int:
+        if not self._output.activate:
+            return _INACTIVE
+        return _ACTIVE if t_ns >= self._ready_ns else _ACTIVATING
+
+    def _status(self, t_ns: int) -> tuple[int, ...]:
+        stage, fault = self._stage(t_ns), 0
+        if self._output.go and stage != _ACTIVE:
+            fault = _FAULT_DELAYED if stage == _ACTIVATING else _FAULT_NOT_ACTIVATED
+        return robotiq_registers.status_registers(
+            self._output,
+            stage=stage,
+            found=_FOUND_CLOSING if self._holding else _FOUND_MOVING if self._moving else _FOUND_NONE,
+            fault=fault,
+            position=self._units.position(min(self._width_m, self._open_width_m)),
+            current_a=_MOVING_A if self._moving else _HOLDING_A_PER_N * self._normal_n,
+        )
+
+
+class GripperLine:
+    """A `Gripper2F` with a rigid part between its pads, or nothing, as an `Emulator`.
+
+    Args:
+        width_table: Position byte / 255 and width between the pads, m.
+        force_table: Force byte and normal force on one pad, N.
+        unit: Its Modbus address.
+    """
+
+    def __init__(
+        self,
+        width_table: Table = WIDTH_TABLE,
+        force_table: Table = FORCE_TABLE,
+        unit: int = robotiq_registers.UNIT,
+    ) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = POLL_HZ
+        self._gripper = Gripper2F(width_table, force_table, unit)
+        self._jaws = Jaws(width_table[0][1])
+        self._now_ns = 0
+
+    def set_part(self, width_m: float) -> None:
+        """Put a part of this width between the pads; 0: none."""
+        self._jaws.part_m = width_m
+
+    @property
+    def grip_n(self) -> float:
+        """Grip force on one pad, N."""
+        return self._jaws.normal_n
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: the gripper only answers."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Handle bytes from the host; return the answers."""
+        output = self._gripper.receive(data, t_ns)
+        return [output] if output else []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance the jaws to ``t_ns``; send nothing unasked."""
+        self._jaws.follow(self._gripper.command(t_ns), max(t_ns - self._now_ns, 0) * 1e-9)
+        self._now_ns = t_ns
+        self._gripper.observe(self._jaws)
+        return []
+
+
+def make(seed: int, **settings: Any) -> GripperLine:
+    """Return a gripper; it has no noise, so ``seed`` is unused. For other settings see `GripperLine`."""
+    del seed
+    return GripperLine(**settings)

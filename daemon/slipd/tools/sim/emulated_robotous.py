@@ -1,0 +1,97 @@
+"""A Robotous RFT force/torque sensor as seen from its line.
+
+Not emulated: bias, change of the baud rate, and overload counters, which the daemon never requests.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slipd.devices.robotous import robotous_packets as packets
+from slipd.devices.robotous.robotous_decoder import COUNTS_PER_N
+from slipd.devices.robotous.robotous_session import CARRIED_HZ, FILTERS_HZ, RATES_HZ
+from slipd.tools.sim.wrench_stream import WrenchStream, whole
+from slipd.types.arrays import Array
+
+SLOW_BAUD = 115_200
+PRODUCT, SERIAL = b"RFT40-SA01-D", b"RFT-2211-0042"
+
+_OUT_OF_RANGE = b"\x00\x02"
+_OBEYED = b"\x01\x00"
+
+
+class RobotousSensor:
+    """The sensor on its line; its caller passes the time.
+
+    Args:
+        seed: Seed of its noise.
+        torque_divider: Counts per N·m of the model.
+        baud: Speed of its line, bit/s; a slow one limits its rate.
+
+    Attributes:
+        writes: Number of settings written to its EEPROM.
+        overload: Overload bits of the readings from now on.
+    """
+
+    def __init__(self, seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> None:
+        self.options: dict[str, Any] = {"torque_divider": torque_divider}
+        self.rate_hz = float(CARRIED_HZ)
+        self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
+        self._most_hz = CARRIED_HZ if baud <= SLOW_BAUD else max(RATES_HZ)
+        self.writes = 0
+        self.overload = 0
+        self._stream = WrenchStream(seed, RATES_HZ[0])
+        self._settings = {packets.GET_RATE: b"\x00", packets.GET_FILTER: b"\x00\x00"}
+        self._received = b""
+
+    def opened(self, t_ns: int) -> None:
+        """Drop the bytes of the previous user of the line."""
+        self._received = b""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
+        self._stream.feel(force_n, torque_nm)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Handle bytes from the host; return the answers."""
+        commands, self._received = packets.parse_commands(self._received + data)
+        return [output for number, arguments in commands for output in self._obey(number, arguments, t_ns)]
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the readings due by then."""
+        return [
+            packets.encode_reading(whole(values * self._counts_per_unit, 16), self.overload)
+            for _, values in self._stream.due(t_ns)
+        ]
+
+    def _obey(self, number: int, arguments: bytes, t_ns: int) -> list[bytes]:
+        names = {packets.PRODUCT_NAME: PRODUCT, packets.SERIAL_NUMBER: SERIAL}
+        if number == packets.START:
+            self._stream.start(t_ns)
+        elif number == packets.STOP:
+            self._stream.stop()
+        elif number in names:
+            return [packets.encode_response(number, names[number])]
+        elif number in self._settings:
+            return [packets.encode_response(number, self._settings[number])]
+        elif number in (packets.SET_RATE, packets.SET_FILTER):
+            return [packets.encode_response(number, self._set(number, arguments))]
+        return []
+
+    def _set(self, number: int, arguments: bytes) -> bytes:
+        if number == packets.SET_RATE and arguments[0] < len(RATES_HZ) and RATES_HZ[arguments[0]] <= self._most_hz:
+            self._settings[packets.GET_RATE] = arguments[:1]
+            self._stream.rate_hz = RATES_HZ[arguments[0]]
+        elif number == packets.SET_FILTER and arguments[1] < len(FILTERS_HZ):
+            self._settings[packets.GET_FILTER] = arguments[:2]
+        else:
+            return _OUT_OF_RANGE
+        self.writes += 1
+        return _OBEYED
+
+
+def make(seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> RobotousSensor:
+    """Return the emulator with seeded noise; for the other arguments see `RobotousSensor`."""
+    return RobotousSensor(seed, torque_divider, baud)

@@ -1,0 +1,236 @@
+"""The robot program of the demo: grip the box, react to warnings, and keep a report.
+
+It is written like a user program: one thread with a subscriber and a grip client of ``slipd_client``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from slipd.tools.sim.robot_report import ALARMING, Change, Raise, Report
+from slipd_client.errors import ClientError, LeaseLost, RequestRefused
+from slipd_client.grip import GripClient
+from slipd_client.messages import Health
+from slipd_client.subscriber import Message, Subscriber
+
+LISTEN_S = 0.05
+"""Longest wait for a message before the program checks its plan again, s."""
+
+TARES = 3
+"""Attempts of a tare before the program gives up."""
+
+SETTLE_S = 0.5
+"""Time after a raise at which the force is read, s: the gripper follows within a few tenths of a second."""
+
+LEAST_RAISE_N = 0.1
+"""Smallest raise, N: less is within the resolution of the gripper."""
+
+NOT_DONE_IN_TIME = ("deadline_passed", "no_lease", "too_fast", "not_ready")
+"""Refusals that a stalled machine causes; asking again is safe, because a refused request was not carried out."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the program does, and when, in s since it activated the gripper.
+
+    Attributes:
+        patience_s: Longest wait until the daemon reports all streams as ok.
+        tare_s: Averaging time of each tare before the grip.
+        close_s: When the gripper closes.
+        speed_mps: Closing speed.
+        force_n: First grip force, N on one pad.
+        limit_n: Largest grip force that the program requests, N on one pad.
+        step_n: Largest raise at once, N: the limit of the gripper.
+        step_s: Time between steps: slightly longer than the limit of 10 N/s requires.
+        open_s: When the gripper opens.
+        end_s: When the program ends.
+        lease_ms: Life of the lease without renewal, ms.
+    """
+
+    patience_s: float = 30.0
+    tare_s: float = 0.5
+    close_s: float = 1.5
+    speed_mps: float = 0.05
+    force_n: float = 7.0
+    limit_n: float = 24.0
+    step_n: float = 2.0
+    step_s: float = 0.22
+    open_s: float = 16.0
+    end_s: float = 18.0
+    lease_ms: int = 200
+
+
+class RobotProgram(threading.Thread):
+    """The program as a thread: start it once the daemon serves, join it, and read its report.
+
+    Args:
+        publish: Endpoint of the messages.
+        requests: Endpoint of the requests.
+        plan: What to do, and when.
+
+    Attributes:
+        report: What the program did and received so far.
+    """
+
+    def __init__(self, publish: str, requests: str, plan: Plan | None = None) -> None:
+        super().__init__(name="robot program")
+        self.report = Report()
+        self._endpoints = (publish, requests)
+        self._plan = plan or Plan()
+        self._ending = threading.Event()
+        self._force_n = self._wanted_n = 0.0
+        self._raised_s = 0.0
+        self._slips: dict[str, dict[str, Any]] = {}
+        self._alarm: Change | None = None
+
+    def end(self) -> None:
+        """End the program soon, without opening the gripper."""
+        self._ending.set()
+
+    def run(self) -> None:
+        """Run the whole program; an early end is in the report."""
+        publish, requests = self._endpoints
+        try:
+            with Subscriber(publish, ("slip", "warning")) as subscriber, GripClient(requests) as client:
+                self._prepare(client)
+                begin_s = time.monotonic()
+                while time.monotonic() - begin_s < self._plan.end_s and not self._ending.is_set():
+                    self._hold(begin_s, subscriber, client)
+        except (ClientError, TimeoutError) as error:
+            self.report.error = str(error)
+
+    def _prepare(self, client: GripClient) -> None:
+        """Wait until every stream is ok, then tare both fingers."""
+        until_s = time.monotonic() + self._plan.patience_s
+        while faults := _faults(client):
+            if time.monotonic() > until_s:
+                raise TimeoutError(f"streams that are not ok after {self._plan.patience_s:g} s: {faults}")
+            if self._ending.wait(LISTEN_S):
+                return
+        for finger in client.hello()["fingers"]:
+            self.report.tares[finger] = self._tare(client, finger)
+
+    def _tare(self, client: GripClient, finger: str) -> dict[str, Any]:
+        """Tare a finger; try again if a stall of the machine damages the images and so ends a tare."""
+        for _ in range(TARES - 1):
+            with contextlib.suppress(RequestRefused):
+                return client.tare(finger, self._plan.tare_s)
+        return client.tare(finger, self._plan.tare_s)
+
+    def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
+        """Work under a lease; where a stall of the machine ends or delays it, the caller takes a new one."""
+        try:
+            with client.lease(self._plan.lease_ms):
+                self._work(begin_s, subscriber, client)
+        except LeaseLost as lost:
+            self.report.refusals.append(str(lost))
+        except RequestRefused as refusal:
+            if refusal.code != "deadline_passed":
+                raise
+            self.report.refusals.append(str(refusal))
+            self._ending.wait(LISTEN_S)
+
+    def _work(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
+        while (now_s := time.monotonic() - begin_s) < self._plan.end_s and not self._ending.is_set():
+            try:
+                self._keep_to_plan(now_s, client)
+                self._raise_grip(client)
+            except RequestRefused as refusal:
+                self.report.refusals.append(str(refusal))
+                stale = refusal.code == "in_contact" and self.report.activated_ns is None  # nothing is gripped yet
+                if refusal.code not in NOT_DONE_IN_TIME and not stale:
+                    raise
+            message = subscriber.receive(LISTEN_S)
+            if message is not None and self.report.closed_ns is not None:
+                self._receive(message)
+
+    def _keep_to_plan(self, now_s: float, client: GripClient) -> None:
+        plan, report = self._plan, self.report
+        if report.activated_ns is None:
+            client.gripper_activate()
+            report.activated_ns = time.monotonic_ns()
+        if report.closed_ns is None and now_s >= plan.close_s:
+            closed = client.gripper_close(plan.force_n, speed_mps=plan.speed_mps)
+            report.closed_ns, self._force_n = time.monotonic_ns(), closed["applied_n"]
+        if report.opened_ns is None and now_s >= plan.open_s:
+            client.gripper_open(drop=True)
+            report.opened_ns, self._wanted_n = time.monotonic_ns(), 0.0
+
+    def _receive(self, message: Message) -> None:
+        body = message.raw
+        if message.topic != "warning":
+            self._slips[body["finger"]] = body
+            self._note_force(body)
+            return
+        change = Change(
+            t_ns=body["t_ns"],
+            received_ns=time.monotonic_ns(),
+            finger=body["finger"],
+            level=body["level"],
+            rising=body["rising"],
+            reasons=body["reasons"],
+            utilisation=body["utilisation"],
+        )
+        self.report.changes.append(change)
+        if change.rising and change.level in ALARMING and "rotation" in change.reasons:
+            self._alarm = change
+
+    def _raise_grip(self, client: GripClient) -> None:
+        """After an alarm, request step by step the grip force that the newest verdicts need."""
+        if self._alarm is not None and self.report.opened_ns is None:
+            self._choose_force(self._alarm)
+        now_s = time.monotonic()
+        if self._wanted_n < self._force_n + LEAST_RAISE_N or now_s < self._raised_s + self._plan.step_s:
+            return
+        requested_n = min(self._wanted_n, self._force_n + self._plan.step_n)
+        requested_ns, before_n = time.monotonic_ns(), self._measured_n()
+        result, refusal = None, ""
+        try:
+            result = client.grip_set(requested_n)
+            self._force_n, self._raised_s = result["applied_n"], now_s
+        except RequestRefused as refused:
+            if refused.code in NOT_DONE_IN_TIME:
+                raise
+            refusal, self._wanted_n = str(refused), 0.0
+        self.report.raises.append(Raise(requested_ns, requested_n, result, refusal, before_n))
+
+    def _choose_force(self, alarm: Change) -> None:
+        """Choose the force that holds the object, or the limit of the plan if no force is known to hold it."""
+        if "unsupportable" in alarm.reasons:
+            self._wanted_n = self._plan.limit_n
+        else:
+            needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
+            if not needed:
+                return  # a later verdict will know
+            self._wanted_n = min(max(needed), self._plan.limit_n)
+        self._alarm = None
+
+    def _note_force(self, slip: dict[str, Any]) -> None:
+        """Store the force after each raise, once it has settled."""
+        for made in self.report.raises:
+            if made.after_n is None and slip["t_ns"] >= made.requested_ns + SETTLE_S * 1e9:
+                made.after_n = self._measured_n()
+
+    def _measured_n(self) -> float | None:
+        """Return the newest grip force of the weaker finger, N; None if unknown."""
+        known = [slip["normal_n"] for slip in self._slips.values() if slip["normal_n"] is not None]
+        return min(known, default=None)
+
+
+def _faults(client: GripClient) -> str:
+    """Return the streams that are not ok, and why, or that the machine was too busy to tell; "" if all are."""
+    try:
+        return _not_ok(client.status()["streams"])
+    except RequestRefused as refusal:
+        if refusal.code != "deadline_passed":
+            raise
+        return str(refusal)
+
+
+def _not_ok(streams: dict[str, dict[str, Any]]) -> str:
+    """Return the streams that are not ok, and why; "" if all are."""
+    return ", ".join(f"{name} ({s['message']})" for name, s in streams.items() if s["health"] != Health.OK)

@@ -1,0 +1,119 @@
+"""What a grasp consists of besides its contact: the object, the pads, and the loads over time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slipd.types.arrays import Array
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class GraspedObject:
+    """A rigid object with two flat, parallel faces. Positions are in the frame of the left pad before it has moved.
+
+    Attributes:
+        mass_kg: Mass.
+        inertia_kgm2: Moment of inertia about the normal of the pads through the centre of mass.
+        centre_of_mass_m: Centre of mass.
+        half_length_m: Half length of the faces along x; beyond them nothing presses on a pad. inf: without end.
+        half_width_m: Likewise along y.
+        centre_m: Centre of the faces.
+
+    Raises:
+        ValueError: A number is not positive.
+    """
+
+    mass_kg: float = 0.25
+    inertia_kgm2: float = 1e-3
+    centre_of_mass_m: Pair = (0.0, 0.0)
+    half_length_m: float = math.inf
+    half_width_m: float = math.inf
+    centre_m: Pair = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not (
+            self.mass_kg > 0.0 and self.inertia_kgm2 > 0.0 and self.half_length_m > 0.0 and self.half_width_m > 0.0
+        ):
+            raise ValueError(f"mass, inertia and half lengths must be positive, got {self}")
+
+
+@dataclass(frozen=True)
+class PadCompliance:
+    """Compliance of the surface of a pad under shear.
+
+    The defaults are those of 2 mm of a silicone of 0.3 MPa shear modulus (stiffness G / thickness), whose loss factor
+    near 60 Hz is 0.2 (damping = 0.2 · stiffness / (2π · 60 Hz)).
+
+    Attributes:
+        stiffness_n_per_m3: Tangential stiffness per area.
+        damping_ns_per_m3: Tangential damping per area.
+        half_length_m: Half length of the pad along x; beyond it there is no contact. inf: without end.
+        half_width_m: Likewise along y.
+
+    Raises:
+        ValueError: A number is out of range.
+    """
+
+    stiffness_n_per_m3: float = 1.5e8
+    damping_ns_per_m3: float = 8e4
+    half_length_m: float = math.inf
+    half_width_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (self.stiffness_n_per_m3 > 0.0 and self.damping_ns_per_m3 >= 0.0):
+            raise ValueError(f"stiffness must be > 0 and damping ≥ 0, got {self}")
+        if not (self.half_length_m > 0.0 and self.half_width_m > 0.0):
+            raise ValueError(f"half lengths must be positive, got {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class LoadHistory:
+    """What acts on the object over time, linear between the samples. The trace has the same samples.
+
+    The load is everything that acts on the object but the pads: weight, inertia in an accelerated hand (−m a), pulls,
+    collisions. The object is at rest and its bristles relaxed at the first sample, so a load should grow from 0.
+
+    Attributes:
+        t_s: Times, increasing, shape (n,), s.
+        force_n: Force on the object in the frame of the left pad, shape (n, 2), N.
+        torque_nm: Torque on the object about ``about_m``, along the normal of the left pad, shape (n,), N·m.
+        grip_n: Commanded normal force on one pad, shape (n,), N; at the first sample it is in force.
+        tilt_nm: Moments (about x, about y) on the object that tilt it between the pads, shape (n, 2), N·m. Half of each
+            goes to either pad and shifts the pressure there, to opposite sides on the two pads. None is 0.
+        grip_lag_s: Time constant with which the grip force follows the command.
+        about_m: Point of the object, in the frame of the left pad before the object has moved, where the force acts
+            and about which the torque is. It moves with the object: with weight at the centre of mass the lever
+            changes as the object turns.
+
+    Raises:
+        ValueError: Shapes disagree, a number is not finite, a grip force is negative or the times do not increase.
+    """
+
+    t_s: Array
+    force_n: Array
+    torque_nm: Array
+    grip_n: Array
+    tilt_nm: Array | None = None
+    grip_lag_s: float = 0.0
+    about_m: Pair = field(default=(0.0, 0.0))
+
+    def __post_init__(self) -> None:
+        n = len(self.t_s)
+        shapes = {"t_s": (n,), "force_n": (n, 2), "torque_nm": (n,), "grip_n": (n,), "tilt_nm": (n, 2)}
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if np.shape(value) != shape:
+                raise ValueError(f"{name} must have shape {shape}, got {np.shape(value)}")
+            if not np.isfinite(value).all():
+                raise ValueError(f"{name} must be finite")
+        if n == 0 or (np.diff(self.t_s) <= 0.0).any():
+            raise ValueError("t_s must not be empty and must increase")
+        if (np.asarray(self.grip_n) < 0.0).any() or self.grip_lag_s < 0.0:
+            raise ValueError("grip_n and grip_lag_s must not be negative")

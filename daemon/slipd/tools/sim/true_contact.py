@@ -1,0 +1,157 @@
+"""The true contact of one pad: its pressure, the readings of the taxels, and the friction limit.
+
+All coordinates are in the pad frame of the *left* finger. The right finger is the same hardware, rotated by half a turn
+about the approach axis of the gripper, so it sees the mirror image: y and the spin change sign, x does not.
+
+The patch belongs to the pad, as with a crowned rubber pad against a flat box: it neither moves with the object nor
+grows with the force, and its pressure keeps its shape. There is no tipping, and the object has no edges.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slipd.fusion import utilisation
+from slipd.tools.sim.stickslip import ContactPatch
+from slipd.tools.sim.stickslip.pressed_patch import electrode_points
+from slipd.types.arrays import Array
+
+Load = tuple[float, float, float]
+"""Tangential force along x and y, N, and spin torque about the centre of the contact, N·m."""
+
+_KINDS = {2.0: "disc", 4.0: "rounded"}
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A contact patch: |x/a|^n + |y/b|^n ≤ 1 about its centre, pressure falling smoothly to zero at the rim.
+
+    Attributes:
+        half_length_m: a, along the pad's x.
+        half_width_m: b, along the pad's y.
+        exponent: n; 2 is an ellipse with Hertzian pressure, 4 a rounded rectangle.
+        centre_m: Centre in the frame of the left pad, m; also the centroid of the pressure.
+    """
+
+    half_length_m: float = 0.018
+    half_width_m: float = 0.009
+    exponent: float = 4.0
+    centre_m: tuple[float, float] = (0.002, -0.001)
+
+    def pressure(self, x_m: ArrayLike, y_m: ArrayLike) -> Array:
+        """Relative pressure, 1 at the centre and 0 outside, at points in the frame of the left pad."""
+        u = np.abs((np.asarray(x_m, dtype=float) - self.centre_m[0]) / self.half_length_m)
+        v = np.abs((np.asarray(y_m, dtype=float) - self.centre_m[1]) / self.half_width_m)
+        rest = np.clip(1.0 - u**self.exponent - v**self.exponent, 0.0, None)
+        return np.asarray(rest**0.5, dtype=np.float64)
+
+    def for_stick_slip(self) -> ContactPatch:
+        """Return the same contact for the physical simulator.
+
+        Raises:
+            ValueError: The exponent is neither 2 nor 4.
+        """
+        if self.exponent not in _KINDS:
+            raise ValueError(f"exponent must be 2 or 4, got {self.exponent}")
+        return ContactPatch(
+            _KINDS[self.exponent], self.half_length_m, self.half_width_m, exponent=0.5, centre_m=self.centre_m
+        )
+
+    def mirrored(self) -> Patch:
+        """Return the same contact in the frame of the right pad."""
+        x, y = self.centre_m
+        return Patch(self.half_length_m, self.half_width_m, self.exponent, (x, -y))
+
+    def cells(self, cell_m: float) -> tuple[Array, Array, Array]:
+        """Divide the patch into square cells.
+
+        Args:
+            cell_m: Largest side of a cell, m.
+
+        Returns:
+            x, y of the cell centres in the frame of the left pad, m; their shares of the normal force, Σ = 1.
+        """
+        x, y = np.meshgrid(_middles(self.half_length_m, cell_m), _middles(self.half_width_m, cell_m))
+        x, y = x.ravel() + self.centre_m[0], y.ravel() + self.centre_m[1]
+        pressure = self.pressure(x, y)
+        inside = pressure > 0.0
+        return x[inside], y[inside], pressure[inside] / pressure[inside].sum()
+
+
+def _middles(half_m: float, cell_m: float) -> Array:
+    n = 2 * math.ceil(half_m / cell_m)
+    return np.asarray((np.arange(n) - (n - 1) / 2) * (2 * half_m / n), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Pad:
+    """The taxels of a pad: row by row, columns along x, the first taxel at the smallest x and y.
+
+    Attributes:
+        rows: Number of rows, along y.
+        cols: Number of columns, along x.
+        pitch_m: Distance between the centres of neighbouring taxels, m.
+        electrode_m: Diameter of the round electrode of a taxel, m.
+    """
+
+    rows: int = 8
+    cols: int = 16
+    pitch_m: float = 0.0032
+    electrode_m: float = 0.0015
+
+    def centres(self) -> tuple[Array, Array]:
+        """Return the centres of the taxels in the pad frame, x and y in scan order, shapes (rows * cols,), m."""
+        x, y = np.meshgrid(
+            (np.arange(self.cols) - (self.cols - 1) / 2) * self.pitch_m,
+            (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch_m,
+        )
+        return x.ravel(), y.ravel()
+
+    def shares(self, patch: Patch) -> Array:
+        """Return the reading of each taxel per newton of normal force, shape (taxels,).
+
+        It is the mean pressure on the electrode times the area of the cell. The sum is only near 1, because the gaps
+        between the electrodes sense nothing.
+        """
+        mean = patch.pressure(*electrode_points(self)).mean(axis=1)
+        return np.asarray(mean * (self.pitch_m**2 / _volume(patch)))
+
+
+def _volume(patch: Patch) -> float:
+    """Return the integral of the relative pressure over the patch, m²."""
+    cell = min(patch.half_length_m, patch.half_width_m) / 100
+    x, y = _middles(patch.half_length_m, cell), _middles(patch.half_width_m, cell)
+    pressure = patch.pressure(x[None, :] + patch.centre_m[0], y[:, None] + patch.centre_m[1])
+    return float(pressure.mean() * 4 * patch.half_length_m * patch.half_width_m)
+
+
+class FrictionLimit:
+    """The friction limit of a patch: the limit surface on a grid of the true contact.
+
+    Args:
+        patch: The contact.
+        cell_m: Side of a cell of the grid, m; with 2 mm the spin limit is within 0.5 % of the continuous contact.
+
+    Attributes:
+        gyration_m: Radius of gyration of the normal force about the centre of the patch, m.
+    """
+
+    def __init__(self, patch: Patch, cell_m: float = 0.002) -> None:
+        self._x, self._y, self._shares = patch.cells(cell_m)
+        self._about = np.array(patch.centre_m)
+        away_m = np.hypot(self._x - self._about[0], self._y - self._about[1])
+        self.gyration_m = math.sqrt(float(self._shares @ away_m**2))
+
+    def need_n(self, load: Load, mu: float) -> float:
+        """Return the normal force that ``load`` on one pad, about the centre of the contact, needs at ``mu``, N.
+
+        Divided by the actual normal force it is the true utilisation λ.
+        """
+        fx, fy, spin = load
+        if fx == 0.0 and fy == 0.0 and spin == 0.0:
+            return 0.0
+        return utilisation(self._x, self._y, self._shares, mu, np.array([fx, fy]), spin, self._about).value

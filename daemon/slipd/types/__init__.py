@@ -1,0 +1,1 @@
+"""Small types that several rooms share."""

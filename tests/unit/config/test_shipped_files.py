@@ -1,0 +1,52 @@
+"""The shipped configs and docs are found by name."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from project import CONFIG, DOCS, ROOT
+
+from slipd import config
+from slipd.config.shipped_files import config_file, config_files, page_file, pages
+from slipd.errors import SlipdError
+
+
+def test_every_file_of_config_is_listed_the_configs_first() -> None:
+    assert {path.resolve() for path in config_files()} == {path for path in CONFIG.rglob("*") if path.is_file()}
+    suffixes = [path.suffix == ".toml" for path in config_files()]
+    assert suffixes == sorted(suffixes, reverse=True)
+
+
+@pytest.mark.parametrize("name", ["demo", "demo.toml"])
+def test_a_config_is_found_with_and_without_its_suffix(name: str) -> None:
+    assert config_file(name).samefile(CONFIG / "demo.toml")
+    assert config.shipped(name) == config_file(name)
+
+
+def test_a_file_that_is_no_config_keeps_its_suffix() -> None:
+    assert config_file("slipd.service").samefile(CONFIG / "slipd.service")
+
+
+def test_every_page_is_listed_readme_first() -> None:
+    assert next(iter(pages().values())).samefile(ROOT / "README.md")
+    assert {path.resolve() for path in pages().values()} == {ROOT / "README.md", *DOCS.rglob("*.md")}
+    assert pages()["decisions/0004-no-ladder"].samefile(DOCS / "decisions" / "0004-no-ladder.md")
+
+
+@pytest.mark.parametrize("name", ["physics", "physics.md", "docs/physics.md"])
+def test_a_page_is_found_by_every_way_to_write_it(name: str) -> None:
+    assert page_file(name).samefile(DOCS / "physics.md")
+
+
+@pytest.mark.parametrize("name", ["", "../../etc/passwd", "/etc/passwd", "zzzzzz", "\0"])
+def test_an_unknown_name_is_refused_with_the_known_ones(name: str) -> None:
+    with pytest.raises(SlipdError, match=re.escape(f"there is no config {name!r}; known: bota_xela, demo, ")):
+        config_file(name)
+    with pytest.raises(SlipdError, match=re.escape(f"there is no page {name!r}; known: README, ")):
+        page_file(name)
+
+
+def test_a_misspelt_name_is_refused_with_the_nearest_one() -> None:
+    with pytest.raises(SlipdError, match=r"there is no config 'netft_wst'; did you mean 'netft_wts'\?"):
+        config_file("netft_wst")

@@ -1,0 +1,166 @@
+"""Messages reach the subscribers of their topic, latecomers get the last one, and a slow one delays nobody."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+import zmq
+from heard_topics import Subscribe, hear
+from loop_waits import PATIENCE_S
+
+from slipd.io.bus.publisher import Publisher
+from slipd.io.zmtp import listener
+
+if TYPE_CHECKING:
+    from loop_waits import Eventually
+    from zeromq_peers import Context, Peer
+
+pytestmark = pytest.mark.usefixtures("loop_faults")
+
+
+async def test_a_message_is_topic_and_payload(endpoint: str, subscribe: Subscribe, eventually: Eventually) -> None:
+    with Publisher(endpoint) as publisher:
+        subscriber = subscribe(b"slip")
+        await hear(publisher, subscriber, "slip.left", eventually)
+        publisher.publish("grasp", b"unwanted")
+        publisher.publish("slip.left", b"\x00 payload")
+        await eventually(lambda: subscriber.got)
+    assert subscriber.got == [[b"slip.left", b"\x00 payload"]]
+
+
+async def test_a_latecomer_alone_gets_the_last_message_of_its_topic_exactly_once(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(endpoint) as publisher:
+        early = subscribe(b"slip.left")
+        await hear(publisher, early, "slip.left", eventually)
+        publisher.publish("slip.left", b"old")
+        publisher.publish("slip.left", b"last")
+        late = [subscribe(b"slip.left") for _ in range(5)]
+        await eventually(lambda: all(each.got for each in late))
+        publisher.publish("slip.left", b"next")
+        await eventually(lambda: all(each.got[-1][1] == b"next" for each in [early, *late]))
+    assert [frames[1] for frames in early.got] == [b"old", b"last", b"next"]
+    assert [[frames[1] for frames in each.got] for each in late] == [[b"last", b"next"]] * 5
+
+
+async def test_a_latecomer_gets_the_last_message_of_every_topic_it_subscribed_to_and_of_no_other(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(endpoint) as publisher:
+        early = subscribe(b"")
+        await hear(publisher, early, "status", eventually)
+        for topic in ("slip.left", "grasp", "slip.right", "slip.thumb", "warning"):
+            publisher.publish(topic, f"last {topic}".encode())
+        await eventually(lambda: len(early.got) == 5)
+        late = subscribe(b"slip", b"warning", b"slip.left")  # the last of them is within the first
+        await eventually(lambda: len(late.got) == 4)
+        publisher.publish("warning", b"new")
+        await eventually(lambda: len(late.got) == 5)
+        await eventually(lambda: len(early.got) == 6)  # what the latecomer got came to nobody else
+    assert late.got == [
+        [b"slip.left", b"last slip.left"],
+        [b"slip.right", b"last slip.right"],
+        [b"slip.thumb", b"last slip.thumb"],
+        [b"warning", b"last warning"],
+        [b"warning", b"new"],
+    ]
+
+
+async def test_a_subscription_without_a_last_message_keeps_nothing_from_the_others(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(endpoint) as publisher:
+        early = subscribe(b"slip.left")
+        await hear(publisher, early, "slip.left", eventually)
+        for number in range(20):
+            late = subscribe(b"nothing yet")
+            await asyncio.sleep(0.005)
+            if number % 2:
+                late.socket.setsockopt(zmq.UNSUBSCRIBE, b"nothing yet")
+                await asyncio.sleep(0.005)
+            publisher.publish("slip.left", b"%d" % number)
+        await eventually(lambda: len(early.got) == 20)
+    assert [frames[1] for frames in early.got] == [b"%d" % number for number in range(20)]
+
+
+async def test_a_latecomer_that_has_left_causes_no_duplicate_messages(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(endpoint) as publisher:
+        early = subscribe(b"slip.left")
+        await hear(publisher, early, "slip.left", eventually)
+        publisher.publish("slip.left", b"last")
+        for _ in range(10):
+            ghost = subscribe(b"slip.left")
+            time.sleep(0.01)  # noqa: ASYNC251 - all of this happens before the loop looks
+            ghost.socket.close()
+            await asyncio.sleep(0.002)
+        publisher.publish("slip.left", b"next")
+        await eventually(lambda: early.got[-1][1] == b"next")
+    assert [frames[1] for frames in early.got] == [b"last", b"next"]
+
+
+async def test_who_unsubscribes_gets_no_more(endpoint: str, peer: Callable[..., Peer], eventually: Eventually) -> None:
+    with Publisher(endpoint) as publisher:
+        raw = peer(zmq.XSUB, endpoint)  # unlike SUB, it does not filter by itself
+        raw.socket.send(b"\x01slip")
+        raw.socket.send(b"\x01end")
+        await hear(publisher, raw, "slip.left", eventually)
+        raw.socket.send(b"\x00slip")
+        raw.socket.send(b"\x01heard")
+        publisher.publish("heard", b"")
+        await eventually(lambda: [b"heard", b""] in raw.got)
+        raw.got.clear()
+        publisher.publish("slip.left", b"unwanted")
+        publisher.publish("end", b"")
+        await eventually(lambda: raw.got)
+    assert raw.got == [[b"end", b""]]
+
+
+async def test_Z1_a_subscriber_that_never_reads_costs_the_others_nothing(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(endpoint) as publisher:
+        stalled = subscribe(b"", RCVHWM=1)
+        reader = subscribe(b"")
+        await eventually(lambda: publisher.publish("slip.left", b"") or (stalled.socket.poll(0) and reader.got))
+        reader.got.clear()
+        for number in range(10_000):
+            publisher.publish("tactile.left", number.to_bytes(4, "big") * 500)
+            if number % 100 == 99:
+                await eventually(lambda: len(reader.got) > number)  # noqa: B023
+    assert [int.from_bytes(payload[:4], "big") for topic, payload in reader.got if topic == b"tactile.left"] == list(
+        range(10_000)
+    )
+    assert 0 < len(stalled.got) < 10_000
+
+
+async def test_the_last_messages_before_the_stop_arrive(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listener, "LINGER_S", PATIENCE_S)  # a busy machine may need more than a tenth of a second
+    context: Context = zmq.Context()
+    with Publisher(endpoint) as publisher:
+        subscriber = subscribe(b"")
+        await hear(publisher, subscriber, "status", eventually)
+        for _ in range(900):
+            publisher.publish("status", bytes(4000))
+    await asyncio.to_thread(context.term)
+    await eventually(lambda: len(subscriber.got) == 900)
+
+
+async def test_a_stalled_subscriber_does_not_keep_the_daemon_from_ending(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    context: Context = zmq.Context()
+    with Publisher(endpoint) as publisher:
+        stalled = subscribe(b"", RCVHWM=1)
+        await eventually(lambda: publisher.publish("status", b"") or stalled.socket.poll(0))
+        for _ in range(3000):
+            publisher.publish("status", bytes(2000))
+    await asyncio.to_thread(context.term)

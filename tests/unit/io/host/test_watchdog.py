@@ -1,0 +1,141 @@
+"""The watchdog is fed while every stage makes progress: real links, a real publisher and request server."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import time
+import tty
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import pytest
+from daemon_peers import PATIENCE_S, until
+
+from slipd.events import Event, LinkSpec
+from slipd.io.bus.publisher import Publisher
+from slipd.io.bus.request_server import RequestServer
+from slipd.io.host.stage_checks import stage_checks
+from slipd.io.host.watchdog import FEEDS_PER_TIMEOUT, Watchdog
+from slipd.io.transport import Links
+
+
+class Daemon:
+    """The stages of a daemon, and a device that sends."""
+
+    def __init__(self, links: Links, publisher: Publisher, requests: RequestServer, device: int) -> None:
+        self.links, self.publisher, self.requests, self.device = links, publisher, requests, device
+        self.ticks = 0
+        self.stages = stage_checks(links, lambda: self.ticks, publisher.progress(), requests.progress())
+
+    async def stalled(self) -> set[str]:
+        """Let the device send and a tick pass, and return the stages without progress."""
+        os.write(self.device, b"a reading")
+        await asyncio.sleep(0.01)
+        self.ticks += 1
+        return {name for name, check in self.stages.items() if await check()}
+
+    async def until_stalled(self, stage: str) -> None:
+        """Wait until a stage makes no progress, twice in a row."""
+        async with asyncio.timeout(PATIENCE_S):
+            while not (stage in await self.stalled() and stage in await self.stalled()):
+                pass
+
+
+@pytest.fixture
+async def daemon(tmp_path: Path) -> AsyncIterator[Daemon]:
+    device, port = os.openpty()
+    tty.setraw(port)
+    events: list[Event] = []
+    link = LinkSpec("left.wrench", "serial", os.ttyname(port), 115200)
+    with (
+        Publisher(f"ipc://{tmp_path}/publish") as publisher,
+        RequestServer(f"ipc://{tmp_path}/requests", lambda *_: None) as requests,
+    ):
+        async with asyncio.TaskGroup() as tasks, Links(tasks, [link], events.append) as links:
+            await until(lambda: events)
+            yield Daemon(links, publisher, requests, device)
+    os.close(device)
+    os.close(port)
+
+
+async def test_P2_a_daemon_that_works_has_no_stalled_stage(daemon: Daemon) -> None:
+    assert [await daemon.stalled() for _ in range(3)] == [set()] * 3
+
+
+async def test_P2_an_engine_without_ticks_is_stalled(daemon: Daemon) -> None:
+    check = daemon.stages["engine"]
+    daemon.ticks += 1
+    assert [await check(), await check()] == ["", "it handles no ticks"]
+
+
+def _stop_reading(daemon: Daemon) -> None:
+    daemon.links._links["left.wrench"]._connection._transport.pause_reading()  # type: ignore[union-attr]
+
+
+def _stop_accepting(server: str) -> Callable[[Daemon], None]:
+    def stop(daemon: Daemon) -> None:
+        listener = getattr(daemon, server)._listener
+        asyncio.get_running_loop().remove_reader(listener._socket)
+
+    return stop
+
+
+@pytest.mark.parametrize(
+    ("stage", "stall"),
+    [
+        ("links", _stop_reading),
+        ("publishing", _stop_accepting("publisher")),
+        ("requests", _stop_accepting("requests")),
+    ],
+)
+async def test_P2_a_stalled_stage_is_found_and_only_that(
+    daemon: Daemon, stage: str, stall: Callable[[Daemon], None]
+) -> None:
+    assert await daemon.stalled() == set()
+    stall(daemon)
+    await daemon.until_stalled(stage)
+    assert await daemon.stalled() == {stage}
+
+
+async def test_a_link_without_readings_is_no_stall(daemon: Daemon) -> None:
+    check = daemon.stages["links"]
+    await asyncio.sleep(0.01)
+    assert [await check() for _ in range(3)] == [""] * 3
+
+
+async def test_P2_a_link_is_read_although_bytes_wait_at_every_look(daemon: Daemon) -> None:
+    connection = daemon.links._links["left.wrench"]._connection
+    assert connection is not None
+    for _ in range(3):
+        os.write(daemon.device, b"a reading")
+        until_s = time.monotonic() + PATIENCE_S
+        while not connection.unread() and time.monotonic() < until_s:  # no turn of the loop, which would read
+            pass
+        assert not await daemon.stages["links"]()
+        await asyncio.sleep(0.01)
+
+
+async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pytest.LogCaptureFixture) -> None:
+    stall, fed = "", 0
+
+    async def check() -> str:
+        return stall
+
+    def feed() -> None:
+        nonlocal fed
+        fed += 1
+
+    watchdog = asyncio.create_task(Watchdog(feed, 0.004 * FEEDS_PER_TIMEOUT, {"engine": check}).run())
+    await until(lambda: fed > 2)
+    stall = "it handles no ticks"
+    with caplog.at_level(logging.ERROR):
+        await until(lambda: "no progress (engine: it handles no ticks)" in caplog.text)
+        before = fed
+        caplog.clear()
+        await until(lambda: caplog.records)
+    assert fed == before
+    stall = ""
+    await until(lambda: fed > before)
+    watchdog.cancel()

@@ -1,0 +1,121 @@
+"""The log: lines are escaped, cut and limited, and dropped lines are counted."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slipd.io.log_lines import BURST, EVERY_S, KINDS, LogFormatter, LogGate
+from slipd.types.device_text import LONGEST, one_line
+
+
+def line(message: str, *args: object, name: str = "slipd.io.transport.link") -> logging.LogRecord:
+    return logging.LogRecord(name, logging.WARNING, "link.py", 1, message, args, None)
+
+
+def test_control_characters_are_escaped_and_a_long_text_is_cut() -> None:
+    assert one_line("S/N 12 µ") == "S/N 12 µ"
+    forged = one_line("bye\nERROR slipd: \x1b[31mall is lost\x85\u2028\u202e")
+    assert forged == "bye\\nERROR slipd: \\x1b[31mall is lost\\x85\\u2028\\u202e"
+    assert one_line("x" * LONGEST) == "x" * LONGEST
+    assert one_line("x" * 8000) == "x" * LONGEST + " … (8000 characters)"
+    assert len(one_line("\n" * 8000)) < LONGEST + 30
+
+
+def test_a_line_whose_arguments_do_not_fit_harms_only_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = logging.StreamHandler()
+    handler.addFilter(LogGate(lambda: 0.0))
+    handler.handle(line("%d datagrams lost", "many"))
+    assert "Logging error" in capsys.readouterr().err
+
+
+def test_a_passed_line_is_escaped() -> None:
+    record = line("%s: %s", "left.pad", "closed: bye\nERROR forged")
+    assert LogGate(lambda: 0.0).filter(record)
+    assert record.getMessage() == "left.pad: closed: bye\\nERROR forged"
+
+
+def test_lines_of_one_kind_are_limited_and_dropped_lines_are_counted() -> None:
+    now_s = [50.0]
+    gate = LogGate(lambda: now_s[0])
+    passed = [gate.filter(line("%s: %s", "left.pad", f"reason {n}")) for n in range(100)]
+    assert passed == [n < BURST for n in range(100)]
+    assert gate.filter(line("%s: %s", "right.pad", "another link")), "another link has lines of its own"
+    now_s[0] += EVERY_S
+    late = line("%s: %s", "left.pad", "reason 100")
+    assert gate.filter(late)
+    assert late.getMessage() == "left.pad: reason 100 (90 similar lines were dropped)"
+    assert not gate.filter(line("%s: %s", "left.pad", "reason 101"))
+    now_s[0] += 100 * EVERY_S
+    assert sum(gate.filter(line("%s: %s", "left.pad", f"reason {n}")) for n in range(100)) == BURST
+
+
+def test_the_gate_keeps_a_bounded_number_of_kinds() -> None:
+    gate = LogGate(lambda: 0.0)
+    assert all(gate.filter(line(f"message {n}")) for n in range(10 * KINDS))
+    assert len(gate._kinds) <= KINDS
+
+
+@pytest.mark.parametrize("args", [(), ({"name": "left"},)])
+def test_lines_without_positional_arguments_pass(args: tuple[object, ...]) -> None:
+    assert LogGate(lambda: 0.0).filter(line("ready" if not args else "%(name)s", *args))
+
+
+FORGED = "why\nERROR slipd: \x1b[31mall is lost\x9b\u2028"
+
+
+def test_no_text_of_an_exception_can_look_like_a_line_of_the_log() -> None:
+    error = ValueError(FORGED)
+    record = line("%s: failed", "left.pad")
+    record.exc_info = type(error), error, None
+    record.stack_info = "Stack:\n\x07"
+    assert LogGate(lambda: 0.0).filter(record)
+    first, *more = LogFormatter("%(name)s: %(message)s").format(record).split("\n")
+    assert first == "slipd.io.transport.link: left.pad: failed"
+    assert more == ["  ValueError: why", r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028", "  Stack:", r"  \x07"]
+
+
+UNEXPECTED = f"""
+import sys, threading
+from slipd.io.log_lines import log_uncaught, open_log
+open_log()
+log_uncaught()
+def fail():
+    raise ZeroDivisionError({FORGED!r})
+thread = threading.Thread(target=fail)
+thread.start()
+thread.join()
+fail()
+"""
+
+
+def test_an_exception_that_ends_a_thread_or_the_process_is_logged_with_its_text_escaped() -> None:
+    done = subprocess.run([sys.executable, "-c", UNEXPECTED], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    told = done.stderr.split("\n")
+    assert told.count("CRITICAL slipd.io.log_lines: ended by an unexpected exception") == 2
+    assert told.count("  ZeroDivisionError: why") == 2
+    assert told.count(r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028") == 2
+
+
+def test_where_no_journal_reads_it_the_log_is_kept_in_a_file_too(tmp_path: Path) -> None:
+    """A daemon that was killed leaves its log there, and the next one goes on with it."""
+    program = (
+        "import logging, pathlib, sys; from slipd.io.log_lines import *; open_log()\n"
+        "with log_kept(pathlib.Path(sys.argv[1])): logging.getLogger('slipd.a').warning('gone: %s', 'a\\nb')\n"
+        "logging.getLogger('slipd.a').warning('after')"
+    )
+    kept = tmp_path / "log"
+    for _ in range(2):
+        shown = subprocess.run(
+            [sys.executable, "-c", program, str(kept)], check=True, capture_output=True, encoding="utf-8"
+        ).stderr
+        assert shown == "WARNING slipd.a: gone: a\\nb\nWARNING slipd.a: after\n"
+    assert [text.partition(" WARNING ")[2] for text in kept.read_text().splitlines()] == ["slipd.a: gone: a\\nb"] * 2
+    (tmp_path / "folder").mkdir()
+    broken = [sys.executable, "-c", program, str(tmp_path / "folder")]
+    assert "the log is not kept" in subprocess.run(broken, check=True, capture_output=True, encoding="utf-8").stderr

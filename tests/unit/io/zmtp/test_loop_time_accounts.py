@@ -1,0 +1,86 @@
+"""Loop time of one peer, with an injected clock where time matters."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from slipd.io.zmtp.loop_time_accounts import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
+
+SHARE = 0.25
+
+
+def test_an_account_gets_its_share_for_long_and_a_burst_at_once() -> None:
+    account, now_s, took_s = TimeAccount(b"a", SHARE), 100.0, 0.0
+    for _ in range(40_000):  # a second, looked at every 25 µs; it always wants more
+        if account.has_time(now_s):
+            account.charge(50e-6)
+            took_s += 50e-6
+        now_s += 25e-6
+    assert took_s == pytest.approx(SHARE + BURST_S, abs=100e-6)
+    account.has_time(now_s + 1000.0)
+    assert account._left_s == BURST_S
+
+
+def test_a_dear_turn_is_paid_off_before_the_next() -> None:
+    account = TimeAccount(b"a", SHARE)
+    assert account.has_time(10.0)
+    account.charge(BURST_S + 0.010)
+    assert not account.has_time(10.039)
+    assert account.has_time(10.041)
+
+
+async def test_those_that_wait_have_their_turns_in_order_when_there_is_time() -> None:
+    account, turns = TimeAccount(b"a", SHARE), []
+    assert account.has_time(asyncio.get_running_loop().time())
+    account.charge(BURST_S + 0.001)
+    done = asyncio.Event()
+
+    def turn(number: int) -> None:
+        turns.append(number)
+        account.charge(0.002)
+        if number == 4:
+            done.set()
+
+    for number in range(5):
+        account.wait(lambda number=number: turn(number))  # type: ignore[misc]
+    assert turns == []
+    async with asyncio.timeout(30):
+        await done.wait()
+    assert turns == [0, 1, 2, 3, 4]
+
+
+async def test_a_turn_that_fails_reaches_the_loop_and_the_next_has_its_own() -> None:
+    account, faults, done = TimeAccount(b"a", SHARE), [], asyncio.Event()
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context["exception"]))
+
+    def fail() -> None:
+        raise ArithmeticError("a fault of ours")
+
+    account.wait(fail)
+    account.wait(done.set)
+    async with asyncio.timeout(30):
+        await done.wait()
+    assert [str(fault) for fault in faults] == ["a fault of ours"]
+
+
+def test_a_connection_takes_the_place_of_one_that_is_gone() -> None:
+    account = TimeAccount(b"a")
+    assert [account.enter() for _ in range(3)] == [0, 1, 2]
+    account.leave(1)
+    assert account.connections == 2
+    assert [account.enter(), account.enter()] == [1, 3]
+
+
+def test_an_account_is_the_same_after_its_peer_came_back_and_the_idle_are_forgotten_first() -> None:
+    accounts = TimeAccounts()
+    here = accounts.of(b"here")
+    slot = here.enter()
+    gone = accounts.of(b"gone")
+    for number in range(MOST_ACCOUNTS):
+        accounts.of(b"%d" % number)
+    assert accounts.of(b"here") is here
+    assert accounts.of(b"gone") is not gone
+    here.leave(slot)
+    assert len(accounts._accounts) <= MOST_ACCOUNTS

@@ -1,0 +1,59 @@
+"""The whole first step on a charge pad, whose image shows only once the force sensor is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from charge_rig import charge_rig
+from emulated_engine import EmulatedEngine
+from guided_engine import GuidedEngine
+
+from slipd import config
+from slipd.tools.commission import zero_step
+from slipd.tools.commission.commission_guide import Allowed, Commission
+from slipd.tools.commission.dialogue import Ask, Event, Output, Refusal, follow
+from slipd.tools.sim import touched_devices
+
+TRUE = charge_rig(left={})
+WRONG = charge_rig(left={"sign": -1, "flip_y": "true"})
+
+
+@pytest.fixture(autouse=True)
+def tared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The force sensor has its zero: a charge pad shows nothing before its finger was seen free."""
+    monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
+    monkeypatch.setattr(zero_step, "PAUSE_S", 1.0)
+
+
+def guided(folder: Path, *, write: bool) -> GuidedEngine:
+    engine = EmulatedEngine(TRUE, WRONG, folder)
+    return GuidedEngine(engine, WRONG.text, answers={"touch_again": ("", "again")}, write=write)
+
+
+def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_the_image(tmp_path: Path) -> None:
+    host = guided(tmp_path, write=True)
+
+    def respond(output: Output) -> Event:
+        tare = isinstance(output, Ask) and output.method == "tare"
+        return Refusal("it is pulled at") if tare and host.text == WRONG.text else host.respond(output)
+
+    follow(Commission(WRONG, ["left"], 20.0).run(), respond)
+    left = config.parse(host.text, "found").finger["left"]
+    assert left.wrench is not None
+    assert left.pad is not None
+    assert (left.wrench.sign, left.pad.flip_y) == (1, False)
+    (again,) = [number for number, line in enumerate(host.printed) if "presses are needed once more" in line]
+    touches = [line for line in host.printed[again:] if line.startswith("Press")]
+    assert [line for line in touches if "push" in line] == []
+    assert len(touches) >= 3
+
+
+def test_what_is_found_but_not_written_leaves_out_the_steps_that_build_on_it(tmp_path: Path) -> None:
+    host = guided(tmp_path, write=False)
+    steps = Commission(WRONG, ["left"], 20.0, allowed=Allowed(write=False, move=False)).run()
+    assert not follow(steps, host.respond)
+    left_out = "  left out: what was found is not written, so the daemon does not run it"
+    assert host.printed.count(left_out) == 2, "weight and friction"
+    assert host.text == WRONG.text

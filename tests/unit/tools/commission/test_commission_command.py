@@ -1,0 +1,78 @@
+"""``slipd commission`` where it cannot begin: what is wrong is said before anything is asked of the person."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import pytest
+
+from slipd import config
+from slipd.errors import ConfigError, SlipdError
+from slipd.tools.commission import readings, terminal_host
+from slipd.tools.commission.commission_command import CommissionOptions, commission_command
+from slipd.tools.commission.page_host import PageHost
+
+
+@pytest.fixture
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A config without a daemon, and a standard input on which nobody types."""
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
+    monkeypatch.setattr(terminal_host, "SILENCE_S", 0.2)
+    monkeypatch.setattr(readings, "PAUSE_S", 0.0)
+    file = tmp_path / "rig.toml"
+    file.write_text(config.shipped("demo.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    return file
+
+
+def options(**more: object) -> CommissionOptions:
+    return CommissionOptions(**({"fingers": [], "first": "mounting", "patience_s": 1.0, "write": True} | more))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("page", [False, True])
+def test_a_daemon_that_is_silent_is_named(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], page: bool
+) -> None:
+    monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: True)
+    read, write = os.pipe()
+    with io.open(read) as stdin, io.open(write, "w"):  # noqa: UP020 - sys.stdin is a file of io
+        monkeypatch.setattr("sys.stdin", stdin)
+        with pytest.raises(SlipdError, match=r"no message from the daemon for .* Is slipd running"):
+            commission_command(rig, options(page=page))
+    shown = capsys.readouterr().out
+    assert ("s and Enter leaves the present step or finger out" in shown) is not page
+    assert "Step 1 of 4: mounting" in shown
+
+
+def test_a_person_who_does_not_begin_on_the_page_changes_nothing(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: False)
+    assert not commission_command(rig, options(page=True))
+    assert "the zero of" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"fingers": ["middle"]}, "--finger must be one of left, right, got 'middle'"),
+        ({"publish": "nonsense"}, "nonsense"),
+    ],
+)
+def test_a_wrong_argument_is_named(rig: Path, more: dict[str, object], words: str) -> None:
+    with pytest.raises(SlipdError, match=words):
+        commission_command(rig, options(**more))
+
+
+def test_a_config_with_faults_is_not_begun_with(rig: Path) -> None:
+    rig.write_text("[finger.left.wrench]\n", encoding="utf-8")
+    with pytest.raises(ConfigError):
+        commission_command(rig, options())
+
+
+def test_a_guide_whose_steps_all_follow_says_so(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert commission_command(rig, options(fingers=["right"], first="grasp", write=False))
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[-2:] == ["", "Done."]
+    assert "  left out: only slipd commission in a terminal moves the gripper, without --dry-run" in shown

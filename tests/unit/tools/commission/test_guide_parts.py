@@ -1,0 +1,182 @@
+"""The parts of the guide on their own: the zero, choices, the gentle force, and how the daemon is reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from slipd import config
+from slipd.errors import SlipdError
+from slipd.tools.commission.daemon_link import link_to
+from slipd.tools.commission.dialogue import (
+    Ask,
+    Choice,
+    Event,
+    Output,
+    Prompt,
+    Refusal,
+    Reply,
+    Say,
+    Skipped,
+    choose,
+    follow,
+)
+from slipd.tools.commission.grip_step import gentle_force
+from slipd.tools.commission.readings import ReadingListener, pause, read_status
+from slipd.tools.commission.weight_step import POSES, weigh
+from slipd.tools.commission.zero_step import take_zero
+from slipd_client import keys
+from slipd_client.messages.schema.topics import Message
+
+RIG = """
+[finger.left.wrench]
+device = "bota"
+port = "/dev/wrench"
+rate_hz = 100.0
+"""
+GRIPPER = """
+[gripper]
+device = "robotiq_2f"
+port = "/dev/gripper"
+rate_hz = 50.0
+force_table = [[0, {least}], [255, 185.0]]
+width_table = [[0.0, 0.085], [1.0, 0.0]]
+"""
+
+
+def host(printed: list[str], answer: Callable[[Ask], Event], events: list[Event]) -> Callable[[Output], Event]:
+    def respond(output: Output) -> Event:
+        if isinstance(output, (Say, Prompt)):
+            printed.append(output.text)
+            return None
+        if isinstance(output, Ask) and output.method == "hello":
+            return Refusal("no answer")
+        return answer(output) if isinstance(output, Ask) else events.pop(0)
+
+    return respond
+
+
+def messages() -> list[Event]:
+    return [Message(topic="wrench.left", raw={}, seq=k, boot="b", t_ns=k * 1_000_000_000) for k in range(60)]
+
+
+def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
+    answers: list[Event] = [Refusal("in_contact: it is touched"), Reply({})]
+    printed: list[str] = []
+    left = config.parse(RIG, "rig").finger["left"]
+    assert follow(take_zero("left", left), host(printed, lambda _: answers.pop(0), messages()))
+    assert printed[1:] == ["  not taken: in_contact: it is touched", "  it is tried again"]
+    printed.clear()
+    assert not follow(take_zero("left", left), host(printed, lambda _: Refusal("lease_held: taken"), messages()))
+    assert printed.count("  not taken: lease_held: taken") == 3
+    assert "Later: slipctl tare take left --stream wrench" in printed[-1]
+
+
+def test_a_status_that_is_refused_is_asked_for_again() -> None:
+    answers: list[Event] = [Refusal("no answer"), Reply("status")]
+    assert follow(read_status(), host([], lambda _: answers.pop(0), messages())) == "status"  # type: ignore[comparison-overlap]
+    with pytest.raises(SlipdError, match="the daemon does not answer: no answer"):
+        follow(read_status(), host([], lambda _: Refusal("no answer"), messages()))
+
+
+def test_the_readings_of_a_step_can_be_left_out() -> None:
+    with pytest.raises(Skipped):
+        follow(ReadingListener(["left"], "rig").collect(1.0), host([], Refusal, [Choice("perhaps"), Choice("skip")]))  # type: ignore[arg-type]
+
+
+def test_a_pause_can_be_left_out() -> None:
+    with pytest.raises(Skipped):
+        follow(pause(60.0), host([], Refusal, [Choice("perhaps"), *messages()[:2], Choice("skip")]))  # type: ignore[arg-type]
+
+
+def test_weighing_is_refused_while_another_program_sends_gravity() -> None:
+    streams = {"left.wrench": SimpleNamespace(gravity="compensated")}
+    with pytest.raises(SlipdError, match="another program sends the direction of gravity for finger left"):
+        follow(
+            weigh(config.parse(RIG, "rig"), {}, ["left"]),
+            host([], lambda _: Reply(SimpleNamespace(streams=streams)), []),
+        )
+
+
+def test_a_pause_is_as_long_where_one_stream_is_stale() -> None:
+    stale = Message(topic="tactile.left", raw={}, seq=0, boot="b", t_ns=-60_000_000_000)
+    events = [stale, *messages()]
+    follow(pause(2.0), host([], Refusal, events))  # type: ignore[arg-type]
+    assert len(events) == 57, "without those of 0, 1 and 2 s"
+
+
+def test_a_pause_waits_for_messages_from_after_it_and_not_for_ever() -> None:
+    def now_is(t_s: float) -> int:
+        """Return how many messages of 1 Hz a pause of 2 s takes, the first of which is from 0 s."""
+        events: list[Event] = [Reply(SimpleNamespace(t_ns=round(t_s * 1e9))), *messages()]
+        follow(pause(2.0), lambda _: events.pop(0))
+        return 60 - len(events)
+
+    assert now_is(0.0) == 3
+    assert now_is(7.0) == 10, "those from before the pause came late"
+    assert now_is(1000.0) == 13, "a clock that fits no message"
+
+
+def test_a_person_chooses_one_of_the_words() -> None:
+    printed: list[str] = []
+    prompt = Prompt("grasp", "Grip?", choices=("close", "skip"))
+    events: list[Event] = [None, Choice("perhaps"), Choice("close")]
+    assert follow(choose(prompt), host(printed, Refusal, events)) == "close"  # type: ignore[arg-type]
+    assert printed == ["Grip?", "  please choose: close, skip"]
+    with pytest.raises(Skipped):
+        follow(choose(prompt), host([], Refusal, [Choice("skip")]))  # type: ignore[arg-type]
+
+
+def test_too_few_poses_are_a_problem_of_this_step_alone() -> None:
+    rig = config.parse(RIG, "rig")
+    findings = follow(
+        weigh(rig, {}, ["left"]),
+        host([], lambda _: Reply(SimpleNamespace(streams={})), [Choice("not possible") for _ in POSES]),
+    )
+    assert findings["left"].problems == ["at least 3 poses are needed, got 0"]
+
+
+@pytest.mark.parametrize(
+    ("least", "limits", "force"),
+    [
+        (20.0, "max_force_n = 40.0", 20.0),
+        (2.0, "max_force_n = 40.0", 5.0),
+        (2.0, "max_force_n = 4.0", 4.0),
+        (2.0, "", "[gripper] has no max_force_n"),
+        (2.0, "max_force_n = 40.0\nmin_force_n = 8.0", 8.0),
+    ],
+)
+def test_the_guide_grips_gently_and_within_the_limits(least: float, limits: str, force: float | str) -> None:
+    found = gentle_force(config.parse(RIG + GRIPPER.format(least=least) + limits + "\n", "rig").gripper)
+    assert str(found).startswith(force) if isinstance(force, str) else found == force
+
+
+def test_keys_are_asked_for_where_the_daemon_needs_them(tmp_path: Path) -> None:
+    for name in ("daemon", "me"):
+        keys.create(name, tmp_path)
+    tcp = f"""
+[bus]
+publish = "tcp://*:5556"
+requests = "tcp://127.0.0.1:*"
+secret_key = "{tmp_path}/daemon.key_secret"
+readers = "{tmp_path}/readers"
+requesters = "{tmp_path}/requesters"
+"""
+    rig, plain = config.parse(RIG + tcp, "rig"), config.parse(RIG, "rig")
+    me, port = tmp_path / "me.key_secret", "tcp://127.0.0.1:5557"
+    with pytest.raises(SlipdError, match="admits only clients with keys: give --key FILE"):
+        link_to(rig, None, port, None, None)
+    with pytest.raises(SlipdError, match=r"leaves the port .* open: give --requests as slipd run printed it"):
+        link_to(rig, None, None, me, None)
+    with pytest.raises(SlipdError, match="uses no keys; leave out --key"):
+        link_to(plain, None, None, me, None)
+    with pytest.raises(SlipdError, match="must hold a secret key"):
+        link_to(rig, None, port, tmp_path / "me.key", None)
+    found = link_to(rig, None, port, me, None)
+    assert (found.publish, found.requests) == ("tcp://127.0.0.1:5556", port)
+    assert found.publish_keys is not None
+    assert found.publish_keys.server == keys.load_public(tmp_path / "daemon.key")
+    assert link_to(plain, None, None, None, None).requests is None

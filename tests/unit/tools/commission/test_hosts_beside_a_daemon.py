@@ -1,0 +1,134 @@
+"""A host of the guide beside a real daemon: readings arrive, requests are carried out, and gravity is repeated."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import math
+import os
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from daemon_peers import PATIENCE_S, Client
+from service_rig import Rig, asked, serving
+
+from slipd import config
+from slipd.tools.commission import page_host
+from slipd.tools.commission.daemon_link import DaemonLink
+from slipd.tools.commission.dialogue import Event, Refusal, Reply, ask
+from slipd.tools.commission.gravity_teller import GravityTeller
+from slipd.tools.commission.page_host import PageHost
+from slipd.tools.commission.terminal_host import TerminalHost
+from slipd_client.messages.schema.topics import Wrench
+
+
+@pytest.fixture(autouse=True)
+def nobody_types(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
+    read, write = os.pipe()
+    with io.open(read) as stdin, io.open(write, "w"):  # noqa: UP020 - sys.stdin is a file of io
+        monkeypatch.setattr("sys.stdin", stdin)
+        yield
+
+
+@asynccontextmanager
+async def daemon_of_a_heavy_finger(folder: Path) -> AsyncIterator[tuple[config.Config, Client]]:
+    """Run a daemon whose sensors send all the time."""
+    rig = Rig(folder)
+    text = rig.file.read_text(encoding="utf-8").replace('device = "bota"', 'device = "bota"\nmass_kg = 0.1')
+    rig.file.write_text(text, encoding="utf-8")
+
+    async def send() -> None:
+        while True:
+            rig.send()
+            await asyncio.sleep(0.01)
+
+    async with serving(rig.config) as daemon:
+        sending = asyncio.create_task(send())
+        try:
+            yield rig.config, daemon
+        finally:
+            sending.cancel()
+            await asyncio.wait([sending])
+
+
+async def until_gravity_is(daemon: Client, state: str) -> None:
+    """Wait until the status of the daemon says so; a request that comes too late is repeated."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            result = (await asked(daemon, "status")).get("result")
+            if result is not None and result["streams"]["left.wrench"]["gravity"] == state:
+                return
+            await asyncio.sleep(0.02)
+
+
+async def test_gravity_is_repeated_until_another_is_told_or_none(tmp_path: Path) -> None:
+    async with daemon_of_a_heavy_finger(tmp_path) as (_, daemon):
+        teller = GravityTeller(daemon.endpoints.requests, None)
+        try:
+            teller.tell({"left": (9.81, 0.0, 0.0)})
+            await until_gravity_is(daemon, "compensated")
+            await asyncio.to_thread(teller.tell, {"left": (0.0, 9.81, 0.0)})
+            await until_gravity_is(daemon, "compensated")
+            await asyncio.to_thread(teller.tell, {})
+            await until_gravity_is(daemon, "unknown_orientation")
+        finally:
+            await asyncio.to_thread(teller.stop)
+
+
+async def hosted(
+    kind: type[TerminalHost], rig: config.Config, daemon: Client, work: Callable[[TerminalHost], list[Event]]
+) -> list[Event]:
+    """Let a host work in a thread of its own, and return the events."""
+    link = DaemonLink(daemon.endpoints.publish, daemon.endpoints.requests, None, None)
+
+    def run() -> list[Event]:
+        with kind(Path("rig.toml"), rig.text, link, write=False) as host:
+            return work(host)
+
+    return await asyncio.to_thread(run)
+
+
+@pytest.mark.parametrize("least_s", [0.0, math.inf])
+async def test_readings_reach_the_guide_and_the_page_as_often_as_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], least_s: float
+) -> None:
+    monkeypatch.setattr(page_host, "LIVE_S", least_s)
+
+    def listen(host: TerminalHost) -> list[Event]:
+        """Return some events, with a reading among them."""
+        events: list[Event] = []
+        until_s = time.monotonic() + PATIENCE_S
+        while len(events) < 150 or not any(isinstance(event, Wrench) for event in events):
+            assert time.monotonic() < until_s
+            events.append(host.respond(None))
+        return events
+
+    async with daemon_of_a_heavy_finger(tmp_path) as (rig, daemon):
+        events = await hosted(PageHost, rig, daemon, listen)
+    readings = [event for event in events if isinstance(event, Wrench)]
+    shown = [json.loads(line)["live"]["left"] for line in capsys.readouterr().out.splitlines()]
+    assert readings
+    told = [(each.force_n, each.torque_nm) for each in readings if least_s == 0.0]
+    assert shown == json.loads(json.dumps(told))
+
+
+async def test_a_request_is_carried_out_with_a_lease_where_it_needs_one(tmp_path: Path) -> None:
+    lenient = {"finger": "left", "mu_s": 0.6}
+
+    def work(host: TerminalHost) -> list[Event]:
+        refused = host.respond(ask("friction_set", **lenient))
+        until_s = time.monotonic() + PATIENCE_S
+        while isinstance(answer := host.respond(ask("friction_set", lease=True, **lenient)), Refusal):
+            assert time.monotonic() < until_s, answer
+        return [refused, answer]
+
+    async with daemon_of_a_heavy_finger(tmp_path) as (rig, daemon):
+        refused, answer = await hosted(TerminalHost, rig, daemon, work)
+    assert isinstance(refused, Refusal)
+    assert isinstance(answer, Reply)
+    assert answer.result.mu == 0.6

@@ -1,0 +1,284 @@
+"""Every wrong mounting is found from the touches, or reported as not found; nothing is guessed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slipd.signals.mounting import Mounting
+from slipd.tools.commission.known_rotations import nearest_known
+from slipd.tools.commission.mounting_search import find_mounting
+from slipd.tools.commission.three_axis_search import find_three_axis
+from slipd.tools.commission.touches import (
+    CENTRE,
+    CORNER,
+    END,
+    NAMES,
+    PUSH_X,
+    PUSH_Y,
+    SYMMETRIES,
+    Findings,
+    Mount,
+    Symmetry,
+    Touch,
+)
+
+PLACES = {CENTRE: (0.0, 0.0), END: (0.02, 0.0), CORNER: (0.02, 0.009), PUSH_X: (0.0, 0.0), PUSH_Y: (0.0, 0.0)}
+PUSHES = {PUSH_X: (2.0, 0.0), PUSH_Y: (0.0, 2.0)}
+TILTED = (0.9659258, 0.2588190, 0.0, 0.0)
+TRUE = Mount(-1, (0.004, -0.002, -0.025), TILTED)
+
+
+def touches(
+    true: Mount = TRUE,
+    symmetry: Symmetry | None = SYMMETRIES[0],
+    *,
+    places: dict[str, tuple[float, float]] = PLACES,
+    pushes: dict[str, tuple[float, float]] = PUSHES,
+    seed: int | None = None,
+    torque_gain: float = 1.0,
+) -> dict[str, Touch]:
+    """What a sensor and a pad read of the touches; with a seed, of those of an inexact hand."""
+    rng = np.random.default_rng(seed)
+    matrix = np.linalg.inv(Mounting(true.xyz_m, true.quat_xyzw, true.sign).matrix)
+    found: dict[str, Touch] = {}
+    for step, (x, y) in places.items():
+        force = np.array((*pushes.get(step, (0.0, 0.0)), -5.0))
+        if seed is not None:
+            force = Rotation.from_rotvec(rng.normal(scale=math.radians(3.0), size=3)).apply(force)
+            x, y = x + rng.normal(scale=5e-4), y + rng.normal(scale=5e-4)
+        place = np.array((x, y, 0.0))
+        raw = matrix @ np.concatenate((force, np.cross(place, force)))
+        scan_m = None if symmetry is None else scan_of(symmetry, (x, y))
+        found[step] = Touch(raw[:3], torque_gain * raw[3:], scan_m)
+    return found
+
+
+def scan_of(symmetry: Symmetry, place: tuple[float, float]) -> tuple[float, float]:
+    """Where a place of the pad is in the scan of an image with this orientation."""
+    x, y = -place[0] if symmetry.flip_x else place[0], -place[1] if symmetry.flip_y else place[1]
+    return (y, x) if symmetry.swap_xy else (x, y)
+
+
+def wrong(true: Mount) -> dict[str, Mount]:
+    """Configs that a person may have written for this mounting."""
+    x, y, z, w = true.quat_xyzw
+    turns = {f"turned by {text}": Rotation.from_euler(text[0], float(text[1:]), degrees=True) for text in
+             ("x90", "x180", "y90", "y-90", "z90", "z180", "z-90")}  # fmt: skip
+    return {
+        "right": true,
+        "sign": replace(true, sign=-true.sign),
+        "wxyz": replace(true, quat_xyzw=(w, x, y, z)),
+        "inverse": replace(true, quat_xyzw=(-x, -y, -z, w)),
+        "elsewhere": replace(true, xyz_m=(0.0, 0.0, 0.0)),
+        "everything": Mount(-true.sign, (0.01, 0.02, 0.03), (w, x, y, z)),
+    } | {
+        text: replace(true, quat_xyzw=as_tuple(Rotation.from_quat(true.quat_xyzw) * turn))
+        for text, turn in turns.items()
+    }
+
+
+def as_tuple(rotation: Rotation) -> tuple[float, float, float, float]:
+    x, y, z, w = map(float, rotation.as_quat())
+    return x, y, z, w
+
+
+def away_deg(first: Mount, second: Mount) -> float:
+    return math.degrees((Rotation.from_quat(first.quat_xyzw) * Rotation.from_quat(second.quat_xyzw).inv()).magnitude())
+
+
+@pytest.mark.parametrize("fault", list(wrong(TRUE)))
+@pytest.mark.parametrize("symmetry", SYMMETRIES, ids=str)
+def test_every_wrong_mounting_is_found_with_every_orientation_of_the_image(symmetry: Symmetry, fault: str) -> None:
+    for sign in (1, -1):
+        true = replace(TRUE, sign=sign)
+        found = find_mounting(touches(true, symmetry), wrong(true)[fault])
+        assert found.problems == []
+        assert found.symmetry == symmetry
+        assert found.mount is not None
+        assert found.mount.sign == sign
+        assert away_deg(found.mount, true) < 0.1
+        assert found.mount.xyz_m == pytest.approx(true.xyz_m, abs=2e-4)
+
+
+@pytest.mark.parametrize("fault", ["right", "sign", "wxyz", "inverse", "turned by z90", "turned by x180"])
+def test_an_inexact_hand_finds_the_same_rotation(fault: str) -> None:
+    for seed in range(20):
+        found = find_mounting(touches(symmetry=SYMMETRIES[seed % 8], seed=seed), wrong(TRUE)[fault])
+        assert found.mount is not None, found.problems
+        assert (found.mount.sign, found.symmetry) == (TRUE.sign, SYMMETRIES[seed % 8])
+        assert away_deg(found.mount, TRUE) < 0.1
+        assert found.mount.xyz_m == pytest.approx(TRUE.xyz_m, abs=0.004)
+
+
+@pytest.mark.parametrize("fault", ["right", "sign"])
+def test_what_is_right_in_a_config_is_kept_to_the_digit(fault: str) -> None:
+    found = find_mounting(touches(seed=3), wrong(TRUE)[fault])
+    assert found.mount == TRUE
+    assert "the position of the config is kept" in found.notes[-1]
+
+
+def test_an_unknown_rotation_is_taken_as_measured() -> None:
+    odd = replace(TRUE, quat_xyzw=as_tuple(Rotation.from_euler("xyz", (40.0, 25.0, 20.0), degrees=True)))
+    found = find_mounting(touches(odd), replace(TRUE, quat_xyzw=(0.0, 0.0, 0.0, 1.0)))
+    assert found.mount is not None
+    assert away_deg(found.mount, odd) < 0.1
+    assert any("as measured, about ±5°" in note for note in found.notes)
+
+
+def test_a_sensor_without_a_pad_has_its_mounting_from_the_presses_at_the_centre() -> None:
+    wrong_config = replace(TRUE, sign=1, xyz_m=(0.0, 0.0, 0.0))
+    found = find_mounting(touches(symmetry=None), wrong_config, has_pad=False)
+    assert (found.mount, found.symmetry, found.problems) == (TRUE, None, [])
+    beside_a_pad = find_mounting(touches(symmetry=None), wrong_config)
+    assert beside_a_pad.mount == TRUE
+    assert "the pad showed no image" in beside_a_pad.problems[0]
+
+
+ONE_PLACE = dict.fromkeys(PLACES, (0.0, 0.0))
+Change = Callable[[], dict[str, Touch]]
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: touches(places=ONE_PLACE), "all presses were at one place"),
+        (lambda: touches(places=ONE_PLACE, symmetry=None), "all presses were at one place"),
+        (lambda: touches(places=PLACES | {END: (-0.02, 0.0), CORNER: (-0.02, 0.009)}), "on the other side"),
+        (lambda: touches(places=PLACES | {CORNER: (0.02, -0.009)}), "on the other side"),
+        (lambda: touches(places=PLACES | {END: (0.0, 0.009)}), "on the other side"),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (0.0, -2.0)}), "on the other side"),
+        (lambda: touches(pushes={PUSH_X: (-2.0, 0.0), PUSH_Y: (0.0, 2.0)}), "on the other side"),
+        (lambda: touches(pushes={PUSH_X: (0.0, 2.0), PUSH_Y: (2.0, 0.0)}), "on the other side"),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (2.0, 0.0)}), "0° apart, not 90°"),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (1.5, 1.5)}), "45° apart, not 90°"),
+        (lambda: touches(torque_gain=1000.0), "in N·mm"),
+        (lambda: touches(torque_gain=0.001), "in kN·m"),
+        (lambda: touches(torque_gain=1.7), "1.70 times as far as the image: pitch_m"),
+        (lambda: {step: touch for step, touch in touches().items() if step != PUSH_Y}, "showed nothing at: push_y"),
+        (lambda: touches() | {END: replace(touches()[END], force=touches()[PUSH_X].force * (1, -1, -1))}, "different"),
+    ],
+)  # fmt: skip
+def test_what_does_not_follow_is_reported_and_not_guessed(made: Change, words: str) -> None:
+    for present in (TRUE, *wrong(TRUE).values()):
+        found = find_mounting(made(), present)
+        assert found.mount is None
+        assert found.symmetry is None
+        assert any(words in problem for problem in found.problems), found.problems
+
+
+@pytest.mark.parametrize("has_pad", [True, False])
+@pytest.mark.parametrize("step", [CENTRE, PUSH_X])
+def test_a_touch_that_no_position_of_the_sensor_explains_is_named(step: str, has_pad: bool) -> None:
+    made = touches(symmetry=SYMMETRIES[3] if has_pad else None, seed=1)
+    spin_nm = 0.1 * made[CENTRE].force / np.linalg.norm(made[CENTRE].force)
+    made[step] = replace(made[step], torque=made[step].torque + spin_nm)
+    found = find_mounting(made, TRUE, has_pad=has_pad)
+    assert (found.mount, found.symmetry) == (None, None)
+    assert f"{NAMES[step]} fits the others worst" in found.problems[0]
+    assert found.doubtful == (step,)
+
+
+@pytest.mark.parametrize(
+    ("made", "doubtful"),
+    [
+        (lambda: touches(places=ONE_PLACE), (END, CORNER)),
+        (lambda: touches(places=PLACES | {CORNER: (0.02, -0.009)}), (CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(pushes={PUSH_X: (-2.0, 0.0), PUSH_Y: (0.0, 2.0)}), (CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(places=PLACES | {END: (0.0, 0.009)}), (END, CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (2.0, 0.0)}), (PUSH_X, PUSH_Y)),
+        (lambda: touches(torque_gain=1.7), (CENTRE, END, CORNER)),
+        (lambda: touches(torque_gain=1000.0), ()),
+        (lambda: touches() | {END: replace(touches()[END], force=touches()[PUSH_X].force * (1, -1, -1))}, (END,)),
+    ],
+)  # fmt: skip
+def test_what_made_again_may_help_is_named(made: Change, doubtful: tuple[str, ...]) -> None:
+    assert find_mounting(made(), TRUE).doubtful == doubtful
+
+
+def test_an_image_that_fits_in_two_orientations_is_reported() -> None:
+    made = touches()
+    made[CORNER] = replace(made[CORNER], scan_m=(0.016, 0.013))
+    made[END] = replace(made[END], scan_m=(0.016, 0.013))
+    found = find_mounting(made, TRUE)
+    assert (found.mount, found.symmetry) == (None, None)
+    assert "the orientation of the image is open" in found.problems[0]
+
+
+def test_the_notes_name_the_fault_of_the_config() -> None:
+    def notes(fault: str) -> str:
+        found: Findings = find_mounting(touches(), wrong(TRUE)[fault])
+        return "\n".join(found.notes)
+
+    assert "as the config states" in notes("sign")
+    assert "read as w, x, y, z" in notes("wxyz")
+    assert "with the sensor turned by 90° about (0, 0" in notes("turned by z90")
+
+
+def test_the_nearest_known_rotation_is_within_what_a_hand_can_push() -> None:
+    true = Rotation.from_quat(TILTED)
+    for angle, known in ((8.0, True), (14.0, False)):
+        found, how = nearest_known(Rotation.from_euler("x", angle, degrees=True) * true, TRUE)
+        assert (found == TILTED, how == "as the config states") == (known, known)
+
+
+def three_axis(symmetry: Symmetry, signs: tuple[int, int, int]) -> dict[str, Touch]:
+    found: dict[str, Touch] = {}
+    for step, place in PLACES.items():
+        force = np.array((*PUSHES.get(step, (0.0, 0.0)), -5.0)) * signs
+        found[step] = Touch(force[[1, 0, 2]] if symmetry.swap_xy else force, np.zeros(3), scan_of(symmetry, place))
+    return found
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES, ids=str)
+@pytest.mark.parametrize("signs", [(1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)])
+def test_the_axes_of_a_three_axis_pad_are_found(symmetry: Symmetry, signs: tuple[int, int, int]) -> None:
+    found, axes = find_three_axis(three_axis(symmetry, signs))
+    assert (found.symmetry, axes, found.problems) == (symmetry, signs, [])
+
+
+def test_what_a_three_axis_pad_does_not_show_is_reported() -> None:
+    made = three_axis(Symmetry(), (1, 1, 1))
+    centre = made[CENTRE].scan_m
+    for wrong_touches, words in (
+        (made | {END: replace(made[END], scan_m=None)}, "showed nothing at: end"),
+        (made | {END: replace(made[END], scan_m=centre), CORNER: replace(made[CORNER], scan_m=centre)}, "orientation"),
+        (made | {PUSH_X: made[PUSH_Y]}, "do not fit the presses"),
+    ):
+        found, axes = find_three_axis(wrong_touches)
+        assert axes is None
+        assert words in found.problems[0]
+
+
+@pytest.mark.parametrize("step", PLACES)
+def test_a_touch_without_any_force_is_one_that_showed_nothing(step: str) -> None:
+    seen = touches()
+    seen[step] = replace(seen[step], force=np.zeros(3))
+    found = find_mounting(seen, TRUE)
+    assert found.mount is None
+    assert found.problems == [f"the force sensor showed nothing at: {step}"]
+    pads, axes = find_three_axis(seen)
+    assert axes is None
+    assert pads.problems == [f"the pad showed nothing at: {step}"]
+
+
+@pytest.mark.parametrize("step", [PUSH_X, PUSH_Y])
+def test_a_push_that_is_a_press_shows_no_direction(step: str) -> None:
+    level = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    found = find_mounting(touches(level, pushes=PUSHES | {step: (0.0, 0.0)}), level)
+    assert found.mount is None
+    assert found.problems == ["the pushes show no force along the pad: push along +X and along +Y"]
+    assert found.doubtful == (step,)
+
+
+def test_presses_that_cancel_out_have_no_direction_in_common() -> None:
+    seen = touches()
+    for k, step in enumerate((CENTRE, END, CORNER)):
+        seen[step] = replace(seen[step], force=np.array([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)][k % 2]))
+    seen[CORNER] = replace(seen[CORNER], force=np.array((0.0, 1.0, 0.0)))
+    assert "the presses had different directions" in find_mounting(seen, TRUE).problems[0]

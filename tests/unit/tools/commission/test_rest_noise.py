@@ -1,0 +1,61 @@
+"""The noise of a finger at rest, which the guide writes into the config."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slipd.config import parse, shipped
+from slipd.tools.commission.config_update import FingerResult, changes
+from slipd.tools.commission.readings import FingerReadings
+from slipd.tools.commission.rest_noise import Noise, noise_at_rest
+from slipd.tools.commission.touches import Mount
+
+MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+FORCE_STD_N, TORQUE_STD_NM, TAXEL_STD = 0.03, 0.0008, 2.0
+
+
+def rest(images: int, rng: np.random.Generator, drift_n: float = 0.2) -> FingerReadings:
+    """Readings that drift slowly, and the positive part of noisy images."""
+    stds = [FORCE_STD_N] * 3 + [TORQUE_STD_NM] * 3
+    wrenches = [rng.normal(0.0, stds) + np.array((0, 0, drift_n * k / 400, 0, 0, 0)) for k in range(400)]
+    return FingerReadings(wrenches, [np.clip(rng.normal(0.0, TAXEL_STD, 64), 0.0, None) for _ in range(images)])
+
+
+def test_noise_is_that_of_the_sensors_without_their_drift() -> None:
+    noise = noise_at_rest(rest(200, np.random.default_rng(1)), MOUNT, MOUNT)
+    assert noise is not None
+    assert noise.force_std_n == pytest.approx(FORCE_STD_N, rel=0.1)
+    assert noise.torque_std_nm == pytest.approx(TORQUE_STD_NM, rel=0.1)
+    assert noise.threshold == pytest.approx(10.0 * TAXEL_STD, rel=0.25)
+
+
+def test_torque_noise_is_that_about_the_pad() -> None:
+    far = Mount(1, (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 1.0))
+    noise = noise_at_rest(rest(0, np.random.default_rng(1)), MOUNT, far)
+    assert noise is not None
+    assert noise.torque_std_nm == pytest.approx(0.1 * FORCE_STD_N, rel=0.15)
+    assert noise.threshold is None
+
+
+def test_images_that_are_held_at_zero_show_no_noise() -> None:
+    held = rest(0, np.random.default_rng(1))
+    held.images = [np.zeros(64)] * 50
+    noise = noise_at_rest(held, MOUNT, MOUNT)
+    assert noise is not None
+    assert noise.threshold is None
+
+
+@pytest.mark.parametrize("scale", [0.0, 100.0])
+def test_readings_that_do_not_change_or_that_move_have_no_noise(scale: float) -> None:
+    readings = rest(0, np.random.default_rng(1))
+    readings.wrenches = [scale * each for each in readings.wrenches]
+    assert noise_at_rest(readings, MOUNT, MOUNT) is None
+
+
+@pytest.mark.parametrize(("stated", "written"), [("threshold = 0.0", True), ("threshold = 1.0", False)])
+def test_a_threshold_is_found_only_where_none_hides_the_noise(stated: str, written: bool) -> None:
+    text = shipped("gauges_pvdf.toml").read_text(encoding="utf-8").replace("MEASURE", "")
+    rig = parse(text.replace("threshold = 0.005", stated), "rig")
+    found = changes(rig, {"left": FingerResult(None, None, None, {}, Noise(0.01, 0.0001, 20.0))})
+    assert found == ({("finger", "left", "pad", "threshold"): "20"} if written else {})

@@ -1,0 +1,285 @@
+"""The guide on emulated devices behind the real engine: every wrong mounting of the config, from bytes to the TOML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from charge_rig import TILTED, charge_rig
+from commission_person import TOUCHES, touch_for
+from emulated_engine import EmulatedEngine
+from known_zeros import know_zeros
+from scipy.spatial.transform import Rotation
+
+from slipd import config
+from slipd.config.toml_lines import marked_keys
+from slipd.errors import SlipdError
+from slipd.tools.commission import touch_guide
+from slipd.tools.commission.config_update import changed_text, changes
+from slipd.tools.commission.dialogue import Choice, Event, Output, Prompt, Say, Skipped, follow
+from slipd.tools.commission.readings import ReadingListener
+from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
+from slipd.tools.commission.touches import scan_centroid
+from slipd.tools.sim import touched_devices
+
+
+def commission(
+    true: config.Config,
+    read: config.Config,
+    folder: Path,
+    touches: Mapping[str, str] = TOUCHES,
+    finger: str = "left",
+    then: Mapping[str, str] | None = None,
+) -> tuple[FingerOutcome, list[str]]:
+    """Return what the guide finds, and what it prints; at its question, the person makes the touches of ``then``."""
+    engine = EmulatedEngine(true, read, folder)
+    know_zeros(*engine._engine._fingers.values())
+    printed: list[str] = []
+    chosen: list[Choice] = []
+
+    def respond(output: Output) -> Event:
+        nonlocal touches
+        if not isinstance(output, (Say, Prompt)):
+            return chosen.pop() if chosen else engine.receive()
+        printed.append(output.text)
+        if isinstance(output, Prompt) and output.step == "touch_wait":
+            chosen.append(Choice("skip" if then is None else "again"))
+            touches = touches if then is None else then
+            engine.touch("release")
+        elif isinstance(output, Prompt) and output.step == "touch_again":
+            chosen.append(Choice("go on" if then is None else "again"))
+            touches = touches if then is None else then
+        elif "Let go" in output.text and "Let go" in touches:
+            pass
+        elif (command := touch_for(output.text, touches)) is not None:
+            engine.touch(command)
+        return None
+
+    guide = TouchGuide(read, ReadingListener(read.finger, read.config_id), 5.0)
+    return follow(guide.run(finger), respond), printed
+
+
+def corrected(read: config.Config, outcome: FingerOutcome, finger: str = "left") -> config.Config:
+    """Return the config with what was found."""
+    return config.parse(changed_text(read.text, changes(read, {finger: outcome.result})), "corrected")
+
+
+def check_same(found: config.Config, true: config.Config, finger: str = "left") -> None:
+    wrench, wanted = found.finger[finger].wrench, true.finger[finger].wrench
+    assert wrench is not None
+    assert wanted is not None
+    assert wrench.sign == wanted.sign
+    turn = Rotation.from_quat(wrench.pad_from_sensor.quat_xyzw)
+    assert (turn * Rotation.from_quat(wanted.pad_from_sensor.quat_xyzw).inv()).magnitude() < math.radians(3.0)
+    assert wrench.pad_from_sensor.xyz_m == pytest.approx(wanted.pad_from_sensor.xyz_m, abs=0.003)
+    assert wrench.port == wanted.port
+    pad, wanted_pad = found.finger[finger].pad, true.finger[finger].pad
+    assert pad is not None
+    assert wanted_pad is not None
+    assert (pad.swap_xy, pad.flip_x, pad.flip_y, pad.port) == (
+        wanted_pad.swap_xy,
+        wanted_pad.flip_x,
+        wanted_pad.flip_y,
+        wanted_pad.port,
+    )
+
+
+FLAGS = [
+    {"swap": "true", "flip_x": "true"},
+    {"flip_y": "true"},
+    {"swap": "true", "flip_x": "true", "flip_y": "true"},
+]
+"""Of the eight; the search itself is tested with all."""
+SENSOR_ONLY = config.parse(charge_rig(left={}).text.partition("[finger.left.pad]")[0], "sensor only")
+SERIAL = """
+[finger.left]
+mu = 0.5
+[finger.left.wrench]
+device = "optoforce"
+port = "/dev/left-wrench"
+rate_hz = 100.0
+options = {{ period_ms = 10, counts_per_n = {scale}, counts_per_nm = [1000.0, 1000.0, 1000.0] }}
+"""
+ROTATED = Rotation.from_quat(TILTED) * Rotation.from_euler("z", 90, degrees=True)
+WRONG: dict[str, dict[str, Any]] = {
+    "sign": {"sign": -1},
+    "wxyz": {"quat": [0.0, *TILTED[:3]]},
+    "rotated": {"quat": [float(part) for part in ROTATED.as_quat()]},
+    "place": {"xyz": [0.0, 0.0, 0.0]},
+    "all": {"sign": -1, "quat": [0.0, 0.0, 0.0, 1.0], "xyz": [0.0, 0.03, 0.0], "flip_y": "true"},
+}
+
+
+@pytest.fixture(autouse=True)
+def tared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The force sensors have their zero: a charge pad shows nothing before its finger was seen free."""
+    monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
+
+
+@pytest.mark.parametrize("flags", FLAGS, ids=str)
+def test_the_orientation_of_the_image_is_found(flags: dict[str, str], tmp_path: Path) -> None:
+    true, read = charge_rig(left={}), charge_rig(left=flags)
+    outcome, _ = commission(true, read, tmp_path)
+    assert outcome.findings.problems == []
+    check_same(corrected(read, outcome), true)
+
+
+@pytest.mark.parametrize("fault", list(WRONG))
+def test_every_wrong_mounting_is_found_and_a_charge_pad_shows_its_image_with_the_right_one(
+    fault: str, tmp_path: Path
+) -> None:
+    true, read = charge_rig(left={}), charge_rig(left=WRONG[fault])
+    first, _ = commission(true, read, tmp_path)
+    assert all("the pad showed no image" in problem for problem in first.findings.problems)
+    found = corrected(read, first)
+    second, _ = commission(true, found, tmp_path)
+    assert second.findings.problems == []
+    check_same(corrected(found, second), true)
+
+
+def test_swapped_fingers_are_found(tmp_path: Path) -> None:
+    true = charge_rig(left={}, right={})
+    read = charge_rig(
+        left={"wrench": "right-wrench", "pad": "right-pad"}, right={"wrench": "left-wrench", "pad": "left-pad"}
+    )
+    for finger in ("left", "right"):
+        outcome, _ = commission(true, read, tmp_path, finger=finger)
+        assert outcome.findings.problems == []
+        check_same(corrected(read, outcome, finger), true, finger)
+
+
+def test_a_right_config_needs_no_change(tmp_path: Path) -> None:
+    read = charge_rig(left={"sign": -1}, right={})
+    outcome, _ = commission(read, read, tmp_path)
+    assert outcome.findings.problems == []
+    assert changes(read, {"left": outcome.result}) == {}
+
+
+@pytest.mark.parametrize(
+    ("touches", "words"),
+    [
+        ({"Press the": "press {finger} 6 N at 0 0 mm"}, "all presses were at one place"),
+        ({"Press the corner": "press {finger} 6 N at 16 -7 mm"}, "on the other side"),
+        ({"push along +Y": "press {finger} 6 N at 0 0 mm; push {finger} -y 2.5 N"}, "on the other side"),
+    ],
+)
+def test_a_person_who_presses_the_wrong_place_is_told(touches: dict[str, str], words: str, tmp_path: Path) -> None:
+    pushes = {key: value for key, value in TOUCHES.items() if "push" in key}
+    chosen = TOUCHES | touches if "Press the" not in touches else touches | pushes
+    outcome, _ = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, chosen)
+    assert outcome.findings.problems
+    assert any(words in problem for problem in outcome.findings.problems)
+    assert changes(charge_rig(left={}), {"left": outcome.result}) == {}
+
+
+WRONG_CORNER = TOUCHES | {"Press the corner": "press {finger} 6 N at 16 -7 mm"}
+
+
+def test_only_touches_that_do_not_fit_are_asked_for_again(tmp_path: Path) -> None:
+    true, read = charge_rig(left={}), charge_rig(left={"sign": 1, "flip_y": "true"})
+    outcome, printed = commission(true, read, tmp_path, WRONG_CORNER, then=TOUCHES)
+    assert outcome.findings.problems == []
+    check_same(corrected(read, outcome), true)
+    (asked,) = [number for number, line in enumerate(printed) if "do not fit together" in line]
+    assert printed[asked].startswith(
+        "The touches of finger left do not fit together. Only the press at the +X +Y corner"
+    )
+    assert "on the other side" in printed[asked - 1]
+    assert [line for line in printed[asked + 1 :] if line.startswith("Press")] == [
+        line for line in printed[:asked] if ("corner" in line and line.startswith("Press")) or "without sliding" in line
+    ]
+
+
+def test_touches_that_never_fit_are_reported_after_some_repetitions(tmp_path: Path) -> None:
+    outcome, printed = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, WRONG_CORNER, then=WRONG_CORNER)
+    assert outcome.findings.problems
+    assert sum("do not fit together" in line for line in printed) == touch_guide.MOST_REPEATS
+
+
+@pytest.mark.parametrize(
+    ("slow", "words"),
+    [
+        ({}, "No press was felt within 5 s."),
+        (TOUCHES | {"push along +X": "press {finger} 6 N at 0 0 mm"}, "No push was felt within 5 s."),
+        (
+            {"Press the centre": "press {finger} 200 N in 10 s"},
+            "The press was not held still in 2 tries: the force changed between",
+        ),
+        (TOUCHES | {"Let go": ""}, "The pads were not released within 5 s."),
+    ],
+)
+def test_a_slow_person_is_asked_and_loses_nothing(
+    slow: Mapping[str, str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(touch_guide, "MOST_TRIES", 2)
+    outcome, printed = commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path, slow, then=TOUCHES)
+    assert outcome.findings.problems == []
+    (asked,) = [line for line in printed if "what was found of the others is kept" in line]
+    assert asked.startswith(words)
+    with pytest.raises(Skipped):
+        commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path, {})
+
+
+def test_a_force_in_counts_is_remarked_and_the_presses_are_not_asked_for_again(tmp_path: Path) -> None:
+    true, read = (config.parse(SERIAL.format(scale=scale), "serial") for scale in ("[20.0, 20.0, 20.0]", "[1, 1, 1]"))
+    outcome, printed = commission(true, read, tmp_path)
+    assert outcome.wrong_scale
+    assert changes(read, {"left": outcome.result}) == {}
+    (problem,) = outcome.findings.problems
+    assert "about 5 N and the sensor reads 120 N: options.counts_per_n?" in problem
+    assert [line for line in printed if line.startswith("Press")] == [printed[1]], (
+        "the other touches would show nothing"
+    )
+
+
+def test_noise_is_measured_and_what_is_confirmed_loses_its_mark(tmp_path: Path) -> None:
+    true = charge_rig(left={})
+    read = config.parse(
+        true.text.replace("rate_hz = 100.0", "rate_hz = 100.0\nforce_std_n = 0.2  # MEASURE")
+        .replace("sign = 1", "sign = 1  # MEASURE")
+        .replace("swap_xy = false", "swap_xy = false  # MEASURE"),
+        "marked",
+    )
+    outcome, printed = commission(true, read, tmp_path)
+    found = corrected(read, outcome)
+    assert marked_keys(read.text)
+    assert marked_keys(found.text) == {}
+    check_same(found, true)
+    wrench = found.finger["left"].wrench
+    assert wrench is not None
+    assert wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
+    assert any("noise at rest 0.0" in line for line in (*printed, *outcome.findings.notes))
+
+
+def test_noise_finer_than_a_count_is_not_measured_and_the_person_is_told(tmp_path: Path) -> None:
+    rig = config.parse(SERIAL.format(scale="[2.0, 2.0, 2.0]"), "coarse")
+    outcome, _ = commission(rig, rig, tmp_path)
+    assert outcome.result.noise is None
+    assert "the noise is not measured: the readings moved, or did not change at all" in outcome.findings.notes
+
+
+def test_an_image_without_a_load_has_no_centre() -> None:
+    pad = charge_rig(left={}).finger["left"].pad
+    assert pad is not None
+    assert scan_centroid(pad, np.zeros(pad.rows * pad.cols)) is None
+
+
+def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
+    engine = EmulatedEngine(charge_rig(left={}), charge_rig(left={}), tmp_path)
+    know_zeros(*engine._engine._fingers.values())
+    other = charge_rig(left={"sign": -1})
+    listener = ReadingListener(other.finger, other.config_id)
+    with pytest.raises(SlipdError, match="the daemon runs another config"):
+        follow(TouchGuide(other, listener, 1.0).run("left"), lambda output: None if output else engine.receive())
+    with pytest.raises(SlipdError, match="Is slipd running"):
+        follow(listener.collect(0.1), lambda output: None)
+
+
+def test_a_finger_without_a_pad_has_its_mounting_alone(tmp_path: Path) -> None:
+    outcome, _ = commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path)
+    assert outcome.findings.problems == []
+    assert changes(SENSOR_ONLY, {"left": outcome.result}) == {}

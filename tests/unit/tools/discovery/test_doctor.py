@@ -1,0 +1,275 @@
+"""``slipd doctor``: what it finds at emulated devices on real lines, and in captures of what goes wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from other_packages import Install, install
+
+from slipd.devices import DEVICES, external, gauges
+from slipd.devices.gauges import encode_frame
+from slipd.errors import SlipdError
+from slipd.events import HostNotice
+from slipd.tools.cli_parser import parser
+from slipd.tools.discovery import doctor_command as command
+from slipd.tools.discovery.capture import Capture, Piece, read_capture
+from slipd.tools.discovery.doctor_command import doctor_capture
+from slipd.tools.discovery.examination import Finding, examine
+from slipd.tools.discovery.port_probe import recognise
+from slipd.tools.sim.emulate import emulated, emulator_for
+from slipd.tools.sim.pseudo_terminal import PseudoTerminal
+from slipd.types.samples import TactileSample
+
+__all__ = ["install"]
+MS = 1_000_000
+
+
+@contextmanager
+def device(name: str, path: Path) -> Iterator[str]:
+    """Run an emulated device beside what follows."""
+    ready, end = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        async with emulated([(name, emulator_for(name, str(path), 1), str(path))]) as emulation:
+            running = asyncio.create_task(emulation.run())
+            ready.set()
+            await asyncio.to_thread(end.wait)
+            running.cancel()
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(30.0)
+        yield str(path)
+    finally:
+        end.set()
+        thread.join()
+
+
+def doctor(port: str, name: str | None, out: Path, *arguments: str, seconds: float = 2.0) -> bool:
+    device = () if name is None else ("--device", name)
+    given = (port, *device, "--out", str(out), "--seconds", str(seconds), *arguments)
+    return command.doctor(parser().parse_args(["doctor", *given]))
+
+
+def written(out: Path) -> tuple[Path, str]:
+    (capture,), (report,) = out.glob("*.capture"), out.glob("*.txt")
+    return capture, report.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [("bota", "reports an identity"), ("gauges", "N·m (mean"), ("robotiq_2f", "gripper not active, width ")],
+)
+def test_a_device_is_read_and_its_capture_gives_the_same_report_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, found: str
+) -> None:
+    with device(name, tmp_path / "line") as port:
+        doctor(port, name, tmp_path)
+    capture, report = written(tmp_path)
+    assert found in report
+    assert " readings/s, expected " in report
+    for text in (report, capture.read_text(encoding="utf-8")):
+        assert str(tmp_path) not in text, "it names no path"
+    capsys.readouterr()
+    assert doctor(str(capture), None, tmp_path) == ("\nwrong" not in report)
+    assert capsys.readouterr().out == report
+
+
+def test_another_device_is_named(tmp_path: Path) -> None:
+    with device("bota", tmp_path / "line") as port:
+        assert not doctor(port, "gauges", tmp_path)
+    assert "the bytes are those of the device 'bota'" in written(tmp_path)[1]
+
+
+def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = PseudoTerminal(tmp_path / "line")
+    assert not doctor(str(tmp_path / "line"), "bota", tmp_path, seconds=0.1)
+    report = written(tmp_path)[1]
+    assert "wrong  open, but no bytes arrive: is it powered?" in report
+    assert "the conversation stands at: waiting" in report
+    timer = threading.Timer(0.3, line.close)
+    timer.start()
+    assert not doctor(str(tmp_path / "line"), "gauges", made(tmp_path / "second"), seconds=60.0)
+    assert "the line was lost: " in capsys.readouterr().out
+    with pytest.raises(SlipdError, match="no such port; plug the device in"):
+        doctor(str(tmp_path / "nowhere"), "bota", tmp_path)
+
+    class Nothing:
+        def __init__(self, *_: Any) -> None: ...
+        async def __aenter__(self) -> None: ...
+        async def __aexit__(self, *_: object) -> None: ...
+
+    monkeypatch.setattr(command, "Links", Nothing)
+    monkeypatch.setattr(command, "OPEN_S", 0.01)
+    with pytest.raises(SlipdError, match="nowhere: cannot be opened"):
+        doctor(str(tmp_path / "nowhere"), "gauges", tmp_path)
+
+
+def made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("changes", "error"),
+    [
+        ({"name": None}, "--device is missing: give the name of the device"),
+        ({"name": "botta"}, "the device 'botta' is not installed; see `slipd devices`"),
+        ({"port": "udp://a:1"}, "bota has a line of kind serial, got udp://a:1"),
+        ({"arguments": ("--options", "sinc_length = 3")}, "--options: sinc_length must be an integer from 64"),
+        (
+            {"arguments": ("--options", "sinc_length")},
+            "--options must be keys and values as in a config, got 'sinc_length'",
+        ),
+        ({"name": "gauges", "arguments": ("--options", "wrong = 1")}, "--options: .*wrong"),
+    ],
+)
+def test_a_wrong_call_is_refused(tmp_path: Path, changes: dict[str, Any], error: str) -> None:
+    with pytest.raises(SlipdError, match=error):
+        doctor(changes.get("port", "/nowhere"), changes.get("name", "bota"), tmp_path, *changes.get("arguments", ()))
+
+
+def test_a_broken_device_and_a_folder_that_cannot_be_written_are_named(tmp_path: Path, install: Install) -> None:
+    install("some-sensor", "mine", "broken_module:DEVICE", "1/0")
+    with pytest.raises(SlipdError, match=r"'mine' cannot be used: .*ZeroDivisionError"):
+        doctor("/nowhere", "mine", tmp_path)
+    line = PseudoTerminal(tmp_path / "line")
+    with pytest.raises(SlipdError, match="cannot be written: No such file"):
+        doctor(str(tmp_path / "line"), "gauges", tmp_path / "missing", seconds=0.01)
+    line.close()
+
+
+def test_what_the_host_cannot_change_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    command._Reading(DEVICES["gauges"], "/nowhere", capture("gauges", []))._handle(
+        HostNotice("latency device", "16 ms")
+    )
+    assert capsys.readouterr().out == "16 ms\n"
+
+
+def test_a_device_of_another_package_that_raises_hides_no_other_on_a_port(install: Install) -> None:
+    install(
+        "some-sensor",
+        "mine",
+        "raising_module:DEVICE",
+        "from slipd.devices import Device\ndef make(): raise KeyError\n"
+        "DEVICE = Device('mine', 'wrench', ('serial',), make, interface=1)",
+    )
+    found = recognise([(piece.t_ns, piece.data) for piece in capture("gauges", frames(10)).pieces])
+    assert found is not None
+    assert found.device == "gauges"
+
+
+def test_a_fault_of_a_shipped_decoder_on_a_port_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gauges.Decoder, "receive", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        recognise([(0, b"a")])
+
+
+def capture(name: str, pieces: list[tuple[int, bytes]], **changes: Any) -> Capture:
+    given = [Piece(t_ns, "in", data) for t_ns, data in pieces]
+    return replace(Capture(name, "slipd 0.1.0", "serial", 921_600, {}, 1.0, given), **changes)
+
+
+def frames(count: int, period_ns: int = MS, bunch: int = 1, value: Callable[[int], int] = lambda n: n % 7) -> Any:
+    """Frames of gauges at a period of the device, which arrive in bunches."""
+    return [
+        ((n // bunch + 1) * bunch * period_ns, encode_frame([value(n)] * 6, n, n * period_ns // 1000))
+        for n in range(count)
+    ]
+
+
+def texts(found: list[Finding], level: str) -> str:
+    return "; ".join(finding.text for finding in found if finding.level == level)
+
+
+def test_what_a_capture_shows_of_the_timing() -> None:
+    bunched = examine(capture("gauges", frames(160, bunch=16)))
+    assert "16 readings come together every 16.0 ms: an FTDI adapter" in texts(bunched, "look")
+    assert "1000 readings/s, expected 500 Hz" in texts(examine(capture("gauges", frames(100)), 500.0), "look")
+    pause = frames(50) + [(t_ns + 500 * MS, data) for t_ns, data in frames(100)[50:]]
+    assert "the longest pause between readings is 501 ms" in texts(examine(capture("gauges", pause)), "look")
+    slow = [(2 * t_ns, data) for t_ns, data in frames(100)]
+    assert "advances by 0.5000 s per second" in texts(examine(capture("gauges", slow)), "look")
+    assert "1 readings at one time" in texts(examine(capture("gauges", frames(1))), "look")
+    back = [*frames(5), (6 * MS, encode_frame([1] * 6, 5, 0))]
+    assert "clock" not in texts(examine(capture("gauges", back)), "ok")
+
+
+def test_what_a_capture_shows_of_damage() -> None:
+    good = frames(200)
+    assert "no damaged, lost or repeated reading" in texts(examine(capture("gauges", [(0, b"boot"), *good])), "ok")
+    assert "1 bytes after the first reading" in texts(examine(capture("gauges", [*good, (201 * MS, b"x")])), "look")
+    noise = [(201 * MS, random.Random(1).randbytes(2000))]
+    assert "bytes after the first reading" in texts(examine(capture("gauges", good + noise)), "wrong")
+    assert "readings are missing" in texts(examine(capture("gauges", good[:100] + good[150:])), "look")
+    garbled = examine(capture("bota", [(MS, random.Random(1).randbytes(2000))]))
+    assert "none is a Bota frame: is the baud rate 921600 (the default is 460800)?" in texts(garbled, "wrong")
+    unknown = examine(capture("wts", [(MS, bytes(100))], transport="tcp"))
+    assert "is the given address its address?" in texts(unknown, "wrong")
+
+
+def test_what_a_capture_shows_of_the_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "every reading is the same" in texts(examine(capture("gauges", frames(50, value=lambda _: 3))), "look")
+    big = {"matrix": (1e6 * np.eye(6)).tolist()}
+    found = examine(capture("gauges", frames(50), options=big))
+    assert "beyond 10000 N, is the unit or the calibration right?" in texts(found, "wrong")
+
+    def image(values: Any, status: tuple[str, ...] = (), source: str = "") -> TactileSample:
+        return TactileSample(next(times), None, np.array(values), status, source)
+
+    def of(*samples: TactileSample) -> list[Finding]:
+        def receive(decoder: gauges.Decoder, data: bytes, t_ns: int) -> list[TactileSample]:
+            decoder.health.note = "read as counts"
+            return list(samples)
+
+        monkeypatch.setattr(gauges.Decoder, "receive", receive)
+        return examine(capture("gauges", [(0, b"a")]))
+
+    times = iter(range(0, 10**9, MS))
+    assert "2 values per image, from 1 to 7, 1 of them never change" in texts(of(image([1, 2]), image([1, 7])), "ok")
+    assert "the number of taxels changes" in texts(of(image([1]), image([1, 2])), "wrong")
+    assert "some values are not finite" in texts(of(image([np.nan])), "wrong")
+    pair = of(image([1], ("overload",), "0"), image([2], (), "0"), image([1], (), "1"), image([3], (), "1"))
+    assert "read as counts" in texts(pair, "look")
+    assert "sensor '0': status 'overload' in 1 of 2 readings" in texts(pair, "look")
+
+
+def test_forces_without_torques_and_poses_of_an_object() -> None:
+    forces = [(n * MS, external.encode_reading("left", n, force_n=(1.0 * n, 2.0, 3.0))) for n in range(1, 20)]
+    found = texts(examine(capture("external", forces, transport="external", baud=0)), "ok")
+    assert "force " in found
+    assert "torque" not in found
+    poses = [(n * MS, external.encode_reading("box", n, object_pose={"xyz_m": (0.0, 0.0, 0.1)})) for n in range(1, 20)]
+    assert "19 readings" in texts(examine(capture("external", poses, transport="external", baud=0)), "ok")
+
+
+def test_a_file_that_is_no_capture_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.capture"
+    with pytest.raises(SlipdError, match="cannot be read: No such file"):
+        read_capture(path)
+    for text in ("", "x", "{}", json.dumps({"capture": 1}), capture("bota", []).text() + "[1]"):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(SlipdError, match="is not a capture of slipd doctor"):
+            read_capture(path)
+    path.write_text(json.dumps({"capture": 2}), encoding="utf-8")
+    with pytest.raises(SlipdError, match="must be a capture of format 1, got 2"):
+        read_capture(path)
+    path.write_text(capture("mine", [], package="some-sensor 1.2").text(), encoding="utf-8")
+    with pytest.raises(SlipdError, match=r"needs the device 'mine' of some-sensor 1.2"):
+        doctor_capture(path, None)
+    path.write_text(capture("bota", [], options={"sinc_length": 3}).text(), encoding="utf-8")
+    with pytest.raises(SlipdError, match="its options are not those of bota: sinc_length must be"):
+        doctor_capture(path, None)

@@ -1,0 +1,133 @@
+"""``slipd init`` on emulated devices: what it finds, writes and refuses; nothing is replaced."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from slipd import config
+from slipd.errors import SlipdError
+from slipd.tools.discovery import init_command as init_command_module
+from slipd.tools.discovery import port_probe
+from slipd.tools.discovery.init_command import init_command
+from slipd.tools.discovery.serial_ports import SAME_SOCKET, list_ports
+from slipd.tools.sim.emulate import emulated, emulator_for
+
+
+@contextmanager
+def plugged(by_id: Path, *names: str) -> Iterator[None]:
+    """Emulate devices on lines of their names until the block ends."""
+    by_id.mkdir()
+    ready, ended = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        plan = [(name, emulator_for(name, str(by_id / name), 1), str(by_id / name)) for name in names]
+        async with emulated(plan) as emulation:
+            running = asyncio.create_task(emulation.run())
+            ready.set()
+            await asyncio.to_thread(ended.wait)
+            running.cancel()
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(60.0)
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    by_id, file = tmp_path / "by-id", tmp_path / "rig.toml"
+    with plugged(by_id, "bota"):
+        (by_id / "no-port").symlink_to("/dev/null")
+        init_command(tmp_path / "list.toml", by_id, only_list=True)
+        assert not (tmp_path / "list.toml").exists()
+        init_command(file, by_id, only_list=False)
+        with pytest.raises(SlipdError, match="cannot be written: No such file"):
+            init_command(tmp_path / "missing" / "rig.toml", by_id, only_list=False)
+    shown = capsys.readouterr().out
+    assert f"{by_id}/bota: bota" in shown
+    assert f"{by_id}/no-port: cannot be opened: " in shown
+    assert f"{file}: written; next: slipd check {file}" in shown
+    [stream] = config.load(file).streams().values()
+    assert (stream.device, stream.port) == ("bota", f"{by_id}/bota")
+    with pytest.raises(SlipdError, match="exists, and is not replaced"):
+        init_command(file, by_id, only_list=False)
+
+
+def test_a_file_that_appears_while_ports_are_asked_stays_and_the_remedy_is_one_that_init_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(port_probe, "ASK_S", 0.02)
+    by_id, file = tmp_path / "by-id", tmp_path / "rig.toml"
+    master, slave = os.openpty()
+
+    def write_when_asked() -> None:
+        os.read(master, 1)
+        file.write_text("of another program", encoding="utf-8")
+
+    asked = threading.Thread(target=write_when_asked)
+    asked.start()
+    try:
+        with plugged(by_id, "bota"):
+            (by_id / "silent").symlink_to(os.ttyname(slave))
+            with pytest.raises(SlipdError) as refused:
+                init_command(file, by_id, only_list=False)
+    finally:
+        os.write(slave, b"-")  # ends the thread where nothing was asked
+        asked.join()
+        os.close(master)
+        os.close(slave)
+    assert str(refused.value) == f"{file}: exists already; give a new name"
+    assert file.read_text(encoding="utf-8") == "of another program"
+
+
+def test_a_relative_folder_of_ports_is_written_in_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with plugged(tmp_path / "by-id", "bota"):
+        init_command(Path("rig.toml"), Path("by-id"), only_list=False)
+    [stream] = config.load(Path("rig.toml")).streams().values()
+    assert stream.port == f"{tmp_path}/by-id/bota"
+
+
+def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(SlipdError, match="there is no serial port in"):
+        init_command(tmp_path / "rig.toml", tmp_path / "none", only_list=False)
+    monkeypatch.setattr(port_probe, "LISTEN_S", 0.05)
+    with (
+        plugged(tmp_path / "by-id", "robotiq_2f"),
+        pytest.raises(SlipdError, match=r"no force sensor answered .*; nothing is written"),
+    ):
+        init_command(tmp_path / "rig.toml", tmp_path / "by-id", only_list=False)
+    assert not (tmp_path / "rig.toml").exists()
+
+
+def test_a_port_that_is_silent_and_a_name_that_may_change_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("LISTEN_S", "ASK_S"):
+        monkeypatch.setattr(port_probe, name, 0.02)
+    by_path = tmp_path / "by-path"
+    by_path.mkdir()
+    monkeypatch.setattr(
+        init_command_module, "list_ports", lambda: list_ports(tmp_path / "none", by_path, tmp_path / "none")
+    )
+    master, slave = os.openpty()
+    try:
+        (by_path / "usb-1").symlink_to(os.ttyname(slave))
+        init_command(tmp_path / "rig.toml", None, only_list=True)
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert capsys.readouterr().out.splitlines() == [
+        f"{by_path}/usb-1: no device that slipd knows answered",
+        f"  {SAME_SOCKET}",
+    ]

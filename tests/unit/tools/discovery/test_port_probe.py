@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import asyncio
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slipd.devices import DEVICES
+from slipd.tools.discovery import port_probe
+from slipd.tools.discovery.port_probe import identify_port, recognise
+from slipd.tools.sim.emulate import emulated, emulator_for
+from slipd.tools.sim.emulators import Emulator
+
+ATTEMPTS = 10
+SERIAL = [name for name, device in DEVICES.items() if "serial" in device.transports]
+
+
+async def identify(folder: Path, devices: dict[str, Emulator], attempts: int = 1) -> dict[str, Any]:
+    """Identify emulated devices, all at once; what a busy machine answers too late is asked again."""
+    plan = [(name, device, str(folder / name)) for name, device in devices.items()]
+    async with emulated(plan) as emulation:
+        running = asyncio.create_task(emulation.run())
+        found: dict[str, Any] = {}
+        for _ in range(attempts):
+            names = [name for name in devices if found.get(name) is None]
+            found |= zip(
+                names, await asyncio.gather(*(identify_port(str(folder / name)) for name in names)), strict=True
+            )
+        running.cancel()
+    return found
+
+
+async def test_every_serial_device_is_identified_on_a_real_line(tmp_path: Path) -> None:
+    devices = {name: emulator_for(name, str(tmp_path / name), 1) for name in SERIAL}
+    results = await identify(tmp_path, devices, ATTEMPTS)
+    assert {name: found and found.device for name, found in results.items()} == {name: name for name in SERIAL}
+    assert (results["pvdf"].rows, results["pvdf"].taxels) == (8, 128)
+    assert results["tsf85"].sensors == ("0", "1")
+    assert results["robotous"].identity == "RFT40-SA01-D"
+
+
+async def test_asking_writes_no_setting_and_moves_no_gripper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(port_probe, "LISTEN_S", 0.05)
+    devices = {name: emulator_for(name, str(tmp_path / name), 1) for name in ("robotous", "robotiq_2f")}
+    received: list[bytes] = []
+    gripper = devices["robotiq_2f"]
+    receive = gripper.receive
+
+    def note(data: bytes, t_ns: int) -> list[bytes]:
+        received.append(data)
+        return receive(data, t_ns)
+
+    gripper.receive = note  # type: ignore[method-assign]
+    results = await identify(tmp_path, devices, ATTEMPTS)
+    assert results["robotiq_2f"] is not None
+    assert {data[1] for data in received} <= {3, 4}, "only function codes that read registers"
+    assert devices["robotous"].writes == 0  # type: ignore[attr-defined]
+
+
+async def test_a_port_that_is_silent_or_missing_is_none_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(port_probe, "LISTEN_S", 0.02)
+    monkeypatch.setattr(port_probe, "ASK_S", 0.02)
+    silent = emulator_for("robotiq_2f", str(tmp_path / "x"))
+    silent.receive = lambda data, t_ns: []  # type: ignore[method-assign]
+    assert await identify(tmp_path, {"robotiq_2f": silent}) == {"robotiq_2f": None}
+    with pytest.raises(OSError, match="No such file"):
+        await identify_port(str(tmp_path / "missing"))
+    with pytest.raises(OSError, match="null"):
+        await identify_port("/dev/tty\0")
+
+
+def test_noise_is_no_device() -> None:
+    noise = random.Random(1)
+    pieces = [(k * 1_000_000, noise.randbytes(200)) for k in range(40)]
+    assert recognise(pieces) is None
+    assert recognise([]) is None
+    assert recognise([(0, b"a few bytes")]) is None

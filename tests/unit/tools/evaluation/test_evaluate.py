@@ -1,0 +1,138 @@
+"""Recordings with several configs: cached, and one bad recording does not harm the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from replays import RECORDINGS
+
+from slipd.tools.evaluation import evaluate as module
+from slipd.tools.evaluation.config_replay import run_config
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
+from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
+from slipd.tools.evaluation.executors import Work, here
+from slipd.tools.evaluation.jobs import Finished, NamedConfig
+from slipd.tools.evaluation.result_cache import ResultCache
+
+Write = Callable[..., Path]
+XELA, GAUGES = RECORDINGS / "xela.mcap", RECORDINGS / "gauges.mcap"
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> ResultCache:
+    return ResultCache(tmp_path / "results")
+
+
+def evaluate(paths: Sequence[Path], configs: Sequence[NamedConfig], cache: ResultCache) -> list[Evaluation]:
+    return evaluations(finished_runs(paths, configs, cache), paths, configs)
+
+
+def only_known(work: Work) -> Iterator[Finished]:
+    """An executor that has nothing to replay."""
+    for found in work:
+        assert isinstance(found, Finished)
+        yield found
+
+
+def test_every_recording_is_replayed_with_its_own_config_first(cache: ResultCache, config_file: Write) -> None:
+    other = NamedConfig("a.toml", config_file("xela", "a.toml").read_text())
+    (found,) = evaluate([XELA], [other], cache)
+    assert found.name == "xela.mcap"
+    assert list(found.runs) == [RECORDED, "a.toml"]
+    assert found.runs[RECORDED] == found.runs["a.toml"] == run_config(XELA, None, RECORDED)
+    assert (found.truth, found.faults) == (None, [])
+
+
+def test_a_second_evaluation_replays_nothing(cache: ResultCache, config_file: Write) -> None:
+    other = NamedConfig("a.toml", config_file("xela", "a.toml").read_text())
+    first = {found.job.config.name: found.run for found in finished_runs([XELA], [other], cache)}
+    again = list(finished_runs([XELA], [other], cache, only_known))
+    assert {found.job.config.name: found.run for found in again} == first
+    assert [found.kept for found in again] == [True, True]
+
+
+def test_a_fault_of_a_recording_is_kept_too(cache: ResultCache, config_file: Write, tmp_path: Path) -> None:
+    foreign, empty = tmp_path / "foreign.mcap", tmp_path / "empty.mcap"
+    foreign.write_bytes(b"no recording")
+    empty.touch()
+    other = NamedConfig("a.toml", config_file("gauges", "a.toml").read_text())
+    first = evaluate([foreign, empty, XELA], [other], cache)
+    assert [len(one.faults) for one in first] == [1, 1, 1]
+    paths = [foreign, empty, XELA]
+    assert evaluations(finished_runs(paths, [other], cache, only_known), paths, [other]) == first
+
+
+def test_a_recording_that_a_worker_cannot_open_is_tried_again(cache: ResultCache, tmp_path: Path) -> None:
+    path, elsewhere = tmp_path / "away.mcap", tmp_path / "elsewhere.mcap"
+    path.write_bytes(XELA.read_bytes())
+
+    def without_the_storage(work: Work) -> Iterator[Finished]:
+        for job in work:
+            path.rename(elsewhere)
+            yield from here(iter([job]))
+            elsewhere.rename(path)
+
+    (first,) = finished_runs([path], [], cache, without_the_storage)
+    assert first.run == f"{path}: cannot be opened: No such file or directory"
+    (again,) = finished_runs([path], [], cache)
+    assert isinstance(again.run, ConfigRun)
+
+
+def test_an_interrupted_evaluation_goes_on(cache: ResultCache) -> None:
+    runs = finished_runs([XELA, GAUGES], [], cache)
+    done = next(runs).job
+    runs.close()
+    assert [found.job for found in finished_runs([done.path], [], cache, only_known)] == [done]
+
+
+def test_the_longest_recording_comes_first(cache: ResultCache) -> None:
+    assert [found.job.path for found in finished_runs([XELA, GAUGES], [], cache)] == sorted(
+        [XELA, GAUGES], key=lambda path: -path.stat().st_size
+    )
+
+
+def test_long_recordings_are_replayed_in_processes(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "FEW_BYTES", 0)
+    monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1})
+    monkeypatch.setattr(module, "in_processes", lambda work: (Finished(job, "elsewhere") for job in work))
+    assert [found.run for found in finished_runs([XELA, GAUGES], [], cache)] == ["elsewhere", "elsewhere"]
+
+
+def test_a_bad_recording_does_not_lose_the_others(cache: ResultCache, tmp_path: Path) -> None:
+    foreign, cut, gone = tmp_path / "foreign.mcap", tmp_path / "cut.mcap", tmp_path / "gone.mcap"
+    foreign.write_bytes(b"no recording")
+    cut.write_bytes(XELA.read_bytes()[:-2000])
+    found = evaluate([foreign, gone, cut, GAUGES], [], cache)
+    assert [one.faults for one in found[:2]] == [
+        [f"{foreign}: not an MCAP file, and so not a recording of slipd"],
+        [f"{gone}: cannot be opened: No such file or directory"],
+    ]
+    assert isinstance(found[2].runs[RECORDED], ConfigRun)
+    assert len(found[2].faults) == 1
+    assert found[3].faults == []
+    assert isinstance(found[3].runs[RECORDED], ConfigRun)
+
+
+def test_a_config_that_fits_one_recording_may_not_fit_another(cache: ResultCache, config_file: Write) -> None:
+    other = NamedConfig("a.toml", config_file("gauges", "a.toml").read_text())
+    xela, gauges = evaluate([XELA, GAUGES], [other], cache)
+    assert isinstance(gauges.runs["a.toml"], ConfigRun)
+    assert isinstance(xela.runs["a.toml"], str)
+    assert xela.faults[0].endswith("the config must have the link 'left.pad' of an event, got left.wrench (a.toml)")
+    assert isinstance(xela.runs[RECORDED], ConfigRun)
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["/a/x.mcap", "/b/y.mcap"], ["x.mcap", "y.mcap"]),
+        (["/a/x.mcap", "/b/x.mcap"], ["a/x.mcap", "b/x.mcap"]),
+        (["x.mcap", "b/x.mcap"], ["x.mcap", "b/x.mcap"]),
+        (["/x", "a/x"], ["/x", "a/x"]),
+        ([], []),
+    ],
+)
+def test_names_are_as_short_as_they_differ(paths: list[str], names: list[str]) -> None:
+    assert short_names([Path(path) for path in paths]) == names

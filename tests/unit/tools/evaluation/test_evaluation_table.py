@@ -1,0 +1,96 @@
+"""The table of an evaluation, and what differs between configs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest, Truth
+from slipd.tools.evaluation.evaluate import Evaluation
+from slipd.tools.evaluation.evaluation_table import as_map, comparisons, table
+from slipd.tools.evaluation.level_spans import LevelSpan
+
+
+def run(*parts: tuple[str, float, float], used: float = 0.5) -> ConfigRun:
+    spans = [LevelSpan(level, ("rotation",) if level == "warning" else (), (), *times) for level, *times in parts]
+    return ConfigRun({"left": spans}, Largest(used, "left", 1.0), 4.0)
+
+
+BEFORE = run(("stable", 0.0, 2.0), ("warning", 2.0, 4.0), used=0.9)
+AFTER = run(("stable", 0.0, 1.5), ("warning", 1.5, 3.0), ("slipping", 3.0, 3.5), ("unknown", 3.5, 4.0), used=1.2)
+QUIET = run(("stable", 0.0, 4.0))
+
+
+def evaluation(truth: Truth | None = None, **runs: ConfigRun | str) -> Evaluation:
+    recorded = replace(BEFORE, truth=truth)
+    return Evaluation("a.mcap", Path("/data/a.mcap"), {RECORDED: recorded, **runs})
+
+
+def test_the_table_has_a_row_for_each_recording_and_config() -> None:
+    head, first, second, third = table([evaluation(after=AFTER, broken="no such file")])
+    assert head.split()[:9] == [
+        "recording", "config", "length", "no_contact", "stable", "unknown", "caution", "warning", "slipping"
+    ]  # fmt: skip
+    assert " ".join(first.split()) == "a.mcap recorded 4.00 - 2.00 - - 2.00 - 1 1 2.000 - 0.90 - rotation"
+    told = "after 4.00 - 1.50 0.50 - 1.50 0.50 3 1 1.500 3.00…3.50 1.20 no reason 0.50 rotation"
+    assert " ".join(second.split()) == told
+    assert " ".join(third.split()) == "broken no run, see below"
+
+
+def test_the_columns_stand_below_each_other() -> None:
+    lines = list(table([evaluation(after=AFTER, a_longer_name=QUIET)]))
+    ends = [line.index(cell) + len(cell) for line, cell in zip(lines, ("length", "4.00", "4.00", "4.00"), strict=True)]
+    assert len(set(ends)) == 1
+
+
+def test_what_a_config_changes_is_told_against_the_recorded_one() -> None:
+    assert list(comparisons([evaluation(after=AFTER)])) == [
+        "a.mcap, after: other levels than recorded for 1.50 s; changes 1 → 3, warnings 1 as before, "
+        "first warning 0.500 s earlier",
+        "       1.500…2.000 s  stable → warning",
+        "       3.000…3.500 s  warning → slipping",
+        "       3.500…4.000 s  warning → unknown",
+    ]
+    (gone, _) = comparisons([evaluation(quiet=QUIET)])
+    assert gone.endswith("changes 1 → 0, warnings 1 → 0, first warning gone")
+    again = run(("stable", 0.0, 2.0), ("warning", 2.0, 4.0))
+    assert list(comparisons([evaluation(same=again)])) == ["a.mcap, same: the same levels as recorded"]
+
+
+def test_a_config_that_reports_nothing_is_not_said_to_report_the_same() -> None:
+    (told,) = comparisons([evaluation(deaf=ConfigRun({}, end_s=4.0))])
+    assert told == "a.mcap, deaf: no levels; the sensors of a config must be those of the recording"
+
+
+def test_only_the_longest_differences_are_listed() -> None:
+    flicker = [("warning" if n % 2 else "caution", n * 0.25, (n + 1) * 0.25) for n in range(12)]
+    lines = list(comparisons([evaluation(flicker=run(*flicker))]))
+    assert len(lines) == 6
+    assert lines[-1].endswith("shorter times")
+
+
+def test_the_truth_has_a_row_and_a_sentence_for_each_config() -> None:
+    truth = Truth([(2.5, 3.0)], 1.0)
+    assert list(table([evaluation(truth)]))[-1].split() == ["truth", "2.50…3.00", "1.00"]
+    assert next(iter(comparisons([evaluation(truth)]))).startswith("a.mcap, recorded: warned 0.500 s before the slip")
+
+
+def test_without_a_recorded_run_nothing_is_compared() -> None:
+    one = evaluation(after=AFTER)
+    one.runs[RECORDED] = "its config has faults"
+    assert list(comparisons([one])) == []
+    assert as_map([one])[0]["runs"]["after"]["differences"] == []
+
+
+def test_the_map_has_everything() -> None:
+    (found,) = json.loads(
+        json.dumps(as_map([evaluation(Truth([(2.5, 3.0)], 1.0), after=AFTER, broken="no such file")]))
+    )
+    assert found["recording"] == "/data/a.mcap"
+    assert found["truth"] == {"sliding": [[2.5, 3.0]], "utilisation": 1.0}
+    assert found["runs"]["broken"] == {"fault": "no such file"}
+    after = found["runs"]["after"]
+    assert after["level_s"]["slipping"] == 0.5
+    assert after["differences"][0] == [1.5, 2.0, "stable", "warning"]
+    assert after["spans"]["left"][0]["level"] == "stable"

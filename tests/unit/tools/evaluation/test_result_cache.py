@@ -1,0 +1,123 @@
+"""Results of earlier evaluations."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from slipd.tools.evaluation import result_cache
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest
+from slipd.tools.evaluation.jobs import Job, LastingFault, NamedConfig
+from slipd.tools.evaluation.level_spans import LevelSpan
+from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
+
+RUN = ConfigRun(
+    {"left": [LevelSpan("warning", ("rotation",), ("load_drop",), 0.0, 1.5)]}, Largest(0.9, "left", 1.0), 2.0
+)
+
+FAULT = LastingFault("a.mcap: not an MCAP file, and so not a recording of slipd")
+
+
+def job(key: str, path: str = "a.mcap", config: str = RECORDED) -> Job:
+    return Job(Path(path), NamedConfig(config, None), key)
+
+
+@pytest.fixture
+def cache(cache_home: Path) -> ResultCache:
+    return ResultCache(cache_folder())
+
+
+def test_a_result_is_found_again(cache: ResultCache, cache_home: Path) -> None:
+    assert cache.get(job("a")) is None
+    cache.put(job("a"), RUN)
+    assert cache.get(job("a")) == RUN
+    assert cache.get(job("b")) is None
+    assert [path.name for path in (cache_home / "slipd" / "evaluate").iterdir()] == ["a.json"]
+
+
+def test_a_result_can_be_read_by_other_users_who_share_the_folder(
+    cache: ResultCache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.put(job("a"), RUN)
+    assert (cache_folder() / "a.json").stat().st_mode & 0o777 == 0o644
+
+    def refused(path: Path) -> None:
+        raise PermissionError(path)
+
+    monkeypatch.setattr(os, "utime", refused)  # of a file that another user owns
+    assert cache.get(job("a")) == RUN
+
+
+def test_a_fault_is_kept_for_the_recording_and_the_config_that_it_names(cache: ResultCache) -> None:
+    cache.put(job("a"), FAULT)
+    cache.put(job("a", "b.mcap"), LastingFault("b.mcap: too"))
+    found = cache.get(job("a"))
+    assert (found, type(found)) == (FAULT, LastingFault)
+    assert cache.get(job("a", "b.mcap")) == "b.mcap: too"
+    assert cache.get(job("a", config="a.toml")) is None
+    assert cache.get(job("b")) is None
+
+
+def test_the_folder_is_in_the_home_of_the_user_by_default(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "slipd" / "evaluate"
+
+
+def test_a_key_changes_with_recording_config_and_code(
+    cache: ResultCache, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_bytes(b"one")
+    other.write_bytes(b"other")
+    keys = {*cache.keys(one, [None, "mu = 1", "mu = 2"]), *cache.keys(other, [None])}
+    assert len(keys) == 4
+    assert cache.keys(one, ["mu = 1"])[0] in keys
+    monkeypatch.setattr(result_cache, "own_stamp", lambda: "newer")
+    assert cache.keys(one, [None])[0] not in keys
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"spans": {"left": [{}]}, "largest": null}', "\x00"])
+def test_a_damaged_result_is_none(cache: ResultCache, text: str) -> None:
+    cache.put(job("a"), RUN)
+    (cache_folder() / "a.json").write_text(text)
+    assert cache.get(job("a")) is None
+
+
+def test_a_folder_that_cannot_be_made_costs_only_time(cache_home: Path) -> None:
+    cache_home.write_text("no folder")
+    cache = ResultCache(cache_folder())
+    cache.put(job("a"), RUN)
+    cache.prune()
+    assert cache.get(job("a")) is None
+
+
+def test_the_oldest_results_make_room(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", 2)
+    for age, name in enumerate("abc"):
+        cache.put(job(name), RUN)
+        os.utime(cache_folder() / f"{name}.json", (1000.0 - age, 1000.0 - age))
+    (cache_folder() / "left.part").write_text("of a run that was killed")
+    cache.prune()
+    assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "b.json"]
+
+
+def test_results_that_are_needed_now_stay(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", 1)
+    for age, name in enumerate("abc"):
+        cache.put(job(name), RUN)
+        os.utime(cache_folder() / f"{name}.json", (1000.0 - age, 1000.0 - age))
+    cache.get(job("c"))
+    cache.prune(needed=2)
+    assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "c.json"], "the oldest use goes first"
+
+
+def test_a_folder_of_its_own_keeps_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", 1)
+    kept = ResultCache(tmp_path / "results", pruned=False)
+    for name in "abc":
+        kept.put(job(name), RUN)
+    kept.prune()
+    assert len(list((tmp_path / "results").iterdir())) == 3

@@ -1,0 +1,114 @@
+"""The Parquet file of many runs."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from replays import RECORDINGS
+
+from slipd.errors import SlipdError
+from slipd.tools.evaluation import run_table
+from slipd.tools.evaluation.config_replay import run_config
+from slipd.tools.evaluation.config_run import RECORDED
+from slipd.tools.evaluation.evaluate import finished_runs
+from slipd.tools.evaluation.jobs import Finished, Job, NamedConfig
+from slipd.tools.evaluation.result_cache import ResultCache
+from slipd.tools.evaluation.run_figures import figures
+from slipd.tools.evaluation.run_table import write_table
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+DEMO = RECORDINGS / "demo.mcap"
+
+
+def rows(path: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = parquet.read_table(path).to_pylist()
+    return found
+
+
+def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
+    cache = ResultCache(tmp_path / "results")
+    totals = write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache), 5)
+    (row,) = rows(tmp_path / "a.parquet")
+    run = run_config(DEMO, None, RECORDED)
+    found = figures(run)
+    assert (row["recording"], row["config"], row["fault"]) == (str(DEMO), RECORDED, None)
+    assert [row["key"]] == cache.keys(DEMO, [None])
+    assert (row["length_s"], row["warning_s"], row["changes"]) == (run.end_s, found.level_s["warning"], found.changes)
+    assert row["warnings"] == found.warnings > 0
+    alarms = [(alarm["source"], alarm["level"], alarm["begin_s"], tuple(alarm["reasons"])) for alarm in row["alarms"]]
+    assert alarms == [
+        (source, span.level, span.begin_s, span.reasons)
+        for source, spans in run.spans.items()
+        for span in spans
+        if span.level in ("warning", "slipping")
+    ]
+    assert {stream["stream"]: stream["samples"] for stream in row["streams"]} == {
+        stream.stream: stream.samples for stream in run.streams
+    }
+    assert row["streams"][0]["samples"] > 0
+    assert row["compute_s"] > 0.0
+    assert (totals.runs, totals.kept, totals.without_run, totals.warned) == (1, 0, 0, 1)
+    again = write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache), 5)
+    assert again.kept == 1
+    assert rows(tmp_path / "a.parquet") == [row], "the time of computing is that of the first evaluation"
+
+
+def test_bytes_of_a_name_that_are_no_text_are_escaped(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(bytes(tmp_path) + b"/run\xff.mcap"))
+    path.write_text("no recording")
+    totals = write_table(tmp_path / "a.parquet", finished_runs([path], [], ResultCache(tmp_path / "results")), 5)
+    (row,) = rows(tmp_path / "a.parquet")
+    assert totals.without_run == 1
+    assert row["recording"] == f"{tmp_path}/run\\xff.mcap"
+    assert row["fault"].startswith(f"{row['recording']}: not an MCAP file")
+
+
+def test_faults_are_rows_and_only_the_first_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_table, "ROWS", 2)
+    bad = [Finished(Job(Path(f"{n}.mcap"), NamedConfig(RECORDED, None), ""), f"{n} is bad") for n in range(5)]
+    totals = write_table(tmp_path / "a.parquet", bad, 3)
+    assert list(totals.faults) == ["0 is bad", "1 is bad", "2 is bad"]
+    assert [(row["recording"], row["fault"], row["length_s"]) for row in rows(tmp_path / "a.parquet")] == [
+        (f"{n}.mcap", f"{n} is bad", None) for n in range(5)
+    ]
+
+
+def test_an_interrupted_table_leaves_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    write_table(path, [], 5)
+    before = path.read_bytes()
+
+    def interrupted() -> Iterator[Finished]:
+        yield Finished(Job(DEMO, NamedConfig(RECORDED, None), ""), "bad")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_table(path, interrupted(), 5)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -> None:
+    recording, foreign = tmp_path / "run.mcap", tmp_path / "notes.parquet"
+    shutil.copy(DEMO, recording)
+    foreign.write_bytes(b"PAR1 notes")
+    for path, why in ((recording, "is a recording of slipd"), (foreign, "is not a table of slipd evaluate")):
+        with pytest.raises(SlipdError, match=why):
+            write_table(path, [], 5)
+    assert recording.read_bytes() == DEMO.read_bytes()
+    assert foreign.read_bytes() == b"PAR1 notes"
+
+
+def test_a_place_that_cannot_be_written_is_told_before_anything_is_replayed(tmp_path: Path) -> None:
+    def replayed() -> Iterator[Finished]:
+        raise AssertionError
+        yield
+
+    with pytest.raises(SlipdError, match=r"nowhere/a\.parquet: cannot be written: No such file"):
+        write_table(tmp_path / "nowhere" / "a.parquet", replayed(), 5)

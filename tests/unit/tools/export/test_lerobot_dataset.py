@@ -1,0 +1,130 @@
+"""A data set for learning: the files that LeRobotDataset v3.0 reads, and what is in them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from replays import RECORDINGS
+
+from slipd import config
+from slipd.recording.reader import open_recording
+from slipd.tools.export import lerobot_dataset
+from slipd.tools.export.frame_layout import ACTION, AGE, LEVEL, STATE, TACTILE, Feature, FrameLayout, frame_layout
+from slipd.tools.export.lerobot_dataset import LerobotDataset
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+LAYOUT = FrameLayout(
+    (Feature(STATE, ("x", "y")), Feature(LEVEL, ("left",), whole=True), Feature(ACTION, ("n",))), {}, {}
+)
+
+
+def write(folder: Path, lengths: list[int]) -> None:
+    """Write episodes of some lengths; the first number of the state counts the frames of all."""
+    dataset = LerobotDataset(folder, LAYOUT, 50, "hold a box")
+    number = 0
+    for episode, length in enumerate(lengths):
+        for _ in range(length):
+            dataset.add({STATE: np.array([number, math.nan]), LEVEL: np.array([episode]), ACTION: np.array([2.0])})
+            number += 1
+        assert dataset.end_episode(f"{episode}.mcap", 1000 + episode) == length
+    dataset.finish()
+    dataset.close()
+
+
+def frames(folder: Path) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = parquet.read_table(folder / "data").to_pydict()
+    return found
+
+
+def read_json(folder: Path, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "meta" / name).read_text())
+    return found
+
+
+def test_frames_of_all_episodes_follow_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lerobot_dataset, "BLOCK", 4)
+    write(tmp_path / "set", [3, 9, 1])
+    found = frames(tmp_path / "set")
+    assert [x for x, _ in found[STATE]] == found["index"] == list(range(13))
+    assert all(math.isnan(y) for _, y in found[STATE])
+    assert found[LEVEL] == found["episode_index"] == [0] * 3 + [1] * 9 + [2]
+    assert found["frame_index"] == [*range(3), *range(9), 0]
+    assert found["timestamp"] == [np.float32(number / 50) for number in found["frame_index"]]
+    assert set(found["task_index"]) == {0}
+    assert set(found[ACTION]) == {2.0}
+
+
+def test_an_episode_has_its_place_its_origin_and_its_statistics(tmp_path: Path) -> None:
+    write(tmp_path / "set", [3, 9])
+    first, second = parquet.read_table(tmp_path / "set" / "meta" / "episodes").to_pylist()
+    assert (first["dataset_from_index"], first["dataset_to_index"], first["length"]) == (0, 3, 3)
+    assert (second["dataset_from_index"], second["dataset_to_index"], second["length"]) == (3, 12, 9)
+    assert (second["episode_index"], second["tasks"]) == (1, ["hold a box"])
+    assert (second["recording"], second["begin_unix_ns"]) == ("1.mcap", 1001)
+    assert second[f"stats/{STATE}/mean"] == [7.0, 0.0]
+    assert second["stats/index/max"] == [11.0]
+    assert second["stats/frame_index/count"] == [9]
+
+
+def test_the_meta_data_describe_every_feature(tmp_path: Path) -> None:
+    write(tmp_path / "set", [3, 9])
+    info, stats = read_json(tmp_path / "set", "info.json"), read_json(tmp_path / "set", "stats.json")
+    assert (info["codebase_version"], info["fps"], info["splits"]) == ("v3.0", 50, {"train": "0:2"})
+    assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (2, 12, 1)
+    assert info["features"][STATE] == {"dtype": "float32", "shape": [2], "names": ["x", "y"]}
+    assert info["features"]["index"] == {"dtype": "int64", "shape": [1], "names": None}
+    schema = parquet.read_schema(tmp_path / "set" / "data" / "chunk-000" / "file-000.parquet")
+    assert list(info["features"]) == list(stats) == schema.names
+    assert str(schema.field(STATE).type) == "fixed_size_list<element: float>[2]"
+    assert [str(schema.field(name).type) for name in (LEVEL, ACTION, "timestamp")] == ["int64", "float", "float"]
+    assert stats[STATE]["mean"] == [5.5, 0.0]
+    tasks = parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet")
+    assert tasks.to_pylist() == [{"task_index": 0, "task": "hold a box"}]
+    assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+
+
+def test_a_full_file_is_followed_by_another_and_full_folders_likewise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lerobot_dataset, "FILE_MB", 0)
+    monkeypatch.setattr(lerobot_dataset, "FILES_OF_CHUNK", 2)
+    write(tmp_path / "set", [3, 9, 1])
+    episodes = parquet.read_table(tmp_path / "set" / "meta" / "episodes").to_pylist()
+    assert [(each["data/chunk_index"], each["data/file_index"]) for each in episodes] == [(0, 0), (0, 1), (1, 0)]
+    for each in episodes:
+        path = lerobot_dataset.DATA_PATH.format(
+            chunk_index=each["data/chunk_index"], file_index=each["data/file_index"]
+        )
+        assert parquet.read_table(tmp_path / "set" / path).num_rows == each["length"]
+
+
+def test_many_episodes_are_written_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slipd.tools.export.dataset_tables.EPISODES", 2)
+    write(tmp_path / "set", [1, 2, 3, 4, 5])
+    table = parquet.read_table(tmp_path / "set" / "meta" / "episodes")
+    assert table["episode_index"].to_pylist() == [0, 1, 2, 3, 4]
+
+
+def test_an_episode_without_a_frame_is_none(tmp_path: Path) -> None:
+    dataset = LerobotDataset(tmp_path / "set", LAYOUT, 50, "wait")
+    assert dataset.end_episode("empty.mcap", 0) == 0
+    dataset.close()
+
+
+def layout_of(name: str) -> FrameLayout:
+    return frame_layout(config.parse(open_recording(RECORDINGS / f"{name}.mcap").config_text, name))
+
+
+def test_the_features_are_those_of_the_rig() -> None:
+    demo = layout_of("demo")
+    sizes = {each.name: len(each.names) for each in demo.features}
+    assert sizes == {STATE: 18, LEVEL: 2, f"{TACTILE}left": 128, f"{TACTILE}right": 128, ACTION: 1, AGE: 7}
+    assert demo.pads == {f"{TACTILE}left": (8, 16), f"{TACTILE}right": (8, 16)}
+    assert ACTION not in {each.name for each in layout_of("netft").features}
+    assert layout_of("netft").pads == {}

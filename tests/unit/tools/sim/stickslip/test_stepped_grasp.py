@@ -1,0 +1,87 @@
+"""The same grasp step by step, under a load that arrives millisecond by millisecond."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from stick_slip_scenes import BOX, PAD, history, simulate
+
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, SteppedGrasp
+from slipd.tools.sim.true_contact import Pad
+
+NOTHING = (0.0, 0.0, 0.0)
+PATCH = ContactPatch("rounded", 0.018, 0.009, growth=1 / 3)
+LAW = FrictionLaw()
+
+
+def grasp(grip_n: float = 10.0, **options: float) -> SteppedGrasp:
+    return SteppedGrasp(BOX, PATCH, LAW, PAD, grip_n=grip_n, largest_grip_n=20.0, **options)
+
+
+def test_steps_give_what_the_whole_history_gives() -> None:
+    load = history([NOTHING, (14.0, 2.0, 0.03)], [0.0, 0.4])
+    trace = simulate(PATCH, LAW, load)
+    stepped = SteppedGrasp(BOX, PATCH, LAW, PAD, grip_n=10.0, largest_grip_n=10.0)
+    for i, dt in enumerate(np.diff(load.t_s), start=1):
+        stepped.advance(dt, load.force_n[i], load.torque_nm[i], 10.0)
+    assert np.array_equal(stepped.wrench(), trace.wrench_left[-1])
+    assert np.array_equal(stepped.wrench(right=True), trace.wrench_right[-1])
+    assert np.array_equal(stepped.displacement(), trace.displacement[-1])
+    assert np.array_equal(stepped.taxel_loads(Pad()), trace.taxel_loads(Pad(), [1.0])[0])
+    assert stepped.gross
+
+
+def test_long_steps_are_divided() -> None:
+    a, b = grasp(), grasp()
+    for i in range(1, 31):
+        a.advance(0.010, (0.45 * i, 0.0, 0.0), 0.0, 10.0)
+    for i in range(1, 241):
+        b.advance(0.00125, (0.05625 * i, 0.0, 0.0), 0.0, 10.0)
+    assert a.t_s == pytest.approx(b.t_s)
+    assert a.displacement() == pytest.approx(b.displacement(), rel=1e-6, abs=1e-12)
+
+
+def test_a_load_that_answers_the_motion_is_possible() -> None:
+    """A hand pulls through a spring: the object slides when the spring reaches the limit, and follows the hand."""
+    stepped, pulls = grasp(), []
+    for i in range(1, 2001):
+        pull = 800.0 * (0.02 * i * 0.001 - stepped.displacement()[0])
+        pulls.append(pull)
+        stepped.advance(0.001, (pull, 0.0), 0.0, 10.0)
+    assert max(pulls) == pytest.approx(2 * LAW.mu_s * 10.0, rel=0.02)
+    assert stepped.displacement()[0] == pytest.approx(0.04 - pulls[-1] / 800.0, abs=1e-4)
+
+
+def test_the_grip_force_follows_its_command_with_the_lag() -> None:
+    stepped = grasp(4.0, grip_lag_s=0.05)
+    for _ in range(50):
+        stepped.advance(0.001, (0.0, 0.0), 0.0, 12.0)
+    assert stepped.normal_n == pytest.approx(12.0 - 8.0 * math.exp(-1.0), rel=1e-9)
+    assert stepped.wrench()[2] == pytest.approx(-stepped.normal_n)
+
+
+def test_the_first_touch_of_a_patch_that_grows_bears_its_force() -> None:
+    stepped = grasp(0.0, grip_lag_s=0.05)
+    stepped.advance(0.001, (0.0, 0.0), 0.0, 1e-3)
+    assert stepped.wrench()[2] == pytest.approx(-stepped.normal_n)
+
+
+def test_a_tilt_that_begins_under_load_keeps_what_the_bristles_carry() -> None:
+    stepped = grasp()
+    for i in range(1, 101):
+        stepped.advance(0.001, (0.04 * i, 0.0), 0.0, 10.0)
+    before = stepped.wrench() + stepped.wrench(right=True)
+    stepped.advance(0.001, (4.0, 0.0), 0.0, 10.0, tilt_nm=(0.0, 0.02))
+    after = stepped.wrench() + stepped.wrench(right=True)
+    assert after[0] == pytest.approx(before[0], abs=0.1)
+    assert stepped.displacement()[0] == pytest.approx(4.0 / (2 * 1.5e8 * 0.018 * 0.009 * 4), rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("dt_s", "fx", "grip_n"), [(0.0, 1.0, 10.0), (0.001, math.nan, 10.0), (0.001, 1.0, 21.0), (0.001, 1.0, -1.0)]
+)
+def test_bad_steps_are_refused(dt_s: float, fx: float, grip_n: float) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        grasp().advance(dt_s, (fx, 0.0), 0.0, grip_n)

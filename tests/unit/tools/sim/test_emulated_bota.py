@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+
+from slipd.devices import bota
+from slipd.devices.bota import bota_text
+from slipd.signals.mounting import Mounting
+from slipd.tools.sim.emulated_bota import BOOT_NS, BotaMount, BotaSensor
+
+MS = 1_000_000
+QUIET = BotaMount(noise_n=0.0, noise_nm=0.0)
+FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
+
+
+def sensor(mount=QUIET):
+    made = BotaSensor(mount, np.random.default_rng(1))
+    made.feel(FORCE_N, TORQUE_NM)
+    return made
+
+
+def listen(made, begin_ns, end_ns, step_ns=MS):
+    return b"".join(made.advance(t) for t in range(begin_ns, end_ns, step_ns))
+
+
+def test_the_frames_carry_the_wrench_to_the_pad_frame_through_the_mounting():
+    mount = BotaMount((0.01, -0.02, 0.03), (0.1, 0.2, 0.3, 0.927362), bias=np.zeros(6), noise_n=0.0, noise_nm=0.0)
+    samples = bota.Decoder().receive(listen(sensor(mount), 0, 300 * MS), 0)
+    felt = np.concatenate((samples[-1].force_n, samples[-1].torque_nm))
+    wrench = Mounting(mount.xyz_m, mount.quat_xyzw).matrix @ felt
+    assert wrench[:3] == pytest.approx(FORCE_N, abs=1e-5)
+    assert wrench[3:] == pytest.approx(TORQUE_NM, abs=1e-6)
+
+
+def test_what_it_reads_unloaded_is_its_bias():
+    made = sensor()
+    made.feel(np.zeros(3), np.zeros(3))
+    sample = bota.Decoder().receive(listen(made, 0, 300 * MS), 0)[-1]
+    assert np.concatenate((sample.force_n, sample.torque_nm)) == pytest.approx(QUIET.bias, abs=1e-6)
+
+
+def test_the_noise_has_its_deviation_and_its_seed():
+    mount = BotaMount(noise_n=0.05, noise_nm=0.001)
+    said = [listen(BotaSensor(mount, np.random.default_rng(3)), 0, 4_000 * MS) for _ in range(2)]
+    assert said[0] == said[1]
+    samples = bota.Decoder().receive(said[0], 0)
+    assert np.std([s.force_n for s in samples], axis=0) == pytest.approx([0.05] * 3, rel=0.1)
+    assert np.std([s.torque_nm for s in samples], axis=0) == pytest.approx([0.001] * 3, rel=0.1)
+
+
+def test_it_boots_with_a_banner_and_then_sends_800_frames_a_second_by_its_own_clock():
+    said = listen(sensor(), 0, BOOT_NS + 1_000 * MS)
+    assert said.startswith(bota_text.BANNER)
+    decoder = bota.Decoder()
+    samples = decoder.receive(said, 0)
+    assert len(samples) == 800
+    assert decoder.health.bad == decoder.health.bad_bytes == 0
+    steps_us = np.diff([s.device_time_ns for s in samples]) / 1000
+    assert set(steps_us) <= {1250, 1251}
+    assert steps_us.sum() == pytest.approx(799 * 1250 * (1 + 40e-6), abs=1.0)
+
+
+def test_a_late_advance_makes_up_for_every_frame():
+    late = sensor()
+    assert late.advance(BOOT_NS // 2) + late.advance(BOOT_NS + 100 * MS) == listen(sensor(), 0, BOOT_NS + 101 * MS)
+
+
+def test_the_daemons_session_brings_it_to_the_wanted_rate():
+    made, session, now_ns, samples = sensor(), bota.Session(sinc_length=256), 0, []
+    session.start(now_ns)
+    while now_ns < 4_000 * MS:
+        now_ns += MS
+        samples += session.receive(made.advance(now_ns), now_ns)
+        while (due := session.next_deadline()) is not None and due <= now_ns:
+            if asked := session.on_time(now_ns):
+                samples += session.receive(made.receive(asked, now_ns), now_ns)
+    assert session.state == "running"
+    assert np.diff([s.device_time_ns for s in samples[-50:]]) / 1e6 == pytest.approx(5.0, rel=0.001)
+    assert session.health.bad == 0
+
+
+def test_configuring_silences_it_until_the_run_command():
+    made = sensor()
+    listen(made, 0, BOOT_NS + 10 * MS)
+    assert bota_text.find_ack(made.receive(b"C", BOOT_NS + 10 * MS), "C") == 0
+    assert listen(made, BOOT_NS + 10 * MS, BOOT_NS + 500 * MS) == b""
+    assert bota_text.find_ack(made.receive(b"R", BOOT_NS + 500 * MS), "R") == 0
+    assert len(bota.Decoder().receive(listen(made, BOOT_NS + 500 * MS, BOOT_NS + 600 * MS), 0)) == 79
+
+
+def test_commands_may_come_one_character_at_a_time():
+    made = sensor()
+    made.advance(BOOT_NS)
+    said = b"".join(made.receive(bytes((byte,)), BOOT_NS) for byte in b"Cf,512,0,0,1R")
+    assert [bota_text.find_ack(said, letter) for letter in "CfR"] == [0, 0, 0]
+    assert len(bota.Decoder().receive(listen(made, BOOT_NS, BOOT_NS + 1_000 * MS), 0)) == 99
+
+
+@pytest.mark.parametrize("command", [b"c,0,1,1,4", b"f,0,0,0,1"])
+def test_what_it_cannot_do_is_refused(command):
+    made = sensor()
+    made.advance(BOOT_NS)
+    made.receive(b"C", BOOT_NS)
+    assert bota_text.find_ack(made.receive(command, BOOT_NS), command[:1].decode()) == 1
+
+
+def test_settings_are_refused_while_it_runs():
+    made = sensor()
+    made.advance(BOOT_NS)
+    assert made.receive(b"f,512,0,0,1", BOOT_NS) == b""
+    assert len(bota.Decoder().receive(listen(made, BOOT_NS + MS, BOOT_NS + 1_000 * MS), 0)) > 700
+
+
+def test_a_hard_reset_boots_it_anew():
+    made = sensor()
+    listen(made, 0, BOOT_NS + 10 * MS)
+    made.receive(b"#", BOOT_NS + 10 * MS)
+    said = listen(made, BOOT_NS + 10 * MS, 2 * BOOT_NS + 20 * MS)
+    assert said.startswith(bota_text.BANNER)
+    assert bota.Decoder().receive(said, 0)[0].device_time_ns == pytest.approx(BOOT_NS, rel=1e-4)
+
+
+DRIVER = [
+    (b"C\n", b"r,0,C,0\r\n"),
+    (b"p?\n", b"p,0,1,0,0,MiniONE\r\nr,0,p,0\r\n"),
+    (b"c,0,1,0,4\n", b"r,0,c,0\r\n"),
+    (b"f,2047,0,0,1\n", b"r,0,f,0\r\n"),
+    (b"s\n", b"r,0,s,0\r\n"),
+    (b"R\n", b"r,0,R,0\r\n"),
+]
+"""What the maker's driver (bota-driver 1.1.16, ``Bota_Binary_gen0``, sinc length 2047) sends to this emulator, and the
+answers with which it configured and read it; it takes 1 for the serial number SN0001 and expects 25.01 Hz."""
+
+
+def test_the_makers_driver_configures_it():
+    made = sensor()
+    made.advance(BOOT_NS)
+    for command, answer in DRIVER:
+        assert made.receive(command, BOOT_NS) == answer
+    assert len(made.advance(BOOT_NS + 1_000_000_000)) == 25 * bota.FRAME_LENGTH

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slipd.devices.external import Decoder
+from slipd.tools.sim.emulated_external import PAD, PAD_EVERY, RATE_HZ, WRENCH, make
+from slipd.types.samples import TactileSample, WrenchSample
+
+S = 1_000_000_000
+
+
+def test_both_streams_carry_values_and_times() -> None:
+    emulator = make(1)
+    emulator.began_ns = 7 * S
+    emulator.feel(np.array((1.0, -2.0, 30.0)), np.array((0.1, 0.2, -0.3)))
+    emulator.press(np.arange(16.0))
+    decoder = Decoder()
+    samples = [sample for data in emulator.advance(S) for sample in decoder.receive(data, 0)]
+    wrenches = [sample for sample in samples if isinstance(sample, WrenchSample)]
+    images = [sample for sample in samples if isinstance(sample, TactileSample)]
+    assert {sample.source for sample in wrenches} == {WRENCH}
+    assert {sample.source for sample in images} == {PAD}
+    assert (len(wrenches), len(images)) == (RATE_HZ, RATE_HZ / PAD_EVERY)
+    assert np.mean([sample.force_n for sample in wrenches], axis=0) == pytest.approx((1.0, -2.0, 30.0), abs=0.01)
+    assert np.mean([sample.torque_nm for sample in wrenches], axis=0) == pytest.approx((0.1, 0.2, -0.3), abs=0.001)
+    assert np.mean([sample.values for sample in images], axis=0) == pytest.approx(np.arange(16.0), abs=0.01)
+    times_ns = [sample.device_time_ns for sample in samples]
+    assert times_ns == sorted(times_ns)
+    assert (times_ns[0], times_ns[-1]) == (7 * S + S / RATE_HZ, 8 * S)
+    assert (decoder.health.bad, decoder.health.lost, decoder.health.duplicates) == (0, 0, 0)
+
+
+def test_it_pushes_without_a_listener() -> None:
+    emulator = make(1)
+    first = emulator.advance(S // 10)
+    emulator.opened(S // 10)
+    assert emulator.receive(b"hello", S // 10) == []
+    assert len(emulator.advance(S // 5)) == len(first) == pytest.approx(60)
+
+
+def test_a_stream_has_the_rate_that_is_asked_for() -> None:
+    decoder = Decoder()
+    emulator = make(1, rates_hz={WRENCH: 50.0, PAD: 20.0})
+    sources = [sample.source for data in emulator.advance(S) for sample in decoder.receive(data, 0)]
+    assert (sources.count(WRENCH), sources.count(PAD)) == (50, 20)

@@ -1,0 +1,167 @@
+"""The emulated Net F/T with the session of the daemon."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from driving import MS, drive
+from loop_waits import eventually
+
+from slipd.devices import netft
+from slipd.devices.netft import netft_calibration
+from slipd.devices.netft.netft_output_rate import encode_change
+from slipd.devices.shared import rdt_records as rdt
+from slipd.events import Bytes, Event, LinkSpec, LinkUp
+from slipd.io.transport import Links
+from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.emulated_netft import SERIAL, NetftSensor, make
+from slipd.types.samples import WrenchSample
+
+if TYPE_CHECKING:
+    from loop_waits import Eventually
+
+__all__ = ["eventually"]  # fixture
+
+FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
+
+
+def begun(emulator: NetftSensor, calibration: str) -> netft.Session:
+    """Return a session that has had its answer."""
+    session = netft.Session(calibration, **emulator.options)
+    session.start(0)
+    asked = netft.inquiry(calibration)
+    if asked:
+        session.receive(emulator.inquire(asked.request), 0)
+    return session
+
+
+@pytest.mark.parametrize(("calibration", "identity"), [("tcp", ""), ("xml", f"S/N {SERIAL}")])
+def test_the_daemons_session_calibrates_and_gets_4000_readings_a_second(calibration: str, identity: str) -> None:
+    emulator = make(1)
+    emulator.feel(FORCE_N, TORQUE_NM)
+    session = begun(emulator, calibration)
+    samples = drive(session, emulator, 0.5, start=False)
+    assert session.state == "running"
+    assert session.identity == identity
+    assert 1980 <= len(samples) <= 2000
+    assert np.mean([s.force_n for s in samples], axis=0) == pytest.approx(FORCE_N, abs=0.003)
+    assert np.mean([s.torque_nm for s in samples], axis=0) == pytest.approx(TORQUE_NM, abs=1e-4)
+    assert samples[-1].device_time_ns - samples[0].device_time_ns == pytest.approx(
+        (len(samples) - 1) * 250_000, abs=2e5
+    )
+    assert session.health.lost == session.health.bad == 0
+
+
+def test_unbuffered_records_come_one_per_datagram() -> None:
+    emulator = NetftSensor(2, rate_hz=1000.0)
+    emulator.receive(rdt.encode_request(rdt.START), 0)
+    assert [len(datagram) for datagram in emulator.advance(5 * MS)] == [36] * 5
+    emulator.receive(rdt.encode_request(rdt.START_BUFFERED), 5 * MS)
+    assert [len(datagram) for datagram in emulator.advance(25 * MS)] == [360, 360]
+
+
+def test_a_start_with_a_number_of_records_ends_after_them() -> None:
+    emulator = NetftSensor(2, rate_hz=1000.0)
+    emulator.receive(rdt.encode_request(rdt.START, 3), 0)
+    assert [len(datagram) for datagram in emulator.advance(10 * MS)] == [36] * 3
+    emulator.receive(rdt.encode_request(rdt.START_BUFFERED, 13), 10 * MS)
+    assert [len(datagram) for datagram in emulator.advance(50 * MS)] == [360, 108]
+    assert emulator.advance(100 * MS) == []
+
+
+def test_it_is_silent_until_started_and_after_it_was_stopped() -> None:
+    emulator = make(3)
+    emulator.opened(0)
+    assert emulator.advance(100 * MS) == []
+    assert emulator.receive(rdt.encode_request(rdt.START), 100 * MS) == []
+    assert len(emulator.advance(101 * MS)) == 4
+    emulator.receive(b"noise", 101 * MS)
+    assert len(emulator.advance(102 * MS)) == 4
+    emulator.receive(rdt.encode_request(rdt.STOP), 102 * MS)
+    assert emulator.advance(200 * MS) == []
+
+
+def test_each_start_numbers_the_records_from_one_and_the_status_is_sent() -> None:
+    emulator, decoder = make(4), netft.Decoder(**make(4).options)
+    for begin_ns in (0, 10 * MS):
+        emulator.receive(rdt.encode_request(rdt.START), begin_ns)
+        for datagram in emulator.advance(begin_ns + 5 * MS):
+            assert all(sample.status == () for sample in decoder.receive(datagram, 0))
+    emulator.status = 1 << 30 | 1 << 31
+    assert decoder.receive(emulator.advance(16 * MS)[0], 0)[0].status == ("overload", "error")
+    assert (decoder.health.restarts, decoder.health.lost) == (1, 0)
+
+
+@pytest.mark.parametrize("request_", [b"GET / HTTP/1.0\r\n\r\n", encode_change(7001), encode_change(0)])
+def test_nothing_else_is_answered(request_: bytes) -> None:
+    assert make(5).inquire(request_) == b""
+
+
+class Locked(NetftSensor):
+    """A sensor that refuses a change, and one that does not answer it at all."""
+
+    answer = b"HTTP/1.0 401 Unauthorized\r\n\r\n"
+
+    def inquire(self, request: bytes) -> bytes:
+        return self.answer if b".cgi" in request else super().inquire(request)
+
+
+class Mute(Locked):
+    answer = b""
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked_hz", "rate_hz", "warning"),
+    [
+        (NetftSensor, 1000, 1000.0, ""),
+        (NetftSensor, 300, 7000 / 23, ""),
+        (Locked, 1000, 100.0, "the sensor did not take output_hz = 1000: its web page reports 100 Hz"),
+        (Mute, 1000, 100.0, "the sensor did not take output_hz = 1000: its web page reports 100 Hz"),
+    ],
+)
+async def test_the_output_rate_is_set_over_http_before_the_records_start(
+    kind: type[NetftSensor], asked_hz: int, rate_hz: float, warning: str, unused_udp_port: int, eventually: Eventually
+) -> None:
+    """The page is served at the port of the emulated calibration: port 80 needs the rights for it."""
+    sensor, address = kind(9, rate_hz=100.0), f"udp://127.0.0.5:{unused_udp_port}"
+    session = netft.Session("xml", buffered=False, output_hz=asked_hz)
+    inquiry = netft.inquiry("xml", output_hz=asked_hz)
+    assert inquiry is not None
+    samples: list[WrenchSample] = []
+
+    def handle(event: Event) -> None:
+        if isinstance(event, LinkUp):
+            session.start(0)
+        elif isinstance(event, Bytes):
+            samples.extend(session.receive(event.data, 0))
+            links.write("left.wrench", session.on_time(0))
+
+    spec = LinkSpec("left.wrench", "udp", address, inquiry=replace(inquiry, port=netft_calibration.TCP_INQUIRY.port))
+    async with emulated([("netft", sensor, address)]) as emulation, asyncio.TaskGroup() as tasks:
+        running = tasks.create_task(emulation.run())
+        async with Links(tasks, [spec], handle) as links:
+            await eventually(lambda: len(samples) >= 5)
+        running.cancel()
+    times_ns = [sample.device_time_ns for sample in samples if sample.device_time_ns is not None]
+    assert times_ns[4] - times_ns[0] == pytest.approx(4e9 / rate_hz, abs=2e9 / 7000)
+    assert session.health.warning == warning
+
+
+def test_the_seed_makes_the_noise() -> None:
+    said = []
+    for seed in (6, 6, 7):
+        emulator = make(seed)
+        emulator.receive(rdt.encode_request(rdt.START), 0)
+        said.append(emulator.advance(20 * MS))
+    assert said[0] == said[1] != said[2]
+
+
+def test_a_force_beyond_the_counts_is_sent_as_the_largest() -> None:
+    emulator, decoder = make(8), netft.Decoder(**make(8).options)
+    emulator.feel(np.array([1e6, 0.0, 0.0]), np.zeros(3))
+    emulator.receive(rdt.encode_request(rdt.START), 0)
+    assert decoder.receive(emulator.advance(MS)[0], 0)[0].status == ("overload",)

@@ -1,0 +1,127 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slipd.devices import pvdf
+from slipd.signals.charge_reconstruction import ChargeReconstruction
+from slipd.tools.sim.emulated_pvdf import FULL_SCALE, PvdfElectronics, PvdfPad
+from slipd.tools.sim.true_contact import Pad, Patch
+
+MS = 1_000_000
+IDEAL = PvdfElectronics(gain_spread=0.0, offset_counts=0.0, noise_counts=0.0, clock_ppm=0.0)
+EVEN = np.full(128, 1 / 128)
+
+
+def scans(pad, force_n, end_ns, begin_ns=0, step_ns=MS, shares=EVEN):
+    """Plays a force over time; returns the decoded scans."""
+    decoder, samples = pvdf.Decoder(), []
+    for t in range(begin_ns + step_ns, end_ns + 1, step_ns):
+        samples += decoder.receive(pad.advance(t, force_n(t * 1e-9) * shares), t)
+    assert decoder.health.bad == decoder.health.lost == 0
+    return samples
+
+
+def made(electronics=IDEAL, seed=2):
+    return PvdfPad(8, 16, electronics, np.random.default_rng(seed))
+
+
+def test_a_held_force_leaks_away_with_the_time_constant():
+    samples = scans(made(), lambda t: 12.8, 3_000 * MS)
+    times = np.array([s.device_time_ns for s in samples]) * 1e-9
+    first = np.array([s.values[0] for s in samples])
+    assert first[1:] == pytest.approx(200.0 * np.exp(-times[1:] / 2.0), abs=0.6)
+
+
+def test_a_slow_ramp_settles_at_its_slope_times_tau():
+    samples = scans(made(), lambda t: 12.8 * t, 10_000 * MS)
+    assert samples[-1].values == pytest.approx(200.0 * 2.0 * -math.expm1(-10.0 / 2.0), abs=1.5)
+
+
+def test_taxels_are_sampled_one_after_another():
+    sample = scans(made(), lambda t: 1280.0 * t, 1_005 * MS)[-1]  # counts rise by 2e4 a second and leak
+    k = np.arange(128)
+    rise = np.diff(sample.values[[0, 127]])[0] / (127 * 20e-6)
+    assert sample.dwell_ns == 20_000
+    assert rise == pytest.approx(20_000 * math.exp(-1.0 / 2.0), rel=0.02)
+    assert sample.values == pytest.approx(sample.values[0] + rise * k * 20e-6, abs=1.1)
+
+
+def test_the_force_is_reconstructed_from_its_charge():
+    pad = Pad()
+    shares = pad.shares(Patch())
+
+    def force(t):
+        return 0.0 if t < 1.0 else min((t - 1.0) * 40.0, 7.0) if t < 4.0 else 12.0
+
+    charge = ChargeReconstruction(128, tau_s=2.0)
+    for sample in scans(made(PvdfElectronics(gain_spread=0.0)), force, 8_000 * MS, shares=shares):
+        t_s = sample.device_time_ns * 1e-9
+        found = charge.update(sample.values, t_s, known_free=force(t_s) == 0.0)
+    assert found / 2000.0 == pytest.approx(12.0 * shares, abs=0.02)
+
+
+def test_scans_come_at_their_rate_by_the_pads_own_clock():
+    samples = scans(made(PvdfElectronics(clock_ppm=1000.0)), lambda t: 0.0, 2_000 * MS)
+    assert len(samples) == 400
+    assert np.diff([s.device_time_ns for s in samples]) == pytest.approx(5_005_000)
+
+
+def test_a_late_advance_makes_up_for_every_scan():
+    prompt, late = (scans(made(), lambda t: 1280.0 * t, 1_000 * MS, step_ns=step * MS) for step in (1, 100))
+    assert len(prompt) == len(late) == 200
+    for one, other in zip(prompt, late, strict=True):
+        assert one.device_time_ns == other.device_time_ns
+        # The charge is taken as linear in between; over 100 ms of a 2 s leak that is within 0.06 % of full scale.
+        assert one.values == pytest.approx(other.values, abs=20.0)
+    assert prompt[-1].values == pytest.approx(late[-1].values, abs=2.0)
+
+
+def test_taxels_differ_in_gain_and_offset_and_share_the_seed():
+    real = PvdfElectronics(noise_counts=0.0)
+    first, second = (scans(made(real), lambda t: 128.0 if t > 0.1 else 0.0, 108 * MS) for _ in range(2))
+    assert first[-1].values == pytest.approx(second[-1].values)
+    rest, pressed = first[0].values, first[-1].values
+    assert np.std(rest) == pytest.approx(20.0, rel=0.25)
+    assert np.std((pressed - rest) / 2000.0) == pytest.approx(0.03, rel=0.25)
+
+
+def test_noise_has_its_deviation():
+    samples = scans(made(PvdfElectronics(offset_counts=0.0, noise_counts=4.0)), lambda t: 0.0, 200 * MS)
+    assert np.std([s.values for s in samples]) == pytest.approx(4.0, rel=0.05)
+
+
+def test_too_much_force_saturates_the_converter():
+    assert scans(made(), lambda t: 1e5, 20 * MS)[-1].values == pytest.approx(FULL_SCALE)
+
+
+def test_a_scan_that_does_not_fit_between_scans_is_refused():
+    with pytest.raises(ValueError, match="a scan must take less than"):
+        made(PvdfElectronics(dwell_ns=50_000))
+
+
+def test_each_taxel_has_a_charge_of_its_own():
+    pad, decoder = made(), pvdf.Decoder()
+    first, last = np.zeros(128), np.zeros(128)
+    first[3], last[90] = 1.0, 1.0
+    said = b"".join(pad.advance(t * MS, first if t < 20 else last) for t in range(1, 53))
+    values = decoder.receive(said, 0)[-1].values
+    assert values[[3, 90]] == pytest.approx([0.0, 2000.0], abs=40.0)
+    assert np.abs(np.delete(values, [3, 90])).max() == 0.0
+
+
+def test_dead_and_saturated_taxels_read_the_same_under_every_load():
+    samples = scans(made(replace(IDEAL, dead=(5,), saturated=(9,))), lambda t: 50.0 * t, 500 * MS)
+    assert {s.values[5] for s in samples} == {0.0}
+    assert {s.values[9] for s in samples} == {FULL_SCALE}
+    assert samples[-1].values[6] > 100.0
+
+
+def test_a_warm_object_charges_the_taxels_that_it_presses():
+    half = np.where(np.arange(128) < 64, 0.1, 0.0)
+    still = scans(made(replace(IDEAL, tau_s=1e9)), lambda t: 1.0, 5_000 * MS, shares=half)
+    warm = scans(made(replace(IDEAL, tau_s=1e9, pyro_n=0.05, pyro_s=2.0)), lambda t: 1.0, 5_000 * MS, shares=half)
+    gained = warm[-1].values - still[-1].values
+    assert gained[:64] == pytest.approx(100.0 * -math.expm1(-warm[-1].device_time_ns * 1e-9 / 2.0), abs=1.5)
+    assert np.abs(gained[64:]).max() == 0.0

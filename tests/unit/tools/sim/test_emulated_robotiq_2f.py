@@ -1,0 +1,204 @@
+from types import SimpleNamespace
+
+import pytest
+from driving import drive
+from permits import activate, move
+
+from slipd.devices.robotiq_2f import Session, robotiq_registers
+from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Units
+from slipd.devices.shared import modbus
+from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F, make
+from slipd.tools.sim.scene import GripCommand, Scene
+
+MS = 1_000_000
+UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, robotiq_registers.INPUT_ADDRESS
+
+
+def write(gripper, registers, t_ns, at=OUT):
+    request = modbus.Request(UNIT, modbus.WRITE, write_address=at, registers=registers)
+    return modbus.find_reply(gripper.receive(modbus.encode_request(request), t_ns), request)
+
+
+def status(gripper, t_ns, function=modbus.READ_INPUT):
+    request = modbus.Request(UNIT, function, IN, 3)
+    reply = modbus.find_reply(gripper.receive(modbus.encode_request(request), t_ns), request)
+    return robotiq_registers.parse_status(reply.registers, t_ns, None, Units(FORCE_TABLE, WIDTH_TABLE, None).width_m)
+
+
+def active():
+    gripper = Gripper2F()
+    write(gripper, (0x0100, 0, 0), 0)
+    return gripper
+
+
+def observed(gripper, **scene):
+    gripper.observe(SimpleNamespace(**{"moving": False, "in_contact": False, "normal_n": 0.0, **scene}))
+    return gripper
+
+
+def test_activation_takes_its_time_and_begins_with_a_rising_edge():
+    gripper = Gripper2F()
+    assert not status(gripper, 0).active
+    write(gripper, (0x0100, 0, 0), 10 * MS)
+    assert gripper.activated_ns == 10 * MS
+    assert not status(gripper, ACTIVATION_NS).active
+    assert status(gripper, ACTIVATION_NS).moving
+    assert status(gripper, 10 * MS + ACTIVATION_NS).active
+    write(gripper, (0x0900, 0, 0), 2 * ACTIVATION_NS)
+    assert status(gripper, 2 * ACTIVATION_NS).active
+    assert gripper.activated_ns == 10 * MS
+
+
+@pytest.mark.parametrize(("byte", "force_n"), [*FORCE_TABLE, (30, 5.25), (128, 13.8666667)])
+def test_a_force_byte_means_the_newtons_of_the_table(byte, force_n):
+    gripper = active()
+    write(gripper, (0x0900, 255, byte), ACTIVATION_NS)
+    assert gripper.command(ACTIVATION_NS).force_n == pytest.approx(force_n)
+
+
+def test_position_and_speed_bytes_span_the_stroke():
+    gripper = active()
+    write(gripper, (0x0900, 0, 0), ACTIVATION_NS)
+    assert gripper.command(ACTIVATION_NS) == GripCommand(0.085, 0.020, 3.0)
+    write(gripper, (0x0900, 255, 0xFFFF), ACTIVATION_NS)
+    assert gripper.command(ACTIVATION_NS) == GripCommand(0.0, 0.150, 30.0)
+
+
+def test_nothing_moves_before_it_is_active_and_the_fault_states_why():
+    gripper = Gripper2F()
+    write(gripper, (0x0800, 255, 0), 0)
+    assert gripper.command(0).width_m == 0.085
+    assert status(gripper, 0).fault == "activation_bit_not_set"
+    write(gripper, (0x0900, 255, 0), MS)
+    assert status(gripper, MS).fault == "activation_needed"
+    assert gripper.command(MS).width_m == 0.085
+
+
+def test_the_status_reports_the_scene():
+    gripper = active()
+    write(gripper, (0x0900, 255, 0), ACTIVATION_NS)
+    moving = status(observed(gripper, width_m=0.07, moving=True), ACTIVATION_NS)
+    assert (moving.object, moving.moving) == ("moving", True)
+    assert moving.width_m == pytest.approx(0.07, abs=2e-4)
+    held = status(observed(gripper, width_m=0.06, in_contact=True, normal_n=7.0), ACTIVATION_NS, modbus.READ_HOLDING)
+    assert (held.object, held.moving) == ("contact_closing", False)
+    assert held.current_a == pytest.approx(0.14)
+    assert status(observed(gripper, width_m=0.0), ACTIVATION_NS).object == "none"
+
+
+def test_the_force_alone_is_rewritten_while_holding():
+    gripper = active()
+    write(gripper, (0x0900, 255, 0x8000), ACTIVATION_NS)
+    write(gripper, (0x80B4,), ACTIVATION_NS, at=robotiq_registers.FORCE_ADDRESS)
+    assert gripper.command(ACTIVATION_NS).force_n == 19.5
+    assert gripper.command(ACTIVATION_NS).width_m == 0.0
+
+
+def test_a_stop_keeps_position_and_grip():
+    gripper = active()
+    write(gripper, (0x0900, 255, 0x803C), ACTIVATION_NS)
+    gripper.command(ACTIVATION_NS)
+    write(gripper, (0x0100,), ACTIVATION_NS)
+    assert observed(gripper, width_m=0.07).command(ACTIVATION_NS).width_m == 0.07
+    write(gripper, (0x0900,), ACTIVATION_NS)
+    gripper.command(ACTIVATION_NS)
+    write(gripper, (0x0100,), ACTIVATION_NS)
+    holding = observed(gripper, width_m=0.06, in_contact=True).command(ACTIVATION_NS)
+    assert (holding.width_m, holding.force_n) == (0.0, 7.5)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        modbus.Request(UNIT, modbus.READ_INPUT, IN, 7),
+        modbus.Request(UNIT, modbus.READ_HOLDING, IN - 1, 1),
+        modbus.Request(UNIT, modbus.WRITE, write_address=OUT + 3, registers=(1,)),
+    ],
+)
+def test_registers_that_are_not_there_are_refused(request_):
+    gripper = active()
+    reply = modbus.find_reply(gripper.receive(modbus.encode_request(request_), 0), request_)
+    assert reply.error == modbus.ILLEGAL_ADDRESS
+    assert gripper.command(ACTIVATION_NS).width_m == 0.085
+
+
+PICKNIK_READ = bytes.fromhex("09 03 07 D0 00 06 C4 0D")
+"""Status request of PickNikRobotics/ros2_robotiq_gripper at 3b6cf8f (``default_driver.cpp``, line 205; the CRC is from
+its ``crc_utils.cpp``). It expects 17 bytes, with the position in byte 3 + 4: 3 is open, 230 closed
+(``hardware_interface.cpp``, lines 45 and 46)."""
+
+
+@pytest.mark.parametrize(("width_m", "position"), [(0.085, 3), (0.0, 230)])
+def test_a_driver_that_reads_six_registers_finds_its_open_and_closed_position(width_m, position):
+    answer = observed(active(), width_m=width_m).receive(PICKNIK_READ, ACTIVATION_NS)
+    assert (len(answer), answer[3 + 4]) == (17, position)
+    assert Session()._units.width_m(position) == width_m
+
+
+def test_write_and_read_go_in_one_request():
+    request = modbus.Request(UNIT, modbus.READ_WRITE, IN, 3, OUT, (0x0100, 0, 0))
+    gripper = Gripper2F()
+    reply = modbus.find_reply(gripper.receive(modbus.encode_request(request), 5 * MS), request)
+    assert len(reply.registers) == 3
+    assert gripper.activated_ns == 5 * MS
+
+
+def test_half_a_request_is_forgotten_after_a_pause():
+    gripper = active()
+    gripper.receive(bytes((UNIT, modbus.WRITE, 0x03, 0xE8, 0x00, 0x03, 0xFF)), MS)  # 255 bytes are to follow
+    assert status(gripper, MS + FRAME_GAP_NS + 1).width_m == 0.085
+
+
+def test_a_request_may_come_in_pieces_and_damaged_ones_are_not_answered():
+    gripper = active()
+    request = modbus.encode_request(modbus.Request(UNIT, modbus.READ_INPUT, IN, 3))
+    assert b"".join(gripper.receive(bytes((byte,)), MS) for byte in request) != b""
+    assert gripper.receive(request[:-1] + b"\0", 100 * MS) == b""
+
+
+def test_the_daemons_session_activates_and_grips():
+    gripper, scene, session = Gripper2F(), Scene(), Session(force_table=FORCE_TABLE)
+    samples, now_ns = [], 0
+    said = gripper.receive(session.start(now_ns), now_ns)
+    activate(session, now_ns)
+    while now_ns < 3_000 * MS:
+        now_ns += MS
+        samples += session.receive(said, now_ns)
+        said = b""
+        if now_ns == 1_000 * MS:
+            assert move(session, 0.0, None, 8.0) == pytest.approx(8.0, abs=0.1)
+        while (due := session.next_deadline()) is not None and due <= now_ns:
+            said += gripper.receive(session.on_time(now_ns), now_ns)
+        scene.step(now_ns * 1e-9, gripper.command(now_ns))
+        gripper.observe(scene)
+    assert session.state == "active"
+    assert session.health.lost == session.health.bad == 0
+    assert samples[-1].object == "contact_closing"
+    assert samples[-1].echo_ok
+    assert samples[-1].width_m == pytest.approx(0.060, abs=3e-4)
+    assert 7.9 < scene.normal_n <= 8.0
+
+
+def test_a_session_with_another_address_hears_nothing_and_says_what_to_check():
+    session, line = Session(unit=5), make(0)
+    drive(session, line, 0.5)
+    assert session.state == "no reply"
+    assert session.health.note.startswith(
+        "no reply at Modbus address 5: is the gripper powered? is `unit` its address?"
+    )
+    session.receive(b"noise", 500 * MS)
+    drive(session, line, 1.0, begin_ns=500 * MS, start=False)
+    assert session.health.note.startswith("no reply")
+    session = Session()
+    drive(session, line, 0.5)
+    assert (session.health.note, session.state) == ("", "inactive")
+
+
+def test_noise_on_the_line_is_not_taken_for_a_wrong_address():
+    session = Session(unit=5)
+    due = session.start(0)
+    for now_ns in range(0, 500 * MS, MS):
+        if due:
+            session.receive(b"\xff", now_ns)
+        due = session.on_time(now_ns)
+    assert (session.state, session.health.note) == ("no reply", "")

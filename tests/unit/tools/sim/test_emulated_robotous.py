@@ -1,0 +1,71 @@
+"""The emulated Robotous sensor with the session of the daemon."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from driving import MS, drive
+
+from slipd.devices import robotous
+from slipd.devices.robotous import robotous_packets as packets
+from slipd.tools.sim.emulated_robotous import make
+
+FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
+
+
+def test_the_daemons_session_names_sets_and_starts_it() -> None:
+    emulator = make(1)
+    emulator.opened(0)
+    emulator.feel(FORCE_N, TORQUE_NM)
+    session = robotous.Session(**emulator.options)
+    samples = drive(session, emulator, 1.0)
+    assert (session.state, session.identity) == ("running", "RFT40-SA01-D RFT-2211-0042")
+    assert 310 <= len(samples) <= 333
+    assert np.mean([s.force_n for s in samples], axis=0) == pytest.approx(FORCE_N, abs=0.01)
+    assert np.mean([s.torque_nm for s in samples], axis=0) == pytest.approx(TORQUE_NM, abs=2e-4)
+    assert session.health.bad == 0
+
+
+def test_a_second_session_writes_nothing_to_its_eeprom() -> None:
+    emulator = make(2)
+    session = robotous.Session(filter_hz=100)
+    drive(session, emulator, 0.1)
+    assert emulator.writes == 2
+    emulator.receive(session.stop(), 100 * MS)
+    assert emulator.advance(150 * MS) == []
+    drive(robotous.Session(filter_hz=100), emulator, 0.1, begin_ns=150 * MS)
+    assert emulator.writes == 2
+
+
+def test_a_running_sensor_is_stopped_before_it_is_asked() -> None:
+    emulator = make(3, baud=921_600)
+    emulator.receive(packets.encode_command(packets.START), 0)
+    session = robotous.Session(output_hz=1000)
+    drive(session, emulator, 0.2)
+    assert session.state == "running"
+    assert session.health.bad == 0
+
+
+@pytest.mark.parametrize(("baud", "hz", "note"), [(115_200, 200, "refused rate"), (921_600, 500, "")])
+def test_a_rate_that_its_line_does_not_carry_is_refused_and_it_sends_at_its_own(baud: int, hz: int, note: str) -> None:
+    session = robotous.Session(output_hz=500)
+    samples = drive(session, make(6, baud=baud), 1.0)
+    assert session.state == "running"
+    assert session.health.note.partition(":")[0] == note
+    assert hz - 20 <= len(samples) <= hz
+
+
+@pytest.mark.parametrize(("number", "arguments"), [(packets.SET_RATE, b"\x63"), (packets.SET_FILTER, b"\x01\x63")])
+def test_what_it_cannot_do_is_refused(number: int, arguments: bytes) -> None:
+    emulator = make(4)
+    (answer,) = emulator.receive(packets.encode_command(number, arguments), 0)
+    assert answer == packets.encode_response(number, b"\0\x02")
+    assert emulator.writes == 0
+
+
+def test_a_command_that_is_not_known_is_not_answered_and_overload_is_sent() -> None:
+    emulator = make(5)
+    assert emulator.receive(packets.encode_command(17, b"\1"), 0) == []
+    emulator.overload = 0x20
+    emulator.receive(packets.encode_command(packets.START), 0)
+    assert robotous.Decoder().receive(emulator.advance(5 * MS)[0], 0)[0].status == ("overload",)

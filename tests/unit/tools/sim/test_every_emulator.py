@@ -1,0 +1,88 @@
+"""Every device has an emulator whose traffic decodes without a bad byte, however it is split."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slipd.devices import DEVICES, Device
+from slipd.tools.sim.emulators import Emulator, make_emulator
+
+MS = 1_000_000
+SECONDS = 3
+"""Long enough for a Bota sensor to boot and settle, and for a gripper to answer many polls."""
+
+devices = pytest.mark.parametrize("device", list(DEVICES.values()), ids=list(DEVICES))
+
+
+def whole(data: bytes) -> list[bytes]:
+    return [data]
+
+
+def halves(data: bytes) -> list[bytes]:
+    middle = len(data) // 2
+    return [piece for piece in (data[:middle], data[middle:]) if piece]
+
+
+def bytewise(data: bytes) -> list[bytes]:
+    return [data[at : at + 1] for at in range(len(data))]
+
+
+def plain(sample: Any) -> tuple[Any, ...]:
+    fields = (getattr(sample, name) for name in sample.__slots__)
+    return tuple(field.tolist() if isinstance(field, np.ndarray) else field for field in fields)
+
+
+def play(
+    device: Device, emulator: Emulator, split: Callable[[bytes], list[bytes]], seconds: float = SECONDS
+) -> tuple[list[Any], Any]:
+    """Run a device and its host in steps of a millisecond; return the readings and the counters."""
+    session: Any = device.session(**emulator.options) if device.session is not None else None
+    listener: Any = session or device.decoder(**emulator.options)
+    samples: list[Any] = []
+    emulator.opened(0)
+    said = emulator.receive(session.start(0), 0) if session else []
+    inquiry = device.inquiry(**emulator.options) if device.inquiry is not None else None
+    if inquiry is not None:
+        listener.receive(emulator.inquire(inquiry.request), 0)  # type: ignore[attr-defined]
+    for now_ns in range(MS, round(seconds * 1000) * MS, MS):
+        for data in said + emulator.advance(now_ns):
+            samples += [sample for piece in split(data) for sample in listener.receive(piece, now_ns)]
+        said = []
+        while session and (due := session.next_deadline()) is not None and due <= now_ns:
+            said += emulator.receive(session.on_time(now_ns), now_ns)
+    return samples, listener.health
+
+
+@devices
+def test_its_traffic_decodes_without_a_bad_byte_at_its_rate(device: Device) -> None:
+    emulator = make_emulator(device.name, 4)
+    samples, health = play(device, emulator, whole)
+    assert (health.bad, health.bad_bytes, health.lost, health.duplicates, health.restarts) == (0, 0, 0, 0, 0)
+    assert len(samples) == health.good
+    streams = len({sample.source for sample in samples}) if device.shared else 1
+    assert 0.4 * SECONDS * emulator.rate_hz < len(samples) < 1.1 * streams * SECONDS * emulator.rate_hz
+
+
+@devices
+def test_L1_its_traffic_reads_the_same_in_any_split(device: Device) -> None:
+    seconds = 0.6 if device.name == "bota" else 0.2  # the first readings of a Bota come late
+    samples, health = play(device, make_emulator(device.name, 4), whole, seconds)
+    assert samples
+    for split in (halves, bytewise):
+        torn, torn_health = play(device, make_emulator(device.name, 4), split, seconds)
+        assert [plain(sample) for sample in torn] == [plain(sample) for sample in samples]
+        assert torn_health == health
+
+
+@devices
+def test_equal_seeds_give_equal_bytes_and_others_do_not(device: Device) -> None:
+    first, second, other = (
+        [plain(sample) for sample in play(device, make_emulator(device.name, seed), whole, 1.0)[0]]
+        for seed in (1, 1, 2)
+    )
+    assert first == second
+    assert first != other or device.kind == "gripper"

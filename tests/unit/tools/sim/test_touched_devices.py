@@ -1,0 +1,210 @@
+"""Every device of a config reads the load on its pad: the daemon's own decoders, mounting and geometry invert it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from driving import drive
+from project import CONFIG
+
+from slipd import config
+from slipd.config import Config, Stream
+from slipd.devices import DEVICES
+from slipd.devices.shared import modbus
+from slipd.errors import ConfigError
+from slipd.signals.mounting import Mounting
+from slipd.signals.pad import PadGeometry
+from slipd.tools.sim.emulated_xela import REST_COUNTS
+from slipd.tools.sim.emulators import Emulator
+from slipd.tools.sim.hand import PadLoad
+from slipd.tools.sim.hand_commands import parse_command
+from slipd.tools.sim.touched_devices import BIAS, TouchedDevices
+from slipd.types.samples import TactileSample, WrenchSample
+
+MS = 1_000_000
+SHIPPED = sorted(CONFIG.glob("*.toml"))
+SECONDS = 0.7
+AT_M = (0.004, -0.003)
+
+
+@dataclass
+class Loaded:
+    """An emulator that acts in the time of the test under a constant load."""
+
+    emulator: Emulator
+    devices: TouchedDevices
+    received: list[Any] = field(default_factory=list)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.emulator, name)
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        self.devices.advance(t_ns)
+        return self.emulator.advance(t_ns)
+
+
+def give(devices: TouchedDevices, *lines: str) -> None:
+    for line in lines:
+        command = parse_command(line, devices.hand.fingers)
+        assert command is not None
+        devices.hand.carry_out(command, 0.0)
+
+
+def touched(rig: Config, folder: Path) -> TouchedDevices:
+    """Return the devices of a rig, with a load on the first finger."""
+    devices = TouchedDevices(rig, folder)
+    finger = next(iter(rig.finger))
+    give(devices, f"press {finger} 6 N at 4 -3 mm", f"push {finger} -y 1 N", f"twist {finger} 10 mNm")
+    return devices
+
+
+def read(rig: Config, folder: Path, stream: Stream) -> list[Any]:
+    """Return the readings of a stream under the load of the test, from the last third of some tenths of a second."""
+    devices = touched(rig, folder)
+    number = list(dict.fromkeys(each.port for each in rig.streams().values())).index(stream.port)
+    emulator = Loaded(devices.devices[number][1], devices)
+    device, options = DEVICES[stream.device], config.device_options(stream)
+    emulator.opened(0)
+    samples: list[Any] = []
+    if device.session is None:
+        decoder = device.decoder(**options)
+        for t_ns in range(0, round(SECONDS * 1e9), MS):
+            for data in emulator.advance(t_ns):
+                samples += decoder.receive(data, t_ns)
+    else:
+        session = device.session(**options)
+        asks = device.inquiry(**options) if device.inquiry is not None else None
+        if asks is not None:
+            session.start(0)
+            session.receive(emulator.inquire(asks.request), 0)
+        samples = drive(session, emulator, SECONDS + 0.8, start=asks is None)
+    chosen = [sample for sample in samples if sample.source == stream.sensor or not stream.sensor]
+    return chosen[2 * len(chosen) // 3 :]
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_the_sensors_of_a_shipped_config_read_the_load_on_their_pad(path: Path, tmp_path: Path) -> None:
+    rig = config.load(path)
+    devices = touched(rig, tmp_path)
+    finger = next(iter(rig.finger))
+    wanted = devices.loads(0)[finger].wrench()
+    sensors = rig.finger[finger]
+    if sensors.wrench is not None:
+        readings = [
+            sample
+            for sample in read(rig, tmp_path, sensors.wrench)
+            if isinstance(sample, WrenchSample) and sample.torque_nm is not None
+        ]
+        felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
+        pose = sensors.wrench.pad_from_sensor
+        found = Mounting(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign).matrix @ (felt - BIAS)
+        assert found - devices.hand.weight(finger) == pytest.approx(wanted, abs=0.06)
+    if sensors.pad is not None:
+        pad = sensors.pad
+        images = [sample.values for sample in read(rig, tmp_path, pad) if isinstance(sample, TactileSample)]
+        geometry = PadGeometry(pad.rows, pad.cols, pad.pitch_m, pad.electrode_m, pad.swap_xy, pad.flip_x, pad.flip_y)
+        assert np.shape(images)[1] == geometry.taxels
+        untared = REST_COUNTS if pad.device == "xela" else 0.0
+        values = np.mean(images, axis=0) - (np.reshape(pad.tare, np.shape(images[0])) if pad.tare else untared)
+        if config.axes_of(pad) == 3:
+            forces = values[:, [1, 0, 2]] * pad.axis_scale if pad.swap_xy else values * np.array(pad.axis_scale)
+            assert forces.sum(axis=0)[1:] / forces.sum(axis=0)[2] == pytest.approx([1 / 6, 1.0], abs=0.02)
+            pressure = -forces[:, 2]
+        else:
+            pressure = values * pad.axis_scale[0]
+        pressure = np.where(pressure > 0.1 * pressure.max(), pressure, 0.0)
+        x, y = geometry.positions()
+        assert (pressure @ x, pressure @ y) / pressure.sum() == pytest.approx(AT_M, abs=0.6 * pad.pitch_m)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_the_copy_of_a_config_has_other_ports_and_no_identities(path: Path, tmp_path: Path) -> None:
+    rig = config.load(path)
+    devices = TouchedDevices(rig, tmp_path)
+    copy = config.parse(devices.config_text(), "copy")
+    assert {stream.port for stream in copy.streams().values()} == {address for _, _, address in devices.devices}
+    assert {stream.hardware_id for stream in copy.streams().values()} == {""}
+    assert copy.bus.secret_key is None
+    for name, stream in rig.streams().items():
+        assert config.transport_of(copy.streams()[name].port) == config.transport_of(stream.port)
+        other = {"port", "hardware_id", "options"}
+        assert stream.model_dump(exclude=other) == copy.streams()[name].model_dump(exclude=other)
+        over_tcp = {"calibration": "tcp"} if stream.options.get("calibration") == "xml" else {}
+        assert copy.streams()[name].options == stream.options | over_tcp
+
+
+OPTIONS = [
+    ("robotous", "", 333.0, "torque_divider = 1000.0"),
+    ("optoforce", "", 1000.0, "counts_per_n = [40.0, -40.0, 8.0], counts_per_nm = [1100.0, 1100.0, 1400.0]"),
+    (
+        "netft",
+        "udp://192.168.1.1:49152",
+        1000.0,
+        'calibration = "config", counts_per_force = 5e5, counts_per_torque = 2e5, force_unit = "lbf"',
+    ),
+]
+"""Device, port, rate and options that say what a count is worth."""
+
+
+@pytest.mark.parametrize(("device", "port", "rate_hz", "options"), OPTIONS)
+def test_an_emulated_sensor_counts_as_the_options_of_its_config_say(
+    device: str, port: str, rate_hz: float, options: str, tmp_path: Path
+) -> None:
+    rig = config.parse(
+        f'[finger.f.wrench]\ndevice = "{device}"\nport = "{port or "/dev/x"}"\nrate_hz = {rate_hz}\n'
+        f"options = {{ {options} }}\n",
+        "rig",
+    )
+    wrench = rig.finger["f"].wrench
+    assert wrench is not None
+    readings = read(rig, tmp_path, wrench)
+    felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
+    assert felt - BIAS == pytest.approx(touched(rig, tmp_path).loads(0)["f"].wrench(), abs=0.06)
+
+
+def test_an_emulated_gripper_has_the_address_of_its_config(tmp_path: Path) -> None:
+    text = (
+        (CONFIG / "demo.toml")
+        .read_text()
+        .replace('device = "robotiq_2f"', 'device = "robotiq_2f"\noptions = { unit = 5 }')
+    )
+    gripper: Any = TouchedDevices(config.parse(text, "rig"), tmp_path).devices[-1][1]
+    assert gripper.receive(bytes.fromhex("09 04 07 D0 00 03 B1 CE"), 0) == []
+    assert gripper.receive(modbus.encode_request(modbus.Request(5, modbus.READ_INPUT, 2000, 3)), 10 * MS) != []
+
+
+@pytest.mark.parametrize(
+    "options",
+    ['options = { output_hz = 1000, calibration = "xml" }', 'options.calibration = "xml"\noptions.output_hz=1000'],
+)
+def test_the_output_rate_of_an_emulated_sensor_is_not_set_on_a_page(options: str, tmp_path: Path) -> None:
+    text = f'[finger.f.wrench]\ndevice = "netft"\nport = "udp://192.168.1.1:49152"\nrate_hz = 1000\n{options}\n'
+    copy = config.parse(TouchedDevices(config.parse(text, "rig"), tmp_path).config_text(), "copy").finger["f"].wrench
+    assert copy is not None
+    assert copy.options == {"calibration": "tcp", "output_hz": 0}
+
+
+def test_a_port_in_an_inline_table_is_refused(tmp_path: Path) -> None:
+    text = '[finger.f]\nwrench = { device = "bota", port = "/dev/x", rate_hz = 100.0 }\n'
+    with pytest.raises(ConfigError, match="every port must be on a line of its own"):
+        TouchedDevices(config.parse(text, "rig"), tmp_path).config_text()
+
+
+@pytest.mark.parametrize("name", ["demo.toml", "netft_wts.toml", "external.toml"])
+def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, tmp_path: Path) -> None:
+    rig = config.load(CONFIG / name)
+    devices = TouchedDevices(rig, tmp_path)
+    give(devices, "object 40 mm")
+    gripper: Any = devices.devices[-1][1]
+    devices.advance(0)
+    if name == "demo.toml":
+        gripper._jaws.in_contact, gripper._jaws.normal_n = True, 8.0
+    elif name == "netft_wts.toml":
+        gripper._blocked, gripper.limit = "blocked_minus", 16.0
+    else:
+        gripper._blocked, gripper.force_n = True, 8.0
+    assert devices.loads(MS) == {finger: PadLoad((0.0, 0.0), 8.0) for finger in rig.finger}

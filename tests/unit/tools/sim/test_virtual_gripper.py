@@ -1,0 +1,149 @@
+"""The real process on real pseudo-terminals, read by the real decoders and an independent Modbus client."""
+
+import json
+import select
+import signal
+import subprocess
+import sys
+import time
+import warnings
+
+import pytest
+import serial
+
+from slipd.devices import bota, pvdf
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    from pymodbus.client import ModbusSerialClient
+
+pytestmark = pytest.mark.process
+UNIT = 9
+PATIENCE_S = 60.0
+
+
+class Process:
+    def __init__(self, directory, *more):
+        command = [sys.executable, "-m", "slipd.tools.sim.virtual_gripper", "--dir", str(directory), *more]
+        self.popen = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.directory = directory
+        self.ready = self.hear()
+
+    def hear(self):
+        readable, _, _ = select.select([self.popen.stdout], [], [], PATIENCE_S)
+        assert readable, "the virtual gripper prints nothing"
+        return json.loads(self.popen.stdout.readline())
+
+    def hear_until(self, event):
+        while (heard := self.hear())["event"] != event:
+            pass
+        return heard
+
+    def end(self):
+        self.popen.stdin.close()
+        code = self.popen.wait(PATIENCE_S)
+        self.popen.stdout.close()
+        return code
+
+
+@pytest.fixture
+def process(tmp_path):
+    made = Process(tmp_path / "ports")
+    try:
+        yield made
+    finally:
+        made.popen.kill()  # only a process that failed to end still runs here
+        made.popen.wait()
+        made.popen.stdin.close()
+        made.popen.stdout.close()
+
+
+def names(directory):
+    return {path.name for path in directory.iterdir()}
+
+
+def read_for(ports, seconds):
+    """Return the bytes that each port sends in a time; they are read as they come."""
+    heard = dict.fromkeys(ports, b"")
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        for port in select.select(list(ports.values()), [], [], 0.05)[0]:
+            name = next(name for name, known in ports.items() if known is port)
+            heard[name] += port.read(65_536)
+    return heard
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_ends_on_a_signal(process, number):
+    process.popen.send_signal(number)
+    assert process.hear()["event"] == "end"
+    assert process.popen.wait(PATIENCE_S) == 0
+    process.popen.stdout.close()
+    process.popen.stdin.close()
+    assert names(process.directory) == set()
+
+
+def test_it_ends_after_its_seconds_and_when_nobody_reads_its_truth(tmp_path):
+    made = Process(tmp_path, "--seconds", "0.2")
+    made.popen.stdout.close()
+    assert made.popen.wait(PATIENCE_S) == 0
+    made.popen.stdin.close()
+    assert names(tmp_path) == set()
+
+
+def test_it_prints_its_ports_sends_whole_frames_at_their_rates_and_removes_the_ports(process):
+    assert process.ready["event"] == "ready"
+    assert sorted(process.ready["ports"]) == ["gripper", "left-pad", "left-wrench", "right-pad", "right-wrench"]
+    assert names(process.directory) == set(process.ready["ports"])
+    lines = ("left-wrench", "left-pad", "right-wrench", "right-pad")
+    ports = {line: serial.Serial(str(process.directory / line), timeout=0, exclusive=True) for line in lines}
+    received = read_for(ports, 1.5)
+    for port in ports.values():
+        port.close()
+    for line in lines:
+        decoder = bota.Decoder() if "wrench" in line else pvdf.Decoder()
+        samples = decoder.receive(received[line], 0)
+        assert decoder.health.bad == decoder.health.lost == 0
+        # The rate by the device's own clock: nothing is missing between the first and the last frame.
+        span_s = (samples[-1].device_time_ns - samples[0].device_time_ns) * 1e-9
+        assert (len(samples) - 1) / span_s == pytest.approx(800 if "wrench" in line else 200, rel=0.002)
+        assert len(samples) > 100
+    assert process.end() == 0
+    assert names(process.directory) == set()
+
+
+def test_an_independent_modbus_client_grips_the_box(process):
+    client = ModbusSerialClient(str(process.directory / "gripper"), baudrate=115_200, timeout=5.0)
+    assert client.connect()
+
+    def status(function):
+        reply = function(2000, count=3, device_id=UNIT)
+        assert not reply.isError()
+        flags = reply.registers[0] >> 8
+        return flags >> 4 & 3, flags >> 6, reply.registers[1] & 0xFF, reply.registers[2] >> 8
+
+    assert status(client.read_input_registers) == (0, 3, 0, 0)
+    assert not client.write_registers(1000, [0x0100, 0, 0], device_id=UNIT).isError()
+    begun = process.hear_until("begin")
+    assert begun["t_ns"] > process.ready["t_ns"]
+    while status(client.read_holding_registers)[0] != 3:
+        time.sleep(0.05)
+    assert not client.write_registers(1000, [0x0900, 255, 0xFF3C], device_id=UNIT).isError()
+    contact = process.hear_until("contact")
+    assert contact["t_ns"] - begun["t_ns"] == pytest.approx(contact["t_s"] * 1e9, abs=1e5)
+    assert status(client.read_input_registers) == (3, 2, 255, 75)
+    both = client.readwrite_registers(
+        read_address=2000, read_count=3, write_address=1000, values=[0x0900, 0, 0xFF00], device_id=UNIT
+    )
+    assert len(both.registers) == 3
+    assert process.hear_until("contact_ends")
+    assert client.read_input_registers(3000, count=1, device_id=UNIT).exception_code == 2
+    client.close()
+    assert process.end() == 0
+
+
+def test_a_sensor_boots_when_its_port_is_opened(process):
+    time.sleep(0.5)  # the boot at the start of the process is over
+    with serial.Serial(str(process.directory / "left-wrench"), timeout=PATIENCE_S) as port:
+        assert port.read_until(b"App Init").endswith(b"App Init"), "a frame that was under way may come before"
+    assert process.end() == 0
