@@ -52,6 +52,7 @@ class MessageTracker:
         self.prefixes = self._topics if STATUS_TOPIC.startswith(self._topics) else (*self._topics, STATUS_TOPIC)
         self._boot = ""
         self._seq: dict[str, int] = {}
+        self._known: set[tuple[str, str]] = set()  # topics and fingers of the messages so far
         self._last_s: float | None = None
         self._restart_pending = False
         self._since_s = time.monotonic()
@@ -87,15 +88,20 @@ class MessageTracker:
             last = seq - 1 if restarted else self._seq.get(topic, seq - 1)
             if seq <= last:  # after a reconnection the daemon sends the last message of each topic again
                 return None
-            message = typed_message(topic, raw, missed=seq - last - 1, restarted=restarted or self._restart_pending)
+            about = topic, str(raw.get("finger"))
+            # a subscriber that comes late gets the last warning of each finger, and none of those between them
+            missed = seq - last - 1 if about in self._known else 0
+            message = typed_message(topic, raw, missed=missed, restarted=restarted or self._restart_pending)
         except MessageError as error:
             self.bad += 1
             self.bad_reason = str(error)
             return None
         if restarted:
             self._seq.clear()
+            self._known.clear()
         self._boot = boot
         self._seq[topic] = seq
+        self._known.add(about)
         self._last_s = time.monotonic()
         wanted = topic.startswith(self._topics)
         self._restart_pending = message.restarted and not wanted

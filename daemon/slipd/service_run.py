@@ -278,7 +278,7 @@ class ServiceRun:
         for output in self.engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 payload = encode(output.body)
-                self._publisher.publish(output.topic, payload)
+                self._publisher.publish(output.topic, payload, output.body.get("finger", ""))
                 if output.topic == STATUS_TOPIC:
                     self._show_status(summary(output.body))
                 for recorder in self._recorders:

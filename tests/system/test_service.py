@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import time
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from daemon_peers import PATIENCE_S, Device, until
+from daemon_peers import PATIENCE_S, Client, Device, until
 from gripper_table import gripper_table
+from known_zeros import keep_zeros
 from service_rig import Rig, left_in, serving
 
 from slipd import config, service
@@ -219,3 +221,25 @@ async def test_what_was_lost_on_this_host_is_logged_when_it_grows_and_at_the_end
         links.write("absent", b"x")
         reporter.cancel()
     assert told() == [*once, "absent: 2 writes dropped, 0 datagrams lost before they were read so far"]
+
+
+async def test_a_late_subscriber_gets_the_newest_warning_of_each_finger(rig: Rig, tmp_path: Path) -> None:
+    """Fingers share the topic "warning"."""
+    other = Device(tmp_path / "other")
+    other.plug()
+    right = (
+        f'[finger.right]\nmu = 0.05\n[finger.right.wrench]\ndevice = "bota"\nport = "{other.path}"\nrate_hz = 100.0\n'
+    )
+    rig.file.write_text(rig.file.read_text(encoding="utf-8") + right, encoding="utf-8")
+    keep_zeros(rig.config)
+
+    def warned(client: Client) -> bool:
+        rig.send()
+        other.send_wrench()
+        return {body["finger"] for body in client.hear("warning")} == {"left", "right"}
+
+    async with serving(rig.config) as early:
+        await until(lambda: warned(early))
+        with contextlib.closing(Client(early.endpoints)) as late:
+            await until(lambda: warned(late))
+    other.unplug()

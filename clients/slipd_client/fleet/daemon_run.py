@@ -26,6 +26,7 @@ class DaemonRun:
         first_status_s: When its first ``status`` arrived.
         last_status_s: When its last ``status`` arrived.
         seq: Topic → number of its last message.
+        known: Topics and fingers of the messages so far.
         status: The last ``status``; None before the first.
         fingers: Finger → time (CLOCK_MONOTONIC of the daemon, ns), level and reasons.
     """
@@ -34,6 +35,7 @@ class DaemonRun:
     first_status_s: float = math.inf
     last_status_s: float = -math.inf
     seq: dict[str, int] = field(default_factory=dict)
+    known: set[tuple[str, str]] = field(default_factory=set)
     status: Status | None = None
     fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
 
@@ -52,8 +54,10 @@ class DaemonRun:
         last = self.seq.get(topic, seq - 1)
         if seq <= last:
             return None
-        message = typed_message(topic, raw, missed=seq - last - 1)
+        about = topic, str(raw.get("finger"))
+        message = typed_message(topic, raw, missed=seq - last - 1 if about in self.known else 0)
         self.seq[topic] = seq
+        self.known.add(about)
         return message
 
     def note(self, message: Message, now_s: float) -> None:

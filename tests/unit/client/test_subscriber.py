@@ -80,6 +80,14 @@ def test_a_gap_is_told_on_the_topic_that_has_it(publisher: Publisher) -> None:
         assert [heard(subscriber).missed for _ in range(4)] == [0, 0, 3, 0]
 
 
+def test_the_last_warning_of_each_finger_is_no_gap_for_a_late_subscriber(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for_subscriber()
+        for finger, seq in (("left", 3), ("right", 7), ("left", 8), ("right", 10)):
+            publisher.send("warning", seq, finger=finger)
+        assert [heard(subscriber).missed for _ in range(4)] == [0, 0, 0, 1]
+
+
 def test_a_restart_is_told_once_and_is_no_gap(start_publisher: Callable[..., Publisher]) -> None:
     old = start_publisher()
     with Subscriber(old.endpoint) as subscriber:

@@ -1,4 +1,4 @@
-"""Publish messages without ever waiting for a subscriber; latecomers get the last message of each topic."""
+"""Publish messages without ever waiting for a subscriber; late subscribers get the last message of each topic."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ _RULES = PeerRules(
 class Publisher:
     """Publish topic and payload as two frames; a subscription is a prefix of topics.
 
-    A new subscriber gets the last message of each topic of its subscription at once.
+    A new subscriber gets the last message of each topic of its subscription at once, in the order of their publication;
+    of a topic that several fingers share, the last message of each finger.
 
     Serves on the running loop, for the duration of ``with``.
 
@@ -56,7 +57,7 @@ class Publisher:
     def __init__(self, endpoint: str, access: Access = USER_ALONE) -> None:
         self.endpoint = endpoint
         self.published = 0
-        self._last: dict[str, tuple[bytes, bytes]] = {}  # the topic that was silent for longest comes first
+        self._last: dict[tuple[str, str], tuple[bytes, bytes]] = {}  # what was silent for longest comes first
         self._wanted: dict[Peer, set[bytes]] = {}
         self._readers: dict[str, dict[Peer, None]] = {}  # subscribers of each topic
         self._limit = RateLimit(SUBSCRIPTIONS_PER_S)
@@ -83,11 +84,18 @@ class Publisher:
         """Number of subscriptions of all clients."""
         return sum(map(len, self._wanted.values()))
 
-    def publish(self, topic: str, payload: bytes) -> None:
-        """Send to every subscriber of ``topic``; never block, and never fail because of a subscriber."""
+    def publish(self, topic: str, payload: bytes, finger: str = "") -> None:
+        """Send to every subscriber of ``topic``; never block, and never fail because of a subscriber.
+
+        Args:
+            topic: The topic.
+            payload: The message.
+            finger: What the message is about. Of a topic that several fingers share, the last message of each is kept
+                for late subscribers.
+        """
         message = topic.encode(), payload
-        self._last.pop(topic, None)
-        self._last[topic] = message
+        self._last.pop((topic, finger), None)
+        self._last[topic, finger] = message
         self.published += 1
         readers = self._readers.get(topic)
         if readers is None:

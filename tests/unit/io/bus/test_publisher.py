@@ -71,6 +71,17 @@ async def test_a_latecomer_gets_the_last_message_of_every_topic_it_subscribed_to
     ]
 
 
+async def test_a_latecomer_gets_the_last_message_of_each_finger_that_shares_the_topic(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(endpoint) as publisher:
+        for finger in ("left", "right", "left"):
+            publisher.publish("warning", f"{finger} {publisher.published}".encode(), finger)
+        late = subscribe(b"warning")
+        await eventually(lambda: len(late.got) == 2)
+    assert late.got == [[b"warning", b"right 1"], [b"warning", b"left 2"]]
+
+
 async def test_a_subscription_without_a_last_message_keeps_nothing_from_the_others(
     endpoint: str, subscribe: Subscribe, eventually: Eventually
 ) -> None:
