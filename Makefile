@@ -13,17 +13,15 @@ unexport PYTHONDONTWRITEBYTECODE
 MEASURES := $(VENV)/.measures
 PEERS := $(VENV)/.peers
 
-# Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
-ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
-# Rooms that guide a person, likewise. They are measured apart, without the engine behind them, which coverage slows most.
-GUIDES := $(addprefix tests/unit/,discovery commission)
-NO_CONFIG := /dev/null
-# Whole daemons as processes, in real time: two files at a time, each file in order.
+# What runs whole daemons, in real time: of these `make test` runs one demo, one client, and one page in a browser.
 DAEMONS := tests/system
+ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py client.py page.py)
 # Programs of long runs: their targets test them first.
-LONG := $(addprefix tests/lab/,bench chart soak shifts fleet)
+LONG := $(addprefix tests/lab/,bench chart soak)
+# The tests of one file with daemons stay together on one core.
+PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadgroup -m "not long"
 
-.PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak fleet peers dist clean
+.PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -31,25 +29,19 @@ demo: $(KERNELS)
 
 ifdef TESTS
 test: $(KERNELS) lint
-	@echo "== tests"
 	@$(BIN)/pytest $(TESTS)
 else
-test: $(READY)
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target $(KERNELS) lint portable_quick
-	@echo "== tests of the rooms from devices to the engine, with coverage"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" --cov --cov-report= $(ROOMS)
-	@echo "== every branch of them is tested"
-	@$(BIN)/coverage report --fail-under=100 --precision=2
-	@echo "== tests of the rooms that guide a person: every branch of them is tested"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" --cov-config=$(NO_CONFIG) --cov-branch --cov-report= \
-		--cov=slipd.tools.discovery --cov=slipd.tools.commission $(GUIDES)
-	@$(BIN)/coverage report --rcfile=$(NO_CONFIG) --fail-under=100 --precision=2 --skip-covered --show-missing
-	@echo "== the other tests that can share the machine"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" $(addprefix --ignore=,$(ROOMS) $(GUIDES) $(DAEMONS) $(LONG))
-	@echo "== tests of whole daemons"
-	@$(BIN)/pytest --numprocesses=2 --dist loadfile -m "not long" $(DAEMONS)
-	@PYTHONPATH=tests/support $(BIN)/python -m browser
+test: $(KERNELS) lint
+	@echo "== tests of every room, one demo, one client, one page (about 3 minutes on two idle cores)"
+	@$(PYTEST) tests/unit $(ONE_OF_EACH)
 endif
+
+check: $(KERNELS) lint portable_quick
+	@echo "== all tests but those of long runs, with coverage (about 10 minutes on two idle cores)"
+	@$(PYTEST) --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests
+	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
+	@$(BIN)/coverage report --fail-under=100 --precision=2
+	@PYTHONPATH=tests/support $(BIN)/python -m browser
 
 lint: $(READY)
 	@echo "== ruff, mypy, import-linter"
@@ -85,21 +77,15 @@ evaluate: $(MEASURES)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate $(EVALUATE)
 
 fuzz: $(KERNELS)
-	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise, a million requests, damaged recordings (about 30 minutes)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
+	@echo "== every split of every device's frames, a million damaged frames, 2 GB of noise, every byte of a recording (about 15 minutes)"
+	@FUZZ_ROUNDS=150 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/lab/fuzz
 
 soak: $(KERNELS)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
-	@$(BIN)/pytest --quiet tests/lab/soak tests/lab/shifts
+	@$(BIN)/pytest --quiet tests/lab/soak
 	@$(BIN)/pytest --quiet -m long tests
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m shifts --report docs/simulated_hours.md $(SHIFTS)
-
-fleet: $(KERNELS)
-	@echo "== a fleet of 20 robots on loopback: delay, lost warnings, robots that vanish (about 3 minutes)"
-	@$(BIN)/pytest --quiet tests/lab/fleet
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fleet --report docs/fleet_measured.md $(FLEET)
 
 peers: $(PEERS)
 	@echo "== emulated devices beside drivers that others wrote (about a minute)"

@@ -4,7 +4,7 @@
     make bench BENCH='--only replay --only recording'    (these parts; the others of docs/bench.md stay)
     PYTHONPATH=tests/support:tests/lab python -m bench.latency [--quick] [--only PART] [--report FILE]
 
-The daemon is measured from the last byte of a reading to the message, the reply or the gripper command that follows.
+The daemon is measured from the last byte of a reading to the message that follows.
 Absolute times hold for this machine and its present load. Ratios carry over to other machines: beside the daemon and
 the solver, programs in C and other solvers do the same work in the same minutes. The report is printed, and
 ``--report`` also writes it as Markdown, part by part as they are measured.
@@ -23,16 +23,12 @@ import zmq
 from bench import (
     chain,
     child,
-    first_call,
     full_load,
     million,
-    priority,
     processes,
     ratios,
     recorded,
-    reflex,
     replaying,
-    requests,
     units,
 )
 from bench.commit import measured_on
@@ -50,17 +46,10 @@ PARTS = (
     "load",
     "recording",
     "replay",
-    "requests",
-    "reflex",
-    "priority",
     "ratios",
-    "first",
     "units",
     "million",
 )
-
-TRIALS, QUICK_TRIALS = 30, 3
-"""Of the reflex in a round, of each kind; a third of a second each."""
 
 FULL_LOAD_TIMES = 6
 """The full load takes as many times as long as a round, to show what builds up."""
@@ -97,8 +86,6 @@ def main() -> int:
 
 def _measure(part: str, seconds: float, rounds: int, *, quick: bool) -> Iterable[Table]:
     """The tables of one part."""
-    if part == "first":
-        return [first_call.run(quick=quick)]
     if part == "units":
         return [units.run(quick=quick)]
     if part == "million":
@@ -119,13 +106,6 @@ def _in_folder(part: str, folder: Path, seconds: float, rounds: int, *, quick: b
         return [recorded.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)]
     if part == "replay":
         return [replaying.run(folder, seconds=REPLAY_TIMES * seconds, quick=quick)]
-    if part == "requests":
-        return [requests.run(folder, rounds=rounds, seconds=seconds)]
-    if part == "reflex":
-        return reflex.run(folder, rounds=rounds, trials=QUICK_TRIALS if quick else TRIALS)
-    if part == "priority":
-        hogs = priority.QUICK_HOGS if quick else priority.HOGS
-        return [priority.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s, hogs=hogs)]
     return ratios.run(folder, quick=quick)
 
 

@@ -1,11 +1,10 @@
-"""Compare every method of the friction limit, and every estimate of acquisition times, on the same data.
+"""Compare every method of the friction limit on the same contacts.
 
     make chart    (about 10 minutes)
     PYTHONPATH=tests/support:tests/lab python -m chart [--quick] [--only PART] [--scenes N] [--into FOLDER]
 
 Measured are processor time, error against a 25-digit reference, and failures of each method. Each part writes a page
-and its pictures into FOLDER (default: docs): ``speed_accuracy``, ``failure_atlas``, ``time`` and ``simulator``, .md and
-.png. The last one holds the simulated grasp against closed forms.
+and its pictures into FOLDER (default: docs): ``speed_accuracy`` and ``failure_atlas``, .md and .png.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ SCENES, QUICK_SCENES = 1500, 15
 SOLVER_SCENES = 200
 """On which the cone solver is timed without its set-up."""
 
-PARTS = ("speed", "atlas", "time", "simulator")
+PARTS = ("speed", "atlas")
 PACKAGES = ("numpy", "scipy", "numba", "clarabel")
 
 
@@ -50,10 +49,6 @@ def main() -> int:
         _write_speed(options.into, header, count, quick=options.quick)
     if "atlas" in parts:
         _write_atlas(options.into, header, quick=options.quick)
-    if "time" in parts:
-        _write_time(options.into, header, quick=options.quick)
-    if "simulator" in parts:
-        _write_simulator(options.into, header, quick=options.quick)
     return 0
 
 
@@ -86,34 +81,6 @@ def _write_atlas(folder: Path, header: str, *, quick: bool) -> None:
     _say("failure atlas")
     page = f"# Failure atlas\n\n{header}.\n\n{atlas.run(quick)}"
     (folder / "failure_atlas.md").write_text(page.rstrip() + "\n", encoding="utf-8")
-
-
-def _write_time(folder: Path, header: str, *, quick: bool) -> None:
-    from chart import clocks, skew, skew_picture
-
-    _say("device clocks")
-    runs = clocks.run(quick)
-    _say("taxels at their own instants")
-    skewed = skew.run(quick)
-    pages = [f"# Time\n\n{header}.", skew_picture.TEXT]
-    for table in (*clocks.tables(runs), *skewed.tables()):
-        _say(table.text())
-        pages.append(table.markdown())
-    (folder / "time.md").write_text("\n\n".join(pages) + "\n", encoding="utf-8")
-    skew_picture.save(folder / "time.png", runs, skewed)
-
-
-def _write_simulator(folder: Path, header: str, *, quick: bool) -> None:
-    from chart import stick_slip, stick_slip_picture
-
-    _say("the simulated grasp")
-    study = stick_slip.run(quick)
-    pages = [f"# The simulator\n\n{header}.", stick_slip_picture.TEXT]
-    for table in stick_slip.tables(study):
-        _say(table.text())
-        pages.append(table.markdown())
-    (folder / "simulator.md").write_text("\n\n".join(pages) + "\n", encoding="utf-8")
-    stick_slip_picture.save(folder / "simulator.png", study)
 
 
 def _is_installed(name: str) -> bool:

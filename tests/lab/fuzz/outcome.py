@@ -12,36 +12,19 @@ CONFIDENCE = 0.999
 
 @dataclass
 class Outcome:
-    """Counts of one or more rounds on one device.
+    """Counts of rounds on one device.
 
     Attributes:
-        device: Its name.
-        amount: What was fed: damaged frames, random bytes, or cuts.
-        good: Undamaged readings that were fed.
-        lost: Those of them that did not come out.
-        false: Samples that say what was never sent.
-        seconds: Spent feeding.
+        amount: Damaged frames, random bytes or cuts that were fed.
+        false: Samples whose content was never sent.
         faults: What must not happen, in words.
     """
 
-    device: str
     amount: int = 0
-    good: int = 0
-    lost: int = 0
     false: int = 0
-    seconds: float = 0.0
     faults: list[str] = field(default_factory=list)
-
-    def add(self, other: Outcome) -> None:
-        """Takes in another round on the same device."""
-        self.amount += other.amount
-        self.good += other.good
-        self.lost += other.lost
-        self.false += other.false
-        self.seconds += other.seconds
-        self.faults += other.faults
 
 
 def allowed(amount: int, probability: float) -> int:
-    """False accepts that so many trials may show: the Poisson bound."""
+    """Return how many false accepts this many trials may show: the Poisson bound."""
     return int(poisson.ppf(CONFIDENCE, amount * probability))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,7 +10,6 @@ from random import Random
 from typing import TypeVar
 from unittest.mock import patch
 
-from bench.tables import Table
 from mcap.records import Chunk
 from project import DATA
 
@@ -22,12 +20,9 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import Recording, open_recording
 
 SOURCE = DATA / "replays" / "demo.mcap"
-SMALL_BYTES, LARGE_BYTES = 20_000, 1_000_000
-LARGE_PLACES = 10_000
+SMALL_BYTES = 20_000
 FLUSH_EVERY = 20
 """Entries in a chunk: about as many as the daemon writes between two flushes."""
-
-PLACES_OF_A_JOB = 500
 
 Entry = Entered | Published
 Argument = TypeVar("Argument")
@@ -51,14 +46,6 @@ class Damaged:
     ended: int = 0
     harmless: int = 0
     misread: list[str] = field(default_factory=list)
-
-    def add(self, other: Damaged) -> None:
-        """Add the copies of another part."""
-        self.copies += other.copies
-        self.refused += other.refused
-        self.ended += other.ended
-        self.harmless += other.harmless
-        self.misread += other.misread
 
 
 def write_recording(path: Path, size: int) -> None:
@@ -103,12 +90,11 @@ class Judge:
             self._judge(self.data[:place], f"cut at {place}", found, cut=True)
         return found
 
-    def flip(self, places: range | list[int], seed: int, *, thrice: bool = True) -> Damaged:
-        """Read copies in which one byte is another: any value, or ``thrice``, with all bits, one bit, and any value."""
+    def flip(self, places: range | list[int], seed: int) -> Damaged:
+        """Read copies in which one byte is another: any value, all bits flipped, and one bit flipped."""
         found, rng = Damaged(), Random(seed)
         for place in places:
-            changes = (rng.randrange(1, 0xFF), 0xFF, 1 << rng.randrange(8))
-            for change in changes if thrice else changes[:1]:
+            for change in (rng.randrange(1, 0xFF), 0xFF, 1 << rng.randrange(8)):
                 data = bytearray(self.data)
                 data[place] ^= change
                 self._judge(bytes(data), f"byte {place} ^ {change:#04x}", found, cut=False)
@@ -169,67 +155,3 @@ def _remembering(
 
 def _about(recording: Recording) -> tuple[object, ...]:
     return recording.config_text, recording.boot, recording.wall_minus_monotonic_ns, recording.versions
-
-
-@dataclass(frozen=True)
-class Part:
-    """A share of the work: places of a file of one size."""
-
-    kind: str
-    size: int
-    places: tuple[int, ...]
-    seed: int
-
-    def run(self) -> Damaged:
-        """Damage and read the file."""
-        with tempfile.TemporaryDirectory(prefix="slipd-fuzz-") as name, unchanged_bytes_decoded_once():
-            folder = Path(name)
-            write_recording(folder / "whole.mcap", self.size)
-            judge = Judge(folder / "whole.mcap", folder)
-            places = list(self.places)
-            return (
-                judge.cut(places)
-                if self.kind == "cut"
-                else judge.flip(places, self.seed, thrice=self.size == SMALL_BYTES)
-            )
-
-
-def parts(seed: int) -> Iterator[Part]:
-    """Every byte of a small recording, and seeded places of a large one."""
-    with tempfile.TemporaryDirectory(prefix="slipd-fuzz-") as name:
-        for size in (SMALL_BYTES, LARGE_BYTES):
-            path = Path(name) / f"{size}.mcap"
-            write_recording(path, size)
-            length = path.stat().st_size
-            places = list(range(length)) if size == SMALL_BYTES else Random(seed).sample(range(length), LARGE_PLACES)
-            for kind in ("cut", "flip"):
-                for begin in range(0, len(places), PLACES_OF_A_JOB):
-                    yield Part(kind, size, tuple(places[begin : begin + PLACES_OF_A_JOB]), seed + begin)
-
-
-def table(found: dict[tuple[str, int], Damaged]) -> Table:
-    """What was done and found."""
-    shown = Table(
-        "Recordings that are cut off or damaged",
-        ("damage", "file, kB", "copies", "refused", "read up to the fault", "harmless", "misread"),
-    )
-    names = {"cut": "cut off", "flip": "one byte is another"}
-    for (kind, size), one in found.items():
-        counts = (one.copies, one.refused, one.ended, one.harmless, len(one.misread))
-        shown.rows.append((names[kind], size // 1000, *counts))
-    shown.notes.append(
-        f"The small file is cut and changed at every byte, the large one at {LARGE_PLACES} seeded places; "
-        "a changed byte has any other value, and in the small file also all bits flipped, and one."
-    )
-    shown.notes.append("Harmless: names, times and indexes that slipd does not read; every entry reads as written.")
-    shown.notes.append("Misread: an entry, config, boot or time is another, or a damaged file is called complete.")
-    return shown
-
-
-def verdicts(found: dict[tuple[str, int], Damaged]) -> list[str]:
-    """Return one line for each kind of fault."""
-    return [
-        f"recordings: {kind} of {size} bytes: {len(one.misread)} misread"
-        for (kind, size), one in found.items()
-        if one.misread
-    ]

@@ -26,9 +26,9 @@ from mutate.trial import Copy, Outcome
 PROJECT = Path(__file__).parents[3]
 TRUNK = (
     "devices", "signals", "fusion", "motion", "friction", "finger", "grasp", "gripper", "requests", "publish", "engine",
-    "config", "transport", "bus", "zmtp",
+    "config", "io/transport", "io/bus", "io/zmtp",
 )  # fmt: skip
-ROOMS = {name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for name in TRUNK} | {
+ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for name in TRUNK} | {
     "client": ("clients/slipd_client", "tests/unit/client")
 }
 """Room → folder of its sources and of its tests."""

@@ -1,8 +1,8 @@
-"""Run the daemon for long on this machine: unplugging, floods, long loads, faults, idle and hostile peers.
+"""Run the daemon for long on this machine: unplugging, floods, long loads and faults.
 
     make soak    (about two hours with the simulation; writes docs/soak.md)
-    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|endure|subscribers|peers]
-        [--minutes M] [--report FILE]
+    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|endure] [--minutes M]
+        [--report FILE]
 
 The daemon is the real one, with real pseudo-terminals, sockets and processes. Measured are lost readings and messages,
 recovery times, memory, and delays. Times hold for this machine and its present load. The report is printed, and
@@ -21,9 +21,9 @@ from pathlib import Path
 from bench.child import BenchError
 from bench.commit import measured_on
 from bench.tables import Table
-from soak import backlog, endure, flood, peers, subscribers, unplug
+from soak import backlog, endure, flood, unplug
 
-PARTS = ("unplug", "flood", "backlog", "endure", "subscribers", "peers")
+PARTS = ("unplug", "flood", "backlog", "endure")
 ENDURANCE = 3.0
 """The virtual gripper with faults runs for so many times the minutes of the other long parts."""
 
@@ -39,7 +39,7 @@ def main() -> int:
         type=float,
         default=10.0,
         metavar="M",
-        help=f"of the backlog and of stalled subscribers (default 10), and {ENDURANCE:g} times as many of the faults",
+        help=f"of the backlog (default 10), and {ENDURANCE:g} times as many of the faults",
     )
     parser.add_argument(
         "--quick", action="store_true", help="a short run, at most a minute, to check the program itself"
@@ -73,10 +73,6 @@ def _sections(parts: tuple[str, ...], long_s: float, *, quick: bool) -> Iterator
             yield from backlog.run(folder, long_s, quick=quick)
         if "endure" in parts:
             yield from endure.run(folder, ENDURANCE * long_s, quick=quick)
-        if "subscribers" in parts:
-            yield subscribers.run(folder, long_s, quick=quick)
-        if "peers" in parts:
-            yield peers.run(folder, quick=quick)
 
 
 if __name__ == "__main__":

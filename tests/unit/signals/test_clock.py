@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from chart.clocks import follow
-from chart.clocks_streams import BOOT_NS, Stream
+from device_clocks import BOOT_NS, Stream, follow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -8,6 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.signals.clock import DeviceClock
+from slipd.types.arrays import Array
+
 Times = NDArray[np.int64]
 
 BOOT_NS = 1_000_000_000_000  # CLOCK_MONOTONIC at the start of a stream
@@ -85,3 +88,14 @@ def _stall(ready_s: NDArray[np.float64], every_s: float, rng: np.random.Generato
 
 def _ns(seconds: NDArray[np.float64]) -> Times:
     return np.asarray(np.rint(seconds * 1e9), dtype=np.int64)
+
+
+def follow(device: Times, receipt: Times, true: Times, clock: DeviceClock) -> tuple[Array, Array]:
+    """Error and bound of each reading, s; the bound NaN where there is none."""
+    error, bound = np.empty(device.size), np.full(device.size, np.nan)
+    for k, (d, r) in enumerate(zip(device.tolist(), receipt.tolist(), strict=True)):
+        error[k] = clock.map(d, r) - int(true[k])
+        known = clock.uncertainty_ns
+        if known is not None:
+            bound[k] = known
+    return error * 1e-9, bound * 1e-9
