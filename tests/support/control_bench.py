@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from slipd.config import Config
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
 from slipd.types.permit import Permit

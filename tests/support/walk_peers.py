@@ -14,7 +14,7 @@ from slipd.devices.external_gripper.external_gripper_message import encode_regis
 from slipd.devices.robotiq_2f import Session as RobotiqSession
 from slipd.devices.robotiq_2f import robotiq_registers as registers
 from slipd.devices.shared import modbus
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire

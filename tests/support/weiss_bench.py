@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from slipd.devices import dsacon32, wts
-from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.shared.weiss_tactile import TactileSession
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
 from slipd.tools.sim.emulated_wts import WtsModule
@@ -70,7 +69,7 @@ class Bench:
                 pytest.fail("it never stops asking")
 
 
-def dsacon_bench(**device: messages.ControllerInfo) -> Bench:
+def dsacon_bench(**device: dsacon32.ControllerInfo) -> Bench:
     made = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0, **device)
     made.press(np.arange(12))
     return Bench(dsacon32.Session(), made)

@@ -18,6 +18,7 @@ from slipd.devices.shared.device_interface import (
     EVIDENCE,
     INTERFACE,
     Decoder,
+    DecoderHealth,
     Device,
     Evidence,
     GripRange,
@@ -26,7 +27,7 @@ from slipd.devices.shared.device_interface import (
     RateOption,
     Session,
 )
-from slipd.devices.shared.gripper_interface import GripperSession
+from slipd.devices.shared.gripper_session import GripperSession
 from slipd.devices.shared.other_packages import providers
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "EVIDENCE",
     "INTERFACE",
     "Decoder",
+    "DecoderHealth",
     "Device",
     "Evidence",
     "GripRange",

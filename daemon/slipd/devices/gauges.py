@@ -15,9 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slipd.devices import Device, Need
-from slipd.devices.shared import crc
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.frame_scanner import FixedLengthScanner
+from slipd.devices.shared import checksums
+from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
 from slipd.types.samples import WrenchSample
@@ -44,7 +43,7 @@ _SEQUENCE_SPAN = 1 << 16
 _US_SPAN = 1 << 32
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Decode frames to wrench samples: wrench = matrix · (counts − offset).
 
     ``device_time_ns`` is the amplifier's microsecond counter as sent: it wraps every 2^32 µs (71.6 min) and is not
@@ -67,7 +66,7 @@ class Decoder:
     ) -> None:
         self._matrix = np.eye(CHANNELS) if matrix is None else _checked_matrix(matrix)
         self._offset = _array("offset", offset, (CHANNELS,), LARGEST_OFFSET)
-        self.health = DecoderHealth()
+        super().__init__()
         self._sequence = SequenceTracker(_SEQUENCE_SPAN, self.health, in_order=True)
         self._frames = FixedLengthScanner(_SYNC, FRAME_LENGTH, _checksum_matches, self.health)
 
@@ -89,14 +88,14 @@ class Decoder:
 
     def forget(self) -> None:
         """Drop a partial frame and the expected sequence number, because the line was closed."""
-        self._frames.forget()
+        super().forget()
         self._sequence.forget()
 
 
 def _checksum_matches(buffer: bytes, at: int) -> bool:
     if buffer[at + len(_SYNC)] & _RESERVED_STATUS:
         return False
-    return crc.x25_matches(buffer[at + _UNCHECKED : at + FRAME_LENGTH])
+    return checksums.x25_matches(buffer[at + _UNCHECKED : at + FRAME_LENGTH])
 
 
 def _checked_matrix(rows: Sequence[Sequence[float]]) -> Array:
@@ -134,7 +133,7 @@ def encode_frame(counts: Sequence[int], sequence: int, device_time_us: int, stat
         status: Bits 0 to 5: that channel is saturated; bit 6: no channel can be trusted.
     """
     body = _SYNC + _BODY.pack(status, sequence % _SEQUENCE_SPAN, device_time_us % _US_SPAN, *counts)
-    return body + crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
+    return body + checksums.x25(body[_UNCHECKED:]).to_bytes(2, "little")
 
 
 DEVICE = Device(

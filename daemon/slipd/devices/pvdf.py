@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import Device, Need
-from slipd.devices.shared import crc
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared import checksums
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
 from slipd.types.samples import TactileSample
 
@@ -83,7 +83,7 @@ class Decoder:
         size = self._rows * self._length
         if len(data) % size or self._open or self._scan is None or not self._frames.in_sync:
             return None
-        if not crc.x25_all_match(data, range(_UNCHECKED, len(data), self._length), self._length - _UNCHECKED):
+        if not checksums.x25_all_match(data, range(_UNCHECKED, len(data), self._length), self._length - _UNCHECKED):
             return None
         scans = [data[at : at + size] for at in range(0, len(data), size)]
         for later, scan in enumerate(scans):
@@ -128,7 +128,7 @@ class Decoder:
         self._scan, self._open = None, False
 
     def _checksum_matches(self, buffer: bytes, at: int) -> bool:
-        return crc.x25_matches(buffer[at + _UNCHECKED : at + self._length])
+        return checksums.x25_matches(buffer[at + _UNCHECKED : at + self._length])
 
     def _follows(self, row: int, scan: int, time_us: int, dwell_ns: int) -> bool:
         """Return whether a row continues the open scan or begins the next one."""
@@ -194,7 +194,7 @@ def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_
     for row in range(rows):
         time_us = round(device_time_us + row * cols * dwell_us) % _US_SPAN
         body = _SYNC + _HEAD.pack(row, scan_index % _SCAN_SPAN, time_us, dwell) + payload[row].tobytes()
-        frames += body, crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
+        frames += body, checksums.x25(body[_UNCHECKED:]).to_bytes(2, "little")
     return b"".join(frames)
 
 

@@ -15,11 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from slipd.devices import Device
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.frame_scanner import FrameScanner
-from slipd.devices.shared.integer_option import check_integer
-from slipd.devices.shared.sensor_session import SensorSession
-from slipd.devices.shared.startup_sequence import StartupSequence, Step
+from slipd.devices.shared.device_interface import check_integer
+from slipd.devices.shared.frame_scanner import FrameDecoder, FrameScanner
+from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
@@ -45,7 +43,7 @@ _TEXT = frozenset(range(0x20, 0x7F)) | frozenset(b"\0\r\n")
 _STOP_PAUSE_NS = 20_000_000  # for packets that are still on the line after the stop
 
 
-class Decoder:
+class Decoder(FrameDecoder):
     """Return a tactile sample of every static block; ``source`` is the finger, "0" or "1".
 
     ``values`` has shape (28,), raw counts, row by row: 7 rows of 4 columns. The dynamic taxel, the inertial sensors and
@@ -71,7 +69,7 @@ class Decoder:
     def __init__(self, timestamp_unit_ns: int | None = None) -> None:
         if timestamp_unit_ns is not None and not (isinstance(timestamp_unit_ns, int) and timestamp_unit_ns > 0):
             raise ValueError(f"timestamp_unit_ns must be a positive integer, got {timestamp_unit_ns!r}")
-        self.health = DecoderHealth()
+        super().__init__()
         self.firmware = ""
         self._unit_ns = timestamp_unit_ns
         self._unconfirmed: tuple[bytes, int] | None = None
@@ -98,7 +96,7 @@ class Decoder:
 
     def forget(self) -> None:
         """Drop a partial and an unconfirmed packet, because the line was closed."""
-        self._frames.forget()
+        super().forget()
         self.health.bad += self._unconfirmed is not None
         self._unconfirmed = None
         self._newest.clear()

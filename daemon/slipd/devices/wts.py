@@ -15,7 +15,7 @@ import numpy as np
 
 from slipd.devices import Device, RateOption
 from slipd.devices.shared import weiss_tactile as tactile
-from slipd.devices.shared.integer_option import check_integer
+from slipd.devices.shared.device_interface import check_integer
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS, encode
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, Query, TactileDecoder, TactileSession, Words
 from slipd.types.samples import TactileSample

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slipd.devices import Device
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sequence_tracker import FURTHEST_GAP
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slipd import __version__
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.events import IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel

@@ -19,7 +19,7 @@ from fuzz.strength import STRENGTHS
 from project import DOCS
 
 from slipd.devices import DEVICES, Decoder, bota
-from slipd.devices.bota.bota_decoder import FRAME_LENGTH
+from slipd.devices.bota import FRAME_LENGTH
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
 from slipd.types.samples import WrenchSample
 

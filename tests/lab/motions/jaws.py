@@ -16,7 +16,7 @@ import numpy as np
 
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages
 from slipd.tools.sim import emulated_external_gripper, emulated_robotiq_2f, emulated_wsg

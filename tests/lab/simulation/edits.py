@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from slipd.devices import bota
-from slipd.devices.bota.bota_decoder import FRAME_LENGTH
-from slipd.devices.shared import crc
+from slipd.devices.bota import FRAME_LENGTH
+from slipd.devices.shared import checksums
 
 _BOTA = struct.Struct("<BH6fIf")
 _PVDF_HEAD = 12
@@ -71,7 +71,7 @@ def pad(change: RowChange | None = None, *, cols: int = 16, clock_us: Callable[[
                 counts = np.frombuffer(bytes(frame[_PVDF_HEAD:]), "<i2").astype(np.int64)
                 said = np.clip(change(frame[3], counts, now_ns), -32_768, 32_767)
                 frame[_PVDF_HEAD:] = said.astype("<i2").tobytes()
-            frames += bytes(frame), crc.x25(bytes(frame[2:])).to_bytes(2, "little")
+            frames += bytes(frame), checksums.x25(bytes(frame[2:])).to_bytes(2, "little")
         return b"".join(frames)
 
     return edited
@@ -90,7 +90,7 @@ def gripper(change: Callable[[bytearray], None]) -> Bytewise:
         status = bytearray(data[3:9])
         change(status)
         body = data[:3] + bytes(status)
-        return body + crc.modbus(body).to_bytes(2, "little")
+        return body + checksums.modbus(body).to_bytes(2, "little")
 
     return edited
 

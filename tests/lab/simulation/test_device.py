@@ -9,7 +9,7 @@ from simulation.bed import assert_sound
 from simulation.edits import gripper, pad, wrench
 from simulation.faults import Drop, Edit, Text
 
-from slipd.devices.shared import crc
+from slipd.devices.shared import checksums
 
 
 @pytest.mark.parametrize("seed", [1])
@@ -32,7 +32,7 @@ def test_D2_another_version_of_the_format_is_no_reading(held, seed):
         frames = [bytearray(data[at : at + 46]) for at in range(0, len(data), 46)]
         for frame in frames:
             frame[2] = 2
-            frame[44:] = crc.x25(bytes(frame[2:44])).to_bytes(2, "little")
+            frame[44:] = checksums.x25(bytes(frame[2:44])).to_bytes(2, "little")
         return b"".join(frames)
 
     held.line("left.pad").fault = Edit(newer)
@@ -63,7 +63,7 @@ def test_D3_a_pad_that_restarts_its_count_is_reported_as_a_restart_and_loses_not
             frame = bytearray(data[at : at + 44])
             (scan,) = struct.unpack_from("<H", frame, 4)
             struct.pack_into("<H", frame, 4, (scan - first) % 65_536)
-            frames += bytes(frame), crc.x25(bytes(frame[2:])).to_bytes(2, "little")
+            frames += bytes(frame), checksums.x25(bytes(frame[2:])).to_bytes(2, "little")
         return b"".join(frames)
 
     first = held.said_ns // 5_000_000

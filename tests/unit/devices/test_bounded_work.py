@@ -12,9 +12,9 @@ import pytest
 from slipd.devices import DEVICES, external, xela
 from slipd.devices.papillarray import papillarray_frames as pts
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
-from slipd.devices.shared.msgpack_scanner import BYTES_PER_TRY, FREE_TRIES
+from slipd.devices.shared.msgpack_messages import BYTES_PER_TRY, FREE_TRIES
 
 READ = 1024
 CALLS_A_BYTE = 12

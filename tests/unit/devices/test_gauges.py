@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from project import DOCS
 
 from slipd.devices import gauges
-from slipd.devices.shared import crc
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared import checksums
+from slipd.devices.shared.device_interface import DecoderHealth
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]
@@ -121,7 +121,7 @@ def test_N3_no_count_gives_a_value_that_is_not_finite(counts: list[int], entry: 
 def test_D2_another_format_version_is_refused() -> None:
     other = bytearray(frame(1))
     other[2] = 2
-    other[-2:] = crc.x25(bytes(other[2:-2])).to_bytes(2, "little")
+    other[-2:] = checksums.x25(bytes(other[2:-2])).to_bytes(2, "little")
     decoder = gauges.Decoder()
     assert decoder.receive(bytes(other), 0) == []
     assert decoder.health == DecoderHealth(bad=1, bad_bytes=36)

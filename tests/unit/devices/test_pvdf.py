@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from project import DOCS
 
 from slipd.devices import pvdf
-from slipd.devices.shared import crc
+from slipd.devices.shared import checksums
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -157,7 +157,7 @@ def test_another_format_version_is_refused() -> None:
     frames = [bytearray(frame) for frame in rows_of(0)]
     for frame in frames:
         frame[2] = 2
-        frame[-2:] = crc.x25(bytes(frame[2:-2])).to_bytes(2, "little")
+        frame[-2:] = checksums.x25(bytes(frame[2:-2])).to_bytes(2, "little")
     decoder = pvdf.Decoder()
     assert decoder.receive(b"".join(map(bytes, frames)), 0) == []
     assert decoder.health.bad == 8

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slipd.devices import tsf85
-from slipd.devices.shared.startup_sequence import ANSWER_NS, SILENCE_NS
+from slipd.devices.shared.sensor_session import ANSWER_NS, SILENCE_NS
 from slipd.devices.tsf85 import encode_block, encode_packet
 
 MS = 1_000_000

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from device_links import MS, T0, Parse, S, frame, health, status
 
-from slipd.devices import pvdf, xela
-from slipd.devices.bota import bota_text
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices import bota, pvdf, xela
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.engine.device_link import DeviceLink, make_links
 from slipd.events import LinkSpec
 from slipd.types.samples import TactileSample
@@ -58,7 +57,7 @@ def test_only_open_links_to_devices_with_commands_send_last_bytes(links: dict[st
         link.open("address", T0)
     last_bytes = {name: link.farewell() for name, link in links.items()}
     assert last_bytes == {
-        "left.wrench": bota_text.CONFIGURE.encode(),
+        "left.wrench": bota.CONFIGURE.encode(),
         "left.pad": b"",
         "right.pad": b"",
         "gripper": b"",
@@ -110,7 +109,7 @@ def test_a_device_that_sends_unasked_is_sent_nothing(links: dict[str, DeviceLink
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
     """Identify the sensor and send one reading; return how many readings are used."""
     link.open("port", t_ns)
-    link.receive(bota_text.encode_banner("MiniONE", serial), t_ns)
+    link.receive(bota.encode_banner("MiniONE", serial), t_ns)
     return len(link.receive(frame(t_ns), t_ns))
 
 

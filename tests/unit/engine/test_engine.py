@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slipd.devices import xela
-from slipd.devices.bota import bota_text
+from slipd.devices import bota, xela
 from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
 from slipd.events import Bytes, Publish, Write
@@ -57,7 +56,7 @@ def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(
     run: Run, make_run: Callable[[str], Run], left: str
 ) -> None:
     """A WSG treats a connection that breaks as a fault, and stops."""
-    assert run.engine.farewell() == [Write("left.wrench", bota_text.CONFIGURE.encode())]
+    assert run.engine.farewell() == [Write("left.wrench", bota.CONFIGURE.encode())]
     wsg = make_run(left + WSG)
     wsg.up("gripper")
     assert wsg.engine.farewell() == [Write("gripper", wsg_messages.encode(wsg_messages.DISCONNECT))]

@@ -7,7 +7,7 @@ gripper continuously, and answers every set-point. docs/devices.md describes the
 from __future__ import annotations
 
 from slipd.devices import Device
-from slipd.devices.external_gripper.external_gripper_decoder import Decoder
+from slipd.devices.external_gripper.external_gripper_message import Decoder
 from slipd.devices.external_gripper.external_gripper_session import Session
 
 __all__ = ["DEVICE", "Decoder", "Session"]

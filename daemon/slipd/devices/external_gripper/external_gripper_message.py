@@ -10,12 +10,27 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgpack
+from pydantic import AfterValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
-from slipd.devices.shared.msgpack_bounds import FIXARRAY, FIXSTR, NIL, NUMBER_LENGTHS, STR8, map_end, text_end
-from slipd.devices.shared.partial_message import Malformed, arrived, byte_at, message_length
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.msgpack_messages import (
+    FIXARRAY,
+    FIXSTR,
+    NIL,
+    NUMBER_LENGTHS,
+    STR8,
+    Malformed,
+    MsgpackScanner,
+    arrived,
+    byte_at,
+    map_end,
+    message_length,
+    text_end,
+)
+from slipd.types.samples import GripperSample
 
 VERSION = 1
 
@@ -32,45 +47,64 @@ MAX_FORCE_N = 10_000.0
 
 LAST_ID = (1 << 63) - 1
 
-OBJECTS = ("none", "moving", "contact_opening", "contact_closing")
-
 REGISTERED, REFUSED = "registered", "refused"
 
-_REGISTRATION = {"v", "name", "width_range_m", "force_range_n"}
-_REPORT = {"v", "width_m"}
-_OF_REGISTRATION = _REGISTRATION | {"speed_range_mps"}
-_OF_REPORT = _REPORT | {"active", "moving", "object", "fault", "force_n", "id", "applied_n", "error"}
-_SIZES = range(len(_REPORT), len(_OF_REPORT) + 1)
+_KEYS = (
+    *("v", "name", "width_range_m", "force_range_n", "speed_range_mps"),
+    *("width_m", "active", "moving", "object", "fault", "force_n", "id", "applied_n", "error"),
+)
+_SIZES = range(2, 11)  # from the least report to the fullest
 _SCALAR_LENGTHS = NUMBER_LENGTHS | {NIL: 1, 0xC2: 1, 0xC3: 1}  # numbers, nil, false, true
-_NAME = re.compile(r"[A-Za-z0-9_./ -]+")
-_WORD = re.compile(r"[a-z][a-z0-9_]*")
 
-Range = tuple[float, float]
+
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] < ends[1]:
+        raise ValueError("a range must rise")
+    return ends
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("a text must be printable")
+    return text
+
+
+Metres = Annotated[float, Strict(), Field(ge=0.0, le=MAX_WIDTH_M)]
+Newtons = Annotated[float, Strict(), Field(ge=0.0, le=MAX_FORCE_N)]
+Speed = Annotated[float, Strict(), Field(ge=0.0, le=MAX_SPEED_MPS)]
+Flag = Annotated[bool, Strict()]
+Rising = AfterValidator(_rising)
+
+_CHECKED = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True, slots=True)
 class Registration:
     """Name of a driver and ranges of its gripper; see `encode_registration`."""
 
-    name: str
-    width_range_m: Range
-    force_range_n: Range
-    speed_range_mps: Range | None = None
+    __pydantic_config__: ClassVar = _CHECKED
+
+    name: Annotated[str, Strict(), Field(pattern=r"^[A-Za-z0-9_./ -]+$")]
+    width_range_m: Annotated[tuple[Metres, Metres], Rising]
+    force_range_n: Annotated[tuple[Newtons, Newtons], Rising]
+    speed_range_mps: Annotated[tuple[Speed, Speed], Rising] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
     """State of the gripper, sent regularly and as the answer to a set-point; see `encode_report`."""
 
-    width_m: float | None
-    active: bool = True
-    moving: bool = False
-    object: str = "none"
-    fault: str = ""
-    force_n: float | None = None
-    id: int | None = None
-    applied_n: float | None = None
-    error: str = ""
+    __pydantic_config__: ClassVar = _CHECKED
+
+    width_m: Metres | None
+    active: Flag = True
+    moving: Flag = False
+    object: Literal["none", "moving", "contact_opening", "contact_closing"] = "none"
+    fault: Annotated[str, Strict(), Field(pattern=r"^([a-z][a-z0-9_]*)?$")] = ""
+    force_n: Annotated[float, Strict(), Field(ge=-MAX_FORCE_N, le=MAX_FORCE_N)] | None = None
+    id: Annotated[int, Strict(), Field(ge=1, le=LAST_ID)] | None = None
+    applied_n: Newtons | None = None
+    error: Annotated[str, Strict(), AfterValidator(_printable)] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +115,8 @@ class Foreign:
 
 
 Message = Registration | Report | Foreign
+
+_REGISTRATIONS, _REPORTS = TypeAdapter(Registration), TypeAdapter(Report)
 
 
 def measure(buffer: bytes, at: int) -> int:
@@ -109,13 +145,13 @@ def _scalar_end(buffer: bytes, at: int) -> int:
     return arrived(buffer, at + length)
 
 
-_VALUE_ENDS = {key.encode(): _value_end for key in _OF_REGISTRATION | _OF_REPORT}
+_VALUE_ENDS = {key.encode(): _value_end for key in _KEYS}
 
 
 def parse(data: bytes) -> Message | None:
     """Return the content of a measured message; None if a value is impossible."""
     try:
-        body: dict[str, Any] = msgpack.unpackb(data)
+        body: dict[str, Any] = msgpack.unpackb(data, use_list=False)
     except UnicodeDecodeError:
         return None
     version = body.get("v")
@@ -123,73 +159,13 @@ def parse(data: bytes) -> Message | None:
         return None
     if version != VERSION:
         return Foreign(version)
-    if body.keys() >= _REGISTRATION and body.keys() <= _OF_REGISTRATION:
-        return _registration(body)
-    if body.keys() >= _REPORT and body.keys() <= _OF_REPORT:
-        return _report(body)
-    return None
-
-
-def _registration(body: dict[str, Any]) -> Registration | None:
-    name, speeds = body["name"], body.get("speed_range_mps")
-    is_possible = (
-        isinstance(name, str)
-        and _NAME.fullmatch(name)
-        and _is_range(body["width_range_m"], MAX_WIDTH_M)
-        and _is_range(body["force_range_n"], MAX_FORCE_N)
-        and (speeds is None or _is_range(speeds, MAX_SPEED_MPS))
-    )
-    if not is_possible:
+    del body["v"]
+    try:
+        if "width_m" not in body:
+            return _REGISTRATIONS.validate_python(body)
+        return _REPORTS.validate_python({"object": "moving" if body.get("moving") else "none"} | body)
+    except ValidationError:
         return None
-    widths, forces = _pair(body["width_range_m"]), _pair(body["force_range_n"])
-    return Registration(name, widths, forces, None if speeds is None else _pair(speeds))
-
-
-def _report(body: dict[str, Any]) -> Report | None:
-    moving = body.get("moving", False)
-    answer, applied_n = body.get("id"), body.get("applied_n")
-    found = body.get("object", "moving" if moving else "none")
-    fault, error = body.get("fault", ""), body.get("error", "")
-    is_possible = (
-        _is_number(body["width_m"], 0.0, MAX_WIDTH_M)
-        and _is_number(body.get("force_n"), -MAX_FORCE_N, MAX_FORCE_N)
-        and _is_number(applied_n, 0.0, MAX_FORCE_N)
-        and (answer is None or (type(answer) is int and 0 < answer <= LAST_ID))
-        and isinstance(body.get("active", True), bool)
-        and isinstance(moving, bool)
-        and found in OBJECTS
-        and isinstance(fault, str)
-        and (not fault or _WORD.fullmatch(fault))
-        and isinstance(error, str)
-        and error.isprintable()
-    )
-    if not is_possible:
-        return None
-    width_m, force_n = _float(body["width_m"]), _float(body.get("force_n"))
-    active = body.get("active", True)
-    return Report(width_m, active, moving, found, fault, force_n, answer, _float(applied_n), error)
-
-
-def _is_number(value: Any, low: float, high: float) -> bool:
-    """Return whether a value is a number within bounds, or nil."""
-    return value is None or (type(value) in (int, float) and low <= value <= high)
-
-
-def _is_range(value: Any, high: float) -> bool:
-    return (
-        isinstance(value, list)
-        and None not in value
-        and all(_is_number(end, 0.0, high) for end in value)
-        and value[0] < value[1]
-    )
-
-
-def _pair(value: list[float]) -> Range:
-    return float(value[0]), float(value[1])
-
-
-def _float(value: float | None) -> float | None:
-    return None if value is None else float(value)
 
 
 def encode_registration(registration: Registration) -> bytes:
@@ -252,3 +228,47 @@ def encode_notice(key: str, text: str) -> bytes:
     """
     data: bytes = msgpack.packb({"v": VERSION, key: text})
     return data
+
+
+_BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf]|\Z)")  # a map of 2 to 10 fields, and a key
+
+
+class Decoder:
+    """Return a gripper sample of every report; `Session` sets its ``echo_ok``, because it knows the requests.
+
+    Bytes outside messages are `bad_bytes`, and each stretch of them is one `bad`; so is a message with an unknown key,
+    a value of the wrong type, or a number that is not finite or beyond any gripper's range.
+    """
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+        self._scanner: MsgpackScanner[Message] = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=False)
+
+    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
+        samples = [sample(message, t_ns) for message in self.messages(data) if isinstance(message, Report)]
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Drop a partial message, because the line was closed."""
+        self._scanner.forget()
+
+    def messages(self, data: bytes) -> list[Message]:
+        """Decode bytes; return every message they complete."""
+        return self._scanner.messages(data)
+
+
+def sample(report: Report, t_ns: int) -> GripperSample:
+    """Return the reading of a report received at ``t_ns``."""
+    return GripperSample(
+        t_ns=t_ns,
+        device_time_ns=None,
+        active=report.active,
+        width_m=report.width_m,
+        moving=report.moving,
+        object=report.object,
+        fault=report.fault,
+        echo_ok=None,
+        force_n=report.force_n,
+    )

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 from slipd.devices.external_gripper import external_gripper_message as wire
-from slipd.devices.external_gripper.external_gripper_decoder import Decoder, sample
-from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report
-from slipd.devices.external_gripper.external_gripper_setpoint_queue import SetpointQueue
-from slipd.devices.external_gripper.external_gripper_states import ACTIVATION, TRANSITIONS, Event, State
-from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
-from slipd.devices.shared.integer_option import check_integer
-from slipd.devices.shared.state_machine import StateMachine
+from slipd.devices.external_gripper.external_gripper_message import Decoder, Foreign, Registration, Report, sample
+from slipd.devices.external_gripper.external_gripper_setpoints import ACTIVATION, TRANSITIONS, SetpointQueue
+from slipd.devices.shared.device_interface import check_integer
+from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, check_range
 from slipd.types.samples import GripperSample
 
 ANSWER_MS = 100
@@ -32,7 +29,7 @@ class Session(GripperSessionBase):
 
     `state` is "closed", "waiting" (for the registration or the first report), "inactive", "activating", "active", a
     fault, "no reply" (no recent report), "command lost" with the reason, or why the driver was refused. `identity` is
-    the name that the driver registered. `external_gripper_states` lists what the gripper accepts in each state.
+    the name that the driver registered. `external_gripper_setpoints` lists what the gripper accepts in each state.
     A driver may register again under the same name; after another name its messages are ignored until it reconnects or
     registers under the first name.
     `health.lost` counts unanswered set-points, `duplicates` answers to no set-point, `restarts` registrations after the
@@ -212,7 +209,7 @@ class Session(GripperSessionBase):
             return
         if self._queue.activation_is_sent:
             self._machine.handle(Event.ACTIVATION_SENT)
-        elif self._machine.handle(Event.ACTIVATION_OVER):
+        elif self._machine.handle(Event.ACTIVATION_ENDED):
             self._repeat_report()
 
     def _repeat_report(self) -> None:

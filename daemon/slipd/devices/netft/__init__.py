@@ -9,9 +9,8 @@ of the sensor, which slipd changes only where the option ``output_hz`` is given 
 from __future__ import annotations
 
 from slipd.devices import Device, RateOption
-from slipd.devices.netft.netft_decoder import Decoder
-from slipd.devices.netft.netft_output_rate import FASTEST_HZ
-from slipd.devices.netft.netft_session import Session, inquiry
+from slipd.devices.netft.netft_calibration import FASTEST_HZ
+from slipd.devices.netft.netft_session import Decoder, Session, inquiry
 
 __all__ = ["DEVICE", "Decoder", "Session", "inquiry"]
 

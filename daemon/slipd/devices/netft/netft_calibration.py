@@ -1,6 +1,10 @@
-"""Calibration of an ATI Net F/T or Ethernet Axia: the value of one count, and the two ways to request it.
+"""What a Net F/T or Ethernet Axia reports of itself and can be told: the value of a count, and its output rate.
 
-Source: ATI Ethernet Axia manual (READCALINFO over TCP, the page ``netftapi2.xml`` over HTTP).
+Source of the calibration: ATI Ethernet Axia manual (READCALINFO over TCP, the page ``netftapi2.xml`` over HTTP). The
+output rate is read on that page, set by a CGI, and judged by the page again: ATI manual 9620-05-NET FT, section 8 (a
+GET of ``/PAGE.cgi?variable=value`` sets a variable); gbartyzel/ros2_net_ft_driver, ``ati_ft_interface.cpp``:
+``comm.cgi`` and ``comrdtrate``, up to 7000 Hz. Public clients quote section 4.7 of the manual: the rate is the sensor's
+clock divided by a whole number, and another one is rounded up. None of them reads what the CGI answers.
 """
 
 from __future__ import annotations
@@ -18,7 +22,10 @@ MAX_ANSWER = 1 << 16
 COUNTS = (1.0, 1e12)
 """Smallest and largest plausible counts per unit; sensors in use have a million per newton or pound."""
 
-INTERNAL_HZ = (1.0, 1e6)
+INTERNAL_HZ = 7000.0
+"""Rate of the sensor's clock where nothing else is reported, Hz."""
+
+CLOCKS_HZ = (1.0, 1e6)
 """Lowest and highest plausible rate of the sensor's clock, Hz; the sensors in use have 7000."""
 
 _LBF = 4.448_221_615_260_5
@@ -131,7 +138,7 @@ def checked_hz(name: str, rate_hz: float) -> float:
     Raises:
         ValueError: The rate is out of range.
     """
-    slowest, fastest = INTERNAL_HZ
+    slowest, fastest = CLOCKS_HZ
     if not (rate_hz == 0 or slowest <= rate_hz <= fastest):
         raise ValueError(f"{name} must be a rate from {slowest:g} to {fastest:g} Hz, or 0 for none, got {rate_hz:g}")
     return rate_hz
@@ -171,7 +178,7 @@ def _rate_hz(text: str | None) -> float | None:
         rate_hz = float(text or 0)
     except ValueError:
         return None
-    return rate_hz if INTERNAL_HZ[0] <= rate_hz <= INTERNAL_HZ[1] else None
+    return rate_hz if CLOCKS_HZ[0] <= rate_hz <= CLOCKS_HZ[1] else None
 
 
 def _per_count(name: str, units: Mapping[str, float], unit: str, counts: float) -> float:
@@ -187,3 +194,65 @@ def _per_count(name: str, units: Mapping[str, float], unit: str, counts: float) 
 def _plain(unit: object) -> str:
     """Return a unit in a common spelling: sensors also write "Nm" for "N-m" and "g" for "gf"; a config may be wrong."""
     return str(unit).lower().replace("-", "").replace("f", "", 1)
+
+
+FASTEST_HZ = 7912
+"""Highest output rate in the manual of the Axia."""
+
+_SET = "GET /comm.cgi?comrdtrate={} HTTP/1.0\r\n\r\n"
+
+
+def checked_output_hz(output_hz: int, calibration: str) -> int:
+    """Return the rate to set, Hz; 0 for none.
+
+    Raises:
+        ValueError: The rate is out of range, or not one that the page can confirm.
+    """
+    if output_hz not in range(FASTEST_HZ + 1):
+        raise ValueError(
+            f"output_hz must be an integer from 1 to {FASTEST_HZ}, or 0 for the sensor's own setting, got {output_hz}"
+        )
+    if output_hz and calibration != "xml":
+        raise ValueError(
+            f'output_hz = {output_hz} needs calibration = "xml": only the sensor\'s web page reports its output rate, '
+            f'got calibration = "{calibration}"'
+        )
+    return int(output_hz)
+
+
+def encode_change(output_hz: int) -> bytes:
+    """Return the request that sets the output rate."""
+    return _SET.format(output_hz).encode()
+
+
+def needed_change(output_hz: int, page: bytes) -> bytes:
+    """Return the request that sets the rate; empty if the page reports that it is set, or reports no rate.
+
+    The sensor stores the rate, so slipd never writes it without need.
+    """
+    calibration = read_xml(page)
+    if not isinstance(calibration, Calibration) or calibration.output_hz is None:
+        return b""
+    return b"" if _is_set(output_hz, calibration.output_hz, calibration) else encode_change(output_hz)
+
+
+def rate_fault(output_hz: int, calibration: Calibration) -> str:
+    """Return why the rate is not set according to the page that the sensor sent last, for people; "" if it is."""
+    if not output_hz:
+        return ""
+    if calibration.output_hz is None:
+        return f"its web page reports no output rate, so slipd did not set output_hz = {output_hz}"
+    if _is_set(output_hz, calibration.output_hz, calibration):
+        return ""
+    return f"the sensor did not take output_hz = {output_hz}: its web page reports {calibration.output_hz:g} Hz"
+
+
+def rounded_hz(output_hz: int, internal_hz: float) -> float:
+    """Return the rate at which a sensor runs that is set to ``output_hz``, Hz: the next fraction of its clock."""
+    return internal_hz / max(internal_hz // output_hz, 1)
+
+
+def _is_set(output_hz: int, reported_hz: float, calibration: Calibration) -> bool:
+    """Return whether the page reports the rate, or what the sensor makes of it."""
+    rounded = rounded_hz(output_hz, calibration.internal_hz or INTERNAL_HZ)
+    return min(abs(reported_hz - output_hz), abs(reported_hz - rounded)) < 1.0

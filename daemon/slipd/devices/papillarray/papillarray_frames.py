@@ -24,7 +24,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from slipd.devices.shared.partial_message import Incomplete, Malformed, arrived
+from slipd.devices.shared.msgpack_messages import Incomplete, Malformed, arrived
 from slipd.types.arrays import Array
 
 START = b"\x55\x66\x77\x88"

@@ -8,8 +8,8 @@ config convert them to metres and newtons. Source: Robotiq 2F instruction manual
 from __future__ import annotations
 
 from slipd.devices import Device, GripRange, Need, RateOption
-from slipd.devices.robotiq_2f.robotiq_decoder import Decoder
 from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS
+from slipd.devices.robotiq_2f.robotiq_registers import Decoder
 from slipd.devices.robotiq_2f.robotiq_session import Session
 
 __all__ = ["DEVICE", "Decoder", "Session"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from slipd.devices.robotiq_2f.robotiq_registers import INPUT_ADDRESS, REGISTERS
 from slipd.devices.shared import modbus
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 
 COMMAND_PAUSE_NS = 5_000_000
 """Pause between commands from the manual: the registers are refreshed at 200 Hz."""

@@ -7,10 +7,12 @@ then speed and force, or position and current. Source: Robotiq 2F instruction ma
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from slipd.devices.shared import modbus
+from slipd.devices.shared import checksums, modbus
+from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
 from slipd.types.samples import GripperSample
 
 UNIT = 9
@@ -144,3 +146,36 @@ def _fault_name(fault: int) -> str:
     if gripper or not controller:
         return _FAULTS.get(gripper, f"fault_{gripper}")
     return f"controller_{controller}"
+
+
+_STATUS = struct.Struct(f">{REGISTERS}H")
+_STATUS_AT = 3
+_STATUS_LENGTH = _STATUS_AT + _STATUS.size + 2
+
+
+class Decoder(FrameDecoder):
+    """Decode the status replies in a stream to gripper samples; skip everything else.
+
+    ``echo_ok`` and ``width_m`` are None, because the replies contain neither the request nor the width in metres;
+    `Session` sets them.
+
+    Args:
+        unit: Modbus address of the gripper.
+    """
+
+    def __init__(self, unit: int = UNIT) -> None:
+        super().__init__()
+        self._frames = FixedLengthScanner(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
+
+    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
+        """Decode bytes received at ``t_ns``; return the status readings they complete."""
+        buffer, found = self._frames.receive(data)
+        self.health.good += len(found)
+        return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]
+
+
+def _is_status(buffer: bytes, at: int) -> bool:
+    if buffer[at + 1] not in (modbus.READ_HOLDING, modbus.READ_INPUT) or buffer[at + 2] != _STATUS.size:
+        return False
+    frame = buffer[at : at + _STATUS_LENGTH]
+    return checksums.modbus(frame[:-2]) == int.from_bytes(frame[-2:], "little")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from slipd.devices.robotiq_2f.robotiq_commands import (
+    ACTIVATION,
+    TRANSITIONS,
+    Goal,
+    RegisterWrite,
+    WriteKind,
+    WriteQueue,
+)
 from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS, RobotiqLine
 from slipd.devices.robotiq_2f.robotiq_registers import UNIT, is_activating, parse_status
-from slipd.devices.robotiq_2f.robotiq_states import ACTIVATION, TRANSITIONS, Event, State
 from slipd.devices.robotiq_2f.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, Table, Units
-from slipd.devices.robotiq_2f.robotiq_write_queue import Goal, RegisterWrite, WriteKind, WriteQueue
 from slipd.devices.shared import modbus
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.gripper_session_base import GripperSessionBase
-from slipd.devices.shared.integer_option import check_integer
-from slipd.devices.shared.state_machine import StateMachine
+from slipd.devices.shared.device_interface import DecoderHealth, check_integer
+from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine
 from slipd.types.samples import GripperSample
 
 LAST_UNIT = 247
@@ -25,7 +29,7 @@ class Session(GripperSessionBase):
     """Poll the gripper and carry out permits, one transaction at a time.
 
     `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
-    `robotiq_states` lists what the gripper accepts in each state.
+    `robotiq_commands` lists what the gripper accepts in each state.
 
     ``echo_ok`` of a sample is whether the gripper echoes the position sent last. Force and speed are not echoed;
     only the acknowledgement of the write shows that they arrived.
@@ -61,7 +65,9 @@ class Session(GripperSessionBase):
             raise ValueError(f"poll_period_s must be at least 0.005, got {poll_period_s}")
         check_integer("unit", unit, 1, LAST_UNIT)
         self.health = DecoderHealth()
-        self._units = Units(force_table, width_table, speed_table)
+        self._units = units = Units(force_table, width_table, speed_table)
+        self.width_range_m, self.width_step_m = units.width_range_m, units.width_step_m
+        self.speed_range_mps, self.force_range_n = units.speed_range_mps, units.force_range_n
         self._line = RobotiqLine(unit, round(poll_period_s * 1e9), self.health)
         self._queue = WriteQueue(unit)
         self._reset(State.CLOSED)
@@ -84,26 +90,6 @@ class Session(GripperSessionBase):
         if self.command_lost:
             return "command lost"
         return "activating" if self.activating else state.value
-
-    @property
-    def width_range_m(self) -> tuple[float, float]:
-        """Smallest and largest width between the pads, m."""
-        return self._units.width_range_m
-
-    @property
-    def width_step_m(self) -> float:
-        """Resolution of the reported width, m."""
-        return self._units.width_step_m
-
-    @property
-    def speed_range_mps(self) -> tuple[float, float] | None:
-        """Smallest and largest speed, m/s; None if the speed cannot be set."""
-        return self._units.speed_range_mps
-
-    @property
-    def force_range_n(self) -> tuple[float, float]:
-        """Smallest and largest force, N on one pad."""
-        return self._units.force_range_n
 
     @property
     def force_sent_n(self) -> float | None:

@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from slipd.devices.shared.gripper_session_base import check_range
+from slipd.devices.shared.gripper_session import check_range
 
 Table = Sequence[tuple[float, float]]
 

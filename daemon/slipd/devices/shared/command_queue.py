@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 
 ATTEMPTS = 3
 """A command that is unanswered this often is lost."""

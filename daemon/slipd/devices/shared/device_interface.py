@@ -1,4 +1,4 @@
-"""Interface of a device: decoder, session, and the description by which slipd knows it.
+"""Interface of a device: decoder, session, health, and the description by which slipd knows it.
 
 `slipd.devices` exports all of it. A device of another package states the version `INTERFACE` that it was written for.
 """
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from slipd.devices.shared.decoder_health import DecoderHealth
     from slipd.types.samples import Sample
+
 
 INTERFACE = 1
 """Version of this interface. It rises when a device written for the version before would no longer work."""
@@ -38,11 +38,9 @@ class Decoder(Protocol):
 
     def receive(self, data: bytes, t_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
-        ...
 
     def forget(self) -> None:
         """Drop a partial frame and any expectation of what follows, because the line was closed."""
-        ...
 
 
 @runtime_checkable
@@ -58,32 +56,25 @@ class Session(Protocol):
     @property
     def state(self) -> str:
         """State of the session, as a short text for people."""
-        ...
 
     @property
     def identity(self) -> str:
         """Identity that the device reports, such as its serial number; "" if it reports none, or none yet."""
-        ...
 
     def start(self, now_ns: int) -> bytes:
         """Begin, on a freshly opened link."""
-        ...
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
-        ...
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None for never."""
-        ...
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the bytes that are due to be sent at ``now_ns``; empty if there are none."""
-        ...
 
     def stop(self) -> bytes:
         """End; return the last bytes to send."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,3 +219,38 @@ class Device:
     emulator: str = ""
     about: str = ""
     interface: int | None = None
+
+
+@dataclass(slots=True)
+class DecoderHealth:
+    """Counts and findings of a decoder since it was made; the counters only rise.
+
+    Attributes:
+        good: Readings returned.
+        bad: Invalid stream, in frames.
+        lost: Readings that are missing according to the device's own sequence numbers.
+        bad_bytes: Bytes that belong to no valid frame.
+        duplicates: Readings that were repeated, or came after a newer one; they are dropped.
+        restarts: Times that the device's own sequence numbers started again.
+        note: For people: how the bytes are interpreted, or why they give no readings; "" if there is nothing to say.
+        warning: What is wrong with the device although its readings count; "" if nothing is.
+    """
+
+    good: int = 0
+    bad: int = 0
+    lost: int = 0
+    bad_bytes: int = 0
+    duplicates: int = 0
+    restarts: int = 0
+    note: str = ""
+    warning: str = ""
+
+
+def check_integer(name: str, value: object, least: int, most: int) -> None:
+    """Check an option of a decoder or session.
+
+    Raises:
+        ValueError: It is not an integer, or out of bounds.
+    """
+    if not (isinstance(value, int) and least <= value <= most):
+        raise ValueError(f"{name} must be an integer from {least} to {most}, got {value!r}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 
 
 class FrameScanner:
@@ -161,3 +161,20 @@ class FixedLengthScanner(FrameScanner):
         if len(data) == self._length and self.in_sync and data.startswith(self._sync) and self._check(data, 0):
             return data, [(0, True)]
         return super().receive(data)
+
+
+class FrameDecoder:
+    """Base of decoders that find frames by a scanner; a subclass sets ``_frames`` and adds ``receive``.
+
+    Attributes:
+        health: Its counts.
+    """
+
+    _frames: FrameScanner
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+
+    def forget(self) -> None:
+        """Drop a partial frame, because the line was closed."""
+        self._frames.forget()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from slipd.devices.shared import crc
+from slipd.devices.shared import checksums
 
 READ_HOLDING = 3
 READ_INPUT = 4
@@ -136,11 +136,11 @@ def parse_requests(received: bytes, unit: int) -> tuple[list[Request], bytes]:
 
 
 def _with_checksum(body: bytes) -> bytes:
-    return body + crc.modbus(body).to_bytes(_CRC_LENGTH, "little")
+    return body + checksums.modbus(body).to_bytes(_CRC_LENGTH, "little")
 
 
 def _checksum_matches(frame: bytes) -> bool:
-    return crc.modbus(frame[:-_CRC_LENGTH]) == int.from_bytes(frame[-_CRC_LENGTH:], "little")
+    return checksums.modbus(frame[:-_CRC_LENGTH]) == int.from_bytes(frame[-_CRC_LENGTH:], "little")
 
 
 def _reply_head(request: Request) -> bytes:

@@ -3,7 +3,10 @@
 Used by the ATI Net F/T and Ethernet Axia, and by the OptoForce Ethernet converter. A record, big-endian: record number
 (u32), sensor clock in ticks (u32), status (u32), force x y z and torque x y z in counts (6 × i32). It has neither sync
 nor checksum (UDP has one), so after lost bytes the scanner finds the records again by what must be consistent from one
-record to the next. Source: ATI Ethernet Axia manual, OptoForce Ethernet converter manual.
+record to the next. A record that overtook another on the network, a repeated one
+and a lost one are told apart here.
+
+Source: ATI Ethernet Axia manual, OptoForce Ethernet converter manual.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.sequence_tracker import LATE_WITHIN, SequenceTracker
 from slipd.types.arrays import Array

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 
 LATE_WITHIN = 32
 """A number at most this far behind the newest is a late or repeated reading; one further behind is a restart."""

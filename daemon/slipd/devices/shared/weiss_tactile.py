@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.sensor_session import SensorSession
-from slipd.devices.shared.startup_sequence import SILENCE_NS, StartupSequence, Step
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.sensor_session import SILENCE_NS, SensorSession, StartupSequence, Step
 from slipd.devices.shared.weiss_packets import PREAMBLE, Packet, PacketScanner, encode, status_word
 from slipd.types.samples import TactileSample
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
-from slipd.devices.shared.integer_option import check_integer
-from slipd.devices.shared.startup_sequence import StartupSequence, Step
-from slipd.devices.shared.state_machine import StateMachine
+from slipd.devices.shared.device_interface import check_integer
+from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, check_range
+from slipd.devices.shared.sensor_session import StartupSequence, Step
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_command_queue import HOME, WsgCommandQueue
-from slipd.devices.wsg.wsg_decoder import Decoder
+from slipd.devices.wsg.wsg_commands import (
+    ACTIVATION,
+    HOME,
+    IN_PROGRESS,
+    QUEUED,
+    TRANSITIONS,
+    WsgCommandQueue,
+    report_of,
+)
+from slipd.devices.wsg.wsg_decoder import Decoder, Reply
 from slipd.devices.wsg.wsg_messages import FINGERS, Limits
-from slipd.devices.wsg.wsg_reply_scanner import Reply
-from slipd.devices.wsg.wsg_states import ACTIVATION, IN_PROGRESS, QUEUED, TRANSITIONS, Event, State, report_of
 from slipd.types.samples import GripperSample
 
 PERIOD_MS = 20
@@ -40,7 +45,7 @@ class Session(GripperSessionBase):
 
     `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
     lost" with the reason, or the request that the gripper refuses; "active" is followed by the gripper's warnings.
-    `identity` is its serial number. `wsg_states` lists what the gripper accepts in each state.
+    `identity` is its serial number. `wsg_commands` lists what the gripper accepts in each state.
 
     ``echo_ok`` of a sample is whether the force limit was read back as it was set. Widths are between the gripper's
     own fingers, without pads. The largest force is the nominal one, or with ``overdrive`` the overdrive force.
@@ -186,7 +191,7 @@ class Session(GripperSessionBase):
             return request
         if self.activating and now_ns >= self._homing_until_ns:
             self._queue.give_up(f"no end of {HOME.name}")
-            self._machine.handle(Event.HOMING_ENDED)
+            self._machine.handle(Event.ACTIVATION_ENDED)
         command = self._queue.on_time(now_ns)
         self._follow_homing()
         return request + command
@@ -242,9 +247,9 @@ class Session(GripperSessionBase):
             return
         if self._queue.homing_is_sent:
             self._reported = None
-            self._machine.handle(Event.HOMING_SENT)
+            self._machine.handle(Event.ACTIVATION_SENT)
         else:
-            self._machine.handle(Event.HOMING_DROPPED)
+            self._machine.handle(Event.ACTIVATION_DROPPED)
             self._repeat_report()
 
     def _handle_reply(self, reply: Reply, now_ns: int) -> None:
@@ -261,7 +266,7 @@ class Session(GripperSessionBase):
         else:
             self._queue.handle_motion_end(reply)
         if reply.id == wire.HOME and reply.status != wire.PENDING:
-            self._machine.handle(Event.HOMING_ENDED)
+            self._machine.handle(Event.ACTIVATION_ENDED)
 
     def _handle_info(self, reply: Reply) -> None:
         if reply.id == wire.LIMITS:

@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from slipd.devices import DEVICES, Device
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.events import LinkSpec
 from slipd.tools.discovery.capture import Capture

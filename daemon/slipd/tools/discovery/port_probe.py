@@ -15,8 +15,7 @@ from typing import Any, cast
 
 import serial
 
-from slipd.devices import DEVICES, Device, Session, pvdf
-from slipd.devices.robotous import robotous_packets
+from slipd.devices import DEVICES, Device, Session, pvdf, robotous
 from slipd.types.samples import TactileSample
 
 LISTEN_S = 0.6
@@ -154,12 +153,12 @@ async def _read(port: serial.Serial, seconds: float) -> list[tuple[int, bytes]]:
 async def _ask(port: serial.Serial, name: str) -> Found | None:
     """Ask for one device; return it if it answers."""
     if name == "robotous":
-        port.write(robotous_packets.encode_command(robotous_packets.PRODUCT_NAME))
+        port.write(robotous.encode_command(robotous.PRODUCT_NAME))
         data = b"".join(piece for _, piece in await _read(port, ASK_S))
-        at = data.find(robotous_packets.SYNC)
-        if at < 0 or not robotous_packets.is_valid_response(data, at):
+        at = data.find(robotous.SYNC)
+        if at < 0 or not robotous.is_valid_response(data, at):
             return None
-        return Found(name, identity=robotous_packets.parse_name(data[at + 2 :]))
+        return Found(name, identity=robotous.parse_name(data[at + 2 :]))
     session = cast("Callable[..., Session]", DEVICES[name].session)(**question_options(DEVICES[name]))
     samples: list[tuple[int, Any]] = []
     port.write(session.start(time.monotonic_ns()))

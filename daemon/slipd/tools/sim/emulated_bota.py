@@ -14,7 +14,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
-from slipd.devices.bota import bota_text
 from slipd.types.arrays import Array
 
 BOOT_NS = 200_000_000
@@ -84,11 +83,11 @@ class BotaSensor:
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
         self._next_ns = t_ns + BOOT_NS
-        self._received, self._text = b"", bota_text.encode_banner(NAME, SERIAL)
+        self._received, self._text = b"", bota.encode_banner(NAME, SERIAL)
 
     def receive(self, data: bytes, t_ns: int) -> bytes:
         """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
-        commands, self._received = bota_text.parse_commands(self._received + data)
+        commands, self._received = bota.parse_commands(self._received + data)
         return b"".join(self._obey(command, t_ns) for command in commands)
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
@@ -120,7 +119,7 @@ class BotaSensor:
         device_us = round(elapsed_ns * (1e-3 + self._ppm * 1e-9))
         return bota.encode_frame(values[:3], values[3:], device_us, temperature_c=TEMPERATURE_C)
 
-    def _obey(self, command: bota_text.Command, t_ns: int) -> bytes:
+    def _obey(self, command: bota.Command, t_ns: int) -> bytes:
         letter = command.letter
         if self.mode == "boot" or (self.mode == "run" and letter not in _IN_RUN_MODE):
             return b""
@@ -129,7 +128,7 @@ class BotaSensor:
             self.restart(t_ns)
             return b""
         if letter == "p":
-            return bota_text.encode_product(NAME, SERIAL)
+            return bota.encode_product(NAME, SERIAL)
         if letter == "C":
             self.mode = "config"
         elif letter == "R":
@@ -138,7 +137,7 @@ class BotaSensor:
             self._period_ns = _period_ns(command.arguments[0])
         elif letter == "f" or (letter == "c" and command.arguments[2] != _BINARY):
             code = _REFUSED
-        return bota_text.encode_ack(letter, code)
+        return bota.encode_ack(letter, code)
 
 
 def _period_ns(sinc_length: int) -> int:

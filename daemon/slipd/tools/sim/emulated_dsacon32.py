@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import dsacon32
-from slipd.devices.dsacon32 import dsacon32_messages as messages
-from slipd.devices.dsacon32.dsacon32_session import MAX_RATE_HZ
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.dsacon32 import MAX_RATE_HZ
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
 from slipd.tools.sim.weiss_controller import WeissController
 from slipd.types.arrays import Array
@@ -43,13 +42,13 @@ class Dsacon32(WeissController):
         matrices: Sequence[tuple[int, int]],
         rng: np.random.Generator,
         *,
-        info: messages.ControllerInfo | None = None,
+        info: dsacon32.ControllerInfo | None = None,
         noise_counts: float = 0.7,
         clock_ppm: float = 80.0,
     ) -> None:
         requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
         super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
-        self.info = info or messages.ControllerInfo(serial=1234)
+        self.info = info or dsacon32.ControllerInfo(serial=1234)
         self._matrices = matrices
         self._rle = False
 
@@ -72,18 +71,18 @@ class Dsacon32(WeissController):
         super().press(values)
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
-        if request.id == messages.CONTROLLER:
-            return messages.encode_controller(self.info)
-        if request.id == messages.SENSOR:
-            return messages.encode_sensor(len(self._matrices), serial=5678)
-        if request.id == messages.MATRIX:
+        if request.id == dsacon32.CONTROLLER:
+            return dsacon32.encode_controller(self.info)
+        if request.id == dsacon32.SENSOR:
+            return dsacon32.encode_sensor(len(self._matrices), serial=5678)
+        if request.id == dsacon32.MATRIX:
             index = request.payload[0]
             if index >= len(self._matrices):
-                return messages.encode_error(messages.MATRIX, _INDEX_ERROR)
-            return messages.encode_matrix(*self._matrices[index])
-        rate_hz, self._rle = messages.parse_acquire(request.payload)
+                return dsacon32.encode_error(dsacon32.MATRIX, _INDEX_ERROR)
+            return dsacon32.encode_matrix(*self._matrices[index])
+        rate_hz, self._rle = dsacon32.parse_acquire(request.payload)
         self._push(round(1e9 / min(rate_hz, MAX_RATE_HZ)) if rate_hz else None, t_ns)
-        return messages.encode_error(messages.ACQUIRE)
+        return dsacon32.encode_error(dsacon32.ACQUIRE)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
         return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
@@ -95,4 +94,4 @@ def make(seed: int = 0, matrices: Sequence[tuple[int, int]] = FINGER) -> Dsacon3
 
 
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:
-    return messages.REQUEST_SIZES.get(packet_id) == size
+    return dsacon32.REQUEST_SIZES.get(packet_id) == size

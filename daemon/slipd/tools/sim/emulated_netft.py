@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slipd.devices.netft import netft_calibration
-from slipd.devices.netft.netft_output_rate import rounded_hz
+from slipd.devices.netft.netft_calibration import rounded_hz
 from slipd.devices.shared import rdt_records as rdt
 from slipd.tools.sim.wrench_stream import WrenchStream, whole
 from slipd.types.arrays import Array

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from slipd.devices.optoforce import UDP_PERIOD
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
-from slipd.devices.optoforce.optoforce_session import UDP_PERIOD
 from slipd.devices.shared import rdt_records as rdt
 from slipd.tools.sim.wrench_stream import WrenchStream, whole
 from slipd.types.arrays import Array

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from slipd.devices.papillarray import RATES_HZ
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.devices.papillarray.papillarray_session import RATES_HZ
 from slipd.tools.sim.tactile_stream import TactileStream
 from slipd.types.arrays import Array
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices.robotous import robotous_packets as packets
-from slipd.devices.robotous.robotous_decoder import COUNTS_PER_N
-from slipd.devices.robotous.robotous_session import CARRIED_HZ, FILTERS_HZ, RATES_HZ
+from slipd.devices import robotous
+from slipd.devices.robotous import CARRIED_HZ, COUNTS_PER_N, FILTERS_HZ, RATES_HZ
 from slipd.tools.sim.wrench_stream import WrenchStream, whole
 from slipd.types.arrays import Array
 
@@ -43,7 +42,7 @@ class RobotousSensor:
         self.writes = 0
         self.overload = 0
         self._stream = WrenchStream(seed, RATES_HZ[0])
-        self._settings = {packets.GET_RATE: b"\x00", packets.GET_FILTER: b"\x00\x00"}
+        self._settings = {robotous.GET_RATE: b"\x00", robotous.GET_FILTER: b"\x00\x00"}
         self._received = b""
 
     def opened(self, t_ns: int) -> None:
@@ -56,36 +55,36 @@ class RobotousSensor:
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
-        commands, self._received = packets.parse_commands(self._received + data)
+        commands, self._received = robotous.parse_commands(self._received + data)
         return [output for number, arguments in commands for output in self._obey(number, arguments, t_ns)]
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the readings due by then."""
         return [
-            packets.encode_reading(whole(values * self._counts_per_unit, 16), self.overload)
+            robotous.encode_reading(whole(values * self._counts_per_unit, 16), self.overload)
             for _, values in self._stream.due(t_ns)
         ]
 
     def _obey(self, number: int, arguments: bytes, t_ns: int) -> list[bytes]:
-        names = {packets.PRODUCT_NAME: PRODUCT, packets.SERIAL_NUMBER: SERIAL}
-        if number == packets.START:
+        names = {robotous.PRODUCT_NAME: PRODUCT, robotous.SERIAL_NUMBER: SERIAL}
+        if number == robotous.START:
             self._stream.start(t_ns)
-        elif number == packets.STOP:
+        elif number == robotous.STOP:
             self._stream.stop()
         elif number in names:
-            return [packets.encode_response(number, names[number])]
+            return [robotous.encode_response(number, names[number])]
         elif number in self._settings:
-            return [packets.encode_response(number, self._settings[number])]
-        elif number in (packets.SET_RATE, packets.SET_FILTER):
-            return [packets.encode_response(number, self._set(number, arguments))]
+            return [robotous.encode_response(number, self._settings[number])]
+        elif number in (robotous.SET_RATE, robotous.SET_FILTER):
+            return [robotous.encode_response(number, self._set(number, arguments))]
         return []
 
     def _set(self, number: int, arguments: bytes) -> bytes:
-        if number == packets.SET_RATE and arguments[0] < len(RATES_HZ) and RATES_HZ[arguments[0]] <= self._most_hz:
-            self._settings[packets.GET_RATE] = arguments[:1]
+        if number == robotous.SET_RATE and arguments[0] < len(RATES_HZ) and RATES_HZ[arguments[0]] <= self._most_hz:
+            self._settings[robotous.GET_RATE] = arguments[:1]
             self._stream.rate_hz = RATES_HZ[arguments[0]]
-        elif number == packets.SET_FILTER and arguments[1] < len(FILTERS_HZ):
-            self._settings[packets.GET_FILTER] = arguments[:2]
+        elif number == robotous.SET_FILTER and arguments[1] < len(FILTERS_HZ):
+            self._settings[robotous.GET_FILTER] = arguments[:2]
         else:
             return _OUT_OF_RANGE
         self.writes += 1

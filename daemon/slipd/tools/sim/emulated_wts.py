@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import wts
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.tools.sim.weiss_controller import WeissController
 

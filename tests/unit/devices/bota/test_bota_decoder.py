@@ -13,9 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices import bota
-from slipd.devices.bota import bota_text
-from slipd.devices.bota.bota_decoder import FRAME_LENGTH
-from slipd.devices.shared import crc
+from slipd.devices.bota import FRAME_LENGTH
+from slipd.devices.shared import checksums
 
 WORKED = bytes.fromhex(
     "AA 00 00 00 00 C0 3F 00 00 10 C0 00 00 20 41 00 00 00 3E 00 00 00 BF 00 00 00 3D 40 E2 01 00 00 00 FC 41 10 C6"
@@ -37,7 +36,7 @@ def frames(count: int, seed: int = 0) -> list[bytes]:
 
 def payload_frame(payload: bytes) -> bytes:
     """Return a valid frame with the given 34 bytes between header and checksum."""
-    return b"\xaa" + payload + crc.x25(payload).to_bytes(2, "little")
+    return b"\xaa" + payload + checksums.x25(payload).to_bytes(2, "little")
 
 
 def times_us(samples: list[bota.WrenchSample]) -> list[int]:
@@ -86,8 +85,8 @@ def test_device_time_is_returned_as_sent_and_wraps() -> None:
 
 def test_every_split_of_a_stream_with_text_and_noise_reads_the_same(same_for_every_split: SplitCheck) -> None:
     first, second, third, *rest = frames(12)
-    ack = bota_text.encode_ack("R")
-    stream = first[20:] + bota_text.encode_banner() + ack + first + ack + second + b"\xaa\0" + third[:30]
+    ack = bota.encode_ack("R")
+    stream = first[20:] + bota.encode_banner() + ack + first + ack + second + b"\xaa\0" + third[:30]
     samples = same_for_every_split(bota.Decoder, stream + b"".join(rest))
     assert len(samples) == 11
     assert [sample[1] for sample in samples] == [number * 1_000_000 for number in range(12) if number != 2]
@@ -95,7 +94,7 @@ def test_every_split_of_a_stream_with_text_and_noise_reads_the_same(same_for_eve
 
 def test_text_between_frames_is_no_damage() -> None:
     decoder = bota.Decoder()
-    stream = bota_text.encode_banner() + bota_text.encode_ack("C").join(frames(3))
+    stream = bota.encode_banner() + bota.encode_ack("C").join(frames(3))
     assert len(decoder.receive(stream, 0)) == 3
     assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (3, 0, 0)
 

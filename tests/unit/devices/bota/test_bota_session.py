@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from slipd.devices import bota
-from slipd.devices.bota import bota_text
-from slipd.devices.bota.bota_session import QUIET_NS, SETTLE_NS
+from slipd.devices.bota import QUIET_NS, SETTLE_NS
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -21,21 +20,21 @@ class Sensor:
     running: bool = False
     deaf_to: str = ""
     refuses: dict[str, int] = field(default_factory=dict)
-    settings: list[bota_text.Command] = field(default_factory=list)
+    settings: list[bota.Command] = field(default_factory=list)
     received: bytes = b""
 
     def respond(self, data: bytes) -> bytes:
-        commands, self.received = bota_text.parse_commands(self.received + data)
+        commands, self.received = bota.parse_commands(self.received + data)
         return b"".join(self.obey(command) for command in commands)
 
-    def obey(self, command: bota_text.Command) -> bytes:
+    def obey(self, command: bota.Command) -> bytes:
         if command.letter in self.deaf_to:
             return b""
         code = self.refuses.get(command.letter, 0)
         if code == 0:
             self.settings.append(command)
             self.running = {"R": True, "C": False}.get(command.letter, self.running)
-        return bota_text.encode_ack(command.letter, code)
+        return bota.encode_ack(command.letter, code)
 
     def speak(self, now_ns: int) -> bytes:
         return bota.encode_frame((0, 0, 1), (0, 0, 0), now_ns // 1000) if self.running else b""
@@ -79,7 +78,7 @@ class Bench:
             self.now_ns += 10 * MS
             if self.banner_at_ns is not None and self.now_ns >= self.banner_at_ns:
                 self.banner_at_ns = None
-                self.deliver(bota_text.encode_banner())
+                self.deliver(bota.encode_banner())
             self.deliver(self.sensor.speak(self.now_ns))
 
 
@@ -101,7 +100,7 @@ def test_a_booting_sensor_is_configured_after_its_banner_and_runs() -> None:
 def test_the_banner_is_found_in_any_split(size: int) -> None:
     session = bota.Session()
     session.start(0)
-    banner = bota_text.encode_banner()
+    banner = bota.encode_banner()
     for start in range(0, len(banner), size):
         session.receive(banner[start : start + size], 7)
     assert session.next_deadline() == 7 + SETTLE_NS
@@ -179,7 +178,7 @@ def test_the_identity_is_that_of_the_last_banner_and_unknown_on_a_new_link() -> 
     session.receive(NAMED, 1)
     assert session.identity == "MiniONE S/N 1234"
     session.receive(NAMED[:40], 2)
-    session.receive(bota_text.encode_banner("SensONE", 77), 3)
+    session.receive(bota.encode_banner("SensONE", 77), 3)
     assert session.identity == "SensONE S/N 77"
     session.start(4)
     assert session.identity == ""
@@ -188,11 +187,11 @@ def test_the_identity_is_that_of_the_last_banner_and_unknown_on_a_new_link() -> 
 def test_a_banner_that_has_no_name_is_forgotten() -> None:
     session = bota.Session()
     session.start(0)
-    session.receive(bota_text.BANNER + b"\r", 1)
+    session.receive(bota.BANNER + b"\r", 1)
     for now_ns in range(2, 200):
         session.receive(b"no name here\r\n", now_ns)
         assert len(session._banner) < 1000
-    session.receive(NAMED[len(bota_text.BANNER) :], 300)
+    session.receive(NAMED[len(bota.BANNER) :], 300)
     assert session.identity == ""
 
 
@@ -249,7 +248,7 @@ def test_answers_are_found_in_any_split_and_between_frames(size: int) -> None:
     session.receive(frame, 0)
     for now_ns, command in enumerate(COMMANDS):
         assert session.on_time(now_ns) == command
-        stream = frame + bota_text.encode_ack(command.decode()[0]) + frame
+        stream = frame + bota.encode_ack(command.decode()[0]) + frame
         for start in range(0, len(stream), size):
             session.receive(stream[start : start + size], now_ns)
     assert session.state == "running"
@@ -277,7 +276,7 @@ def test_stop_sends_configure_and_ends_the_deadlines() -> None:
     assert session.next_deadline() is None
     assert session.on_time(10**12) == b""
     assert len(session.receive(bota.encode_frame((0, 0, 1), (0, 0, 0), 0), 10**12)) == 1
-    session.receive(bota_text.encode_banner(), 10**12)
+    session.receive(bota.encode_banner(), 10**12)
     assert session.next_deadline() is None, "a banner after the end starts nothing"
     assert session.state == "closed"
 
@@ -292,7 +291,7 @@ def test_commands_are_read_from_any_split_and_around_noise() -> None:
     stream = b"C?c,0,1,0,4f,512,0,0,1\r\nR#p?\n"
     commands, rest = [], b""
     for byte in stream:
-        found, rest = bota_text.parse_commands(rest + bytes((byte,)))
+        found, rest = bota.parse_commands(rest + bytes((byte,)))
         commands += found
     assert [command.encode() for command in commands] == [
         b"C\n",
@@ -302,15 +301,15 @@ def test_commands_are_read_from_any_split_and_around_noise() -> None:
         b"#\n",
         b"p\n",
     ]
-    assert len(bota_text.parse_commands(b"x" * 1000)[1]) <= 64
+    assert len(bota.parse_commands(b"x" * 1000)[1]) <= 64
 
 
 def test_an_answer_belongs_to_its_own_letter() -> None:
     received = b"..r,0,C,0\r\nr,0,c,3"
-    assert bota_text.find_ack(received, "C") == 0
-    assert bota_text.find_ack(received, "c") == 3
-    assert bota_text.find_ack(received, "R") is None
+    assert bota.find_ack(received, "C") == 0
+    assert bota.find_ack(received, "c") == 3
+    assert bota.find_ack(received, "R") is None
 
 
 def test_the_answer_to_a_question_for_the_product_is_as_the_makers_driver_reads_it() -> None:
-    assert bota_text.encode_product("SensONE", 42) == b"p,0,42,0,0,SensONE\r\nr,0,p,0\r\n"
+    assert bota.encode_product("SensONE", 42) == b"p,0,42,0,0,SensONE\r\nr,0,p,0\r\n"

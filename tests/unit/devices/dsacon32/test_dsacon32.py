@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices import dsacon32
-from slipd.devices.dsacon32 import dsacon32_messages as messages
-from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
+from slipd.devices.dsacon32 import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared import weiss_tactile
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE
@@ -94,7 +93,7 @@ def test_L1_every_split_reads_the_same(
 ) -> None:
     first, second, third, *rest = frames(8, rle=rle)
     strange = frames(1, rle=rle, cells=13)[0] + payload_frame("00 00 00 00 00 FF FF")
-    answer = messages.encode_controller(messages.ControllerInfo(7))
+    answer = dsacon32.encode_controller(dsacon32.ControllerInfo(7))
     stream = first[15:] + BOOT_TEXT + first + answer + second + b"\xaa\xaa\xaa\0\x1d\0" + third[:-3] + strange
     samples = same_for_every_split(lambda: dsacon32.Decoder(matrices), stream + b"".join(rest))
     assert {sample[1] // 33_000_000 for sample in samples} == {0, 1, 3, 4, 5, 6, 7}
@@ -161,7 +160,7 @@ def test_L3_a_wrong_length_is_found_once_a_whole_packet_follows_it(size: int) ->
     lie = one[:4] + size.to_bytes(2, "little") + one[6:]
     assert decode(lie, two)[0] == [33]
     assert decode(lie, weiss.PREAMBLE[:2], two, three)[0] == [33, 66]
-    assert decode(messages.encode_matrix(6, 14)[:10], frames(1, rle=True, cells=4)[0])[0] == [0]
+    assert decode(dsacon32.encode_matrix(6, 14)[:10], frames(1, rle=True, cells=4)[0])[0] == [0]
 
 
 def test_L1_every_split_reads_the_same_after_a_wrong_length(same_for_every_split: SplitCheck) -> None:
@@ -249,21 +248,21 @@ def test_matrices_that_no_controller_has_are_refused(matrices: list[list[float]]
 @pytest.mark.parametrize(
     ("made", "sent"),
     [
-        (messages.encode_query(messages.CONTROLLER), "01 00 00"),
-        (messages.encode_query(messages.SENSOR), "02 00 00"),
-        (messages.encode_matrix_query(0), "0B 01 00 00 CB FB"),
-        (messages.acquire(30, rle=True), "03 03 00 81 1E 00 2C 76"),
-        (messages.acquire(30, rle=False), "03 03 00 80 1E 00 8E 1C"),
-        (messages.acquire(0, rle=True), "03 03 00 01 00 00 2F 6A"),
-        (messages.acquire(0, rle=False), "03 03 00 00 00 00 8D 00"),
-        (messages.encode_error(messages.ACQUIRE), "03 02 00 00 00 4B B9"),
+        (dsacon32.encode_query(dsacon32.CONTROLLER), "01 00 00"),
+        (dsacon32.encode_query(dsacon32.SENSOR), "02 00 00"),
+        (dsacon32.encode_matrix_query(0), "0B 01 00 00 CB FB"),
+        (dsacon32.acquire(30, rle=True), "03 03 00 81 1E 00 2C 76"),
+        (dsacon32.acquire(30, rle=False), "03 03 00 80 1E 00 8E 1C"),
+        (dsacon32.acquire(0, rle=True), "03 03 00 01 00 00 2F 6A"),
+        (dsacon32.acquire(0, rle=False), "03 03 00 00 00 00 8D 00"),
+        (dsacon32.encode_error(dsacon32.ACQUIRE), "03 02 00 00 00 4B B9"),
         (
-            messages.encode_controller(messages.ControllerInfo(1234)),
+            dsacon32.encode_controller(dsacon32.ControllerInfo(1234)),
             "01 12 00 00 00 D2 04 00 00 20 20 01 80 10 01 00 00 00 00 00 00 75 46",
         ),
-        (messages.encode_sensor(6, 5678), "02 0C 00 00 00 06 00 20 01 01 2E 16 00 00 00 6E 22"),
+        (dsacon32.encode_sensor(6, 5678), "02 0C 00 00 00 06 00 20 01 01 2E 16 00 00 00 6E 22"),
         (
-            messages.encode_matrix(6, 14),
+            dsacon32.encode_matrix(6, 14),
             "0B 34 00 00 00 9A 99 59 40 9A 99 59 40 06 00 0E 00 01 02 03 04 05 06 00 00 10"
             + " 00" * 24
             + " 00 F0 7F 45 00 65 CD",
@@ -275,20 +274,20 @@ def test_worked_requests_and_answers_are_encoded(made: bytes, sent: str) -> None
 
 
 def test_answers_are_read() -> None:
-    info = messages.ControllerInfo(99, kind=2, operable=False)
-    assert messages.parse_controller(messages.encode_controller(info)[6:-2]) == info
+    info = dsacon32.ControllerInfo(99, kind=2, operable=False)
+    assert dsacon32.parse_controller(dsacon32.encode_controller(info)[6:-2]) == info
     assert info.kind_name == "DSA100-256"
-    assert messages.ControllerInfo(1, kind=7).kind_name == "7"
-    assert messages.parse_sensor(messages.encode_sensor(6, 1)[6:-2]) == 6
-    assert messages.parse_matrix(messages.encode_matrix(6, 13)[6:-2]) == (6, 13)
-    assert messages.parse_acquire(messages.acquire(25, rle=True)[6:-2]) == (25, True)
-    assert messages.parse_acquire(messages.acquire(0, rle=False)[6:-2]) == (0, False)
+    assert dsacon32.ControllerInfo(1, kind=7).kind_name == "7"
+    assert dsacon32.parse_sensor(dsacon32.encode_sensor(6, 1)[6:-2]) == 6
+    assert dsacon32.parse_matrix(dsacon32.encode_matrix(6, 13)[6:-2]) == (6, 13)
+    assert dsacon32.parse_acquire(dsacon32.acquire(25, rle=True)[6:-2]) == (25, True)
+    assert dsacon32.parse_acquire(dsacon32.acquire(0, rle=False)[6:-2]) == (0, False)
 
 
 @pytest.mark.parametrize(("code", "word"), [(11, "checksum error"), (12, "not enough parameters"), (27, "range error")])
 def test_errors_are_numbered_as_this_controller_does(code: int, word: str) -> None:
-    assert weiss.status_word(code, messages.ERROR_WORDS) == word
+    assert weiss.status_word(code, dsacon32.ERROR_WORDS) == word
 
 
 def test_an_error_beyond_the_last_has_no_word() -> None:
-    assert weiss.status_word(28, messages.ERROR_WORDS) == "status 28"
+    assert weiss.status_word(28, dsacon32.ERROR_WORDS) == "status 28"

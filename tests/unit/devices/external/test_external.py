@@ -15,8 +15,7 @@ from external_messages import IMAGE, WRENCH, decode, pack, times, wrench
 from project import DOCS
 
 from slipd.devices import external
-from slipd.devices.external import encode_reading
-from slipd.devices.external.external_decoder import MAX_STREAMS
+from slipd.devices.external import MAX_STREAMS, encode_reading
 from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
 
 DOCUMENT = DOCS / "devices.md"

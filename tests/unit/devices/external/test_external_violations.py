@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices import external
-from slipd.devices.external import encode_reading, external_message
+from slipd.devices.external import encode_reading
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -103,7 +103,7 @@ def test_a_duplicate_field_is_bad() -> None:
 
 def test_a_message_longer_than_the_longest_is_bad_however_it_is_split() -> None:
     wrong = pack(IMAGE, values=[[1.0, 2.0, 3.0]] * 4096)
-    assert len(wrong) > external_message.MAX_MESSAGE
+    assert len(wrong) > external.MAX_MESSAGE
     whole, halves = external.Decoder(), external.Decoder()
     found = whole.receive(wrong + wrench(1), 77)
     split = halves.receive(wrong[:40_000], 77) + halves.receive(wrong[40_000:], 77) + halves.receive(wrench(1), 77)
@@ -149,7 +149,7 @@ def test_L3_noise_gives_no_reading_and_is_not_kept() -> None:
     decoder = external.Decoder()
     for _ in range(100):
         assert decoder.receive(rng.randbytes(4000) + b"\x85\xa6stream\xd9\x40" * 100, 0) == []
-        assert len(decoder._scanner._tail) < external_message.MAX_MESSAGE
+        assert len(decoder._scanner._tail) < external.MAX_MESSAGE
     assert decoder.health.bad_bytes > 400_000
 
 

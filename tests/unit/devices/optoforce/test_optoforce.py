@@ -11,8 +11,8 @@ import pytest
 from slipd.devices import optoforce
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.startup_sequence import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.sensor_session import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]

@@ -15,7 +15,7 @@ from pillar_frames import decode, forces, frame, make, pillars, resum
 
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.devices.shared.startup_sequence import SILENCE_NS
+from slipd.devices.shared.sensor_session import SILENCE_NS
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]

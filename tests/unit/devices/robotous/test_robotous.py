@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from slipd.devices import robotous
-from slipd.devices.robotous import robotous_packets as packets
-from slipd.devices.robotous.robotous_session import STOP_PAUSE_NS
-from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.devices.shared.startup_sequence import ANSWER_NS, RETRY_PAUSE_NS
+from slipd.devices.robotous import STOP_PAUSE_NS
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.sensor_session import ANSWER_NS, RETRY_PAUSE_NS
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]
@@ -22,7 +21,7 @@ COUNTS = (617, -125, 4905, 250, -84, 3)
 
 
 def reading(number: int) -> bytes:
-    return packets.encode_reading((number, *COUNTS[1:]))
+    return robotous.encode_reading((number, *COUNTS[1:]))
 
 
 def numbers(samples: list[Any]) -> list[int]:
@@ -34,11 +33,11 @@ def test_the_worked_reading_is_read_and_written() -> None:
     assert sample.force_n == pytest.approx([12.34, -2.5, 98.1])
     assert sample.torque_nm == pytest.approx([0.125, -0.042, 0.0015])
     assert (sample.t_ns, sample.device_time_ns, sample.status) == (77, None, ("overload",))
-    assert packets.encode_reading(COUNTS, 0x08) == WORKED
+    assert robotous.encode_reading(COUNTS, 0x08) == WORKED
 
 
 def test_a_single_reading_on_request_is_read_too() -> None:
-    assert len(robotous.Decoder().receive(packets.encode_reading(COUNTS, number=packets.READ_ONCE), 0)) == 1
+    assert len(robotous.Decoder().receive(robotous.encode_reading(COUNTS, number=robotous.READ_ONCE), 0)) == 1
 
 
 def test_the_torque_divider_is_the_models() -> None:
@@ -51,18 +50,18 @@ def test_the_torque_divider_is_the_models() -> None:
 
 @pytest.mark.parametrize("bit", range(8))
 def test_F2_every_overload_bit_is_overload_and_the_others_give_no_reading(bit: int) -> None:
-    samples = robotous.Decoder().receive(packets.encode_reading(COUNTS, 1 << bit), 0)
+    samples = robotous.Decoder().receive(robotous.encode_reading(COUNTS, 1 << bit), 0)
     assert [sample.status for sample in samples] == ([("overload",)] if bit < 6 else [])
 
 
 @pytest.mark.parametrize("rail", [-32768, 32767])
 def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int) -> None:
-    (sample,) = robotous.Decoder().receive(packets.encode_reading((*COUNTS[:5], rail)), 0)
+    (sample,) = robotous.Decoder().receive(robotous.encode_reading((*COUNTS[:5], rail)), 0)
     assert sample.status == ("overload",)
 
 
 def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    answer = packets.encode_response(packets.SET_RATE, b"\1\0")
+    answer = robotous.encode_response(robotous.SET_RATE, b"\1\0")
     stream = reading(1)[4:] + reading(2) + answer + reading(3) + b"\x55\x0b" + reading(4)[:12] + reading(5) + b"\x55"
     assert len(same_for_every_split(robotous.Decoder, stream)) == 3
 
@@ -76,7 +75,7 @@ def test_L2_a_damaged_reading_costs_itself_alone(damaged: Damage) -> None:
 
 
 def test_L3_out_of_sync_unused_bytes_must_be_zero_and_in_sync_they_need_not() -> None:
-    odd = packets.encode_response(packets.START, bytes(13) + b"\1\2")
+    odd = robotous.encode_response(robotous.START, bytes(13) + b"\1\2")
     decoder = robotous.Decoder()
     assert len(decoder.receive(b"\0" + odd + odd, 0)) == 1
     assert decoder.health == DecoderHealth(good=1, bad=2, bad_bytes=1)
@@ -87,63 +86,63 @@ def test_L3_noise_full_of_starts_yields_nothing_and_is_not_kept() -> None:
     decoder = robotous.Decoder()
     for _ in range(300):
         assert decoder.receive(b"\x55\x0b" + rng.randbytes(300), 0) == []
-        assert len(decoder._frames._tail) < packets.RESPONSE_LENGTH
+        assert len(decoder._frames._tail) < robotous.RESPONSE_LENGTH
 
 
 @pytest.mark.parametrize(
     ("command", "wire"),
     [
-        ((packets.START, b""), "55 0B 00 00 00 00 00 00 00 0B AA"),
-        ((packets.STOP, b""), "55 0C 00 00 00 00 00 00 00 0C AA"),
-        ((packets.SET_RATE, b"\x05"), "55 0F 05 00 00 00 00 00 00 14 AA"),
-        ((packets.SET_FILTER, b"\x01\x0a"), "55 08 01 0A 00 00 00 00 00 13 AA"),
-        ((packets.PRODUCT_NAME, b""), "55 01 00 00 00 00 00 00 00 01 AA"),
+        ((robotous.START, b""), "55 0B 00 00 00 00 00 00 00 0B AA"),
+        ((robotous.STOP, b""), "55 0C 00 00 00 00 00 00 00 0C AA"),
+        ((robotous.SET_RATE, b"\x05"), "55 0F 05 00 00 00 00 00 00 14 AA"),
+        ((robotous.SET_FILTER, b"\x01\x0a"), "55 08 01 0A 00 00 00 00 00 13 AA"),
+        ((robotous.PRODUCT_NAME, b""), "55 01 00 00 00 00 00 00 00 01 AA"),
     ],
 )
 def test_the_worked_commands_are_written_and_read(command: tuple[int, bytes], wire: str) -> None:
     number, arguments = command
-    assert packets.encode_command(number, arguments) == bytes.fromhex(wire)
-    assert packets.parse_commands(bytes.fromhex(wire)) == ([(number, arguments.ljust(7, b"\0"))], b"")
+    assert robotous.encode_command(number, arguments) == bytes.fromhex(wire)
+    assert robotous.parse_commands(bytes.fromhex(wire)) == ([(number, arguments.ljust(7, b"\0"))], b"")
 
 
 def test_commands_are_read_from_any_split_and_after_noise() -> None:
-    stop = packets.encode_command(packets.STOP)
+    stop = robotous.encode_command(robotous.STOP)
     stream = b"\x01\x55" + stop + stop[:5] + stop + b"\x07"
     heard, commands = b"", []
     for byte in stream:
-        found, heard = packets.parse_commands(heard + bytes((byte,)))
+        found, heard = robotous.parse_commands(heard + bytes((byte,)))
         commands += found
-    assert [number for number, _ in commands] == [packets.STOP] * 2
+    assert [number for number, _ in commands] == [robotous.STOP] * 2
     assert heard == b""
 
 
 def test_a_name_that_is_not_text_is_empty() -> None:
-    assert packets.parse_name(b"RFT40-SA01\0\0\0\0\0") == "RFT40-SA01"
-    assert packets.parse_name(b"\xff\x01" * 7) == ""
+    assert robotous.parse_name(b"RFT40-SA01\0\0\0\0\0") == "RFT40-SA01"
+    assert robotous.parse_name(b"\xff\x01" * 7) == ""
 
 
 def answer(session: robotous.Session, number: int, content: bytes = b"", now_ns: int = 100) -> bytes:
-    session.receive(packets.encode_response(number, content), now_ns)
+    session.receive(robotous.encode_response(number, content), now_ns)
     return session.on_time(now_ns)
 
 
 def asked(**options: Any) -> robotous.Session:
     """Return a session that has stopped the sensor and requested its rate."""
     session = robotous.Session(**options)
-    assert session.start(0) == packets.encode_command(packets.STOP)
+    assert session.start(0) == robotous.encode_command(robotous.STOP)
     assert session.on_time(STOP_PAUSE_NS - 1) == b""
-    assert session.on_time(STOP_PAUSE_NS) == packets.encode_command(packets.GET_RATE)
+    assert session.on_time(STOP_PAUSE_NS) == robotous.encode_command(robotous.GET_RATE)
     return session
 
 
 def test_settings_that_differ_are_written_and_the_names_requested() -> None:
     session = asked(output_hz=1000, filter_hz=100)
-    assert answer(session, packets.GET_RATE, b"\x05") == packets.encode_command(packets.SET_RATE, b"\x08")
-    assert answer(session, packets.SET_RATE, b"\1\0") == packets.encode_command(packets.GET_FILTER)
-    assert answer(session, packets.GET_FILTER, b"\0\0") == packets.encode_command(packets.SET_FILTER, b"\x01\x05")
-    assert answer(session, packets.SET_FILTER, b"\1\0") == packets.encode_command(packets.PRODUCT_NAME)
-    assert answer(session, packets.PRODUCT_NAME, b"RFT40") == packets.encode_command(packets.SERIAL_NUMBER)
-    assert answer(session, packets.SERIAL_NUMBER, b"2211") == packets.encode_command(packets.START)
+    assert answer(session, robotous.GET_RATE, b"\x05") == robotous.encode_command(robotous.SET_RATE, b"\x08")
+    assert answer(session, robotous.SET_RATE, b"\1\0") == robotous.encode_command(robotous.GET_FILTER)
+    assert answer(session, robotous.GET_FILTER, b"\0\0") == robotous.encode_command(robotous.SET_FILTER, b"\x01\x05")
+    assert answer(session, robotous.SET_FILTER, b"\1\0") == robotous.encode_command(robotous.PRODUCT_NAME)
+    assert answer(session, robotous.PRODUCT_NAME, b"RFT40") == robotous.encode_command(robotous.SERIAL_NUMBER)
+    assert answer(session, robotous.SERIAL_NUMBER, b"2211") == robotous.encode_command(robotous.START)
     assert session.state == "configuring"
     session.receive(WORKED, 101)
     assert (session.state, session.identity) == ("running", "RFT40 2211")
@@ -153,12 +152,14 @@ def test_settings_that_differ_are_written_and_the_names_requested() -> None:
 @pytest.mark.parametrize(("kept", "filter_hz"), [(b"\0\0", 0), (b"\0\x07", 0), (b"\1\x01", 500)])
 def test_settings_that_agree_are_not_written_again(rate: int, hz: int, kept: bytes, filter_hz: int) -> None:
     session = asked(output_hz=hz, filter_hz=filter_hz)
-    assert answer(session, packets.GET_RATE, bytes((rate,))) == packets.encode_command(packets.GET_FILTER)
-    assert answer(session, packets.GET_FILTER, kept) == packets.encode_command(packets.PRODUCT_NAME)
+    assert answer(session, robotous.GET_RATE, bytes((rate,))) == robotous.encode_command(robotous.GET_FILTER)
+    assert answer(session, robotous.GET_FILTER, kept) == robotous.encode_command(robotous.PRODUCT_NAME)
 
 
 def test_an_unknown_rate_is_overwritten() -> None:
-    assert answer(asked(output_hz=200), packets.GET_RATE, b"\x63") == packets.encode_command(packets.SET_RATE, b"\x05")
+    assert answer(asked(output_hz=200), robotous.GET_RATE, b"\x63") == robotous.encode_command(
+        robotous.SET_RATE, b"\x05"
+    )
 
 
 @pytest.mark.parametrize(
@@ -166,17 +167,17 @@ def test_an_unknown_rate_is_overwritten() -> None:
 )
 def test_a_refusal_is_named_and_the_setting_repeated(code: int, word: str) -> None:
     session = asked(output_hz=200, filter_hz=100)
-    answer(session, packets.GET_RATE, b"\x05")
-    setting = answer(session, packets.GET_FILTER, b"\0\0")
-    assert answer(session, packets.SET_FILTER, bytes((0, code))) == b""
+    answer(session, robotous.GET_RATE, b"\x05")
+    setting = answer(session, robotous.GET_FILTER, b"\0\0")
+    assert answer(session, robotous.SET_FILTER, bytes((0, code))) == b""
     assert session.state == f"refused filter: {word}"
     assert session.on_time(100 + RETRY_PAUSE_NS) == setting
 
 
 def test_a_refused_rate_leaves_the_sensor_its_own_and_is_noted() -> None:
     session = asked(output_hz=500)
-    answer(session, packets.GET_RATE, b"\x05")
-    assert answer(session, packets.SET_RATE, b"\0\x02") == packets.encode_command(packets.GET_FILTER)
+    answer(session, robotous.GET_RATE, b"\x05")
+    assert answer(session, robotous.SET_RATE, b"\0\x02") == robotous.encode_command(robotous.GET_FILTER)
     assert session.health.note.startswith("refused rate: value out of range; it keeps its own rate")
     session.start(200)
     assert session.health.note == ""
@@ -194,43 +195,43 @@ A_USERS_FILTER = bytes.fromhex("55 08 01 0E 00 00 00 00 00 17 AA")
 def test_the_codes_are_those_of_the_makers_driver() -> None:
     for hz, code in FILTER_CODES.items():
         session = asked(output_hz=200, filter_hz=hz)
-        answer(session, packets.GET_RATE, b"\0")
-        setting = answer(session, packets.GET_FILTER, b"\0\0")
-        assert setting == packets.encode_command(packets.SET_FILTER, bytes((1, code)))
+        answer(session, robotous.GET_RATE, b"\0")
+        setting = answer(session, robotous.GET_FILTER, b"\0\0")
+        assert setting == robotous.encode_command(robotous.SET_FILTER, bytes((1, code)))
     assert setting == A_USERS_FILTER
     for hz, code in RATE_CODES.items():
-        setting = answer(asked(output_hz=hz), packets.GET_RATE, b"\x63")
-        assert setting == packets.encode_command(packets.SET_RATE, bytes((code,)))
+        setting = answer(asked(output_hz=hz), robotous.GET_RATE, b"\x63")
+        assert setting == robotous.encode_command(robotous.SET_RATE, bytes((code,)))
 
 
 def test_an_answer_to_something_else_is_skipped() -> None:
     session = asked()
-    assert answer(session, packets.SET_RATE, b"\1\0") == b""
+    assert answer(session, robotous.SET_RATE, b"\1\0") == b""
     assert session.state == "waiting"
 
 
 def test_a_sensor_that_answers_no_questions_is_set_nevertheless() -> None:
     session = asked()
     due_ns, written = session.next_deadline() or 0, []
-    while packets.encode_command(packets.SET_RATE, b"\x06") not in written:
+    while robotous.encode_command(robotous.SET_RATE, b"\x06") not in written:
         written.append(session.on_time(due_ns))
         due_ns += ANSWER_NS
-    assert written[:-1] == [packets.encode_command(packets.GET_RATE)] * 2
+    assert written[:-1] == [robotous.encode_command(robotous.GET_RATE)] * 2
 
 
 def test_stop_stops_the_readings_and_a_new_link_forgets_the_name() -> None:
     session = asked(output_hz=200)
     for number, content in (
-        (packets.GET_RATE, b"\0"),
-        (packets.GET_FILTER, b"\0\0"),
-        (packets.PRODUCT_NAME, b"A"),
-        (packets.SERIAL_NUMBER, b"B"),
+        (robotous.GET_RATE, b"\0"),
+        (robotous.GET_FILTER, b"\0\0"),
+        (robotous.PRODUCT_NAME, b"A"),
+        (robotous.SERIAL_NUMBER, b"B"),
     ):
         answer(session, number, content)
     assert session.identity == "A B"
     session.start(7)
     assert session.identity == ""
-    assert session.stop() == packets.encode_command(packets.STOP)
+    assert session.stop() == robotous.encode_command(robotous.STOP)
     assert (session.state, session.next_deadline()) == ("closed", None)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from slipd.devices.shared.command_queue import ATTEMPTS, Command, CommandQueue
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 
 ANSWER_NS = 100
 GO, FASTER, FORCE, STOP = (

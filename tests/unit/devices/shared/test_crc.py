@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.devices.shared import crc
+from slipd.devices.shared import checksums
 
 CHECK = b"123456789"
 
@@ -20,26 +20,26 @@ def bitwise(data: bytes, poly: int, final: int) -> int:
 
 
 def test_check_values_are_the_published_ones() -> None:
-    assert crc.x25(CHECK) == 0x906E
-    assert crc.modbus(CHECK) == 0x4B37
+    assert checksums.x25(CHECK) == 0x906E
+    assert checksums.modbus(CHECK) == 0x4B37
 
 
 @given(st.binary(max_size=80))
 def test_both_equal_the_bitwise_definition(data: bytes) -> None:
-    assert crc.x25(data) == bitwise(data, 0x8408, 0xFFFF)
-    assert crc.modbus(data) == bitwise(data, 0xA001, 0)
+    assert checksums.x25(data) == bitwise(data, 0x8408, 0xFFFF)
+    assert checksums.modbus(data) == bitwise(data, 0xA001, 0)
 
 
 @given(st.binary(max_size=80), st.integers(0, 0xFFFF))
 def test_x25_matches_only_the_right_checksum(data: bytes, sent: int) -> None:
-    assert crc.x25_matches(data + sent.to_bytes(2, "little")) == (sent == crc.x25(data))
-    assert crc.x25_matches(data + crc.x25(data).to_bytes(2, "little"))
+    assert checksums.x25_matches(data + sent.to_bytes(2, "little")) == (sent == checksums.x25(data))
+    assert checksums.x25_matches(data + checksums.x25(data).to_bytes(2, "little"))
 
 
 def test_x25_all_match_finds_one_wrong_piece_among_several() -> None:
-    piece = CHECK + crc.x25(CHECK).to_bytes(2, "little")
+    piece = CHECK + checksums.x25(CHECK).to_bytes(2, "little")
     starts = range(1, 1 + 3 * (len(piece) + 1), len(piece) + 1)
     data = b"".join(b"-" + piece for _ in starts)
-    assert crc.x25_all_match(data, starts, len(piece))
+    assert checksums.x25_all_match(data, starts, len(piece))
     for at in starts:
-        assert not crc.x25_all_match(data[:at] + b"?" + data[at + 1 :], starts, len(piece))
+        assert not checksums.x25_all_match(data[:at] + b"?" + data[at + 1 :], starts, len(piece))

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FixedLengthScanner
 
 SYNC = b"\xab\xcd"

@@ -12,7 +12,7 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ExceptionResponse
 from pymodbus.pdu import register_message as peer
 
-from slipd.devices.shared import crc, modbus
+from slipd.devices.shared import checksums, modbus
 from slipd.devices.shared.modbus import Request
 
 POLL = Request(9, modbus.READ_INPUT, 2000, 3)
@@ -172,7 +172,7 @@ def test_the_reply_to_another_write_is_not_an_acknowledgement() -> None:
 )
 def test_a_request_that_contradicts_itself_is_skipped(body: str) -> None:
     contradiction = bytes.fromhex(body)
-    stream = contradiction + crc.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
+    stream = contradiction + checksums.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
     assert modbus.parse_requests(stream, 9) == ([POLL], b"")
 
 

@@ -5,8 +5,15 @@ from __future__ import annotations
 import msgpack
 import pytest
 
-from slipd.devices.shared.msgpack_bounds import NUMBER_LENGTHS, ValueEnd, map_end, text_end
-from slipd.devices.shared.partial_message import Incomplete, Malformed, arrived
+from slipd.devices.shared.msgpack_messages import (
+    NUMBER_LENGTHS,
+    Incomplete,
+    Malformed,
+    ValueEnd,
+    arrived,
+    map_end,
+    text_end,
+)
 
 
 def byte_end(buffer: bytes, at: int) -> int:

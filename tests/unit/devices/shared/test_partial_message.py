@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.devices.shared.partial_message import Malformed, arrived, byte_at, message_length
+from slipd.devices.shared.msgpack_messages import Malformed, arrived, byte_at, message_length
 
 
 def counted_end(buffer: bytes, at: int) -> int:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 
 RESERVED = 0xFFFF_0000
 SPAN = 1 << 32

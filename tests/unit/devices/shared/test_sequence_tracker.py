@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sequence_tracker import FURTHEST_GAP, LATE_WITHIN, SHORT_GAP, SequenceTracker
 
 

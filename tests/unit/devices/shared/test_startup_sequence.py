@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.devices.shared.startup_sequence import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS, StartupSequence, Step
+from slipd.devices.shared.sensor_session import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS, StartupSequence, Step
 
 STEPS = [
     Step("halt", b"h", "none", 20),

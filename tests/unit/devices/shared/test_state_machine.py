@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from slipd.devices.shared.state_machine import StateMachine
+from slipd.devices.shared.gripper_session import StateMachine
 
 
 class Door(Enum):

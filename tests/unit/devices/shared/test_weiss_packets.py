@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE, Packet
 
 SEEDS = (SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE)

@@ -9,10 +9,9 @@ import pytest
 from weiss_bench import MS, Bench, S, both, dsacon_bench, wts_bench
 
 from slipd.devices import dsacon32, wts
-from slipd.devices.dsacon32 import dsacon32_messages as messages
-from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
+from slipd.devices.dsacon32 import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.startup_sequence import ANSWER_NS
+from slipd.devices.shared.sensor_session import ANSWER_NS
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
 
 
@@ -30,12 +29,12 @@ class BootingDsacon32(Dsacon32):
 
 
 DSACON_ASKED = [
-    messages.encode_query(messages.CONTROLLER),
-    messages.encode_query(messages.SENSOR),
-    messages.encode_matrix_query(0),
-    messages.encode_matrix_query(1),
-    messages.acquire(0, rle=True),
-    messages.acquire(30, rle=True),
+    dsacon32.encode_query(dsacon32.CONTROLLER),
+    dsacon32.encode_query(dsacon32.SENSOR),
+    dsacon32.encode_matrix_query(0),
+    dsacon32.encode_matrix_query(1),
+    dsacon32.acquire(0, rle=True),
+    dsacon32.acquire(30, rle=True),
 ]
 WTS_ASKED = [
     wts.encode_query(wts.SYSTEM),
@@ -90,8 +89,8 @@ def test_options_reach_the_requests() -> None:
     bench = Bench(dsacon32.Session(rate_hz=1, rle=False), dsacon_bench().device)
     bench.start()
     bench.run(4.5)
-    assert bench.written[-2:] == [messages.acquire(0, rle=False), messages.acquire(1, rle=False)]
-    assert bench.session.stop() == messages.acquire(0, rle=False)
+    assert bench.written[-2:] == [dsacon32.acquire(0, rle=False), dsacon32.acquire(1, rle=False)]
+    assert bench.session.stop() == dsacon32.acquire(0, rle=False)
     assert len(bench.samples) == 8  # a pause of a second is not silence at this rate
     session = wts.Session(interval_ms=0)
     bench = Bench(session, wts_bench().device)
@@ -172,7 +171,7 @@ def test_a_repeated_answer_is_not_mistaken_for_the_next_one(make: Callable[[], B
 
 def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix() -> None:
     bench = dsacon_bench()
-    late = messages.encode_matrix(4, 2)
+    late = dsacon32.encode_matrix(4, 2)
     bench.mend = lambda answer: b"" if bench.written.count(DSACON_ASKED[2]) == 1 and answer[3] == 0x0B else answer
     bench.start()
     bench.run(0.6)

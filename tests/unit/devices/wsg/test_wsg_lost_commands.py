@@ -8,7 +8,7 @@ from wsg_bench import GO, Bench
 
 from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_command_queue import ANSWER_NS
+from slipd.devices.wsg.wsg_commands import ANSWER_NS
 from slipd.tools.sim.emulated_wsg import LIMITS
 
 

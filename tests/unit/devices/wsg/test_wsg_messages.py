@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_decoder import Reply, ReplyScanner
 from slipd.devices.wsg.wsg_messages import Limits
-from slipd.devices.wsg.wsg_reply_scanner import Reply, ReplyScanner
 
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
 

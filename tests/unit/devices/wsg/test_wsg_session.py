@@ -14,7 +14,7 @@ from wsg_bench import GO, Bench, SplitCheck, updates
 from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_command_queue import ANSWER_NS
+from slipd.devices.wsg.wsg_commands import ANSWER_NS
 from slipd.types.samples import GripperSample
 
 

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from slipd.devices import bota
-from slipd.devices.bota import bota_text
 from slipd.signals.mounting import Mounting
 from slipd.tools.sim.emulated_bota import BOOT_NS, BotaMount, BotaSensor
 
@@ -48,7 +47,7 @@ def test_the_noise_has_its_deviation_and_its_seed():
 
 def test_it_boots_with_a_banner_and_then_sends_800_frames_a_second_by_its_own_clock():
     said = listen(sensor(), 0, BOOT_NS + 1_000 * MS)
-    assert said.startswith(bota_text.BANNER)
+    assert said.startswith(bota.BANNER)
     decoder = bota.Decoder()
     samples = decoder.receive(said, 0)
     assert len(samples) == 800
@@ -80,9 +79,9 @@ def test_the_daemons_session_brings_it_to_the_wanted_rate():
 def test_configuring_silences_it_until_the_run_command():
     made = sensor()
     listen(made, 0, BOOT_NS + 10 * MS)
-    assert bota_text.find_ack(made.receive(b"C", BOOT_NS + 10 * MS), "C") == 0
+    assert bota.find_ack(made.receive(b"C", BOOT_NS + 10 * MS), "C") == 0
     assert listen(made, BOOT_NS + 10 * MS, BOOT_NS + 500 * MS) == b""
-    assert bota_text.find_ack(made.receive(b"R", BOOT_NS + 500 * MS), "R") == 0
+    assert bota.find_ack(made.receive(b"R", BOOT_NS + 500 * MS), "R") == 0
     assert len(bota.Decoder().receive(listen(made, BOOT_NS + 500 * MS, BOOT_NS + 600 * MS), 0)) == 79
 
 
@@ -90,7 +89,7 @@ def test_commands_may_come_one_character_at_a_time():
     made = sensor()
     made.advance(BOOT_NS)
     said = b"".join(made.receive(bytes((byte,)), BOOT_NS) for byte in b"Cf,512,0,0,1R")
-    assert [bota_text.find_ack(said, letter) for letter in "CfR"] == [0, 0, 0]
+    assert [bota.find_ack(said, letter) for letter in "CfR"] == [0, 0, 0]
     assert len(bota.Decoder().receive(listen(made, BOOT_NS, BOOT_NS + 1_000 * MS), 0)) == 99
 
 
@@ -99,7 +98,7 @@ def test_what_it_cannot_do_is_refused(command):
     made = sensor()
     made.advance(BOOT_NS)
     made.receive(b"C", BOOT_NS)
-    assert bota_text.find_ack(made.receive(command, BOOT_NS), command[:1].decode()) == 1
+    assert bota.find_ack(made.receive(command, BOOT_NS), command[:1].decode()) == 1
 
 
 def test_settings_are_refused_while_it_runs():
@@ -114,7 +113,7 @@ def test_a_hard_reset_boots_it_anew():
     listen(made, 0, BOOT_NS + 10 * MS)
     made.receive(b"#", BOOT_NS + 10 * MS)
     said = listen(made, BOOT_NS + 10 * MS, 2 * BOOT_NS + 20 * MS)
-    assert said.startswith(bota_text.BANNER)
+    assert said.startswith(bota.BANNER)
     assert bota.Decoder().receive(said, 0)[0].device_time_ns == pytest.approx(BOOT_NS, rel=1e-4)
 
 

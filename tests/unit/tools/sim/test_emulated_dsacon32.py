@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from slipd.devices import dsacon32
-from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
 from slipd.tools.sim.emulators import make_emulator
 
@@ -23,55 +22,55 @@ def test_it_pushes_images_at_the_requested_rate_of_its_own_clock():
     made = controller(noise_counts=0.0, clock_ppm=1000.0)
     made.press(np.arange(12) * 500)
     assert made.advance(S) == []
-    assert made.receive(messages.acquire(25, rle=True), S) == [messages.encode_error(messages.ACQUIRE)]
+    assert made.receive(dsacon32.acquire(25, rle=True), S) == [dsacon32.encode_error(dsacon32.ACQUIRE)]
     samples = images(made, S, 3 * S)
     assert len(samples) == 49
     assert samples[0].values.tolist() == [min(500 * cell, 4095) for cell in range(12)]
     assert np.diff([sample.device_time_ns for sample in samples]).mean() / MS == pytest.approx(40.04, abs=0.03)
-    made.receive(messages.acquire(0, rle=True), 3 * S)
+    made.receive(dsacon32.acquire(0, rle=True), 3 * S)
     assert made.advance(5 * S) == []
 
 
 @pytest.mark.parametrize("rle", [False, True])
 def test_images_come_plain_or_run_length_encoded_as_asked(rle):
     made = controller(noise_counts=0.0)
-    made.receive(messages.acquire(30, rle=rle), 0)
+    made.receive(dsacon32.acquire(30, rle=rle), 0)
     (said,) = made.advance(34 * MS)
     assert (said[10], len(said)) == ((1, 15) if rle else (0, 37))
 
 
 def test_its_rate_is_at_most_30_hz():
     made = controller()
-    made.receive(messages.acquire(1000, rle=True), 0)
+    made.receive(dsacon32.acquire(1000, rle=True), 0)
     assert len(images(made, 0, S + MS)) == 30
 
 
 def test_a_late_advance_makes_up_for_every_image_and_the_seed_repeats_them():
     late, steady = controller(), controller()
     for made in (late, steady):
-        made.receive(messages.acquire(30, rle=False), 0)
+        made.receive(dsacon32.acquire(30, rle=False), 0)
     assert b"".join(late.advance(S)) == b"".join(piece for t in range(0, S + MS, MS) for piece in steady.advance(t))
 
 
 def test_the_noise_has_its_deviation():
     made = controller(noise_counts=5.0)
     made.press(np.full(12, 2000.0))
-    made.receive(messages.acquire(30, rle=False), 0)
+    made.receive(dsacon32.acquire(30, rle=False), 0)
     assert np.std([sample.values for sample in images(made, 0, 20 * S, S)]) == pytest.approx(5.0, rel=0.05)
 
 
 def test_a_matrix_it_does_not_have_is_an_error():
-    assert controller().receive(messages.encode_matrix_query(2), 0) == [messages.encode_error(messages.MATRIX, 24)]
+    assert controller().receive(dsacon32.encode_matrix_query(2), 0) == [dsacon32.encode_error(dsacon32.MATRIX, 24)]
 
 
 def test_requests_may_come_one_byte_at_a_time_and_a_new_user_of_the_line_starts_afresh():
     made = controller()
-    asked = messages.encode_query(messages.SENSOR) + messages.encode_matrix_query(1)
+    asked = dsacon32.encode_query(dsacon32.SENSOR) + dsacon32.encode_matrix_query(1)
     answers = [answer for byte in asked for answer in made.receive(bytes((byte,)), 0)]
-    assert answers == [messages.encode_sensor(2, 5678), messages.encode_matrix(2, 2)]
-    made.receive(messages.encode_matrix_query(1)[:-1], 0)
+    assert answers == [dsacon32.encode_sensor(2, 5678), dsacon32.encode_matrix(2, 2)]
+    made.receive(dsacon32.encode_matrix_query(1)[:-1], 0)
     made.opened(1)
-    assert made.receive(messages.encode_matrix_query(1)[-1:], 2) == []
+    assert made.receive(dsacon32.encode_matrix_query(1)[-1:], 2) == []
     assert len(made.receive(asked, 3)) == 2
 
 

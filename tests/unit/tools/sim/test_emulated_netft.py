@@ -13,7 +13,7 @@ from loop_waits import eventually
 
 from slipd.devices import netft
 from slipd.devices.netft import netft_calibration
-from slipd.devices.netft.netft_output_rate import encode_change
+from slipd.devices.netft.netft_calibration import encode_change
 from slipd.devices.shared import rdt_records as rdt
 from slipd.events import Bytes, Event, LinkSpec, LinkUp
 from slipd.io.transport import Links

@@ -7,7 +7,7 @@ import pytest
 from driving import MS, drive
 
 from slipd.devices import optoforce
-from slipd.devices.optoforce.optoforce_session import UDP_PERIOD
+from slipd.devices.optoforce import UDP_PERIOD
 from slipd.devices.shared import rdt_records as rdt
 from slipd.tools.sim.emulated_optoforce import OptoforceConverter, make
 

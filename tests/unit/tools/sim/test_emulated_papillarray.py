@@ -5,7 +5,7 @@ import pytest
 from driving import drive
 
 from slipd.devices import papillarray
-from slipd.devices.papillarray.papillarray_session import RATES_HZ
+from slipd.devices.papillarray import RATES_HZ
 from slipd.tools.sim.emulated_papillarray import POWER_ON_HZ, make
 
 MS = 1_000_000

@@ -7,7 +7,6 @@ import pytest
 from driving import MS, drive
 
 from slipd.devices import robotous
-from slipd.devices.robotous import robotous_packets as packets
 from slipd.tools.sim.emulated_robotous import make
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
@@ -39,7 +38,7 @@ def test_a_second_session_writes_nothing_to_its_eeprom() -> None:
 
 def test_a_running_sensor_is_stopped_before_it_is_asked() -> None:
     emulator = make(3, baud=921_600)
-    emulator.receive(packets.encode_command(packets.START), 0)
+    emulator.receive(robotous.encode_command(robotous.START), 0)
     session = robotous.Session(output_hz=1000)
     drive(session, emulator, 0.2)
     assert session.state == "running"
@@ -55,17 +54,17 @@ def test_a_rate_that_its_line_does_not_carry_is_refused_and_it_sends_at_its_own(
     assert hz - 20 <= len(samples) <= hz
 
 
-@pytest.mark.parametrize(("number", "arguments"), [(packets.SET_RATE, b"\x63"), (packets.SET_FILTER, b"\x01\x63")])
+@pytest.mark.parametrize(("number", "arguments"), [(robotous.SET_RATE, b"\x63"), (robotous.SET_FILTER, b"\x01\x63")])
 def test_what_it_cannot_do_is_refused(number: int, arguments: bytes) -> None:
     emulator = make(4)
-    (answer,) = emulator.receive(packets.encode_command(number, arguments), 0)
-    assert answer == packets.encode_response(number, b"\0\x02")
+    (answer,) = emulator.receive(robotous.encode_command(number, arguments), 0)
+    assert answer == robotous.encode_response(number, b"\0\x02")
     assert emulator.writes == 0
 
 
 def test_a_command_that_is_not_known_is_not_answered_and_overload_is_sent() -> None:
     emulator = make(5)
-    assert emulator.receive(packets.encode_command(17, b"\1"), 0) == []
+    assert emulator.receive(robotous.encode_command(17, b"\1"), 0) == []
     emulator.overload = 0x20
-    emulator.receive(packets.encode_command(packets.START), 0)
+    emulator.receive(robotous.encode_command(robotous.START), 0)
     assert robotous.Decoder().receive(emulator.advance(5 * MS)[0], 0)[0].status == ("overload",)

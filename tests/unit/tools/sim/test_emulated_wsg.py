@@ -12,10 +12,10 @@ from collections.abc import Callable
 import pytest
 from permits import move
 
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.wsg import Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_reply_scanner import Reply, ReplyScanner
+from slipd.devices.wsg.wsg_decoder import Reply, ReplyScanner
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
 MS = 1_000_000

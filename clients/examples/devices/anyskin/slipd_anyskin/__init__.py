@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.devices import Device
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices import DecoderHealth, Device
 from slipd.types.samples import TactileSample
 
 MAGNETOMETERS = 5

@@ -12,8 +12,7 @@ the places of the taxels are published for two models only, and are no grid. sli
 
 from __future__ import annotations
 
-from slipd.devices import Device
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices import DecoderHealth, Device
 from slipd.types.samples import WrenchSample
 
 HEADER = b"\xaa\x55"

@@ -1,7 +1,9 @@
-"""Messages of the readings that another process sends: layout, limits, parser and encoder.
+"""Readings that another process sends: for labs whose own driver holds the port of a sensor.
 
-The bounds of a message are checked first (`slipd.devices.shared.msgpack_bounds`), so that only a map of known keys with
-values of the right types is unpacked.
+Each message is one msgpack map, `{stream, t_ns, force_n, torque_nm}`, `{stream, t_ns, values}` or
+`{stream, t_ns, object_pose, object_speed_mps}`; docs/devices.md describes it. Messages are self-delimiting, so no
+transport needs to deliver them one by one. The bounds of a message are checked first
+(`slipd.devices.shared.msgpack_messages`), so that only a map of known keys with values of the right types is unpacked.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ import msgpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.devices.shared.msgpack_bounds import (
+from slipd.devices import Device
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.msgpack_messages import (
     ARRAY16,
     FIXARRAY,
     FIXMAP,
@@ -23,10 +27,21 @@ from slipd.devices.shared.msgpack_bounds import (
     NIL,
     NUMBER_LENGTHS,
     UINT_LENGTHS,
+    Malformed,
+    MsgpackScanner,
+    ValueEnd,
+    arrived,
+    byte_at,
     map_end,
+    message_length,
     text_end,
 )
-from slipd.devices.shared.partial_message import Malformed, arrived, byte_at, message_length
+from slipd.devices.shared.sequence_tracker import SequenceTracker
+from slipd.types.arrays import Array
+from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
+
+FASTEST_HZ = 10_000.0
+"""What one socket carries without a backlog, and more than any force sensor sends."""
 
 MAX_MESSAGE = 1 << 16
 """Longest message, bytes; a pad of 64 by 64 taxels fills 37,000."""
@@ -38,7 +53,7 @@ MAX_NAME = 64
 MAX_STATUS = 8
 MAX_WORD = 32
 
-AXES, QUATERNION = 3, 4
+AXES = 3
 
 FIELDS = range(3, 8)
 """Numbers of fields: ``stream``, ``t_ns`` and a reading of one to three fields; optionally ``seq`` and ``status``."""
@@ -144,10 +159,6 @@ def _message_end(buffer: bytes, at: int) -> int:
     return end
 
 
-def _stream_end(buffer: bytes, at: int) -> int:
-    return text_end(buffer, at, 1, MAX_NAME)
-
-
 def _unsigned_end(buffer: bytes, at: int) -> int:
     """Return where an integer of at least 0 ends."""
     head = byte_at(buffer, at)
@@ -157,15 +168,15 @@ def _unsigned_end(buffer: bytes, at: int) -> int:
     return arrived(buffer, at + size)
 
 
-def _list_head(buffer: bytes, at: int, most: int) -> tuple[int, int]:
-    """Return the number of items of a list, and where the first begins."""
+def _list_head(buffer: bytes, at: int, sizes: range) -> tuple[int, int]:
+    """Return the number of items of a list, which must be one of ``sizes``, and where the first begins."""
     head = byte_at(buffer, at)
     if head == ARRAY16:
         begin = arrived(buffer, at + 3)
         count = int.from_bytes(buffer[at + 1 : begin], "big")
     else:
         begin, count = at + 1, head - FIXARRAY
-    if not 0 <= count <= (most if head == ARRAY16 else min(most, 15)):
+    if count not in sizes or (count > 15 and head != ARRAY16):
         raise Malformed
     return count, begin
 
@@ -182,11 +193,17 @@ def _numbers_end(buffer: bytes, at: int, count: int) -> int:
     return arrived(buffer, at)
 
 
-def _vector_end(buffer: bytes, at: int) -> int:
-    count, begin = _list_head(buffer, at, AXES)
-    if count != AXES:
-        raise Malformed
-    return _numbers_end(buffer, begin, AXES)
+def _vector(length: int) -> ValueEnd:
+    """Return the function that finds the end of a list of this many numbers."""
+
+    def find_end(buffer: bytes, at: int) -> int:
+        _, begin = _list_head(buffer, at, range(length, length + 1))
+        return _numbers_end(buffer, begin, length)
+
+    return find_end
+
+
+_vector_end = _vector(AXES)
 
 
 def _torque_end(buffer: bytes, at: int) -> int:
@@ -194,9 +211,7 @@ def _torque_end(buffer: bytes, at: int) -> int:
 
 
 def _values_end(buffer: bytes, at: int) -> int:
-    count, begin = _list_head(buffer, at, MAX_TAXELS)
-    if not count:
-        raise Malformed
+    count, begin = _list_head(buffer, at, range(1, MAX_TAXELS + 1))
     if byte_at(buffer, begin) in NUMBER_LENGTHS:
         return _numbers_end(buffer, begin, count)
     for _ in range(count):
@@ -208,15 +223,8 @@ def _number_end(buffer: bytes, at: int) -> int:
     return _numbers_end(buffer, at, 1)
 
 
-def _quaternion_end(buffer: bytes, at: int) -> int:
-    count, begin = _list_head(buffer, at, QUATERNION)
-    if count != QUATERNION:
-        raise Malformed
-    return _numbers_end(buffer, begin, QUATERNION)
-
-
 def _pose_end(buffer: bytes, at: int) -> int:
-    end, keys = map_end(buffer, at, range(1, 3), {b"xyz_m": _vector_end, b"quat_xyzw": _quaternion_end})
+    end, keys = map_end(buffer, at, range(1, 3), {b"xyz_m": _vector_end, b"quat_xyzw": _vector(4)})
     if b"xyz_m" not in keys:
         raise Malformed
     return end
@@ -230,14 +238,14 @@ def _is_orientation(quat_xyzw: Sequence[float] | None) -> bool:
 
 
 def _status_end(buffer: bytes, at: int) -> int:
-    count, at = _list_head(buffer, at, MAX_STATUS)
+    count, at = _list_head(buffer, at, range(MAX_STATUS + 1))
     for _ in range(count):
         at = text_end(buffer, at, 1, MAX_WORD)
     return at
 
 
 _VALUE_ENDS = {
-    b"stream": _stream_end,
+    b"stream": lambda buffer, at: text_end(buffer, at, 1, MAX_NAME),
     b"t_ns": _unsigned_end,
     b"seq": _unsigned_end,
     b"force_n": _vector_end,
@@ -249,3 +257,92 @@ _VALUE_ENDS = {
     b"status": _status_end,
 }
 """For each key, where its value ends."""
+
+
+MAX_STREAMS = 64
+"""Most streams with sequence numbers on one socket: limits the memory that invented names can fill."""
+
+Reading = WrenchSample | TactileSample | ObjectSample
+
+_SEQ_SPAN = 1 << 64
+_SPEED_KEYS = "object_speed_mps", "object_speed_std_mps"
+_BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xb4]|\Z)")  # a map of 3 to 7 fields, and a key of 3 to 20 bytes
+
+
+class Decoder:
+    """Decode every message to a wrench, tactile or object sample; ``source`` is its ``stream``.
+
+    ``device_time_ns`` is the message's ``t_ns``: CLOCK_MONOTONIC on this host at the acquisition, as reported by the
+    sender. `health.lost`, `duplicates` and `restarts` follow ``seq``, for streams that send it. Bytes outside messages
+    are `bad_bytes`, and each stretch of them is one `bad`; so is a message with an unknown key, a value of the wrong
+    type or a number out of range.
+
+    Status names: those of the message, and "invalid" if a value is not finite.
+    """
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+        self._scanner = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=True)
+        self._sequences: dict[str, SequenceTracker] = {}
+
+    def receive(self, data: bytes, t_ns: int) -> list[Reading]:
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
+        samples = [_sample(body, t_ns) for body in self._scanner.messages(data) if self._is_new(body)]
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Drop a partial message and the expected sequence numbers, because the line was closed."""
+        self._scanner.forget()
+        self._sequences.clear()
+
+    def _is_new(self, body: dict[str, Any]) -> bool:
+        """Return whether a reading is new according to its sequence number, if it has one."""
+        if "seq" not in body:
+            return True
+        stream = body["stream"]
+        if stream not in self._sequences:
+            if len(self._sequences) == MAX_STREAMS:
+                self.health.bad += 1
+                return False
+            self._sequences[stream] = SequenceTracker(_SEQ_SPAN, self.health)
+        return self._sequences[stream].accept(body["seq"])
+
+
+def _sample(body: dict[str, Any], t_ns: int) -> Reading:
+    status, stream, time_ns = tuple(body.get("status", ())), body["stream"], body["t_ns"]
+    if "values" in body:
+        values = np.array(body["values"], dtype=np.float64)
+        return TactileSample(t_ns, time_ns, values, _with_validity(status, values), stream)
+    if "force_n" not in body:
+        return _object_sample(body, t_ns, status)
+    force_n, torque_nm = [*map(float, body["force_n"])], body.get("torque_nm")
+    torque_nm = None if torque_nm is None else [*map(float, torque_nm)]
+    status = _with_validity(status, np.array(force_n if torque_nm is None else force_n + torque_nm))
+    return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
+
+
+def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ObjectSample:
+    pose = body.get("object_pose", {})
+    xyz_m, quat_xyzw = (None if pose.get(key) is None else (*map(float, pose[key]),) for key in ("xyz_m", "quat_xyzw"))
+    speed, std = (None if body.get(key) is None else float(body[key]) for key in _SPEED_KEYS)
+    numbers = np.array([*(xyz_m or ()), *(quat_xyzw or ()), *(n for n in (speed, std) if n is not None)])
+    status = _with_validity(status, numbers)
+    return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
+
+
+def _with_validity(status: tuple[str, ...], values: Array) -> tuple[str, ...]:
+    return status if "invalid" in status or np.isfinite(values).all() else (*status, "invalid")
+
+
+DEVICE = Device(
+    "external",
+    "any",
+    ("external",),
+    Decoder,
+    rates_hz=(0.1, FASTEST_HZ),
+    shared=True,
+    host_clock=True,
+    frame="a reading",
+    evidence="own",
+)

@@ -1,11 +1,16 @@
-"""Queue of set-points for an external driver, and the driver's answers to them."""
+"""What an external driver is asked to do: the states of the session, and the queue of set-points with their answers.
+
+The driver carries out an activation on its own; it is in progress until the driver answers the set-point. While an
+activation is queued or in progress, the gripper accepts no motion, whatever the driver reports.
+"""
 
 from __future__ import annotations
 
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Report
 from slipd.devices.shared.command_queue import Command, CommandQueue
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
 
 FORCE_TOLERANCE = 1e-6
 """Largest relative excess of the applied force over the requested one; single precision can cause it."""
@@ -99,3 +104,27 @@ class SetpointQueue(CommandQueue):
 
     def _stops(self) -> list[Command]:
         return [command for command in self.waiting if command.kind == "stop"]
+
+
+_REGISTRATIONS = {Event.REGISTERED: State.WAITING, Event.STRANGER: State.UNREGISTERED}
+_ALWAYS = {**_REGISTRATIONS, Event.FELL_SILENT: State.SILENT, Event.ACTIVATE: State.ACTIVATION_QUEUED}
+
+TRANSITIONS: Table = {
+    State.CLOSED: {},
+    State.UNREGISTERED: _REGISTRATIONS,
+    State.WAITING: {**_REGISTRATIONS, **FAULT_REPORTS, Event.FELL_SILENT: State.SILENT},
+    State.SILENT: {**_REGISTRATIONS, **FAULT_REPORTS},
+    State.INACTIVE: {**_ALWAYS, **FAULT_REPORTS},
+    State.ACTIVE: {**_ALWAYS, **FAULT_REPORTS, **MOTIONS},
+    State.FAULTY: {**_ALWAYS, **FAULT_REPORTS, Event.HALT: State.FAULTY},
+    State.ACTIVATION_QUEUED: {
+        **_ALWAYS,
+        Event.ACTIVATION_SENT: State.ACTIVATING,
+        Event.ACTIVATION_ENDED: State.INACTIVE,
+    },
+    State.ACTIVATING: {**_ALWAYS, Event.HALT: State.INACTIVE, Event.ACTIVATION_ENDED: State.INACTIVE},
+}
+"""States of the session; after an activation is over or halted, it handles the last report again."""
+
+ACTIVATION = frozenset({State.ACTIVATION_QUEUED, State.ACTIVATING})
+"""In these states the gripper accepts no motion."""

@@ -1,4 +1,7 @@
-"""Queue of commands to a WSG gripper, and its answers to them.
+"""What a WSG gripper is asked to do: the states of the session, and the queue of its commands.
+
+An activation is the homing command, which moves the fingers over their whole stroke. While it is queued the gripper is
+unchanged; once it is sent, the gripper is not ready until homing ends.
 
 A grip is a force limit, a pre-position and a read-back of the limit. A change of force repeats the goal if it is known,
 so that the object is clamped again; if not, only the limit changes and nothing moves.
@@ -8,9 +11,50 @@ from __future__ import annotations
 
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.command_queue import Command, CommandQueue
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_reply_scanner import Reply
+from slipd.devices.wsg.wsg_decoder import Reply
+
+_ALWAYS = {Event.ACTIVATE: State.ACTIVATION_QUEUED, Event.FELL_SILENT: State.SILENT}
+_AGAIN = {Event.ACTIVATE: State.REACTIVATION_QUEUED, Event.FELL_SILENT: State.SILENT, Event.HALT: State.SETTLING}
+
+TRANSITIONS: Table = {
+    State.CLOSED: {},
+    State.WAITING: FAULT_REPORTS,
+    State.SILENT: FAULT_REPORTS,
+    State.INACTIVE: {**_ALWAYS, **FAULT_REPORTS},
+    State.ACTIVE: {**_ALWAYS, **FAULT_REPORTS, **MOTIONS},
+    State.FAULTY: {**_ALWAYS, **FAULT_REPORTS, Event.HALT: State.FAULTY},
+    State.ACTIVATION_QUEUED: {
+        **_ALWAYS,
+        Event.HALT: State.SETTLING,
+        Event.ACTIVATION_SENT: State.ACTIVATING,
+        Event.ACTIVATION_DROPPED: State.SETTLING,
+    },
+    State.ACTIVATING: {**_AGAIN, Event.ACTIVATION_ENDED: State.SETTLING},
+    State.REACTIVATION_QUEUED: {
+        **_AGAIN,
+        Event.ACTIVATION_SENT: State.ACTIVATING,
+        Event.ACTIVATION_DROPPED: State.ACTIVATING,
+        Event.ACTIVATION_ENDED: State.ACTIVATION_QUEUED,
+    },
+    State.SETTLING: {**_ALWAYS, **FAULT_REPORTS, Event.HALT: State.SETTLING},
+}
+"""States of the session; after homing is dropped before it was sent, it handles the last report again."""
+
+QUEUED = frozenset({State.ACTIVATION_QUEUED, State.REACTIVATION_QUEUED})
+IN_PROGRESS = frozenset({State.ACTIVATING, State.REACTIVATION_QUEUED})
+ACTIVATION = QUEUED | IN_PROGRESS
+"""In these states the gripper accepts no motion."""
+
+
+def report_of(*, referenced: bool, fault: str) -> Event:
+    """Return the event of a reading, whose ``fault`` is "" where the gripper reports none."""
+    if not referenced:
+        return Event.REPORTED_INACTIVE
+    return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
+
 
 ANSWER_NS = 250_000_000
 """Time allowed for the answer to a command; older grippers take 70 ms."""

@@ -1,4 +1,7 @@
-"""Queue of register writes to a Robotiq gripper, and the settings of those sent.
+"""What a Robotiq gripper is asked to do: the states of the session, and the queue of its register writes.
+
+An activation is two writes, "clear" and "activate", after which the fingers open and close fully. While it is queued
+the gripper is unchanged; once "clear" is sent it is not active, even if a reading already on the line reports so.
 
 A newer write replaces older ones that it supersedes. There are three kinds of motion: a full write moves the fingers to
 a position, a write of the force register alone changes the force (and speed), and a write of the action register alone
@@ -12,6 +15,39 @@ from enum import Enum, auto
 
 from slipd.devices.robotiq_2f.robotiq_registers import ACTIVATE, FORCE_ADDRESS, GO, OUTPUT_ADDRESS
 from slipd.devices.shared import modbus
+from slipd.devices.shared.gripper_session import MOTIONS, REPORTS, Event, State, Table
+
+_REPORTS = REPORTS | {Event.REPORTED_ACTIVATING: State.ACTIVATING}
+_ALWAYS = {Event.ACTIVATE: State.ACTIVATION_QUEUED, Event.FELL_SILENT: State.WAITING}
+_DROPPED = dict.fromkeys((Event.DROP, Event.GIVE_UP), State.WAITING)
+
+TRANSITIONS: Table = {
+    State.CLOSED: {},
+    State.WAITING: {**_ALWAYS, **_REPORTS},
+    State.INACTIVE: {**_ALWAYS, **_REPORTS},
+    State.ACTIVE: {**_ALWAYS, **_REPORTS, **MOTIONS},
+    State.ACTIVATION_QUEUED: {**_ALWAYS, **_DROPPED, Event.CLEAR_SENT: State.CLEARED},
+    State.CLEARED: {
+        **_ALWAYS,
+        **_DROPPED,
+        Event.CLEAR_REPEATED: State.ACTIVATION_QUEUED,
+        Event.ACTIVATION_SENT: State.ACTIVATING,
+    },
+    State.ACTIVATING: {
+        **_ALWAYS,
+        **_REPORTS,
+        Event.ACTIVATION_REPEATED: State.CLEARED,
+        Event.GIVE_UP: State.WAITING,
+    },
+}
+"""States of the session; after a queued activation is dropped, it handles the last report again.
+
+An unanswered "clear" or "activate" is queued again. A gripper that fell silent may have lost power: its state is that
+before any status.
+"""
+
+ACTIVATION = frozenset({State.ACTIVATION_QUEUED, State.CLEARED, State.ACTIVATING})
+"""In these states the gripper accepts no motion."""
 
 
 class WriteKind(Enum):

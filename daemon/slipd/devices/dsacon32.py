@@ -1,0 +1,326 @@
+"""Weiss DSACON32m, the tactile controller of the Schunk SDH hand: several matrices on one serial or TCP line.
+
+The session asks the controller for its type and its matrices. The controller then streams images: the cells of all
+matrices in one packet. A plain image is one u16 per cell, 0 to 4095. A run-length encoded one is one u16 per run of
+equal cells: the length of the run (1 to 15) in the upper 4 bits, the value in the lower 12.
+
+Source: both Schunk libraries of the SDH hand.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from slipd.devices import Device, RateOption
+from slipd.devices.shared import weiss_tactile as tactile
+from slipd.devices.shared.device_interface import check_integer
+from slipd.devices.shared.sensor_session import ANSWER_NS
+from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, STATUS_WORDS, encode
+from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, Query, TactileDecoder, TactileSession, Words
+from slipd.types.samples import TactileSample
+
+CONTROLLER = 0x01
+SENSOR = 0x02
+ACQUIRE = 0x03
+MATRIX = 0x0B
+
+_CONTROLLER = struct.Struct("<HIBHBBBBIB")  # the library's struct has one more byte, which the device does not send
+_SENSOR = struct.Struct("<HHHBIB")
+_MATRIX = struct.Struct("<H2f2H6s2sB3f3ffB")
+_ACQUIRE = struct.Struct("<BH")
+
+REPLY_SIZES = {CONTROLLER: _CONTROLLER.size, SENSOR: _SENSOR.size, ACQUIRE: 2, MATRIX: _MATRIX.size}
+REQUEST_SIZES = {CONTROLLER: 0, SENSOR: 0, ACQUIRE: _ACQUIRE.size, MATRIX: 1}
+
+ALREADY_RUNNING = 4
+
+ERROR_WORDS = (*STATUS_WORDS[:12], *STATUS_WORDS[13:29])
+"""Meaning of each error number: that of the other Weiss controllers, without their 12, "no parameter expected"."""
+
+TYPE_DSACON32 = 1
+_TYPES = ("DSACON16", "DSACON32", "DSA100-256")
+
+_OPERABLE = 0x80
+_PUSH = 0x80
+_RLE = 0x01
+_RS232 = 0x10
+_REVISION = 0x20
+_FIRMWARE = 288
+_PITCH_MM = 3.4
+_FULL_SCALE = 4095.0
+
+
+@dataclass(frozen=True)
+class ControllerInfo:
+    """Identity and condition of the controller.
+
+    Attributes:
+        serial: Serial number.
+        kind: Number of its type; only the image format of `TYPE_DSACON32` is known.
+        operable: Whether it reports that it can measure.
+    """
+
+    serial: int
+    kind: int = TYPE_DSACON32
+    operable: bool = True
+
+    @property
+    def kind_name(self) -> str:
+        """The type's name, for people."""
+        return _TYPES[self.kind] if self.kind < len(_TYPES) else f"{self.kind}"
+
+
+def encode_query(packet_id: int, payload: bytes = b"") -> bytes:
+    """Return a request; one without payload has no checksum."""
+    return encode(packet_id, payload, SEED_AFTER_PREAMBLE, bare=True)
+
+
+def encode_matrix_query(index: int) -> bytes:
+    """Return the request for columns and rows of matrix ``index``."""
+    return encode_query(MATRIX, bytes((index,)))
+
+
+def acquire(rate_hz: int, *, rle: bool) -> bytes:
+    """Return the request for images at ``rate_hz``; 0 stops them (bit 7 clear, as firmware from 276 on requires)."""
+    return encode_query(ACQUIRE, _ACQUIRE.pack((_PUSH if rate_hz else 0) | (_RLE if rle else 0), rate_hz))
+
+
+def parse_acquire(payload: bytes) -> tuple[int, bool]:
+    """Return the requested rate, Hz, 0 for no images, and whether images are to be run-length encoded."""
+    flags, rate_hz = _ACQUIRE.unpack(payload)
+    return rate_hz if flags & _PUSH else 0, bool(flags & _RLE)
+
+
+def encode_error(packet_id: int, error: int = 0) -> bytes:
+    """Return an answer that consists of an error number alone; 0 is no error."""
+    return encode(packet_id, error.to_bytes(2, "little"), SEED_AFTER_PREAMBLE)
+
+
+def encode_controller(info: ControllerInfo) -> bytes:
+    """Return the answer about the controller."""
+    status = _OPERABLE if info.operable else 0
+    payload = _CONTROLLER.pack(0, info.serial, _REVISION, _FIRMWARE, status, _RS232, info.kind, 0, 0, 0)
+    return encode(CONTROLLER, payload, SEED_AFTER_PREAMBLE)
+
+
+def parse_controller(payload: bytes) -> ControllerInfo:
+    """Return the content of a complete answer about the controller."""
+    _, serial, _, _, status, _, kind, *_ = _CONTROLLER.unpack(payload)
+    return ControllerInfo(serial, kind, bool(status & _OPERABLE))
+
+
+def encode_sensor(matrices: int, serial: int, error: int = 0) -> bytes:
+    """Return the answer about the sensor: number of matrices and serial number."""
+    return encode(SENSOR, _SENSOR.pack(error, matrices, 0x0120, 1, serial, 0), SEED_AFTER_PREAMBLE)
+
+
+def parse_sensor(payload: bytes) -> int:
+    """Return the number of matrices in a complete answer about the sensor."""
+    matrices: int = _SENSOR.unpack(payload)[1]
+    return matrices
+
+
+def encode_matrix(cols: int, rows: int) -> bytes:
+    """Return the answer about a matrix."""
+    zeros = (0.0,) * 6
+    unique, reserved = bytes(range(1, 7)), bytes(2)
+    payload = _MATRIX.pack(0, _PITCH_MM, _PITCH_MM, cols, rows, unique, reserved, 0x10, *zeros, _FULL_SCALE, 0)
+    return encode(MATRIX, payload, SEED_AFTER_PREAMBLE)
+
+
+def parse_matrix(payload: bytes) -> tuple[int, int]:
+    """Return columns and rows in a complete answer about a matrix."""
+    _, _, _, cols, rows, *_ = _MATRIX.unpack(payload)
+    return cols, rows
+
+
+MAX_MATRICES = 16
+"""The SDH hand has six."""
+
+BOOT_TEXT = b"\x1b[5n"
+"""Sent three times while the controller boots."""
+
+_TYPICAL_BYTES = 300
+_RUN_SHIFT = 12
+_LONGEST_RUN = 15
+
+
+class Decoder(TactileDecoder):
+    """Return a sample of every matrix of every image; drop images whose cells do not fit the matrices.
+
+    ``values`` has shape (cols·rows,), counts of 12 bits, row by row. ``source`` is the index of the matrix. The only
+    status name is "saturated": a cell is at full scale.
+
+    Args:
+        matrices: ``[[cols, rows], …]`` in the controller's order. None if unknown: a whole image is then one sample
+            with source "0".
+
+    Raises:
+        ValueError: There are no matrices or too many, or a matrix has no cells.
+    """
+
+    def __init__(self, matrices: Sequence[Sequence[float]] | None = None) -> None:
+        super().__init__(SEED_AFTER_PREAMBLE, REPLY_SIZES, _TYPICAL_BYTES, BOOT_TEXT)
+        self._ends: list[int] = []  # index after the last cell of each matrix
+        if matrices is not None:
+            self.set_matrices(matrices)
+
+    def set_matrices(self, matrices: Sequence[Sequence[float]]) -> None:
+        """Set columns and rows of the matrices, as in the option."""
+        problem = matrices_problem(matrices)
+        if problem:
+            raise ValueError(problem)
+        self._ends = [int(end) for end in np.cumsum([cols * rows for cols, rows in matrices])]
+
+    def _accepts_image(self, rle: bool, count: int, words: Words) -> bool:
+        cells = self._ends[-1] if self._ends else None
+        if not rle:
+            return cells in (None, count) and not (words > FULL_SCALE).any()
+        most = cells or MAX_CELLS
+        expanded = int((words >> _RUN_SHIFT).sum())
+        if len(words) < count:
+            return count <= most and expanded <= most
+        return expanded == cells if cells else 0 < expanded <= MAX_CELLS
+
+    def _samples(self, rle: bool, words: Words, t_ns: int, device_time_ns: int) -> list[TactileSample]:
+        cells = np.repeat(words & FULL_SCALE, words >> _RUN_SHIFT) if rle else words
+        return [
+            tactile.matrix_sample(cells[begin:end], t_ns, device_time_ns, FULL_SCALE, str(index))
+            for index, (begin, end) in enumerate(pairwise((0, *(self._ends or (len(cells),)))))
+        ]
+
+
+def matrices_problem(matrices: Sequence[Sequence[float]]) -> str:
+    """Return what is wrong with columns and rows of the matrices; "" if nothing is."""
+    if not 1 <= len(matrices) <= MAX_MATRICES:
+        return f"a controller must have 1 to {MAX_MATRICES} matrices, got {len(matrices)}"
+    for index, sides in enumerate(matrices):
+        if len(sides) != 2 or any(side < 1 or side % 1 for side in sides):
+            return f"matrix {index} must be columns and rows, integers of at least 1, got {list(sides)}"
+    cells = sum(cols * rows for cols, rows in matrices)
+    return "" if cells <= MAX_CELLS else f"the matrices must have at most {MAX_CELLS} cells, got {cells}"
+
+
+def encode_frame(cells: Sequence[int] | Words, device_time_ms: int, *, rle: bool = False) -> bytes:
+    """Return one image as the controller sends it.
+
+    Args:
+        cells: Counts of all matrices in order, integers from 0 to 4095, shape (cells,).
+        device_time_ms: Device time, ms; sent modulo 2^32.
+        rle: Whether to encode runs.
+    """
+    words = np.asarray(cells, dtype=np.uint16)
+    return tactile.encode_frame(_runs(words) if rle else words, device_time_ms, SEED_AFTER_PREAMBLE, flags=RLE * rle)
+
+
+def _runs(cells: Words) -> Words:
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[:1] ^ 1))
+    words: list[int] = []
+    for start, end in zip(starts, [*starts[1:], len(cells)], strict=True):
+        whole, rest = divmod(int(end - start), _LONGEST_RUN)
+        lengths = [_LONGEST_RUN] * whole + [rest] * (rest > 0)
+        words += [length << _RUN_SHIFT | int(cells[start]) for length in lengths]
+    return np.array(words, dtype=np.uint16)
+
+
+MAX_RATE_HZ = 30
+"""Highest rate of the controller."""
+
+BOOT_NS = 9_000_000_000
+"""Time allowed for booting; the controller ignores requests for about 8 s after power-up."""
+
+
+class Session(TactileSession):
+    """Read controller type and matrices, and start the images.
+
+    In addition to the states of `TactileSession`, `state` may be "controller not operable", or that the controller's
+    type has an unknown image format; such a controller is not started. `identity` is the controller's serial number.
+
+    Args:
+        rate_hz: Images per second, 1 to 30.
+        rle: Whether to request run-length encoded images; a plain one of an SDH hand takes 85 ms at 115200 bit/s.
+
+    Raises:
+        ValueError: The rate is out of range or not an integer.
+    """
+
+    decoder: Decoder
+
+    def __init__(self, rate_hz: int = MAX_RATE_HZ, rle: bool = True) -> None:
+        check_integer("rate_hz", rate_hz, 1, MAX_RATE_HZ)
+        stop, start = acquire(0, rle=rle), acquire(rate_hz, rle=rle)
+        queries = [
+            Query(
+                "controller",
+                encode_query(CONTROLLER),
+                attempts=BOOT_NS // ANSWER_NS,
+                reply_id=CONTROLLER,
+                handle=self._handle_controller,
+            ),
+            Query(
+                "sensor",
+                encode_query(SENSOR),
+                reply_id=SENSOR,
+                handle=self._handle_sensor,
+            ),
+            Query("stop", stop, reply_id=ACQUIRE, tolerates=range(1, 1 << 16)),
+            Query("start", start, reply_id=ACQUIRE, tolerates=(ALREADY_RUNNING,)),
+        ]
+        super().__init__(Decoder(), queries, stop, ERROR_WORDS, 1_000_000_000 // rate_hz)
+        self._matrices: list[tuple[int, int]] = []
+        self._expected = 0
+
+    def _handle_controller(self, payload: bytes) -> str:
+        info = parse_controller(payload)
+        if info.kind != TYPE_DSACON32:
+            return f"the controller must be a DSACON32, got type {info.kind_name}"
+        self.identity = f"S/N {info.serial}"
+        return "" if info.operable else "controller not operable"
+
+    def _handle_sensor(self, payload: bytes) -> str:
+        count = parse_sensor(payload)
+        if not 1 <= count <= MAX_MATRICES:
+            return f"a controller must have 1 to {MAX_MATRICES} matrices, got {count}"
+        self._matrices = []
+        self._expected = count
+        self._queries[2:-2] = [
+            Query(
+                f"matrix {index}",
+                encode_matrix_query(index),
+                reply_id=MATRIX,
+                handle=self._handle_matrix,
+            )
+            for index in range(count)
+        ]
+        return ""
+
+    def _handle_matrix(self, payload: bytes) -> str:
+        matrices = [*self._matrices, parse_matrix(payload)]
+        problem = matrices_problem(matrices)
+        if not problem:
+            self._matrices = matrices
+            if len(matrices) == self._expected:
+                self.decoder.set_matrices(matrices)
+        return problem
+
+
+DEVICE = Device(
+    "dsacon32",
+    "tactile",
+    ("serial", "tcp"),
+    Decoder,
+    Session,
+    rates_hz=(1.0, MAX_RATE_HZ),
+    baud=115_200,
+    axes=1,
+    shared=True,
+    clock_span_ns=(1 << 32) * 1_000_000,
+    rate_option=RateOption("rate_hz"),
+    frame="a DSACON32m packet",
+    evidence="maker",
+)

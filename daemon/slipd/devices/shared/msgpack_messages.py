@@ -1,0 +1,216 @@
+"""Msgpack messages from other processes: checked before they are unpacked, and found again after garbage.
+
+msgpack accepts nested huge lists, extension types and duplicate keys, and cannot detect early that the bytes received
+so far will never become a message. So the bounds of a message are checked first: a map of known keys, each once, each
+with a value of its own type. Such a check raises `Incomplete` if more bytes may complete a message, and `Malformed` if
+they cannot.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from typing import Generic, TypeVar
+
+from slipd.devices.shared.device_interface import DecoderHealth
+
+
+class Incomplete(Exception):  # noqa: N818
+    """The buffer ends before the message does."""
+
+
+class Malformed(Exception):  # noqa: N818
+    """There is no valid message."""
+
+
+def message_length(find_end: Callable[[bytes, int], int], buffer: bytes, at: int, most: int) -> int:
+    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, -1 if there is none.
+
+    Args:
+        find_end: Returns where the message ends, or raises `Incomplete` or `Malformed`.
+        buffer: Bytes received so far.
+        at: Where the message begins.
+        most: Length of the longest message, bytes.
+    """
+    try:
+        length = find_end(buffer, at) - at
+    except Malformed:
+        return -1
+    except Incomplete:
+        return 0 if len(buffer) - at < most else -1
+    return length if length <= most else -1
+
+
+def byte_at(buffer: bytes, at: int) -> int:
+    """Return one byte.
+
+    Raises:
+        Incomplete: It has not arrived yet.
+    """
+    if at >= len(buffer):
+        raise Incomplete
+    return buffer[at]
+
+
+def arrived(buffer: bytes, end: int) -> int:
+    """Return ``end`` if the buffer has all bytes before it.
+
+    Raises:
+        Incomplete: They have not arrived yet.
+    """
+    if end > len(buffer):
+        raise Incomplete
+    return end
+
+
+FIXMAP, FIXARRAY, FIXSTR, STR8, ARRAY16, NIL = 0x80, 0x90, 0xA0, 0xD9, 0xDC, 0xC0
+FLOAT32, FLOAT64 = 0xCA, 0xCB
+
+UINT_LENGTHS = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
+"""Length of each unsigned integer by its first byte, except those of one byte (0 to 0x7F)."""
+_INT_LENGTHS = {0xD0: 2, 0xD1: 3, 0xD2: 5, 0xD3: 9}
+_ONE_BYTE_INTS = (*range(0x80), *range(0xE0, 0x100))
+
+NUMBER_LENGTHS = dict.fromkeys(_ONE_BYTE_INTS, 1) | UINT_LENGTHS | _INT_LENGTHS | {FLOAT32: 5, FLOAT64: 9}
+"""Length of each number by its first byte."""
+
+ValueEnd = Callable[[bytes, int], int]
+"""``value_end(buffer, at)`` returns where a value ends; raises `Incomplete` or `Malformed`."""
+
+
+def map_end(buffer: bytes, at: int, sizes: range, value_ends: Mapping[bytes, ValueEnd]) -> tuple[int, set[bytes]]:
+    """Return where a map ends, and its keys.
+
+    Args:
+        buffer: Bytes received so far.
+        at: Where the map begins.
+        sizes: Permitted numbers of keys.
+        value_ends: For each known key, where its value ends.
+
+    Raises:
+        Incomplete: The map has not arrived completely.
+        Malformed: It is not such a map.
+    """
+    size = byte_at(buffer, at) - FIXMAP
+    if size not in sizes:
+        raise Malformed
+    keys: set[bytes] = set()
+    at += 1
+    for _ in range(size):
+        key, at = _known_key(buffer, at, value_ends)
+        if key in keys:
+            raise Malformed
+        keys.add(key)
+        at = value_ends[key](buffer, at)
+    return at, keys
+
+
+def text_end(buffer: bytes, at: int, shortest: int, longest: int) -> int:
+    """Return where a text of ``shortest`` to ``longest`` bytes ends.
+
+    Raises:
+        Incomplete: The text has not arrived completely.
+        Malformed: It is not such a text.
+    """
+    head = byte_at(buffer, at)
+    if head == STR8:
+        at += 1
+        size = byte_at(buffer, at)
+    else:
+        size = head - FIXSTR if head < FIXSTR + 32 else -1
+    if not shortest <= size <= longest:
+        raise Malformed
+    return arrived(buffer, at + 1 + size)
+
+
+def _known_key(buffer: bytes, at: int, known: Collection[bytes]) -> tuple[bytes, int]:
+    """Return the key at ``at`` and where it ends; a key that is cut may still become a known one."""
+    end = at + 1 + byte_at(buffer, at) - FIXSTR
+    if end <= at:
+        raise Malformed
+    key = buffer[at + 1 : end]
+    if end > len(buffer) and any(whole.startswith(key) and len(whole) == end - at - 1 for whole in known):
+        raise Incomplete
+    if key not in known or end > len(buffer):
+        raise Malformed
+    return key, end
+
+
+MessageT = TypeVar("MessageT")
+
+FREE_TRIES, BYTES_PER_TRY = 64, 64
+"""In a stretch of garbage, the places that are checked at once, and then the bytes per further place.
+
+Each check takes microseconds, and any two bytes may look like the beginning of a message.
+"""
+
+
+class MsgpackScanner(Generic[MessageT]):
+    """Find messages; count each stretch of other bytes as one ``bad``, and its length as ``bad_bytes``.
+
+    Args:
+        begin: Pattern of the first bytes of a message.
+        measure: ``measure(buffer, at)`` returns the length of the message at ``at``; 0 if the buffer ends too early to
+            decide; -1 if there is none.
+        parse: ``parse(data)`` returns a measured message; None if a value in it is impossible.
+        health: Receives ``bad`` and ``bad_bytes``.
+        limited: Whether to limit the number of places that are checked in garbage.
+    """
+
+    def __init__(
+        self,
+        begin: re.Pattern[bytes],
+        measure: Callable[[bytes, int], int],
+        parse: Callable[[bytes], MessageT | None],
+        health: DecoderHealth,
+        *,
+        limited: bool,
+    ) -> None:
+        self._begin = begin
+        self._measure = measure
+        self._parse = parse
+        self._health = health
+        self._bytes_per_try = BYTES_PER_TRY if limited else 0
+        self._tail = b""
+        self._garbage = 0  # bytes of the stretch of garbage before the tail
+        self._tries = 0  # places in it that were checked in vain
+
+    def messages(self, data: bytes) -> list[MessageT]:
+        """Scan the next bytes of the stream; return the messages they complete."""
+        buffer = self._tail + data
+        found: list[MessageT] = []
+        done, at = 0, self._next_try(0)
+        while (begin := self._begin.search(buffer, at)) is not None:
+            at = begin.start()
+            length = self._measure(buffer, at)
+            if length == 0:
+                break
+            message = self._parse(buffer[at : at + length]) if length > 0 else None
+            if message is None:
+                self._tries += 1
+                at = max(at + 1, self._next_try(done))
+                continue
+            self._drop(at - done)
+            self._garbage = self._tries = 0
+            done = at = at + length
+            found.append(message)
+        keep = at if begin is not None else len(buffer)
+        self._drop(keep - done)
+        self._tail = buffer[keep:]
+        return found
+
+    def forget(self) -> None:
+        """Drop a partial message, because the line was closed."""
+        self._drop(len(self._tail))
+        self._tail = b""
+
+    def _drop(self, count: int) -> None:
+        """Count bytes that belong to no message."""
+        if count:
+            self._health.bad_bytes += count
+            self._health.bad += not self._garbage
+            self._garbage += count
+
+    def _next_try(self, done: int) -> int:
+        """Return the first place that may be checked in the garbage that continues at ``done``."""
+        return max(0, done + (self._tries - FREE_TRIES) * self._bytes_per_try - self._garbage)
