@@ -69,8 +69,8 @@ class Bench:
                 pytest.fail("it never stops asking")
 
 
-def dsacon_bench(**device: dsacon32.ControllerInfo) -> Bench:
-    made = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0, **device)
+def dsacon_bench() -> Bench:
+    made = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0)
     made.press(np.arange(12))
     return Bench(dsacon32.Session(), made)
 

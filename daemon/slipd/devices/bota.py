@@ -17,7 +17,6 @@ import math
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from slipd.devices import Device, RateOption
 from slipd.devices.shared import checksums
@@ -38,37 +37,17 @@ _LONGEST_COMMAND = 64
 """Size of the sensor's own buffer, bytes; anything longer is not a command."""
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One command to the sensor.
-
-    Attributes:
-        letter: "C" configure, "R" run, "I" soft reset, "#" hard reset, "c" communication, "f" filter, "s" save,
-            "l" load, "w" print, "p" (``p?``) name and serial number.
-        arguments: Arguments of "c" (temperature compensation, calibration, format, baud code) and of "f" (sinc length,
-            chop, fast, FIR off).
-    """
-
-    letter: str
-    arguments: tuple[int, ...] = ()
-
-    def encode(self) -> bytes:
-        """Return the command as it is sent."""
-        return ",".join((self.letter, *map(str, self.arguments))).encode() + b"\n"
+CONFIGURE, RUN = b"C\n", b"R\n"
 
 
-CONFIGURE = Command("C")
-RUN = Command("R")
-
-
-def communication(*, temperature_compensation: bool) -> Command:
+def communication(*, temperature_compensation: bool) -> bytes:
     """Return the command for calibrated values in binary frames at 460800 bit/s."""
-    return Command("c", (int(temperature_compensation), 1, 0, BAUD_460800))
+    return f"c,{int(temperature_compensation)},1,0,{BAUD_460800}\n".encode()
 
 
-def filtering(sinc_length: int) -> Command:
+def filtering(sinc_length: int) -> bytes:
     """Return the command for one frame every ``sinc_length`` / 51200 s, without chop, fast mode or FIR."""
-    return Command("f", (sinc_length, 0, 0, 1))
+    return f"f,{sinc_length},0,0,1\n".encode()
 
 
 def find_ack(received: bytes, letter: str) -> int | None:
@@ -79,31 +58,21 @@ def find_ack(received: bytes, letter: str) -> int | None:
     return None
 
 
-def find_identity(received: bytes) -> str:
-    """Return name and serial number from a banner, such as "MiniONE S/N 1234"; "" if there is none."""
-    match = _IDENTITY.search(received)
-    return f"{match[1].decode().strip()} S/N {match[2].decode()}" if match else ""
+def parse_commands(received: bytes) -> tuple[list[str], bytes]:
+    """Return the commands that a sensor received, and the bytes to keep for the next call.
 
-
-def parse_commands(received: bytes) -> tuple[list[Command], bytes]:
-    """Return the commands that a sensor received, and the bytes to keep for the next call."""
-    commands: list[Command] = []
-    done = 0
-    for match in _COMMAND.finditer(received):
-        letter, *arguments = match[0].decode().split(",")
-        commands.append(Command(letter, tuple(map(int, arguments))))
-        done = match.end()
-    return commands, received[done:][-_LONGEST_COMMAND:]
+    A command is a letter: "C" configure, "R" run, "I" soft reset, "#" hard reset, "c" communication (temperature
+    compensation, calibration, format, baud code), "f" filter (sinc length, chop, fast, FIR off), "s" save, "l" load,
+    "w" print, "p" (``p?``) name and serial number; with its arguments after commas.
+    """
+    found = list(_COMMAND.finditer(received))
+    rest = received[found[-1].end() :] if found else received
+    return [match[0].decode() for match in found], rest[-_LONGEST_COMMAND:]
 
 
 def encode_ack(letter: str, code: int = 0) -> bytes:
     """Return the answer to the command ``letter``; code 0 is success."""
     return f"r,0,{letter},{code}\r\n".encode()
-
-
-def encode_product(name: str, serial_number: int) -> bytes:
-    """Return the answer to ``p?`` as the maker's driver reads it: the second and third field are unknown to it."""
-    return f"p,0,{serial_number},0,0,{name}\r\n".encode() + encode_ack("p")
 
 
 def encode_banner(name: str = "SensONE", serial_number: int = 1, firmware: str = "1.0.0") -> bytes:
@@ -208,7 +177,8 @@ _TEXT_KEPT = 32  # bytes, more than any text that the session waits for
 _BANNER_LENGTH = 512  # bytes; a banner has fewer than 100
 
 _BOOT = "boot text"
-_ANSWERED_BY_FRAMES = (_BOOT, RUN.letter)
+_RUN = "R"
+_ANSWERED_BY_FRAMES = (_BOOT, _RUN)
 
 
 class Session(SensorSession[WrenchSample]):
@@ -235,15 +205,10 @@ class Session(SensorSession[WrenchSample]):
 
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         check_integer("sinc_length", sinc_length, *SINC_LENGTHS)
-        commands = (
-            CONFIGURE,
-            communication(temperature_compensation=temperature_compensation),
-            filtering(sinc_length),
-            RUN,
-        )
+        set_up = communication(temperature_compensation=temperature_compensation), filtering(sinc_length)
+        commands = [Step(command[:1].decode(), command) for command in (CONFIGURE, *set_up, RUN)]
         boot = Step(_BOOT, b"", "optional", QUIET_NS, attempts=1)
-        startup = StartupSequence([boot, *(Step(command.letter, command.encode()) for command in commands)])
-        super().__init__(Decoder(), startup, CONFIGURE.encode())
+        super().__init__(Decoder(), StartupSequence([boot, *commands]), CONFIGURE)
         self._booted_ns = 0
         self._text = b""
         self._banner = b""
@@ -290,15 +255,16 @@ class Session(SensorSession[WrenchSample]):
             code = 0
         if code is not None:
             self._startup.handle_answer(now_ns, f"refused {awaited} with code {code}" if code else "")
-        if code == 0 and awaited == RUN.letter:
+        if code == 0 and awaited == _RUN:
             self._startup.reading_received(now_ns)
 
     def _read_identity(self, data: bytes) -> None:
         """Collect the banner until it contains the sensor's name and serial number."""
         self._banner += data
-        name = find_identity(self._banner[:_BANNER_LENGTH])
-        if name or len(self._banner) >= _BANNER_LENGTH:
-            self.identity = name or self.identity
+        found = _IDENTITY.search(self._banner[:_BANNER_LENGTH])
+        if found:
+            self.identity = f"{found[1].decode().strip()} S/N {found[2].decode()}"
+        if found or len(self._banner) >= _BANNER_LENGTH:
             self._banner = b""
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -55,26 +54,6 @@ _PITCH_MM = 3.4
 _FULL_SCALE = 4095.0
 
 
-@dataclass(frozen=True)
-class ControllerInfo:
-    """Identity and condition of the controller.
-
-    Attributes:
-        serial: Serial number.
-        kind: Number of its type; only the image format of `TYPE_DSACON32` is known.
-        operable: Whether it reports that it can measure.
-    """
-
-    serial: int
-    kind: int = TYPE_DSACON32
-    operable: bool = True
-
-    @property
-    def kind_name(self) -> str:
-        """The type's name, for people."""
-        return _TYPES[self.kind] if self.kind < len(_TYPES) else f"{self.kind}"
-
-
 def encode_query(packet_id: int, payload: bytes = b"") -> bytes:
     """Return a request; one without payload has no checksum."""
     return encode(packet_id, payload, SEED_AFTER_PREAMBLE, bare=True)
@@ -101,28 +80,15 @@ def encode_error(packet_id: int, error: int = 0) -> bytes:
     return encode(packet_id, error.to_bytes(2, "little"), SEED_AFTER_PREAMBLE)
 
 
-def encode_controller(info: ControllerInfo) -> bytes:
-    """Return the answer about the controller."""
-    status = _OPERABLE if info.operable else 0
-    payload = _CONTROLLER.pack(0, info.serial, _REVISION, _FIRMWARE, status, _RS232, info.kind, 0, 0, 0)
+def encode_controller(serial: int, *, kind: int = TYPE_DSACON32, operable: bool = True) -> bytes:
+    """Return the answer about the controller: serial number, type, and whether it can measure."""
+    payload = _CONTROLLER.pack(0, serial, _REVISION, _FIRMWARE, _OPERABLE * operable, _RS232, kind, 0, 0, 0)
     return encode(CONTROLLER, payload, SEED_AFTER_PREAMBLE)
-
-
-def parse_controller(payload: bytes) -> ControllerInfo:
-    """Return the content of a complete answer about the controller."""
-    _, serial, _, _, status, _, kind, *_ = _CONTROLLER.unpack(payload)
-    return ControllerInfo(serial, kind, bool(status & _OPERABLE))
 
 
 def encode_sensor(matrices: int, serial: int, error: int = 0) -> bytes:
     """Return the answer about the sensor: number of matrices and serial number."""
     return encode(SENSOR, _SENSOR.pack(error, matrices, 0x0120, 1, serial, 0), SEED_AFTER_PREAMBLE)
-
-
-def parse_sensor(payload: bytes) -> int:
-    """Return the number of matrices in a complete answer about the sensor."""
-    matrices: int = _SENSOR.unpack(payload)[1]
-    return matrices
 
 
 def encode_matrix(cols: int, rows: int) -> bytes:
@@ -131,12 +97,6 @@ def encode_matrix(cols: int, rows: int) -> bytes:
     unique, reserved = bytes(range(1, 7)), bytes(2)
     payload = _MATRIX.pack(0, _PITCH_MM, _PITCH_MM, cols, rows, unique, reserved, 0x10, *zeros, _FULL_SCALE, 0)
     return encode(MATRIX, payload, SEED_AFTER_PREAMBLE)
-
-
-def parse_matrix(payload: bytes) -> tuple[int, int]:
-    """Return columns and rows in a complete answer about a matrix."""
-    _, _, _, cols, rows, *_ = _MATRIX.unpack(payload)
-    return cols, rows
 
 
 MAX_MATRICES = 16
@@ -262,12 +222,7 @@ class Session(TactileSession):
                 reply_id=CONTROLLER,
                 handle=self._handle_controller,
             ),
-            Query(
-                "sensor",
-                encode_query(SENSOR),
-                reply_id=SENSOR,
-                handle=self._handle_sensor,
-            ),
+            Query("sensor", encode_query(SENSOR), reply_id=SENSOR, handle=self._handle_sensor),
             Query("stop", stop, reply_id=ACQUIRE, tolerates=range(1, 1 << 16)),
             Query("start", start, reply_id=ACQUIRE, tolerates=(ALREADY_RUNNING,)),
         ]
@@ -276,31 +231,28 @@ class Session(TactileSession):
         self._expected = 0
 
     def _handle_controller(self, payload: bytes) -> str:
-        info = parse_controller(payload)
-        if info.kind != TYPE_DSACON32:
-            return f"the controller must be a DSACON32, got type {info.kind_name}"
-        self.identity = f"S/N {info.serial}"
-        return "" if info.operable else "controller not operable"
+        _, serial, _, _, status, _, kind, *_ = _CONTROLLER.unpack(payload)
+        if kind != TYPE_DSACON32:
+            name = _TYPES[kind] if kind < len(_TYPES) else kind
+            return f"the controller must be a DSACON32, got type {name}"
+        self.identity = f"S/N {serial}"
+        return "" if status & _OPERABLE else "controller not operable"
 
     def _handle_sensor(self, payload: bytes) -> str:
-        count = parse_sensor(payload)
+        count = _SENSOR.unpack(payload)[1]
         if not 1 <= count <= MAX_MATRICES:
             return f"a controller must have 1 to {MAX_MATRICES} matrices, got {count}"
         self._matrices = []
         self._expected = count
         self._queries[2:-2] = [
-            Query(
-                f"matrix {index}",
-                encode_matrix_query(index),
-                reply_id=MATRIX,
-                handle=self._handle_matrix,
-            )
+            Query(f"matrix {index}", encode_matrix_query(index), reply_id=MATRIX, handle=self._handle_matrix)
             for index in range(count)
         ]
         return ""
 
     def _handle_matrix(self, payload: bytes) -> str:
-        matrices = [*self._matrices, parse_matrix(payload)]
+        _, _, _, cols, rows, *_ = _MATRIX.unpack(payload)
+        matrices = [*self._matrices, (cols, rows)]
         problem = matrices_problem(matrices)
         if not problem:
             self._matrices = matrices

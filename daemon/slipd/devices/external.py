@@ -20,21 +20,18 @@ from numpy.typing import ArrayLike
 from slipd.devices import Device
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.msgpack_messages import (
-    ARRAY16,
-    FIXARRAY,
-    FIXMAP,
-    FLOAT64,
     NIL,
     NUMBER_LENGTHS,
-    UINT_LENGTHS,
     Malformed,
     MsgpackScanner,
-    ValueEnd,
-    arrived,
     byte_at,
+    list_head,
     map_end,
     message_length,
+    numbers_end,
     text_end,
+    unsigned_end,
+    vector_end,
 )
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
@@ -54,7 +51,6 @@ MAX_STATUS = 8
 MAX_WORD = 32
 
 AXES = 3
-
 FIELDS = range(3, 8)
 """Numbers of fields: ``stream``, ``t_ns`` and a reading of one to three fields; optionally ``seq`` and ``status``."""
 
@@ -159,51 +155,7 @@ def _message_end(buffer: bytes, at: int) -> int:
     return end
 
 
-def _unsigned_end(buffer: bytes, at: int) -> int:
-    """Return where an integer of at least 0 ends."""
-    head = byte_at(buffer, at)
-    size = 1 if head < FIXMAP else UINT_LENGTHS.get(head)
-    if size is None:
-        raise Malformed
-    return arrived(buffer, at + size)
-
-
-def _list_head(buffer: bytes, at: int, sizes: range) -> tuple[int, int]:
-    """Return the number of items of a list, which must be one of ``sizes``, and where the first begins."""
-    head = byte_at(buffer, at)
-    if head == ARRAY16:
-        begin = arrived(buffer, at + 3)
-        count = int.from_bytes(buffer[at + 1 : begin], "big")
-    else:
-        begin, count = at + 1, head - FIXARRAY
-    if count not in sizes or (count > 15 and head != ARRAY16):
-        raise Malformed
-    return count, begin
-
-
-def _numbers_end(buffer: bytes, at: int, count: int) -> int:
-    doubles_end = at + 9 * count
-    if buffer[at:doubles_end:9] == bytes((FLOAT64,)) * count:  # the usual case: nothing but doubles
-        return arrived(buffer, doubles_end)
-    for _ in range(count):
-        size = NUMBER_LENGTHS.get(byte_at(buffer, at))
-        if size is None:
-            raise Malformed
-        at += size
-    return arrived(buffer, at)
-
-
-def _vector(length: int) -> ValueEnd:
-    """Return the function that finds the end of a list of this many numbers."""
-
-    def find_end(buffer: bytes, at: int) -> int:
-        _, begin = _list_head(buffer, at, range(length, length + 1))
-        return _numbers_end(buffer, begin, length)
-
-    return find_end
-
-
-_vector_end = _vector(AXES)
+_vector_end = vector_end(AXES)
 
 
 def _torque_end(buffer: bytes, at: int) -> int:
@@ -211,20 +163,20 @@ def _torque_end(buffer: bytes, at: int) -> int:
 
 
 def _values_end(buffer: bytes, at: int) -> int:
-    count, begin = _list_head(buffer, at, range(1, MAX_TAXELS + 1))
+    count, begin = list_head(buffer, at, range(1, MAX_TAXELS + 1))
     if byte_at(buffer, begin) in NUMBER_LENGTHS:
-        return _numbers_end(buffer, begin, count)
+        return numbers_end(buffer, begin, count)
     for _ in range(count):
         begin = _vector_end(buffer, begin)
     return begin
 
 
 def _number_end(buffer: bytes, at: int) -> int:
-    return _numbers_end(buffer, at, 1)
+    return numbers_end(buffer, at, 1)
 
 
 def _pose_end(buffer: bytes, at: int) -> int:
-    end, keys = map_end(buffer, at, range(1, 3), {b"xyz_m": _vector_end, b"quat_xyzw": _vector(4)})
+    end, keys = map_end(buffer, at, range(1, 3), {b"xyz_m": _vector_end, b"quat_xyzw": vector_end(4)})
     if b"xyz_m" not in keys:
         raise Malformed
     return end
@@ -238,7 +190,7 @@ def _is_orientation(quat_xyzw: Sequence[float] | None) -> bool:
 
 
 def _status_end(buffer: bytes, at: int) -> int:
-    count, at = _list_head(buffer, at, range(MAX_STATUS + 1))
+    count, at = list_head(buffer, at, range(MAX_STATUS + 1))
     for _ in range(count):
         at = text_end(buffer, at, 1, MAX_WORD)
     return at
@@ -246,8 +198,8 @@ def _status_end(buffer: bytes, at: int) -> int:
 
 _VALUE_ENDS = {
     b"stream": lambda buffer, at: text_end(buffer, at, 1, MAX_NAME),
-    b"t_ns": _unsigned_end,
-    b"seq": _unsigned_end,
+    b"t_ns": unsigned_end,
+    b"seq": unsigned_end,
     b"force_n": _vector_end,
     b"torque_nm": _torque_end,
     b"values": _values_end,

@@ -118,7 +118,7 @@ class _Port:
         with contextlib.suppress(BlockingIOError):
             commands, self._heard = bota.parse_commands(self._heard + os.read(self.plan.fd, 4096))
             for command in commands:
-                os.write(self.plan.fd, bota.encode_ack(command.letter))
+                os.write(self.plan.fd, bota.encode_ack(command[0]))
 
 
 def _schedule(ports: list[_Port]) -> list[tuple[int, int, int]]:

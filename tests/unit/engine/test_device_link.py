@@ -57,7 +57,7 @@ def test_only_open_links_to_devices_with_commands_send_last_bytes(links: dict[st
         link.open("address", T0)
     last_bytes = {name: link.farewell() for name, link in links.items()}
     assert last_bytes == {
-        "left.wrench": bota.CONFIGURE.encode(),
+        "left.wrench": bota.CONFIGURE,
         "left.pad": b"",
         "right.pad": b"",
         "gripper": b"",

@@ -56,7 +56,7 @@ def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(
     run: Run, make_run: Callable[[str], Run], left: str
 ) -> None:
     """A WSG treats a connection that breaks as a fault, and stops."""
-    assert run.engine.farewell() == [Write("left.wrench", bota.CONFIGURE.encode())]
+    assert run.engine.farewell() == [Write("left.wrench", bota.CONFIGURE)]
     wsg = make_run(left + WSG)
     wsg.up("gripper")
     assert wsg.engine.farewell() == [Write("gripper", wsg_messages.encode(wsg_messages.DISCONNECT))]

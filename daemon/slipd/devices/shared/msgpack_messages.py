@@ -123,6 +123,51 @@ def text_end(buffer: bytes, at: int, shortest: int, longest: int) -> int:
     return arrived(buffer, at + 1 + size)
 
 
+def unsigned_end(buffer: bytes, at: int) -> int:
+    """Return where an integer of at least 0 ends."""
+    head = byte_at(buffer, at)
+    size = 1 if head < FIXMAP else UINT_LENGTHS.get(head)
+    if size is None:
+        raise Malformed
+    return arrived(buffer, at + size)
+
+
+def list_head(buffer: bytes, at: int, sizes: range) -> tuple[int, int]:
+    """Return the number of items of a list, which must be one of ``sizes``, and where the first begins."""
+    head = byte_at(buffer, at)
+    if head == ARRAY16:
+        begin = arrived(buffer, at + 3)
+        count = int.from_bytes(buffer[at + 1 : begin], "big")
+    else:
+        begin, count = at + 1, head - FIXARRAY
+    if count not in sizes or (count > 15 and head != ARRAY16):
+        raise Malformed
+    return count, begin
+
+
+def numbers_end(buffer: bytes, at: int, count: int) -> int:
+    """Return where ``count`` numbers end."""
+    doubles_end = at + 9 * count
+    if buffer[at:doubles_end:9] == bytes((FLOAT64,)) * count:  # the usual case: nothing but doubles
+        return arrived(buffer, doubles_end)
+    for _ in range(count):
+        size = NUMBER_LENGTHS.get(byte_at(buffer, at))
+        if size is None:
+            raise Malformed
+        at += size
+    return arrived(buffer, at)
+
+
+def vector_end(length: int) -> ValueEnd:
+    """Return the function that finds the end of a list of this many numbers."""
+
+    def find_end(buffer: bytes, at: int) -> int:
+        _, begin = list_head(buffer, at, range(length, length + 1))
+        return numbers_end(buffer, begin, length)
+
+    return find_end
+
+
 def _known_key(buffer: bytes, at: int, known: Collection[bytes]) -> tuple[bytes, int]:
     """Return the key at ``at`` and where it ends; a key that is cut may still become a known one."""
     end = at + 1 + byte_at(buffer, at) - FIXSTR

@@ -28,7 +28,7 @@ RATE_HZ = 800.0
 _INTERNAL_RATE_HZ = 51_200
 _IN_RUN_MODE = "CRI#"
 _DONE, _REFUSED = 0, 1
-_BINARY = 0
+_BINARY = "0"
 _NOISE_BLOCK = 1024
 
 
@@ -119,8 +119,8 @@ class BotaSensor:
         device_us = round(elapsed_ns * (1e-3 + self._ppm * 1e-9))
         return bota.encode_frame(values[:3], values[3:], device_us, temperature_c=TEMPERATURE_C)
 
-    def _obey(self, command: bota.Command, t_ns: int) -> bytes:
-        letter = command.letter
+    def _obey(self, command: str, t_ns: int) -> bytes:
+        letter, *arguments = command.split(",")
         if self.mode == "boot" or (self.mode == "run" and letter not in _IN_RUN_MODE):
             return b""
         code = _DONE
@@ -128,14 +128,14 @@ class BotaSensor:
             self.restart(t_ns)
             return b""
         if letter == "p":
-            return bota.encode_product(NAME, SERIAL)
+            return f"p,0,{SERIAL},0,0,{NAME}\r\n".encode() + bota.encode_ack("p")  # the driver ignores the zeros
         if letter == "C":
             self.mode = "config"
         elif letter == "R":
             self.mode, self._next_ns = "run", t_ns + self._period_ns
-        elif letter == "f" and command.arguments[0]:
-            self._period_ns = _period_ns(command.arguments[0])
-        elif letter == "f" or (letter == "c" and command.arguments[2] != _BINARY):
+        elif letter == "f" and int(arguments[0]):
+            self._period_ns = _period_ns(int(arguments[0]))
+        elif letter == "f" or (letter == "c" and arguments[2] != _BINARY):
             code = _REFUSED
         return bota.encode_ack(letter, code)
 

@@ -20,6 +20,8 @@ from slipd.types.arrays import Array
 FINGER = ((6, 14), (6, 13))
 """The proximal and the distal matrix of an SDH finger, columns and rows."""
 
+SERIAL = 1234
+
 _INDEX_ERROR = 24
 _REQUEST_BYTES = 9
 
@@ -30,7 +32,8 @@ class Dsacon32(WeissController):
     Args:
         matrices: Columns and rows of each matrix; `press` takes the cells of all, in this order.
         rng: Source of its noise.
-        info: What it reports about itself.
+        kind: The type that it reports.
+        operable: Whether it reports that it can measure.
         noise_counts: Standard deviation of each reading.
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
@@ -42,13 +45,14 @@ class Dsacon32(WeissController):
         matrices: Sequence[tuple[int, int]],
         rng: np.random.Generator,
         *,
-        info: dsacon32.ControllerInfo | None = None,
+        kind: int = dsacon32.TYPE_DSACON32,
+        operable: bool = True,
         noise_counts: float = 0.7,
         clock_ppm: float = 80.0,
     ) -> None:
         requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
         super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
-        self.info = info or dsacon32.ControllerInfo(serial=1234)
+        self._about = dsacon32.encode_controller(SERIAL, kind=kind, operable=operable)
         self._matrices = matrices
         self._rle = False
 
@@ -72,7 +76,7 @@ class Dsacon32(WeissController):
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == dsacon32.CONTROLLER:
-            return dsacon32.encode_controller(self.info)
+            return self._about
         if request.id == dsacon32.SENSOR:
             return dsacon32.encode_sensor(len(self._matrices), serial=5678)
         if request.id == dsacon32.MATRIX:

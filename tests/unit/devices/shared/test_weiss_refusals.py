@@ -41,14 +41,14 @@ def test_a_refusal_is_reported_in_words_and_the_query_repeated(
     ("wrong", "state"),
     [
         (
-            dsacon32.encode_controller(dsacon32.ControllerInfo(5, kind=0)),
+            dsacon32.encode_controller(5, kind=0),
             "the controller must be a DSACON32, got type DSACON16",
         ),
         (
-            dsacon32.encode_controller(dsacon32.ControllerInfo(5, kind=9)),
+            dsacon32.encode_controller(5, kind=9),
             "the controller must be a DSACON32, got type 9",
         ),
-        (dsacon32.encode_controller(dsacon32.ControllerInfo(5, operable=False)), "controller not operable"),
+        (dsacon32.encode_controller(5, operable=False), "controller not operable"),
         (dsacon32.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
         (dsacon32.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
         (dsacon32.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
