@@ -50,7 +50,7 @@ class AsyncSubscriber(SubscriberBase):
             check_held()
             message = await self._receive(self._patient_until(), by_silence=True)
             if message is None:
-                self._check_silence()
+                self.check_silence()
             else:
                 yield message
 

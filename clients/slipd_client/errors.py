@@ -19,6 +19,7 @@ The text of an error names the subject, the rule and what was found.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -130,3 +131,13 @@ def check_seconds(name: str, value: Any, example: float) -> None:
     """
     if not isinstance(value, (int, float)) or not 0 < value < math.inf:
         raise CallError(f"{name} must be a positive time in seconds, e.g. {example:g}, got {value!r:.60}")
+
+
+def require(module: str, package: str, command: str) -> None:
+    """Do nothing where the package of others that a command needs is installed.
+
+    Raises:
+        CallError: It is not; the text says how to install it.
+    """
+    if importlib.util.find_spec(module) is None:
+        raise CallError(f"{command} needs the package {package}: pip install {package}")

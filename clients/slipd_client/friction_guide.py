@@ -1,24 +1,30 @@
-"""``slipctl friction``: guides a person through measuring the friction between pads and an object.
+"""``slipctl friction measure``: guides a person through measuring the friction between pads and an object.
 
 It reads what the daemon publishes and asks for its status, no more: nothing is set, and nothing moves.
 """
 
 from __future__ import annotations
 
+import argparse
+import functools
+import json
+import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import Optional
+from typing import TYPE_CHECKING, Optional
 
-from slipd_client.errors import FrictionNotMeasured, RequestRefused, Silence
+from slipd_client.errors import FrictionNotMeasured, RequestRefused
 from slipd_client.friction_pull import PullSample
-from slipd_client.friction_samples import config_lines, median_of, spread
+from slipd_client.friction_samples import config_lines, low_estimate, median_of, spread
 from slipd_client.friction_session import OBSTACLE_S, FrictionSession
-from slipd_client.message_tracker import SILENCE_S
 from slipd_client.messages import Health
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Slip
-from slipd_client.silence_hint import hint_for
 from slipd_client.subscriber import Subscriber
+
+if TYPE_CHECKING:
+    from slipd_client.grip import GripClient
+    from slipd_client.keys import Keys
 
 LISTEN_S = 0.2
 
@@ -58,29 +64,50 @@ def check(ask_status: Callable[[], StatusReply], finger: Optional[str]) -> list[
         time.sleep(LISTEN_S)
 
 
-def session(fingers: Sequence[str], samples: int, patience_s: float) -> FrictionSession:
-    """Return a session that prints its lines."""
-    return FrictionSession(fingers, samples, patience_s, lambda text: print(text, flush=True))
+def run(client: GripClient, chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out the command; as JSON, the result is one document, and what to do is printed on standard error.
+
+    Raises:
+        FrictionNotMeasured: See `check` and `measure`.
+        Silence: The daemon fell silent.
+    """
+    say = functools.partial(print, file=sys.stderr if chosen.json else sys.stdout, flush=True)
+    guided = FrictionSession(check(client.status, chosen.finger), chosen.samples, chosen.patience, say)
+    with Subscriber(chosen.publish, guided.topics, keys=keys) as subscriber:
+        try:
+            measure(guided, subscriber)
+        finally:
+            if chosen.json:
+                print(json.dumps({finger: result_map(group) for finger, group in guided.results.items()}), flush=True)
+            else:
+                for finger, group in guided.results.items():
+                    print("\n".join(["", *result_lines(finger, group)]), flush=True)
 
 
 def measure(guided: FrictionSession, subscriber: Subscriber) -> None:
-    """Measure, and print the result: in the end, or of each finger with enough samples where it ends before.
+    """Pass on the verdicts until enough samples of every finger agree.
 
     Raises:
         FrictionNotMeasured: Nothing touched, nothing slipped, or the samples do not agree.
         Silence: The daemon fell silent.
     """
-    begin_s = time.monotonic()
-    try:
-        while not guided.done:
-            message = subscriber.receive(LISTEN_S)
-            if message is None and subscriber.stale and time.monotonic() - begin_s > SILENCE_S:
-                where = subscriber.endpoint
-                raise Silence(f"no message from {where} for {SILENCE_S:g} s. {hint_for(where)}")
-            guided.advance(message if isinstance(message, Slip) else None, time.monotonic())
-    finally:
-        for finger, group in guided.results.items():
-            print("\n".join(["", *result_lines(finger, group)]), flush=True)
+    while not guided.done:
+        message = subscriber.receive(LISTEN_S)
+        if message is None:
+            subscriber.check_silence()
+        guided.advance(message if isinstance(message, Slip) else None, time.monotonic())
+
+
+def result_map(group: Sequence[PullSample]) -> dict[str, float | None]:
+    """Return what was measured of a finger, for programs; ``mu`` and ``mu_spread`` are what the config wants."""
+    found = median_of(group)
+    return {
+        "mu": low_estimate(group),
+        "mu_spread": spread(group),
+        "mu_s": found.mu_s,
+        "mu_d": found.mu_d,
+        "normal_n": found.normal_n,
+    }
 
 
 def result_lines(finger: str, group: Sequence[PullSample]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import os
 import select
@@ -81,6 +82,17 @@ def parse_numbers(text: str) -> list[float]:
     if len(numbers) not in (3, 4):
         raise CallError(f"a line must have three or four numbers, got {text.strip()!r:.60}")
     return numbers
+
+
+def run(client: GripClient, chosen: argparse.Namespace) -> GravityReply | None:
+    """Carry out the command; return the last reply, or None if there was no line to follow.
+
+    Raises:
+        CallError: An orientation is wrong, or the file cannot be read.
+    """
+    if chosen.follow is not None:
+        return follow(client, chosen.finger, chosen.follow, chosen.hold)
+    return send(client, chosen.finger, gravity_of(chosen.numbers), chosen.hold or 0.0)
 
 
 def send(client: GripClient, finger: str, gravity_mps2: Sequence[float], hold_s: float) -> GravityReply:

@@ -20,7 +20,7 @@ from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
 from slipd_client.messages.schema.request_fields import TARE_S
-from slipd_client.silence_hint import hint_for
+from slipd_client.paths import hint_for
 
 TIMEOUT_S = 1.0
 """Twice the longest deadline that a daemon accepts: no reply after that can mean that the request is still pending."""

@@ -9,21 +9,21 @@ from collections.abc import Sequence
 from slipd_client import slipctl_parser
 from slipd_client.errors import ClientError, SlipdClientError
 
-DONE, FAULT = 0, 1  # wrong arguments exit with argparse's own 2
-
-ENDED_BY_HAND = ("watch", "view", "viewers", "relay", "ros2", "bridge", "fleet", "gravity", "grip set", "grip adjust")
-"""Commands that Ctrl-C ends normally."""
+DONE, REFUSED, WRONG, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes, as those of ``slipd``: docs/clients.md."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; ``arguments`` are those of the command line when None.
 
     Returns:
-        0 for success, 1 if the daemon refused or did not answer (reported on standard error); wrong arguments exit
-        with 2.
+        0 done; 1 the daemon refused or did not answer; 2 wrong use, a missing file or a missing package; 130 ended by
+        Ctrl-C. The reason is reported on standard error.
     """
-    parser = slipctl_parser.parser()
-    chosen = parser.parse_args(arguments)
+    chosen = slipctl_parser.parser().parse_args(arguments)
+    if chosen.version:
+        print(f"slipctl {version()}")
+        return DONE
     if not chosen.command:
         chosen.refuse()
     for stream in (sys.stdout, sys.stderr):
@@ -33,18 +33,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         slipctl_commands.run(chosen)
         sys.stdout.flush()
-    except ClientError as error:
-        print(f"slipctl: {error}", file=sys.stderr)
-        return FAULT
-    except SlipdClientError as error:  # a wrong endpoint or key file
-        parser.error(str(error))
     except BrokenPipeError:  # the reader of the pipe has closed it; Python must not flush into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
-        if chosen.command not in ENDED_BY_HAND:
-            print("slipctl: interrupted", file=sys.stderr)
-            return FAULT
+        return INTERRUPTED
+    except SlipdClientError as error:
+        print(f"slipctl: {error}", file=sys.stderr)
+        return REFUSED if isinstance(error, ClientError) else WRONG
     return DONE
+
+
+def version() -> str:
+    """Return the version of the package that holds this client: its own wheel, or that of slipd."""
+    from importlib import metadata
+
+    for package in ("slipd-client", "slipd"):
+        try:
+            return metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return "unknown"
 
 
 if __name__ == "__main__":

@@ -6,46 +6,78 @@ import argparse
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
-from slipd_client.argument_types import Add, CommandParser, finite
-from slipd_client.fleet.fleet_arguments import add_bridge, add_fleet
+from slipd_client.arguments import Add, add_listen, finite
 from slipd_client.friction_samples import MOST_SAMPLES
-from slipd_client.listen_address import add_listen
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.paths import publish_endpoint, requests_endpoint
-from slipd_client.ros2.ros2_arguments import add_ros2
-from slipd_client.viewers.viewers_arguments import add_viewers
+from slipd_client.serve_arguments import add_fleet, add_serve
 
 SAMPLES = 3
 PATIENCE_S = 60.0
-"""Of ``slipctl friction`` where nothing else is given."""
+"""Of ``slipctl friction measure`` where nothing else is given."""
 
 _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 """Of options; a positional argument has the name of its field."""
+
+_NOW = {
+    "viewers": "slipctl viewers is now: slipctl serve foxglove",
+    "relay": "slipctl relay is gone; PlotJuggler's source Foxglove Bridge gets the messages of: slipctl serve foxglove",
+    "ros2": "slipctl ros2 is now: slipctl serve ros2",
+    "bridge": "slipctl bridge is now: slipctl serve fleet",
+    "commission": "slipctl commission is now: slipd commission FILE",
+}
+"""Commands of earlier versions, and what to type instead."""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser of commands.
+
+    Attributes:
+        default: The command that may be left out; "" where every command must be named.
+        names: All of them, in a map.
+        now: What to type instead of arguments of an earlier version; "" where there were none.
+    """
+
+    default = ""
+    names: Mapping[str, object] = {}
+    now = ""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Put the default before arguments that begin with no command and no option."""
+        known = not args or args[0].startswith("-") or args[0] in self.names
+        if self.now and not (known and self.names):
+            self.exit(2, f"{self.now}\n")
+        if self.default and not known:
+            args = [self.default, *args]
+        return super().parse_known_args(args, namespace)
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser.
 
     ``command`` of the parsed arguments is the whole command, e.g. "grip set", or "" where it is missing. Then
-    ``refuse`` prints the commands that there are, and exits with 2.
+    ``refuse`` prints the commands that there are, and exits with 2. A command that is a single request has its ``op``,
+    and the names of its ``fields`` in the parsed arguments.
     """
     top = CommandParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
-    for name, what, default in (
-        ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
-        ("--requests", "endpoint on which slipd accepts requests", requests_endpoint()),
-    ):
-        top.add_argument(name, metavar="ENDPOINT", help=f"{what} (default: {_escaped(default)})")
-    top.add_argument("--key", metavar="FILE", help="secret key of this client, for a daemon across a network")
-    top.add_argument("--server-key", metavar="FILE", help="public key of the daemon")
+    top.add_argument("--version", action="store_true", help="print the version and exit")
+    _connection(top, None)
     add = _commands(top, "")
 
     watch = add("watch", "show levels, forces and health as they change")
-    watch.add_argument("--json", action="store_true", help="print every message, one per line")
+    watch.add_argument(
+        "--topic",
+        action="append",
+        metavar="TOPIC",
+        help="print every message of the topics that begin so, e.g. wrench.left, as JSON lines; may be repeated",
+    )
+    watch.add_argument("--json", action="store_true", help="print every message as JSON, one per line")
     watch.add_argument("--once", action="store_true", help="show the last messages and exit")
     view = add("view", "show the same in a browser, with the pads; prints the address of the page")
     add_listen(view)
@@ -67,12 +99,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="the folder of a running slipd emulate: its pads can be pressed with the mouse",
     )
-    add_viewers(add)
-    add_ros2(add)
-    add_bridge(add)
-    add_fleet(add)
-    status = add("status", "show what needs a repair, and the state of the daemon and its streams")
-    status.add_argument("--json", action="store_true", help="print the whole reply, and the repairs")
+    add_serve(_commands(add("serve", "serve live messages to other programs, until Ctrl-C"), "serve "))
+    add_fleet(add("fleet", "show level, health and age of every robot of a fleet (docs/fleet.md)"))
+    _add_json(add("status", "show what needs a repair, and the state of the daemon and its streams"))
     diagnose = add("diagnose", "collect status, messages, log and recordings in one file for those who help")
     diagnose.add_argument(
         "out",
@@ -86,17 +115,12 @@ def parser() -> argparse.ArgumentParser:
     diagnose.add_argument(
         "--seconds", type=_seconds, default=5.0, metavar="S", help="how long to listen to messages (default: 5)"
     )
+    _add_json(diagnose)
 
     _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
     _tare(add("tare", "take, show or undo the zero of a finger's sensors: slipctl tare left pad"))
     _friction(add("friction", "measure the friction between pads and an object by hand, or set it on one finger"))
-
     _gravity(add("gravity", "send the direction of gravity in a pad's frame, so that the finger's weight is known"))
-
-    commission = add(
-        "commission", "find mounting, weight and friction, and try a first grasp: the same as slipd commission"
-    )
-    commission.add_argument("rest", nargs=argparse.REMAINDER, metavar="FILE …", help="see: slipd commission --help")
 
     named = add("object", "name the object, so that its friction is remembered; acquires the lease where it can")
     choice = named.add_mutually_exclusive_group(required=True)
@@ -104,19 +128,45 @@ def parser() -> argparse.ArgumentParser:
         "name", metavar="NAME", nargs="?", type=_object_name, help=_help(OPS["object.set"].fields["name"])
     )
     choice.add_argument("--none", action="store_true", help="take the name back: another object, or nothing, is held")
+    _request(named, "object.set")
 
     record = _commands(add("record", "record what the daemon receives and publishes"), "record ")
-    record("start", "start a recording; the daemon names the file")
-    record("stop", "end the recording")
+    _request(record("start", "start a recording; the daemon names the file"), "record.start")
+    _request(record("stop", "end the recording"), "record.stop")
     _keys(_commands(add("keys", "manage the keys for a daemon across a network"), "keys "))
     return top
 
 
+def _connection(command: argparse.ArgumentParser, default: str | None) -> None:
+    """Add the options of the connection, which may stand before and after a command."""
+    group = command.add_argument_group("connection")
+    for name, what, where in (
+        ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
+        ("--requests", "endpoint on which slipd accepts requests", requests_endpoint()),
+    ):
+        group.add_argument(name, metavar="ENDPOINT", default=default, help=f"{what} (default: {_escaped(where)})")
+    group.add_argument(
+        "--key", metavar="FILE", default=default, help="secret key of this client, for a daemon across a network"
+    )
+    group.add_argument("--server-key", metavar="FILE", default=default, help="public key of the daemon")
+
+
+def _request(command: argparse.ArgumentParser, op: str, *names: str) -> None:
+    """Make a command one that sends a request: arguments for these fields of its op, and ``--json``."""
+    _fields(command, op, *names)
+    command.set_defaults(op=op, fields=names)
+    _add_json(command)
+
+
+def _add_json(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", action="store_true", help="print one JSON document")
+
+
 def _grip(add: Add) -> None:
     setting = add("set", "set the grip force")
-    _fields(setting, "grip.set", "force_n")
+    _request(setting, "grip.set", "force_n")
     adjust = add("adjust", "change the grip force")
-    _fields(adjust, "grip.adjust", "delta_n")
+    _request(adjust, "grip.adjust", "delta_n")
     for each in (setting, adjust):
         each.add_argument(
             "--hold",
@@ -125,30 +175,39 @@ def _grip(add: Add) -> None:
             metavar="S",
             help="keep the lease for S seconds (default: 0); its end moves nothing",
         )
-    add("hold", "keep the present grip force, and stop fingers that move")
-    _fields(add("close", "close onto an object"), "gripper.close", "force_n", "width_m", "speed_mps")
-    _fields(add("open", "open; refused in contact without --drop"), "gripper.open", "width_m", "speed_mps", "drop")
-    _fields(add("activate", "make the gripper ready; some open and close fully for it"), "gripper.activate", "drop")
-    add("stop", "stop the fingers where they are")
-    add("ack", "acknowledge the latched fault")
+    _request(add("hold", "keep the present grip force, and stop fingers that move"), "grip.hold")
+    _request(add("close", "close onto an object"), "gripper.close", "force_n", "width_m", "speed_mps")
+    _request(add("open", "open; refused in contact without --drop"), "gripper.open", "width_m", "speed_mps", "drop")
+    _request(add("activate", "make the gripper ready; some open and close fully for it"), "gripper.activate", "drop")
+    _request(add("stop", "stop the fingers where they are"), "gripper.stop")
+    _request(add("ack", "acknowledge the latched fault"), "fault.ack")
 
 
-def _friction(friction: argparse.ArgumentParser) -> None:
-    friction.description = (
-        "Guides through measuring friction: pull an object that is gripped until it slips; nothing moves by itself. "
-        "With MU_S the friction of one finger is set instead, with the lease where nobody else holds it."
+def _friction(friction: CommandParser) -> None:
+    add = _commands(friction, "friction ")
+    friction.now = (
+        "slipctl friction is now: slipctl friction measure [FINGER], or slipctl friction set FINGER MU_S [MU_D]"
     )
-    _fields(friction, "friction.set", "finger", "mu_s", "mu_d", optional=True)
-    friction.add_argument(
+    measure = add("measure", "measure friction: pull a gripped object until it slips; moves and sets nothing")
+    measure.add_argument("finger", metavar="FINGER", nargs="?", help="name of the finger (default: all)")
+    measure.add_argument(
         "--samples",
         type=int,
         choices=range(1, MOST_SAMPLES + 1),
+        default=SAMPLES,
         metavar="N",
-        help=f"pulls that must agree, 1 to {MOST_SAMPLES} (default: {SAMPLES})",
+        help=f"pulls that must agree, 1 to {MOST_SAMPLES} (default: %(default)s)",
     )
-    friction.add_argument(
-        "--patience", type=_seconds, metavar="S", help=f"how long to wait for each pull (default: {PATIENCE_S:g})"
+    measure.add_argument(
+        "--patience",
+        type=_seconds,
+        default=PATIENCE_S,
+        metavar="S",
+        help="how long to wait for each pull (default: %(default)g)",
     )
+    _add_json(measure)
+    setting = add("set", "set the friction of one finger; acquires the lease where it can")
+    _request(setting, "friction.set", "finger", "mu_s", "mu_d")
 
 
 def _gravity(gravity: argparse.ArgumentParser) -> None:
@@ -156,7 +215,7 @@ def _gravity(gravity: argparse.ArgumentParser) -> None:
         "Sends gravity in the pad frame, m/s², or the orientation of the pad. The daemon forgets it after 0.25 s: "
         "repeat it with --hold, or follow a file or pipe to which the robot program writes a line per pose."
     )
-    _fields(gravity, "gravity.set", "finger")
+    _request(gravity, "gravity.set", "finger")
     gravity.add_argument(
         "numbers",
         type=_type(Field("number", NUMBER, "a component")),
@@ -177,9 +236,9 @@ def _tare(tare: CommandParser) -> None:
     add = _commands(tare, "tare ")
     tare.default = "take"
     take = add("take", "take the present readings of a finger as zero; nothing may touch the finger; may be left out")
-    _fields(take, "tare", "seconds", "unloaded", "finger", "stream")
-    _fields(add("get", "show the tare in use"), "tare.get", "finger", "stream")
-    _fields(add("undo", "return to the tare before the last one"), "tare.undo", "finger", "stream")
+    _request(take, "tare", "seconds", "unloaded", "finger", "stream")
+    _request(add("get", "show the tare in use"), "tare.get", "finger", "stream")
+    _request(add("undo", "return to the tare before the last one"), "tare.undo", "finger", "stream")
 
 
 def _keys(add: Add) -> None:
@@ -196,6 +255,7 @@ def _keys(add: Add) -> None:
             metavar="DIRECTORY",
             help="directory of the keys (default: %(default)s)",
         )
+        _add_json(each)
 
 
 def keys_directory() -> Path:
@@ -205,26 +265,25 @@ def keys_directory() -> Path:
 
 def _commands(parent: CommandParser, prefix: str) -> Callable[[str, str], CommandParser]:
     group = parent.add_subparsers(title="commands", metavar="COMMAND")
+    shown: list[str] = []
     parent.names = group.choices
-    parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(group.choices)}"))
+    for name, now in _NOW.items() if not prefix else ():
+        group.add_parser(name).now = now
+    parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(shown)}"))
 
     def add(name: str, what: str) -> CommandParser:
+        shown.append(name)
         command = group.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
         command.set_defaults(command=prefix + name)
+        if name not in ("fleet", "keys"):
+            _connection(command, argparse.SUPPRESS)
         return command
 
     return add
 
 
-def _fields(command: argparse.ArgumentParser, op: str, *names: str, optional: bool = False) -> None:
-    """Add an argument for each of these fields of an op; required fields and coefficients are positional.
-
-    Args:
-        command: Gets the arguments.
-        op: The op.
-        names: Names of its fields.
-        optional: Every positional argument may be left out.
-    """
+def _fields(command: argparse.ArgumentParser, op: str, *names: str) -> None:
+    """Add an argument for each of these fields of an op; required fields and coefficients are positional."""
     for name in names:
         field = OPS[op].fields[name]
         help_text = _help(field)
@@ -233,16 +292,15 @@ def _fields(command: argparse.ArgumentParser, op: str, *names: str, optional: bo
         elif name == "stream":  # after the finger, as in the client's methods
             command.add_argument(name, metavar="STREAM", choices=field.words, nargs="?", help=help_text)
             command.add_argument("--stream", dest="named_stream", choices=field.words, help=argparse.SUPPRESS)
-        elif field.required or name.startswith("mu_"):
-            nargs = None if field.required and not optional else "?"
+        elif field.required or name == "mu_d":
+            nargs = None if field.required else "?"
             command.add_argument(name, metavar=name.upper(), type=_type(field), nargs=nargs, help=help_text)
         else:
             command.add_argument(
                 f"--{name.replace('_', '-')}",
                 type=_type(field),
-                choices=field.words or None,
                 default=field.default,
-                metavar=None if field.words else _METAVARS[name],
+                metavar=_METAVARS[name],
                 help=help_text,
             )
 

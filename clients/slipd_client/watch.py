@@ -6,15 +6,14 @@ import contextlib
 import json
 import sys
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from slipd_client.errors import Silence
 from slipd_client.live_view import UNCUT, LiveView, change_line
 from slipd_client.live_view_format import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.output_terminal import ascii_only, is_screen, size_of, terminal_of
-from slipd_client.silence_hint import hint_for
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal_screen import TerminalScreen
 
@@ -37,20 +36,30 @@ REDRAW_S = 0.15
 LINE_S = 1.0
 
 
-def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once: bool) -> None:
+def watch(
+    endpoint: str | None,
+    topics: Sequence[str] = (),
+    *,
+    keys: Keys | None = None,
+    as_json: bool,
+    once: bool,
+) -> None:
     """Show messages on standard output until interrupted, or only the last of each topic with ``once``.
+
+    Args:
+        endpoint: Where the daemon publishes; its default when None.
+        topics: Beginnings of the topics to print as JSON; none: all of them.
+        keys: Keys of this client, for a daemon across a network.
+        as_json: Print every message, one per line, instead of what a person reads.
+        once: End with the last message of each topic.
 
     Raises:
         Silence: No message came within ``FIRST_S``.
-        CallError: ``endpoint`` is not a ZeroMQ endpoint.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, or no topic begins like one of ``topics``.
     """
-    topics = ("",) if as_json else DRAWN_TOPICS if is_screen(sys.stdout) else TOPICS
-    with Subscriber(endpoint, topics, keys=keys, silence_s=None) as subscriber:
-        first = subscriber.receive(FIRST_S)
-        if first is None:
-            unreadable = f"; {subscriber.bad} unreadable, the last: {subscriber.bad_reason}" if subscriber.bad else ""
-            where = subscriber.endpoint
-            raise Silence(f"no message from {where} within {FIRST_S} s{unreadable}. {hint_for(where)}")
+    shown = (topics or ("",)) if as_json else DRAWN_TOPICS if is_screen(sys.stdout) else TOPICS
+    with Subscriber(endpoint, shown, keys=keys, silence_s=FIRST_S) as subscriber:
+        first = next(iter(subscriber))
         if once:
             _show_once(_gather(subscriber, first), as_json)
         elif as_json:
@@ -90,14 +99,11 @@ def print_view(view: LiveView, columns: int | None = None) -> None:
 
 
 def _print_json(subscriber: Subscriber, first: Message) -> None:
-    _print_json_line(first)
-    for message in subscriber:
-        _print_json_line(message)
-
-
-def _print_json_line(message: Message) -> None:
-    _print_gaps(message)
-    print(_json_line(message), flush=True)
+    message: Message | None = first
+    while message is not None:
+        _print_gaps(message)
+        print(_json_line(message), flush=True)
+        message = subscriber.receive()
 
 
 def _json_line(message: Message) -> str:

@@ -95,7 +95,9 @@ async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its
             return crossed()[-1:] == client.hear("warning")[-1:] != []
 
         publish = client.endpoints.publish
-        with slipctl("--publish", publish, "bridge", *fleet, "--robot", "arm1", "--connect", endpoint) as bridge:
+        with slipctl(
+            "--publish", publish, "serve", "fleet", *fleet, "--robot", "arm1", "--connect", endpoint
+        ) as bridge:
             await until(lambda: {f"plant/arm1/{topic}" for topic in TOPICS} <= {key for key, _ in arrived}, rig.send)
             await until(view.shows(state="live", level="stable", missed_warnings=0), rig.send)
             await until(view.shows(state="live", level="unknown", reasons=["stale"]))

@@ -74,7 +74,7 @@ async def test_friction_is_measured_by_pulling_and_nothing_is_set(rig: Rig) -> N
     async with serving(rig.config) as daemon:
         pulling = asyncio.create_task(Hand(rig).work())
         await until(lambda: daemon.hear("slip.left"))
-        code, out, errors = await slipctl(daemon, "friction", "left", "--samples", "1")
+        code, out, errors = await slipctl(daemon, "friction", "measure", "left", "--samples", "1")
         pulling.cancel()
         await asyncio.wait([pulling])
         status = daemon.hear("status")[-1]

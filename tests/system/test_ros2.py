@@ -1,4 +1,4 @@
-"""A real daemon, `slipctl ros2`, and a robot that is another participant of its DDS domain."""
+"""A real daemon, `slipctl serve ros2`, and a robot that is another participant of its DDS domain."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ async def test_the_daemon_takes_the_orientation_of_an_imu_and_its_messages_reach
     (tmp_path / "pads.toml").write_text(PADS, encoding="utf-8")
     async with serving(rig.config) as client:
         endpoints = ("--publish", client.endpoints.publish, "--requests", client.endpoints.requests)
-        command = (*endpoints, "ros2", "--config", str(tmp_path / "pads.toml"), "--imu", "/imu")
+        command = (*endpoints, "serve", "ros2", "--config", str(tmp_path / "pads.toml"), "--imu", "/imu")
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "slipd_client.slipctl", *command, env=os.environ | variables
         )

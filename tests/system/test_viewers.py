@@ -1,4 +1,4 @@
-"""A real daemon on the virtual gripper, `slipctl viewers`, and a client that is not ours."""
+"""A real daemon on the virtual gripper, `slipctl serve foxglove`, and a client that is not ours."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def test_a_client_that_is_not_ours_decodes_every_topic_of_the_running_daemon(
     while not daemon.stdout.readline().startswith("requests: "):
         assert daemon.poll() is None, "the daemon does not start"
     config = str(ROOT / "config" / "demo.toml")
-    viewers = start("slipd_client.slipctl", "viewers", "--listen", "127.0.0.1:0", "--config", config)
+    viewers = start("slipd_client.slipctl", "serve", "foxglove", "--listen", "127.0.0.1:0", "--config", config)
     assert viewers.stdout is not None
-    url = viewers.stdout.readline().removeprefix("viewers: ").strip()
+    url = viewers.stdout.readline().removeprefix("foxglove: ").strip()
     found: dict[str, Received] = {}
     with FoxgloveClient(url) as client:
         client.subscribe(*TOPICS)

@@ -1,4 +1,4 @@
-"""A ROS 2 node: sends slipd the arm's orientation, by the transforms, as ``slipctl ros2 --orientation-from`` does.
+"""ROS 2 node that sends slipd the arm's orientation by the transforms; ``slipctl serve ros2`` does it without ROS.
 
 ``python3 orientation_node.py --ros-args -p base:=base_link -p hand:=tool0 -p pads.left:="[0.5, -0.5, 0.5, 0.5]"``.
 ``hand`` is the robot's frame at the gripper's frame of slipd's config; ``pads.FINGER`` the ``quat_xyzw`` of

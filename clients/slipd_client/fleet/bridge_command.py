@@ -1,4 +1,4 @@
-"""``slipctl bridge``: the messages of this robot's daemon for its fleet, until interrupted.
+"""``slipctl serve fleet``: the messages of this robot's daemon for its fleet, until interrupted.
 
 The bridge has two connections to the daemon. Warnings have one to themselves, which a thread of its own reads: other
 messages neither delay them nor push them out of a queue. Neither connection carries requests.
@@ -22,8 +22,7 @@ from slipd_client.fleet.topic_limit import TopicLimit
 from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
-from slipd_client.paths import publish_endpoint
-from slipd_client.silence_hint import hint_for
+from slipd_client.paths import hint_for, publish_endpoint
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -59,7 +58,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     try:
         with opened(config, described(reach)) as session:
             publisher = BridgePublisher(session, chosen.fleet, chosen.robot)
-            print(f"bridge: {chosen.fleet}/{chosen.robot} at {described(reach)}", flush=True)
+            print(f"fleet: {chosen.fleet}/{chosen.robot} at {described(reach)}", flush=True)
             bridge = Bridge(warnings, others, publisher, chosen.rate)
             bridge.subscribe(chosen.topics)
             bridge.serve()

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 
-from slipd_client.errors import CallError
+from slipd_client.errors import require
 from slipd_client.fleet.fleet_listener import FleetListener
 from slipd_client.fleet.fleet_state import RobotRow
 from slipd_client.fleet.fleet_view import change_text, fleet_lines, fleet_map
@@ -109,8 +109,7 @@ def _unread(listener: FleetListener) -> int:
 
 
 def _serve_page(chosen: argparse.Namespace, listener: FleetListener) -> None:
-    try:
-        from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
-    except ModuleNotFoundError as error:
-        raise CallError("slipctl fleet --page needs the package websockets: pip install websockets") from error
+    require("websockets", "websockets", "slipctl fleet --page")
+    from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
+
     fleet_page.serve(chosen.fleet, listener, chosen.page)

@@ -7,9 +7,9 @@ import time
 
 from websockets.http11 import Response
 
+from slipd_client.arguments import ListenAddress
 from slipd_client.fleet.fleet_listener import FleetListener
 from slipd_client.fleet.fleet_view import fleet_map
-from slipd_client.listen_address import ListenAddress
 from slipd_client.page.page_server import PageServer
 from slipd_client.page.site import Site, json_answer
 

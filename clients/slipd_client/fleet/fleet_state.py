@@ -27,7 +27,7 @@ PUBLISHING = (LIVE, CLASH)
 NAME_CLASH = "name_clash"
 """Reason of the level "unknown" of a row that stands for several robots."""
 
-CLASH_TEXT = "two or more robots call themselves {}: give each a name of its own, slipctl bridge --robot NAME"
+CLASH_TEXT = "two or more robots call themselves {}: give each a name of its own, slipctl serve fleet --robot NAME"
 
 MOST_ROBOTS = 10_000
 """Most robots that are listed. A further one displaces an unexpected one of the session that publishes the most; where

@@ -120,7 +120,14 @@ class Bundle:
 
 
 def diagnose(
-    out: Path, config: Path | None, seconds: float, *, publish: str | None, requests: str | None, keys: Keys | None
+    out: Path,
+    config: Path | None,
+    seconds: float,
+    *,
+    publish: str | None,
+    requests: str | None,
+    keys: Keys | None,
+    as_json: bool = False,
 ) -> None:
     """Write the bundle and print what is in it; a daemon that does not answer is a problem like any other.
 
@@ -131,6 +138,7 @@ def diagnose(
         publish: Endpoint of the messages; None: the default one.
         requests: Endpoint of the requests; None: the default one.
         keys: Keys for a daemon across a network.
+        as_json: Print what is in it as one JSON document, and do not ask before it is written.
 
     Raises:
         CallError: The file exists, or cannot be written.
@@ -157,6 +165,11 @@ def diagnose(
     bundle.add("log.txt", _log)
     for path in recordings:
         bundle.add_recording(Path(path))
+    if as_json:
+        bundle.write(out)
+        sizes = {name: len(data) for name, data in bundle.parts.items()}
+        print(json.dumps({"file": str(out), "bytes": sizes, "problems": bundle.problems}))
+        return
     for name, data in bundle.parts.items():
         print(f"{name}: {len(data)} bytes")
     for problem in bundle.problems:

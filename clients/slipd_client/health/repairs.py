@@ -19,7 +19,7 @@ DOCUMENT = "docs/health.md"
 
 FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
     "not_tared": ("finger-not-tared", "error", "slipctl tare {finger} all"),
-    "no_mu": ("friction-unknown", "warning", "slipctl friction {finger}"),
+    "no_mu": ("friction-unknown", "warning", "slipctl friction measure {finger}"),
     "weight_unknown": ("gravity-unknown", "error", "slipctl gravity {finger} --help"),
     "pulled": ("finger-pulled", "error", "slipctl tare {finger} all"),
     "disagreement": ("finger-disagreement", "error", "slipctl view"),

@@ -21,8 +21,8 @@ from urllib.parse import urlsplit
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
+from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
-from slipd_client.listen_address import ListenAddress
 from slipd_client.page.site import Site, refusal
 
 LIVE_PATH, COMMISSION_PATH, SETTINGS_PATH = "/live", "/commission-guide", "/settings.json"

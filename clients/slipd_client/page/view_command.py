@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
-from slipd_client.listen_address import ListenAddress
+from slipd_client.page.commission_page import CommissionPage
 from slipd_client.page.emulated_hand import EmulatedHand
 from slipd_client.page.live_feed import LiveFeed
 from slipd_client.page.page_server import PageServer
@@ -18,7 +20,19 @@ from slipd_client.paths import publish_endpoint
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
-    from slipd_client.page.commission_page import CommissionPage
+
+
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out the command until interrupted.
+
+    Raises:
+        CallError: See `view`.
+    """
+    named = {"--publish": chosen.publish, "--requests": chosen.requests}
+    named |= {"--key": chosen.key, "--server-key": chosen.server_key}
+    guide = CommissionPage(chosen.config, [part for each in named.items() if each[1] is not None for part in each])
+    options = {"keys": keys, "buttons": chosen.buttons, "emulation": chosen.emulation, "commission": guide}
+    asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, **options))
 
 
 async def view(

@@ -1,4 +1,4 @@
-"""``slipctl ros2``: the daemon's messages as ROS 2 topics, and the arm's orientation for it, until interrupted."""
+"""``slipctl serve ros2``: messages as ROS 2 topics, and the arm's orientation for the daemon, until interrupted."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
 
-from slipd_client.errors import CallError
+from slipd_client.errors import CallError, Silence
 from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.grip import GripClient
-from slipd_client.message_tracker import SILENCE_S
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros.pad_frames import PARENT
 from slipd_client.ros2.orientation import IDENTITY
@@ -24,9 +23,8 @@ from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, Orien
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
 from slipd_client.ros2.ros_forwarder import RosForwarder, hand_transform
 from slipd_client.ros2.ros_publisher import RosPublisher
-from slipd_client.silence_hint import hint_for
+from slipd_client.serving import follow, pads_of
 from slipd_client.subscriber import Subscriber
-from slipd_client.viewers.viewers_command import pads_of
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -45,7 +43,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     environment = ros_environment(os.environ, chosen.domain)
     pads = None if chosen.config is None else pads_of(chosen.config)
     with contextlib.ExitStack() as stack:
-        subscriber = stack.enter_context(Subscriber(chosen.publish, ("",), keys=keys, silence_s=None))
+        subscriber = stack.enter_context(Subscriber(chosen.publish, ("",), keys=keys))
         participant = stack.enter_context(_joined(environment))
         feed = None
         if pads is not None and (chosen.imu or chosen.orientation_from):
@@ -72,18 +70,11 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
 
 
 def _serve(subscriber: Subscriber, forwarder: RosForwarder) -> None:
-    silent = False
-    while True:
-        message = subscriber.receive(SILENCE_S)
-        if message is not None:
-            silent = False
-            forwarder.forward(message.topic, message.raw)
-            continue
-        why = f"no message from {subscriber.endpoint} for {SILENCE_S:g} s. {hint_for(subscriber.endpoint)}"
-        if not silent:
-            print(f"slipctl: {why}", file=sys.stderr, flush=True)
-        silent = True
-        forwarder.silent(why)
+    for arrived in follow(subscriber):
+        if isinstance(arrived, Silence):
+            forwarder.silent(str(arrived))
+        else:
+            forwarder.forward(arrived.topic, arrived.raw)
 
 
 def _check(chosen: argparse.Namespace) -> None:

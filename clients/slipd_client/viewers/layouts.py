@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -61,7 +61,7 @@ OTHER_PLOTS = (
 )  # fmt: skip
 """The plots below that of the utilisation, from top to bottom."""
 
-PLOTJUGGLER_BRIDGE, PLOTJUGGLER_ZMQ, FOXGLOVE = "plotjuggler_bridge.xml", "plotjuggler_zmq.xml", "foxglove.json"
+PLOTJUGGLER, FOXGLOVE = "plotjuggler.xml", "foxglove.json"
 
 
 def plots(levels: Levels) -> tuple[Plot, ...]:
@@ -81,8 +81,7 @@ def write(folder: Path, fingers: Sequence[str], levels: Levels) -> list[Path]:
     """
     texts = {
         FOXGLOVE: foxglove_layout(fingers, levels),
-        PLOTJUGGLER_BRIDGE: plotjuggler_layout(fingers, levels, ros_series),
-        PLOTJUGGLER_ZMQ: plotjuggler_layout(fingers, levels, wire_series),
+        PLOTJUGGLER: plotjuggler_layout(fingers, levels),
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -99,16 +98,6 @@ def write(folder: Path, fingers: Sequence[str], levels: Levels) -> list[Path]:
 def ros_topic(topic: str, finger: str) -> str:
     """Return a topic in ROS; ``finger`` is "" for a topic that both fingers share."""
     return f"/slipd/{finger}/{topic}" if finger else f"/slipd/{topic}"
-
-
-def ros_series(topic: str, finger: str, field: str) -> str:
-    """Return the name of a series in PlotJuggler of a ROS message."""
-    return f"{ros_topic(topic, finger)}/{field}"
-
-
-def wire_series(topic: str, finger: str, field: str) -> str:
-    """Return the name of a series in PlotJuggler of a message as the daemon, or the relay, publishes it."""
-    return f"{topic}.{finger}/{field}" if finger else f"{topic}/{field}"
 
 
 def foxglove_layout(fingers: Sequence[str], levels: Levels) -> str:
@@ -197,8 +186,8 @@ def _image(finger: str) -> dict[str, Any]:
     return {"imageMode": {**mode, "minValue": 0, "maxValue": 0.5}}
 
 
-def plotjuggler_layout(fingers: Sequence[str], levels: Levels, series: Callable[[str, str, str], str]) -> str:
-    """Return the layout for PlotJuggler; ``series`` returns the name of a series of a topic, finger and field."""
+def plotjuggler_layout(fingers: Sequence[str], levels: Levels) -> str:
+    """Return the layout for PlotJuggler's source "Foxglove Bridge"."""
     root = ET.Element("root")
     tabs = ET.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     tab = ET.SubElement(tabs, "Tab", tab_name="slipd", containers="1")
@@ -214,7 +203,7 @@ def plotjuggler_layout(fingers: Sequence[str], levels: Levels, series: Callable[
         limits = {"min": plot.low, "max": plot.high}
         ET.SubElement(drawn, "limitY", {key: f"{value:g}" for key, value in limits.items() if value is not None})
         for topic, finger, field, colour in _curves(plot, fingers):
-            ET.SubElement(drawn, "curve", name=series(topic, finger, field), color=colour)
+            ET.SubElement(drawn, "curve", name=f"{ros_topic(topic, finger)}/{field}", color=colour)
     ET.SubElement(tabs, "currentTabIndex", index="0")
     ET.SubElement(root, "use_relative_time_offset", enabled="1")
     ET.SubElement(root, "streaming_buffer_size", value=str(WINDOW_S))

@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from slipd_client.errors import CallError
+from slipd_client.errors import CallError, require
 from slipd_client.ros.conversion import TYPES, RosMessage, encode, ros_messages, schema
 from slipd_client.ros.diagnostics import stale_diagnostics
 from slipd_client.ros.pad_frames import PadFrames
@@ -43,10 +43,9 @@ class ViewerServer:
     """
 
     def __init__(self, host: str, port: int, pads: PadFrames | None = None) -> None:
-        try:
-            import foxglove  # here: only this command needs the extra `viewers`
-        except ModuleNotFoundError as error:
-            raise CallError("slipctl viewers needs foxglove-sdk: pip install foxglove-sdk") from error
+        require("foxglove", "foxglove-sdk", "slipctl serve foxglove")
+        import foxglove  # here: only this command needs the extra `viewers`
+
         self._foxglove = foxglove
         self._pads = pads
         self._lock = threading.Lock()  # subscriptions arrive on threads of the library

@@ -11,10 +11,10 @@ from slipd.tools.cli_arguments import add_command, picture, positive, speed, tim
 from slipd.tools.discovery.doctor_arguments import add_doctor_arguments
 from slipd.tools.evaluation.evaluate_arguments import add_evaluate_arguments
 from slipd.tools.export.export_arguments import add_export_arguments
-from slipd_client.listen_address import add_listen
+from slipd_client.arguments import add_listen
 
 SLIPCTL = (
-    *("watch", "viewers", "relay", "ros2", "bridge", "fleet", "status", "diagnose"),
+    *("watch", "serve", "fleet", "status", "diagnose"),
     *("grip", "tare", "friction", "gravity", "object", "record", "keys"),
 )
 """Commands of ``slipctl`` alone, to which ``slipd`` points those who mistake one for the other."""

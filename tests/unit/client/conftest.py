@@ -17,6 +17,7 @@ from slipd_client import lease_keeper
 from slipd_client.aio import AsyncGripClient
 from slipd_client.grip import GripClient
 from slipd_client.messages import PROTOCOL_VERSION, decode, encode
+from slipd_client.slipctl import main
 
 PATIENCE_MS = 60_000
 
@@ -157,6 +158,21 @@ def slipctl() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     for process in started:
         process.kill()
         process.communicate()
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Runs slipctl in this process; returns its exit code, output and errors."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        try:
+            code = main(arguments)
+        except SystemExit as end:
+            code = int(end.code or 0)
+        return code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
-from slipd_client.listen_address import ListenAddress
+from slipd_client.arguments import ListenAddress
 from slipd_client.page import commission_page
 from slipd_client.page.commission_page import CommissionPage
 from slipd_client.page.page_server import COMMISSION_PATH, PageServer

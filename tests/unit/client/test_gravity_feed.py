@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -147,9 +148,8 @@ def test_a_refusal_ends_it_with_the_reason_of_the_daemon(daemon: Daemon) -> None
     ],
 )
 def test_a_wrong_call_exits_with_2_and_a_reason(
-    daemon: Daemon, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+    daemon: Daemon, arguments: list[str], complaint: str, call: Callable[..., tuple[int, str, str]]
 ) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["--requests", daemon.endpoint, "gravity", *arguments])
-    assert ended.value.code == 2
-    assert complaint in capsys.readouterr().err
+    code, _, errors = call("--requests", daemon.endpoint, "gravity", *arguments)
+    assert code == 2
+    assert complaint in errors

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from slipd_client import keys_command, slipctl_parser
+from slipd_client import slipctl_parser
 from slipd_client.keys import KeyFileError, create, load_public, load_secret
+from slipd_client.keys import run as run_keys
 
 
 def run(*arguments: str) -> None:
-    keys_command.run(slipctl_parser.parser().parse_args(["keys", *arguments]))
+    run_keys(slipctl_parser.parser().parse_args(["keys", *arguments]))
 
 
 def test_keys_are_made_and_no_secret_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ import socket
 
 import pytest
 
-from slipd_client.listen_address import parse_listen
+from slipd_client.arguments import parse_listen
 
 
 @pytest.mark.parametrize(

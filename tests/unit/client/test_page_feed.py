@@ -15,7 +15,7 @@ import pytest
 import zmq
 from websockets.asyncio.client import ClientConnection, connect
 
-from slipd_client.listen_address import ListenAddress
+from slipd_client.arguments import ListenAddress
 from slipd_client.messages import encode
 from slipd_client.page import live_feed
 from slipd_client.page.live_feed import LiveFeed

@@ -16,8 +16,8 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
-from slipd_client.listen_address import ListenAddress
 from slipd_client.page.page_server import WRONG_TOKEN, PageServer
 from slipd_client.page.site import ASSETS, Site, json_answer
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from slipd_client import silence_hint
-from slipd_client.silence_hint import hint_for
+from slipd_client import paths
+from slipd_client.paths import hint_for
 
 NOBODY = 65534
 root_alone = pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
@@ -38,10 +38,10 @@ def test_a_directory_that_may_be_entered_leaves_one_question(directory: Path) ->
 def test_a_user_whose_variable_is_not_set_is_told_where_the_service_is(
     directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(silence_hint, "SERVICE_DIR", tmp_path / "no service")
+    monkeypatch.setattr(paths, "SERVICE_DIR", tmp_path / "no service")
     missing = f"ipc://{tmp_path}/missing/publish"
     assert hint_for(missing) == "Is slipd running?"
-    monkeypatch.setattr(silence_hint, "SERVICE_DIR", directory)
+    monkeypatch.setattr(paths, "SERVICE_DIR", directory)
     assert hint_for(missing).endswith(f"A service uses {directory}: for that one set SLIPD_RUNTIME_DIR={directory}")
 
 
@@ -65,7 +65,7 @@ def test_numbers_without_a_name_are_shown_as_numbers(directory: Path) -> None:
 def asked_by_nobody(directory: Path) -> str:
     """Return the hint for the user ``nobody``. Modules are imported first, because it may not read those of Python."""
     code = (
-        "import grp, os, pwd, sys; from slipd_client.silence_hint import hint_for;"
+        "import grp, os, pwd, sys; from slipd_client.paths import hint_for;"
         f" os.setgroups([]); os.setgid({NOBODY}); os.setuid({NOBODY}); print(hint_for(sys.argv[1]))"
     )
     done = subprocess.run(

@@ -60,7 +60,7 @@ def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> 
     for number, name in enumerate(FINGERS[: max(len(wrenches), len(pads))]):
         lines += [
             f"\n[finger.{name}]",
-            "mu = 0.4                # MEASURE (`slipctl friction`): low estimate of static friction",
+            "mu = 0.4                # MEASURE (`slipctl friction measure`): low estimate of static friction",
         ]
         if number < len(wrenches):
             lines += _wrench(name, *wrenches[number])

@@ -6,12 +6,12 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from slipd_client.messages import decode, encode
-from slipd_client.slipctl import main
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
@@ -39,11 +39,11 @@ class Robot:
     def __init__(self, publisher: Publisher, slipctl: Start, router: Router, *more: str) -> None:
         self.publisher = publisher
         self.process = slipctl(
-            *("--publish", publisher.endpoint, "bridge", "--fleet", "plant", "--robot", "arm3"),
+            *("--publish", publisher.endpoint, "serve", "fleet", "--fleet", "plant", "--robot", "arm3"),
             *("--connect", router.endpoint, *more),
         )
         assert self.process.stdout is not None
-        assert self.process.stdout.readline() == f"bridge: plant/arm3 at {router.endpoint}\n"
+        assert self.process.stdout.readline() == f"fleet: plant/arm3 at {router.endpoint}\n"
         self.heard = {publisher.wait_for_subscriber(), publisher.wait_for_subscriber()}
         self._seq = 0
 
@@ -206,70 +206,59 @@ def test_topics_are_chosen_and_status_is_always_among_them(
     publisher: Publisher, slipctl: Start, router: Router
 ) -> None:
     process = slipctl(
-        *("--publish", publisher.endpoint, "bridge", "--fleet", "plant", "--robot", "arm3"),
+        *("--publish", publisher.endpoint, "serve", "fleet", "--fleet", "plant", "--robot", "arm3"),
         *("--connect", router.endpoint, "--topics", "slip", "grasp"),
     )
     assert {publisher.wait_for_subscriber() for _ in range(4)} == {b"warning", b"slip", b"grasp", b"status"}
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, "Traceback" in errors) == (0, False)
+    assert (process.returncode, "Traceback" in errors) == (130, False)
 
 
 def test_a_bridge_waits_for_a_router_that_is_not_there_yet(publisher: Publisher, slipctl: Start) -> None:
     with Router() as router:
         endpoint = router.endpoint
-    process = slipctl("--publish", publisher.endpoint, "bridge", "--robot", "arm3", "--connect", endpoint)
+    process = slipctl("--publish", publisher.endpoint, "serve", "fleet", "--robot", "arm3", "--connect", endpoint)
     assert process.stderr is not None
     assert process.stderr.readline() == f"slipctl: no Zenoh router at {endpoint} yet; trying again\n"
     with Router(endpoint):
         assert process.stdout is not None
-        assert process.stdout.readline() == f"bridge: slipd/arm3 at {endpoint}\n"
+        assert process.stdout.readline() == f"fleet: slipd/arm3 at {endpoint}\n"
 
 
 def test_a_bridge_that_listens_itself_joins_a_router_that_comes_later(publisher: Publisher, slipctl: Start) -> None:
     here, there = free_endpoint(), free_endpoint()
-    bridge = ("bridge", "--robot", "arm3", "--listen", here, "--connect", there)
+    bridge = ("serve", "fleet", "--robot", "arm3", "--listen", here, "--connect", there)
     process = slipctl("--publish", publisher.endpoint, *bridge)
     assert process.stdout is not None
-    assert process.stdout.readline() == f"bridge: slipd/arm3 at {there}, {here}\n"
+    assert process.stdout.readline() == f"fleet: slipd/arm3 at {there}, {here}\n"
     with Router(there), session(there) as far, session(here) as near:
         listeners = [FleetListener(each, "slipd") for each in (far, near)]
         for listener in listeners:
             until(lambda listener=listener: state_of(listener) == "silent")
 
 
-def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """Return what slipctl says of arguments that it refuses."""
-    with pytest.raises(SystemExit, match="2"):
-        main(arguments)
-    return capsys.readouterr().err.partition("error: ")[2].strip()
+def test_wrong_arguments_are_refused(call: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    def refused(*arguments: str) -> str:
+        code, _, errors = call(*arguments)
+        assert code == 2
+        return errors.removeprefix("slipctl: ").rpartition(" error: ")[2].strip()
 
-
-def test_wrong_arguments_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
-    assert refused(["bridge"], capsys).startswith("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE")
-    assert "argument --robot: the name must be 1 to 64" in refused(["bridge", "--robot", "a/b"], capsys)
-    assert "argument --fleet: the name must be 1 to 64" in refused(["fleet", "--fleet", "*"], capsys)
-    assert """must be a number, got 'fast'; "all" sets no bound""" in refused(["bridge", "--rate", "fast"], capsys)
-    assert "must be from 0.001 to 1e6 Hz" in refused(["bridge", "--rate", "0"], capsys)
+    serve = ("serve", "fleet")
+    assert refused(*serve).startswith("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE")
+    assert "argument --robot: the name must be 1 to 64" in refused(*serve, "--robot", "a/b")
+    assert "argument --fleet: the name must be 1 to 64" in refused("fleet", "--fleet", "*")
+    assert """must be a number, got 'fast'; "all" sets no bound""" in refused(*serve, "--rate", "fast")
+    assert "must be from 0.001 to 1e6 Hz" in refused(*serve, "--rate", "0")
     for endpoint in ("nowhere", "tpc/10.0.0.1:7447", "tcp/10.0.0.1", "tcp/10.0.0.1:70000", "tcp/::1:7447", "tcp/:7447"):
-        said = refused(["bridge", "--connect", endpoint], capsys)
+        said = refused(*serve, "--connect", endpoint)
         assert said.startswith("argument --connect: must be like tcp/10.0.0.1:7447")
         assert said.endswith(f"got {endpoint!r}")
-    assert 'Zenoh does not accept listen/endpoints ["tcp/h:1#"]' in refused(["fleet", "--listen", "tcp/h:1#"], capsys)
+    assert 'Zenoh does not accept listen/endpoints ["tcp/h:1#"]' in refused("fleet", "--listen", "tcp/h:1#")
     with Router() as router:
-        said = refused(["fleet", "--listen", router.endpoint], capsys)
+        said = refused("fleet", "--listen", router.endpoint)
     assert said.startswith(f"Zenoh cannot start at {router.endpoint}: ")
     assert "Address already in use" in said
     assert ".rs:" not in said
     missing = str(tmp_path / "none.json5")
-    assert f"{missing}: not a configuration of Zenoh" in refused(["fleet", "--zenoh-config", missing], capsys)
-
-
-@pytest.mark.parametrize("command", ["bridge", "fleet"])
-def test_without_the_extra_the_command_says_what_to_install(command: str) -> None:
-    import sys
-
-    code = f"import sys; sys.modules['zenoh'] = None; from slipd_client.slipctl import main; main(['{command}'])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert f"slipctl {command} needs the package eclipse-zenoh: pip install eclipse-zenoh" in done.stderr
+    assert f"{missing}: not a configuration of Zenoh" in refused("fleet", "--zenoh-config", missing)

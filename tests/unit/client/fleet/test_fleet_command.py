@@ -124,7 +124,7 @@ def test_a_pipe_gets_a_line_for_each_change(slipctl: Start, router: Router, robo
     other.leaves()
     read_until("live → gone", lambda: None)
     process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE_S) == 0
+    assert process.wait(PATIENCE_S) == 130
 
 
 def _available(process: subprocess.Popen[str]) -> list[str]:
@@ -163,4 +163,4 @@ def test_a_terminal_shows_the_most_urgent_robot_first_and_is_itself_the_router()
                 terminal.wait_for(lambda lines: lines[0] == "fleet slipd  2 robots  2 gone")
             finally:
                 process.send_signal(signal.SIGINT)
-            assert process.wait(PATIENCE_S) == 0
+            assert process.wait(PATIENCE_S) == 130

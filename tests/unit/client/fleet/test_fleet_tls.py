@@ -80,7 +80,9 @@ class Fleet:
 
     def bridge(self, robot: str, config: str, **variables: str) -> subprocess.Popen[str]:
         options = ("--robot", robot, "--zenoh-config", self._files.write(robot, config))
-        return self._slipctl("--publish", self._publisher.endpoint, "bridge", *options, env=os.environ | variables)
+        return self._slipctl(
+            "--publish", self._publisher.endpoint, "serve", "fleet", *options, env=os.environ | variables
+        )
 
     def until_live(self, view: subprocess.Popen[str], robot: str) -> dict[str, dict[str, Any]]:
         """Publish ``status`` until a view shows a robot as live; return what it shows then, by robot."""
@@ -127,7 +129,7 @@ def test_a_robot_with_a_certificate_of_the_fleet_gets_in_and_others_do_not(
         assert stranger.stderr.readline().startswith("slipctl: no Zenoh router at ")
     assert strangers[0].stdout is not None
     assert any("CertificateRequired" in line for line in strangers[0].stdout), "why it was turned away"
-    assert first_line(fleet.bridge("arm3", files.robot)).startswith("bridge: slipd/arm3 at ")
+    assert first_line(fleet.bridge("arm3", files.robot)).startswith("fleet: slipd/arm3 at ")
     shown = fleet.until_live(view, "arm3")
     assert {robot: each["fingers"] for robot, each in shown.items()} == {"arm3": {"left": "stable"}}
     assert {stranger.poll() for stranger in strangers} == {None}, "they go on trying"
@@ -139,8 +141,8 @@ def test_a_robot_publishes_under_its_own_name_only_and_a_view_hears_all(fleet: F
     view = fleet.view(files.router.replace("    {", f"    {{\n{files.access}", 1))
     assert json.loads(first_line(view))["robots"] == []
     for robot in ("arm4", "arm3"):
-        assert first_line(fleet.bridge(robot, files.robot)).startswith(f"bridge: slipd/{robot} at ")
-    assert first_line(fleet.bridge("arm5", files.robot.replace("arm3", "office"))).startswith("bridge: slipd/arm5 at ")
+        assert first_line(fleet.bridge(robot, files.robot)).startswith(f"fleet: slipd/{robot} at ")
+    assert first_line(fleet.bridge("arm5", files.robot.replace("arm3", "office"))).startswith("fleet: slipd/arm5 at ")
     assert fleet.until_live(view, "arm3").keys() == {"arm3"}
     assert fleet.until_live(fleet.view(files.robot.replace("arm3", "office")), "arm3").keys() == {"arm3"}
     assert fleet.until_live(view, "arm3").keys() == {"arm3"}

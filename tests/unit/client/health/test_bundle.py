@@ -147,8 +147,10 @@ def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: p
     assert versions["slipd-client"] == f"{versions['slipd']} (in slipd)"
     assert "status.json: " in found["problems.txt"]
     assert "not in it: status.json" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        slipctl.main([*arguments, "--seconds", "0.1"])
+    assert slipctl.main([*arguments, "--seconds", "0.1"]) == 2, "it is never overwritten"
+    out.unlink()
+    assert slipctl.main([*arguments, "--seconds", "0", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["bytes"]["config.toml"] == len("mu = 0.5\n")
 
 
 def test_without_a_journal_the_log_is_that_which_the_daemon_keeps(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -120,9 +119,3 @@ def test_after_a_restart_of_the_daemon_nobody_gets_a_message_of_the_run_before(
 def test_an_address_that_cannot_be_used_is_named(server: ViewerServer) -> None:
     with pytest.raises(CallError, match=rf"cannot serve viewers on 127.0.0.1:{server.port}: .*in use"):
         ViewerServer("127.0.0.1", server.port)
-
-
-def test_without_its_library_the_server_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "foxglove", None)
-    with pytest.raises(CallError, match="slipctl viewers needs foxglove-sdk: pip install foxglove-sdk"):
-        ViewerServer("127.0.0.1", 0)

@@ -11,8 +11,9 @@ from foxglove_client import FoxgloveClient
 from project import ROOT
 
 from slipd_client.errors import CallError
+from slipd_client.serving import pads_of
 from slipd_client.slipctl import main
-from slipd_client.viewers.viewers_command import levels_of, pads_of
+from slipd_client.viewers.viewers_command import levels_of
 
 if TYPE_CHECKING:
     from conftest import Publisher
@@ -25,10 +26,10 @@ HEADER = {"timestamp": 1_700_000_000.5, "frame": "", "config_id": "c"}
 def test_a_silence_of_the_daemon_is_reported_to_the_person_and_to_the_viewers_until_it_ends(
     publisher: Publisher, slipctl: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    process = slipctl("--publish", publisher.endpoint, "viewers", "--listen", "127.0.0.1:0")
+    process = slipctl("--publish", publisher.endpoint, "serve", "foxglove", "--listen", "127.0.0.1:0")
     assert process.stdout is not None
     assert process.stderr is not None
-    url = process.stdout.readline().removeprefix("viewers: ").strip()
+    url = process.stdout.readline().removeprefix("foxglove: ").strip()
     publisher.wait_for_subscriber()
     publisher.send("status", 1, **HEADER)
     with FoxgloveClient(url) as client:
@@ -44,13 +45,13 @@ def test_a_silence_of_the_daemon_is_reported_to_the_person_and_to_the_viewers_un
         client.heard("removeStatus")
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, errors) == (0, "")
+    assert (process.returncode, errors) == (130, "")
 
 
 def test_a_server_that_other_machines_reach_says_that_they_can_read(
     publish: str, slipctl: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    process = slipctl("--publish", publish, "viewers", "--listen", "0.0.0.0:0")
+    process = slipctl("--publish", publish, "serve", "foxglove", "--listen", "0.0.0.0:0")
     assert process.stdout is not None
     assert process.stderr is not None
     port = process.stdout.readline().strip().rpartition(":")[2]
@@ -58,9 +59,9 @@ def test_a_server_that_other_machines_reach_says_that_they_can_read(
 
 
 def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["viewers", "--write-layouts", str(tmp_path / "new" / "layouts"), "--fingers", "a", "b"]) == 0
+    assert main(["serve", "foxglove", "--write-layouts", str(tmp_path / "new" / "layouts"), "--fingers", "a", "b"]) == 0
     shown = capsys.readouterr().out.splitlines()
-    assert [Path(line).name for line in shown] == ["foxglove.json", "plotjuggler_bridge.xml", "plotjuggler_zmq.xml"]
+    assert [Path(line).name for line in shown] == ["foxglove.json", "plotjuggler.xml"]
     assert all(Path(line).exists() for line in shown)
 
 
@@ -82,15 +83,14 @@ def test_the_levels_of_the_layouts_are_those_of_a_config(tmp_path: Path) -> None
 def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "layouts"
     for _ in range(2):
-        assert main(["viewers", "--write-layouts", str(folder)]) == 0
-    (folder / "plotjuggler_bridge.xml").unlink()
-    (folder / "plotjuggler_zmq.xml").write_text("edited")
+        assert main(["serve", "foxglove", "--write-layouts", str(folder)]) == 0
+    (folder / "foxglove.json").unlink()
+    (folder / "plotjuggler.xml").write_text("edited")
     capsys.readouterr()
-    with pytest.raises(SystemExit):
-        main(["viewers", "--write-layouts", str(folder)])
-    assert "plotjuggler_zmq.xml: exists already with other contents, and is not replaced" in capsys.readouterr().err
-    assert (folder / "plotjuggler_zmq.xml").read_text() == "edited"
-    assert not (folder / "plotjuggler_bridge.xml").exists(), "nothing is written in part"
+    assert main(["serve", "foxglove", "--write-layouts", str(folder)]) == 2
+    assert "plotjuggler.xml: exists already with other contents, and is not replaced" in capsys.readouterr().err
+    assert (folder / "plotjuggler.xml").read_text() == "edited"
+    assert not (folder / "foxglove.json").exists(), "nothing is written in part"
 
 
 @pytest.mark.parametrize(
@@ -103,11 +103,12 @@ def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.Capture
         (["--write-layouts", "/dev/null/layouts"], "/dev/null/layouts: cannot be written: Not a directory"),
     ],
 )
-def test_wrong_arguments_exit_with_2(arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["viewers", *arguments])
-    assert end.value.code == 2
-    assert complaint in capsys.readouterr().err
+def test_wrong_arguments_exit_with_2(
+    arguments: list[str], complaint: str, call: Callable[..., tuple[int, str, str]]
+) -> None:
+    code, _, errors = call("serve", "foxglove", *arguments)
+    assert code == 2
+    assert complaint in errors
 
 
 def test_the_places_of_the_pads_are_those_of_a_config(tmp_path: Path) -> None:

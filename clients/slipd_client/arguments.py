@@ -1,12 +1,17 @@
-"""Where a server for browsers and viewers listens, and which names a browser may reach it by."""
+"""Parts of the parsers of ``slipctl`` and ``slipd``: types of arguments, and the address where a server listens."""
 
 from __future__ import annotations
 
 import argparse
 import ipaddress
+import math
 import re
 import socket
+from collections.abc import Callable
 from dataclasses import dataclass
+
+Add = Callable[[str, str], argparse.ArgumentParser]
+"""Adds a command, given its name and help text."""
 
 DEFAULT_LISTEN = "127.0.0.1:8710"
 
@@ -73,6 +78,25 @@ def add_listen(parser: argparse.ArgumentParser) -> None:
         metavar="HOST:PORT",
         help="where to serve the page (default: %(default)s; port 0: any free one)",
     )
+
+
+def finite(text: str) -> float:
+    """Return a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r:.80}") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be finite, got {text}")
+    return value
+
+
+def rate_hz(text: str) -> float:
+    """Return a rate of 0.001 to 1e6 Hz."""
+    value = finite(text)
+    if not 0.001 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f"must be from 0.001 to 1e6 Hz, got {text}")
+    return value
 
 
 def _ip(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
