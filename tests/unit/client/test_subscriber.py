@@ -81,8 +81,8 @@ def test_a_gap_is_told_on_the_topic_that_has_it(publisher: Publisher) -> None:
 
 
 def test_the_last_warning_of_each_finger_is_no_gap_for_a_late_subscriber(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint) as subscriber:
-        publisher.wait_for_subscriber()
+    with Subscriber(publisher.endpoint, ("warning",)) as subscriber:
+        publisher.wait_for(b"warning")
         for finger, seq in (("left", 3), ("right", 7), ("left", 8), ("right", 10)):
             publisher.send("warning", seq, finger=finger)
         assert [heard(subscriber).missed for _ in range(4)] == [0, 0, 0, 1]
