@@ -15,8 +15,8 @@ from slipd.recording.event_gaps import EventGaps
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.recorded_blocks import RecordedBlocks
 from slipd.recording.replay import replay
-from slipd_client.errors import CallError
 from slipd_client.arguments import ListenAddress
+from slipd_client.errors import CallError
 from slipd_client.page.page_server import PageServer
 from slipd_client.page.site import Site, answer, json_answer
 
