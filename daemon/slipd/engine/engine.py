@@ -187,7 +187,7 @@ class Engine:
                     self._run_reflex(t_ns, out)
                     publisher.publish_batch(batch, out)
                 publisher.publish_image(acquired_ns, out)
-                self._report_motion(self._motion.update_pads(acquired_ns), t_ns, out)
+                self._report_motion(self._motion.update_pads(), t_ns, out)
                 if arrival.waited_ns:
                     self._publish_batches(finger.decide_delayed(t_ns, arrival.unread_ns), publisher, t_ns, out)
         if found := self._motion.update_finger(finger):

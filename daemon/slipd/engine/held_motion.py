@@ -9,9 +9,8 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
-from slipd.motion.evidence import Evidence
+from slipd.motion.evidence import Evidence, MotionRisk
 from slipd.motion.outside_motion import OutsideMotion
-from slipd.motion.risk import MotionRisk
 from slipd.motion.width_change import WidthChange
 from slipd.types.samples import GripperSample, ObjectSample
 
@@ -67,10 +66,10 @@ class HeldMotion:
                 found += _report(finger, until_ns, kinds)
         return found
 
-    def update_pads(self, acquired_ns: int) -> Found:
-        """Look at pads that measure the force themselves, after an image acquired at ``acquired_ns``."""
+    def update_pads(self) -> Found:
+        """Look at pads that measure the force themselves, after an image of one of them."""
         pads = self._pads
-        look = None if pads is None else pads.update(acquired_ns)
+        look = None if pads is None else pads.update()
         if pads is None or look is None:
             return []
         found = self._judge(*look)

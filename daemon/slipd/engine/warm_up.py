@@ -18,11 +18,9 @@ from slipd.fusion import (
 )
 from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.streaming import IDENTITY, move_to_pad, new_readings, spin_utilisation_1n
-from slipd.motion.image_fit import ImageFitter
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
-from slipd.signals.pad import PadGeometry
 from slipd.signals.taxel_blocks import BLOCK_NS, Blocks
 from slipd.signals.taxel_faults import TaxelFaults
 from slipd.types.samples import TactileSample, WrenchSample
@@ -50,16 +48,10 @@ def warm_up() -> None:
     for t_ns in (0, BLOCK_NS):
         blocks.update(np.ones(4), t_ns, free=False, steady=False)
     TaxelFaults(blocks, 2, 2, 1.0, 0.0, 0.0).judge(np.zeros(4, dtype=bool))
-    _judge_contact()
-    _look_for_motion()
-
-
-def _look_for_motion() -> None:
-    """Look at two images and at two blocks of force readings."""
-    ImageFitter(PadGeometry(2, 2, 0.01, 0.005)).fit(np.ones(4), np.ones(4), np.ones(4))
     vibration = Vibration(LEAST_HZ)
     for t_ns in (0, 2 * SETTLED_NS):
         vibration.update(t_ns, np.zeros((BLOCK, 6)))
+    _judge_contact()
 
 
 def _judge_contact() -> None:

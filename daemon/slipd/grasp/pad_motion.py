@@ -1,7 +1,6 @@
 """Evidence that the object moves in a grasp by pads that measure the force themselves, from all of them together.
 
-Two things tell of one motion: `ImageStep` how much the images changed, `LoadBelief` how likely the load makes a motion.
-Both need both pads, so they are looked at here; `slipd.engine.held_motion` judges them with all other evidence.
+`slipd.engine.held_motion` judges it with all other evidence.
 """
 
 from __future__ import annotations
@@ -11,8 +10,7 @@ from collections.abc import Sequence
 
 from slipd.finger.finger import Finger
 from slipd.motion.evidence import Evidence
-from slipd.motion.image_step import LOOKS_PER_HOUR, ImageStep
-from slipd.motion.load_belief import LoadBelief
+from slipd.motion.pad_looks import LOOKS_PER_HOUR, ImageStep, LoadBelief, belong_together
 
 SENSES = 1.0, -1.0
 """Signs of the spin of one twist of the object on the first and the second pad, which face each other."""
@@ -29,29 +27,30 @@ class PadMotion:
 
     def __init__(self, fingers: Sequence[Finger]) -> None:
         self._fingers = fingers
-        self._step = ImageStep()
-        self._belief = LoadBelief()
+        self._period_ns = max(1e9 / finger.config.pad.rate_hz for finger in fingers if finger.config.pad is not None)
+        self._step, self._belief = ImageStep(), LoadBelief()
 
-    def update(self, t_ns: int) -> tuple[Evidence, float] | None:
-        """Look after an image acquired at ``t_ns``.
+    def update(self) -> tuple[Evidence, float] | None:
+        """Look after an image of a pad.
 
         Returns:
             Evidence, and the odds of motion by the load alone, in nats. None where this is no look.
         """
-        images = [finger.image for finger in self._fingers]
-        loads = [_load(finger) for finger in self._fingers]
-        known = [load for load in loads if load is not None]
-        if len(known) < len(loads):
+        images = [finger.image for finger in self._fingers if finger.image is not None]
+        loads = [load for finger in self._fingers if (load := _load(finger)) is not None]
+        times_ns = [image.t_ns for image in images if image.t_ns is not None]
+        if not len(loads) == len(times_ns) == len(self._fingers):
             self._step.forget()
             self._belief.forget()
             return None
-        if any(image is None or image.t_ns != t_ns for image in images):
+        if not belong_together(times_ns, self._period_ns):
             return None  # the other pad's image of this time is still to come
-        surprise = self._step.update([image.pressure for image in images if image is not None], t_ns)
+        t_ns = max(times_ns)
+        surprise = self._step.update([image.pressure for image in images], t_ns)
         if surprise is None:
             return None
-        spin = sum(sense * load[0] for sense, load in zip(SENSES, known, strict=False)) / len(known)
-        tangential = sum(load[1] for load in known) / len(known)
+        spin = sum(sense * load[0] for sense, load in zip(SENSES, loads, strict=False)) / len(loads)
+        tangential = sum(load[1] for load in loads) / len(loads)
         return Evidence("image_change", t_ns, surprise), self._belief.update(spin, tangential)
 
     def confirm(self) -> None:

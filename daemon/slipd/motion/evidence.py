@@ -1,8 +1,18 @@
-"""Kinds of evidence that the object moves on the pad, and one piece of it."""
+"""Evidence that the object moves on the pad, and the one rule that combines all kinds of it against a stated risk.
+
+Every kind of evidence states a surprise, −ln of the probability of its statistic without motion, and how often it
+looks. Noise alone exceeds a surprise of ln(looks an hour / false alarms an hour) as often as the risk allows. Kinds
+that look within a short time of each other are combined: the sum of n independent surprises is gamma distributed
+(Fisher's method), so weak evidence of two kinds counts as much as strong evidence of one.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
+
+from scipy.special import betainc
 
 EVIDENCE = ("load_drop", "image_change", "spin_change", "vibration", "width", "external")
 """Kinds of evidence, by their bit in ``evidence`` of `slipd.fusion.rows.ASSESSMENT`.
@@ -14,6 +24,10 @@ EVIDENCE = ("load_drop", "image_change", "spin_change", "vibration", "width", "e
 - width: The width of the gripper changes at unchanged grip force.
 - external: A driver of the user's says so.
 """
+MOST_SURPRISE = 700.0
+"""No surprise is larger: its probability is no floating-point number."""
+TOGETHER_NS = 50_000_000
+"""Evidence within this time of each other may show the same motion."""
 
 
 class Evidence(NamedTuple):
@@ -38,3 +52,73 @@ def evidence_mask(*kinds: str) -> int:
 def evidence_names(mask: int) -> tuple[str, ...]:
     """Return the kinds of evidence in a bit mask, in the order of EVIDENCE."""
     return tuple(kind for bit, kind in enumerate(EVIDENCE) if mask >> bit & 1)
+
+
+def f_surprise(ratio: float, terms: float, freedom: float) -> float:
+    """Return the surprise of a ratio of F(terms, freedom); 0 where a number is NaN, which is no evidence.
+
+    Args:
+        ratio: Mean square of ``terms`` values over a variance that was measured.
+        terms: Their number.
+        freedom: Degrees of freedom of the measured variance.
+    """
+    tail = float(betainc(0.5 * freedom, 0.5 * terms, freedom / (freedom + terms * ratio)))
+    if math.isnan(tail):
+        return 0.0
+    return -math.log(tail) if tail > math.exp(-MOST_SURPRISE) else MOST_SURPRISE
+
+
+def combined_surprise(surprises: list[float]) -> float:
+    """Return −ln of the probability that the sum of as many independent surprises is as large.
+
+    Source: Fisher's method; the sum of n standard exponential variables exceeds s with probability
+    exp(−s) Σ_{j<n} s^j / j!.
+    """
+    total = sum(surprises)
+    return total - math.log(sum(total**j / math.factorial(j) for j in range(len(surprises))))
+
+
+class MotionRisk:
+    """Decides whether the object moves, from all kinds of evidence of one contact or grasp.
+
+    Args:
+        false_alarms_per_hour: How often noise alone may be reported as motion, 1/h.
+        looks_per_hour: How many independent looks each kind in use takes in an hour. The risk is shared equally among
+            the kinds, and with their combination where there are several.
+
+    Raises:
+        ValueError: A kind is unknown, or a number is not positive.
+    """
+
+    def __init__(self, false_alarms_per_hour: float, looks_per_hour: Mapping[str, float]) -> None:
+        if unknown := sorted(looks_per_hour.keys() - set(EVIDENCE)):
+            raise ValueError(f"kinds of evidence must be among {EVIDENCE}, got {unknown}")
+        if not (looks_per_hour and false_alarms_per_hour > 0.0 and min(looks_per_hour.values()) > 0.0):
+            raise ValueError("false_alarms_per_hour and looks_per_hour must be positive")
+        share = false_alarms_per_hour / (len(looks_per_hour) + (len(looks_per_hour) > 1))
+        self._single = {kind: max(math.log(looks / share), 0.0) for kind, looks in looks_per_hour.items()}
+        self._combined = max(self._single.values())
+        self._newest: dict[str, Evidence] = {}
+
+    def update(self, evidence: Evidence, belief: float = 0.0) -> tuple[str, ...]:
+        """Add one piece of evidence; a surprise or a belief that is NaN shows nothing.
+
+        Args:
+            evidence: Of a kind in use; it replaces the one before of its kind.
+            belief: What else is known of the odds of motion, in nats; 0: nothing. See `slipd.motion.pad_looks`.
+
+        Returns:
+            The kinds that together show motion, in the order of EVIDENCE; empty where they do not.
+        """
+        self._newest[evidence.kind] = evidence
+        if evidence.surprise + belief >= self._single[evidence.kind]:
+            return (evidence.kind,)
+        since_ns = evidence.t_ns - TOGETHER_NS
+        together = {
+            kind: found.surprise
+            for kind, found in self._newest.items()
+            if found.t_ns >= since_ns and found.surprise > 0.0
+        }
+        if len(together) > 1 and combined_surprise(list(together.values())) + belief >= self._combined:
+            return tuple(sorted(together, key=EVIDENCE.index))
+        return ()

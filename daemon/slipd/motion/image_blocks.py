@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.signals.pad import PadGeometry
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, Mask
 
 BLOCK_S = 0.05
 """Duration of a block, s: a contact that creeps with 3 mm/s moves 0.15 mm in it."""
@@ -46,6 +46,7 @@ class Block(NamedTuple):
         tolerance: How far loads may differ and still be the same, shape (6,).
         rise_n: How much larger the tangential force of a later block may be, N.
         wrenches: Wrench of each image, shape (k, 6), N and N·m.
+        usable: Taxels that measure by themselves, shape (n,); None: all.
     """
 
     t_ns: int
@@ -55,6 +56,7 @@ class Block(NamedTuple):
     tolerance: Array
     rise_n: float
     wrenches: Array
+    usable: Mask | None = None
 
     def same_load(self, other: Block, moved_m: Array) -> bool:
         """Return whether another block has the same load.
@@ -85,67 +87,56 @@ class ImageBlocks:
         noise: Of the force sensor.
     """
 
-    most_per_hour = 3600.0 / BLOCK_S
-
     def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._taxels, self._noise = geometry.taxels, noise
+        self._noise_n, self._noise_nm = NOISE_STDS * noise.force_n, NOISE_STDS * noise.torque_nm
         self._reach_m = 0.25 * math.hypot(geometry.rows, geometry.cols) * geometry.pitch_m
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the contact ended, or the images did."""
-        self._since_ns = self._begun_ns = -1
-        self._last = np.zeros(self._taxels)
-        self._jumps, self._jump_count = np.zeros(self._taxels), 0.0
-        self._begin(-1)
+        self._since_ns: int | None = None
+        self._begun_ns, self._last = 0, np.zeros(0)
+        self._jumps, self._jump_count = np.zeros(0), 0.0
+        self._images: list[Array] = []
+        self._wrenches: list[tuple[float, ...]] = []
 
-    def update(self, t_ns: int, forces: Array, wrench: tuple[float, ...]) -> Block | None:
-        """Add an image, see `slipd.motion.image_shift.ImageShift.update`; return the block that it completes."""
-        if self._since_ns < 0:
+    def update(self, t_ns: int, forces: Array, wrench: tuple[float, ...], usable: Mask | None = None) -> Block | None:
+        """Add an image, see `slipd.motion.image_shift.ImageShift.update`; return the block that it completes.
+
+        There is none where the load changed in it, or something is not known.
+        """
+        if self._since_ns is None:
             self._since_ns = self._begun_ns = t_ns
+            self._jumps = np.zeros_like(forces)
         else:
-            kept = 1.0 - 1.0 / RECENT_IMAGES
-            jump = forces - self._last
-            self._jumps *= kept
-            self._jumps += jump * jump
+            kept, jump = 1.0 - 1.0 / RECENT_IMAGES, forces - self._last
+            self._jumps = self._jumps * kept + jump * jump
             self._jump_count = self._jump_count * kept + 1.0
         self._last = forces
-        self._image += forces
+        self._images.append(forces)
         self._wrenches.append(wrench)
         if t_ns - self._begun_ns < BLOCK_S * 1e9:
             return None
-        return self._complete(t_ns)
-
-    def _begin(self, t_ns: int) -> None:
-        self._begun_ns, self._image = t_ns, np.zeros(self._taxels)
-        self._wrenches: list[tuple[float, ...]] = []
-
-    def _complete(self, t_ns: int) -> Block | None:
-        """Return the block; None where the load changed in it, or something is not known."""
-        count, image = len(self._wrenches), self._image / len(self._wrenches)
-        wrenches = np.array(self._wrenches)
-        self._begin(t_ns)
-        if t_ns - self._since_ns < SETTLED_S * 1e9:
-            return None
+        image, wrenches = np.mean(self._images, axis=0), np.array(self._wrenches)
+        self._begun_ns, self._images, self._wrenches = t_ns, [], []
         load = _load(wrenches.mean(axis=0))
-        tolerance = self._tolerance(load)
-        spread = wrenches[:, :3].max(axis=0) - wrenches[:, :3].min(axis=0)
-        rests = (spread <= 2.0 * tolerance[:3]).all()
-        if not rests or not np.isfinite(image).all() or not load[2] > 0.0:
+        if t_ns - self._since_ns < SETTLED_S * 1e9 or not (load[2] > 0.0 and np.isfinite(image).all()):
             return None
+        tolerance = self._tolerance(load)
+        if not (np.ptp(wrenches[:, :3], axis=0) <= 2.0 * tolerance[:3]).all():
+            return None
+        count = len(wrenches)
         variance = self._jumps / (2.0 * max(self._jump_count, 1.0) * count)
-        rise_n = RISE_SHARE * math.hypot(load[0], load[1]) + NOISE_STDS * self._noise.force_n / math.sqrt(count)
-        return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches)
+        rise_n = RISE_SHARE * math.hypot(load[0], load[1]) + self._noise_n / math.sqrt(count)
+        return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches, usable)
 
     def _tolerance(self, load: Array) -> Array:
         """Return how far another load may differ from this one and still be the same, shape (6,)."""
         fx, fy, normal, _, _, _ = load.tolist()
-        noise_n, noise_nm = NOISE_STDS * self._noise.force_n, NOISE_STDS * self._noise.torque_nm
         tangential = max(SAME_SHARE * math.hypot(fx, fy), SAME_NORMAL_SHARE * normal)
-        along = tangential + noise_n
-        centroid = SAME_CENTROID_M + noise_nm / normal if normal > 0.0 else math.inf
-        spin = self._reach_m * tangential + noise_nm
-        return np.array((along, along, GRIP_SHARE * normal + noise_n, spin, centroid, centroid))
+        along, centroid = tangential + self._noise_n, SAME_CENTROID_M + self._noise_nm / normal
+        spin = self._reach_m * tangential + self._noise_nm
+        return np.array((along, along, GRIP_SHARE * normal + self._noise_n, spin, centroid, centroid))
 
 
 def _load(wrench: Array) -> Array:

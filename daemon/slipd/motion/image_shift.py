@@ -12,30 +12,26 @@ noise strays less than that, and so does the noise of a drifting pad.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slipd.motion.centroid_shift import (
+from slipd.motion.centroid_shift import CentroidShift
+from slipd.motion.evidence import Evidence, f_surprise
+from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks, LoadNoise
+from slipd.motion.image_fit import MOTIONS, ImageComparison, ImageFit
+from slipd.motion.shift_path import (
     AGAIN_M,
     ALONG,
     EACH_SURPRISE,
     KEPT_NS,
     LEAST_M,
-    LONGEST_NS,
-    CentroidShift,
-    moving_until,
+    KnownMotion,
+    Motion,
+    PathNoise,
+    ShiftPath,
 )
-from slipd.motion.evidence import Evidence
-from slipd.motion.image_blocks import Block, ImageBlocks, LoadNoise
-from slipd.motion.image_fit import MOTIONS, ImageFit, ImageFitter
-from slipd.motion.shift_path import PathNoise, ShiftPath
-from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
-from slipd.types.arrays import Array
-
-Flags = NDArray[np.bool_]
+from slipd.types.arrays import Array, Mask
 
 REFERENCES = 8
 """Loads whose images are kept."""
@@ -45,12 +41,8 @@ MOST_TILT = 0.3
 """A stronger tilt, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
 SPIN_SHARE = 0.05
 """A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
-OPENS = 0.25
-"""A gap may open where the pressure falls across the contact by this share of its mean on either side."""
-MODEL_SHARE = 0.005
-"""What a taxel reads may differ from the model by this share of its load."""
-ACTIVE_SHARE = 0.05
-"""A taxel belongs to the contact, with those beside it, above this share of the mean of the loaded taxels."""
+
+_NOWHERE = np.zeros(MOTIONS)
 
 
 class ImageShift:
@@ -64,29 +56,21 @@ class ImageShift:
         noise: Of the force sensor.
     """
 
-    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._fitter, self._centroids = ImageFitter(geometry), CentroidShift(geometry, noise)
-        self._x, self._y = geometry.positions()
-        self._blocks = ImageBlocks(geometry, noise)
-        self._grid, self._pitch_m = (geometry.rows, geometry.cols), geometry.pitch_m
-        self._references: list[_Reference] = []
-        self.reset()
+    looks_per_hour = 3600.0 / BLOCK_S
 
-    @property
-    def looks_per_hour(self) -> float:
-        """Most blocks that are compared in an hour."""
-        return self._blocks.most_per_hour
+    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
+        self._blocks, self._images = ImageBlocks(geometry, noise), ImageComparison(geometry)
+        self._centroids = CentroidShift(self._images, noise)
+        self._far_m = AGAIN_PITCHES * geometry.pitch_m
+        self.reset()
 
     def reset(self) -> None:
         """Forget everything: the contact ended, or the images did."""
         self._blocks.reset()
         self._centroids.reset()
-        self._references.clear()
-        self._noise = PathNoise()
-        self._beyond_before = False
-        self._newest: _Motion | None = None
-        self._known: _Motion | None = None
-        self._by_centroid = False
+        self._paths: list[ShiftPath] = []
+        self._noise, self._motion = PathNoise(), KnownMotion()
+        self._beyond_before = self._by_centroid = False
 
     def confirm(self) -> int:
         """Take the newest evidence as true; return until when, CLOCK_MONOTONIC in ns, the contact counts as moving.
@@ -96,16 +80,10 @@ class ImageShift:
         Raises:
             ValueError: There was no evidence yet.
         """
-        if self._by_centroid:
-            return self._centroids.confirm()
-        found, known = self._newest, self._known
-        if found is None:
-            raise ValueError("evidence must come before it is confirmed")
-        self._known = found
-        return moving_until(found.t_ns, None if known is None else known.t_ns)
+        return (self._centroids.motion if self._by_centroid else self._motion).confirm()
 
     def update(
-        self, t_ns: int, forces: Array, wrench: tuple[float, ...], usable: Flags | None = None
+        self, t_ns: int, forces: Array, wrench: tuple[float, ...], usable: Mask | None = None
     ) -> Evidence | None:
         """Update with an image of a contact; return evidence where the contact moves.
 
@@ -115,118 +93,60 @@ class ImageShift:
             wrench: Force on the finger, N, and torque about the pad's origin, N·m, since the image before: six numbers.
             usable: Taxels that measure by themselves, shape (n,); None: all.
         """
-        block = self._blocks.update(t_ns, forces, wrench)
+        block = self._blocks.update(t_ns, forces, wrench, usable)
         if block is None:
             return None
-        evidence: Evidence | None = None
-        if not math.isnan(block.load[4]):
-            evidence = self._centroids.update(block, lambda before, after: self._variance(before, after, usable))
-        by_image = self._compare(block, usable)
-        self._by_centroid = evidence is not None
-        return by_image if evidence is None else evidence
+        by_centroid = None if math.isnan(block.load[4]) else self._centroids.update(block)
+        by_image = self._compare(block)
+        self._by_centroid = by_centroid is not None
+        return by_centroid or by_image
 
-    def _compare(self, block: Block, usable: Flags | None) -> Evidence | None:
+    def _compare(self, block: Block) -> Evidence | None:
         """Compare a block with the oldest reference of its load."""
-        oldest_ns, known = block.t_ns - KEPT_NS, self._known
-        if known is not None and block.t_ns - known.t_ns > LONGEST_NS:
-            self._known, self._references = None, []
-        self._references = [kept for kept in self._references if kept.block.t_ns >= oldest_ns]
-        reference = next((kept for kept in self._references if kept.block.same_load(block, self._moved(kept))), None)
-        if reference is None:
-            self._references = [*self._references[1 - REFERENCES :], _Reference(block, ShiftPath(self._noise))]
-            return None
-        fit = self._fitter.fit(reference.block.image, block.image, self._variance(reference.block, block, usable))
-        return None if fit is None else self._judge(fit, block, reference)
+        oldest_ns = block.t_ns - KEPT_NS
+        if self._motion.rests(block.t_ns):
+            self._paths = []
+        self._paths = [path for path in self._paths if path.reference.t_ns >= oldest_ns]
+        for path in self._paths:
+            known_m = self._motion.shift_m(path)
+            if path.reference.same_load(block, (_NOWHERE if known_m is None else known_m)[:2]):
+                fit = self._images.fit(path.reference, block)
+                return None if fit is None else self._judge(fit, block, path)
+        self._paths = [*self._paths[1 - REFERENCES :], ShiftPath(block, self._noise)]
+        return None
 
-    def _moved(self, reference: _Reference) -> Array:
-        """Return how far the contact is known to have moved since a reference, shape (2,), m."""
-        known = self._known
-        return known.shift_m[:2] if known is not None and known.reference is reference else np.zeros(2)
-
-    def _variance(self, before: Block, after: Block, usable: Flags | None) -> Array:
-        """Return the variance of the difference of two blocks by noise and errors of the model; infinity outside."""
-        mean = 0.5 * (before.image + after.image)
-        most = float(mean.max())
-        on = mean > ACTIVE_SHARE * mean[mean > 0.1 * most].mean() if most > 0.0 else np.zeros(mean.shape, np.bool_)
-        near = _grown(on.reshape(self._grid)).ravel()
-        if not near.any():
-            return np.full(mean.shape, math.inf)
-        noise = np.maximum(after.variance, after.variance[near].mean())
-        variance: Array = 2.0 * noise + (MODEL_SHARE * mean) ** 2 + (1e-6 * most) ** 2
-        variance[~near if usable is None else ~(near & usable)] = math.inf
-        return variance
-
-    def _judge(self, fit: ImageFit, block: Block, reference: _Reference) -> Evidence | None:
-        """Return evidence where the path is one of motion along the load."""
-        reference.path.add(fit.shift_m)
-        shift = _slide(fit, self._growth(fit, block, reference.block), *block.tangential)
-        if not math.isnan(block.load[4]):
+    def _judge(self, fit: ImageFit, block: Block, path: ShiftPath) -> Evidence | None:
+        """Return evidence where the path is one of motion along the load, or goes on with one that is known."""
+        path.add(fit.shift_m)
+        by_turn = not math.isnan(block.load[4])
+        shift = _slide(fit, self._images.growth_m(fit, path.reference, block), *block.tangential)
+        if by_turn:
             shift[:2] = 0.0
-        if self._known is not None:
-            return self._follow(self._known, fit, shift, block, reference)
-        beyond = float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT
+        known, squares = self._motion.known, float(shift @ shift)
+        pattern = _pattern_surprise(fit, shift)
+        if known is not None:
+            known_m = self._motion.shift_m(path)
+            further = shift if known_m is None else shift - known_m
+            goes_on = float(further @ further) > AGAIN_M**2 and float(further @ shift) > 0.0
+            if not goes_on or pattern < EACH_SURPRISE:
+                return None
+            if squares >= self._far_m**2:
+                path, shift = ShiftPath(block, self._noise), _NOWHERE
+                self._paths = [path]
+            return self._find(Motion(block.t_ns, shift, known.surprise, path))
+        beyond = squares > LEAST_M**2 and fit.tilt < MOST_TILT
         lasts, self._beyond_before = beyond and self._beyond_before, beyond
         if not lasts:
             return None
-        along = _direction(fit, *block.tangential, turns=not math.isnan(block.load[4]))
-        pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
-        if min(pattern, path) < EACH_SURPRISE:
+        along = _direction(fit, *block.tangential, by_turn=by_turn)
+        by_path = path.surprise(along, float(along @ shift))
+        if min(pattern, by_path) < EACH_SURPRISE:
             return None
-        return self._find(_Motion(block.t_ns, shift, max(pattern, path) - math.log(2.0), reference))
+        return self._find(Motion(block.t_ns, shift, max(pattern, by_path) - math.log(2.0), path))
 
-    def _growth(self, fit: ImageFit, block: Block, before: Block) -> tuple[float, float]:
-        """Return how far growth, or a gap that opens or closes, may have moved one edge along X and Y, m.
-
-        No contact grows faster with its normal force than that of a sphere (Hertz: with the cube root). A gap opens
-        only where an edge is hardly pressed.
-        """
-        share = abs(block.load[2] - before.load[2]) / (3.0 * block.load[2])
-        most = [share * fit.radius_m] * 2
-        for image in (before.image, block.image):
-            on = image > ACTIVE_SHARE * float(image.max())
-            loads = image[on]
-            for axis, at in enumerate((self._x[on], self._y[on])):
-                away = at - at.mean()
-                squares = float(away @ away)
-                fall = abs(float(away @ loads)) * math.sqrt(3.0 / (squares * len(at))) if squares > 0.0 else 0.0
-                if fall > OPENS * float(loads.mean()):
-                    most[axis] = math.inf
-        return min(fit.growth_m[0], most[0]), min(fit.growth_m[1], most[1])
-
-    def _follow(
-        self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference
-    ) -> Evidence | None:
-        """Return evidence as strong as that of a known motion where it goes on."""
-        before = known.shift_m if known.reference is reference else np.zeros(MOTIONS)
-        further = shift - before
-        goes_on = float(further @ further) > AGAIN_M**2 and float(further @ shift) > 0.0
-        if not goes_on or _pattern_surprise(fit, shift) < EACH_SURPRISE:
-            return None
-        if float(shift @ shift) < (AGAIN_PITCHES * self._pitch_m) ** 2:
-            return self._find(_Motion(block.t_ns, shift, known.surprise, reference))
-        begun = _Reference(block, ShiftPath(self._noise))
-        self._references = [begun]
-        return self._find(_Motion(block.t_ns, np.zeros(MOTIONS), known.surprise, begun))
-
-    def _find(self, motion: _Motion) -> Evidence:
-        self._newest = motion
+    def _find(self, motion: Motion) -> Evidence:
+        self._motion.found = motion
         return Evidence("image_change", motion.t_ns, motion.surprise)
-
-
-class _Motion(NamedTuple):
-    """A motion when it was found: the contact had moved by ``shift_m`` from a reference."""
-
-    t_ns: int
-    shift_m: Array
-    surprise: float
-    reference: _Reference
-
-
-class _Reference(NamedTuple):
-    """A block, and the path of the contact since then."""
-
-    block: Block
-    path: ShiftPath
 
 
 def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: float, spin_nm: float) -> Array:
@@ -236,7 +156,10 @@ def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: floa
     a gap may move one edge alone, which looks like growth and shift in equal parts.
     """
     shift_x, shift_y, turn = fit.shift_m.tolist()
-    shift_x, shift_y = _shrunk(shift_x, growth_m[0]), _shrunk(shift_y, growth_m[1])
+    shift_x, shift_y = (
+        math.copysign(max(abs(shift) - growth, 0.0), shift)
+        for shift, growth in zip((shift_x, shift_y), growth_m, strict=True)
+    )
     load_n = math.hypot(fx_n, fy_n)
     if fx_n * shift_x + fy_n * shift_y <= ALONG * load_n * math.hypot(shift_x, shift_y):
         shift_x = shift_y = 0.0
@@ -245,29 +168,12 @@ def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: floa
     return np.array((shift_x, shift_y, turn))
 
 
-def _shrunk(value: float, by: float) -> float:
-    """Return a value nearer to zero by ``by``, at most zero."""
-    return math.copysign(max(abs(value) - by, 0.0), value)
-
-
-def _grown(on: Flags) -> Flags:
-    """Return a mask with the four neighbours of its taxels."""
-    grown = on.copy()
-    grown[1:] |= on[:-1]
-    grown[:-1] |= on[1:]
-    grown[:, 1:] |= on[:, :-1]
-    grown[:, :-1] |= on[:, 1:]
-    return grown
-
-
-def _direction(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float, *, turns: bool) -> Array:
+def _direction(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float, *, by_turn: bool) -> Array:
     """Return the direction in which a load moves the contact, as `ImageFit.shift_m`, of length 1; the load is not 0.
 
     Where only turns count it is that of the turn.
     """
-    if turns:
-        return np.array((0.0, 0.0, math.copysign(1.0, spin_nm)))
-    load = np.array((fx_n, fy_n, spin_nm / fit.radius_m))
+    load = np.array((0.0, 0.0, spin_nm) if by_turn else (fx_n, fy_n, spin_nm / fit.radius_m))
     direction: Array = load / math.sqrt(float(load @ load))
     return direction
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from slipd.motion.evidence import Evidence
-from slipd.motion.surprises import f_surprise
+from slipd.motion.evidence import Evidence, f_surprise
 from slipd.types.arrays import Array
 from slipd.types.samples import ObjectSample
 
@@ -45,7 +45,7 @@ class OutsideMotion:
         """Begin a hold; None: nothing is held."""
         self._since_ns = t_ns
         self._first: list[Array] = []
-        self._turn: Array | None = None
+        self._turn: Rotation | None = None
         self._mean: Array = np.empty(0)
         self._variance, self._freedom = np.empty(0), KNOWN
         self._before = 0.0
@@ -106,10 +106,10 @@ class OutsideMotion:
         place = np.array(xyz_m)
         if quat_xyzw is None:
             return place
-        turn = np.array(quat_xyzw)
+        turn = Rotation.from_quat(quat_xyzw)
         if self._turn is None or not self._first:
             self._turn = turn
-        return np.concatenate((place, REACH_M * _rotation_between(self._turn, turn)))
+        return np.concatenate((place, REACH_M * (self._turn.inv() * turn).as_rotvec()))
 
 
 def _of_speed(reading: ObjectSample) -> float | None:
@@ -117,14 +117,3 @@ def _of_speed(reading: ObjectSample) -> float | None:
     if reading.speed_mps is None or not reading.speed_std_mps:
         return None
     return f_surprise((max(reading.speed_mps, 0.0) / reading.speed_std_mps) ** 2, 1, KNOWN)
-
-
-def _rotation_between(before: Array, after: Array) -> Array:
-    """Return the rotation vector from one orientation to another, both unit quaternions, shape (3,), rad."""
-    scalar = float(before @ after)
-    vector = before[3] * after[:3] - after[3] * before[:3] - np.cross(before[:3], after[:3])
-    if scalar < 0.0:
-        scalar, vector = -scalar, -vector
-    sine = float(np.sqrt(vector @ vector))
-    rotation: Array = vector * (2.0 * math.atan2(sine, scalar) / sine if sine > 0.0 else 2.0)
-    return rotation

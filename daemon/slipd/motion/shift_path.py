@@ -1,17 +1,20 @@
-"""The path of a contact in the image, and how far noise alone would stray: white noise, and noise that drifts.
+"""The path of a contact from block to block: how far noise alone would stray, and which motion is known.
 
-Second differences of the path do not see a steady motion. Over one step, their variance is 6 w + 2 d for white noise of
-variance w and a random walk of variance d per step; over h steps it is 6 w + 2 h d. Both follow from the two.
+Noise is white, or drifts. Second differences of the path do not see a steady motion. Over one step, their variance is
+6 w + 2 d for white noise of variance w and a random walk of variance d per step; over h steps it is 6 w + 2 h d. Both
+follow from the two.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from slipd.motion.evidence import f_surprise
+from slipd.motion.image_blocks import Block
 from slipd.motion.image_fit import MOTIONS
-from slipd.motion.surprises import f_surprise
 from slipd.types.arrays import Array
 
 LONG_STEP = 4
@@ -22,36 +25,18 @@ KNOWN_COUNT = 20
 """Second differences that a noise known before is worth."""
 FREEDOM_SHARE = 0.5
 """Independent values in one second difference: those beside it share two of its three places."""
-
-
-class ShiftPath:
-    """Places of a contact after one reference image.
-
-    Args:
-        noise: Of all paths of the contact.
-    """
-
-    def __init__(self, noise: PathNoise) -> None:
-        self._noise, self._places = noise, [np.zeros(MOTIONS)][:0]
-
-    def add(self, place_m: Array) -> None:
-        """Add a place, as `slipd.motion.image_fit.ImageFit.shift_m`."""
-        places = self._places
-        places.append(place_m)
-        if len(places) > 2:
-            self._noise.add(places[-1] - 2.0 * places[-2] + places[-3])
-        known = places[: -2 * LONG_STEP]
-        if len(known) > 2 * LONG_STEP:
-            self._noise.add_long(known[-1] - 2.0 * known[-1 - LONG_STEP] + known[-1 - 2 * LONG_STEP])
-
-    def surprise(self, along: Array, length_m: float) -> float:
-        """Return −ln of the probability that noise takes the path as far in its number of steps.
-
-        Args:
-            along: A direction, shape (3,), of length 1.
-            length_m: How far along it, m.
-        """
-        return self._noise.surprise(along, length_m, len(self._places))
+LEAST_M = 2e-4
+"""A smaller motion may be that of a pad that gives way, m."""
+AGAIN_M = 1e-4
+"""A contact that is known to move is reported again after a further motion by this much, m."""
+ALONG = 0.5
+"""Cosine of the largest angle between a shift and the tangential force: a turn beside it may bend its way so far."""
+EACH_SURPRISE = 3.0
+"""The path must look like a motion by this much."""
+KEPT_NS = 10_000_000_000
+"""A path begins anew after this time: charge and rubber creep for longer."""
+FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
+"""It counts as moving for twice the time that this took, at least and at most for so long; then it rests."""
 
 
 class PathNoise:
@@ -63,34 +48,105 @@ class PathNoise:
     """
 
     def __init__(self, known_m: Array | None = None) -> None:
-        self._squares, self._count = np.zeros(MOTIONS), 0
+        self._squares = {1: np.zeros(MOTIONS), LONG_STEP: np.zeros(MOTIONS)}
+        self._counts = {1: 0, LONG_STEP: 0}
         if known_m is not None:
-            self._squares, self._count = 6.0 * KNOWN_COUNT * known_m * known_m, KNOWN_COUNT
-        self._long_squares, self._long_count = np.zeros(MOTIONS), 0
+            self._squares[1], self._counts[1] = 6.0 * KNOWN_COUNT * known_m * known_m, KNOWN_COUNT
 
-    def add(self, difference_m: Array) -> None:
-        """Add a second difference over one step."""
-        self._squares += difference_m * difference_m
-        self._count += 1
-
-    def add_long(self, difference_m: Array) -> None:
-        """Add a second difference over ``LONG_STEP`` steps."""
-        self._long_squares += difference_m * difference_m
-        self._long_count += 1
+    def add(self, places_m: list[Array], step: int) -> None:
+        """Add the newest second difference of a path over ``step`` steps, if the path is so long."""
+        if len(places_m) > 2 * step:
+            difference_m = places_m[-1] - 2.0 * places_m[-1 - step] + places_m[-1 - 2 * step]
+            self._squares[step] += difference_m * difference_m
+            self._counts[step] += 1
 
     def surprise(self, along: Array, length_m: float, steps: int) -> float:
         """Return as `ShiftPath.surprise`; 0 while nothing is known of the noise.
 
         Until the longer differences are many enough, all noise counts as a random walk.
         """
-        if not self._count:
+        count, long_count = self._counts.values()
+        if not count:
             return 0.0
-        short = np.maximum(self._squares / self._count, LEAST_STD_M**2)
+        short = np.maximum(self._squares[1] / count, LEAST_STD_M**2)
         walk = 0.5 * short
-        if self._long_count > LONG_STEP:
-            doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / self._long_count)
-            longer = doubt * self._long_squares / self._long_count
+        if long_count > LONG_STEP:
+            doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / long_count)
+            longer = doubt * self._squares[LONG_STEP] / long_count
             walk = np.minimum(walk, np.maximum(longer - short, 0.0) / (2.0 * (LONG_STEP - 1)))
-        variance = short / 3.0 + steps * walk
-        deviation_m2 = float(along * along @ variance)
-        return f_surprise(length_m * length_m / deviation_m2, 1, FREEDOM_SHARE * self._count)
+        deviation_m2 = float(along * along @ (short / 3.0 + steps * walk))
+        return f_surprise(length_m * length_m / deviation_m2, 1, FREEDOM_SHARE * count)
+
+
+class ShiftPath:
+    """Places of a contact after one reference.
+
+    Args:
+        reference: The block from which the places are measured.
+        noise: Of all paths of the contact.
+    """
+
+    def __init__(self, reference: Block, noise: PathNoise) -> None:
+        self.reference = reference
+        self._noise, self._places = noise, list[Array]()
+
+    def add(self, place_m: Array) -> None:
+        """Add a place, as `slipd.motion.image_fit.ImageFit.shift_m`."""
+        self._places.append(place_m)
+        self._noise.add(self._places, 1)
+        self._noise.add(self._places[: -2 * LONG_STEP], LONG_STEP)
+
+    def surprise(self, along: Array, length_m: float) -> float:
+        """Return −ln of the probability that noise takes the path as far in its number of steps.
+
+        Args:
+            along: A direction, shape (3,), of length 1.
+            length_m: How far along it, m.
+        """
+        return self._noise.surprise(along, length_m, len(self._places))
+
+
+class Motion(NamedTuple):
+    """A motion when it was found: by ``shift_m`` since the path began; what the shift means is up to who finds it."""
+
+    t_ns: int
+    shift_m: Array
+    surprise: float
+    path: ShiftPath
+
+
+class KnownMotion:
+    """The newest motion that was found, and the last one that was confirmed.
+
+    Attributes:
+        found: The newest.
+        known: The last confirmed one, until the contact has rested.
+    """
+
+    def __init__(self) -> None:
+        self.found: Motion | None = None
+        self.known: Motion | None = None
+
+    def confirm(self) -> int:
+        """Take the newest motion as true; return until when the contact counts as moving, CLOCK_MONOTONIC in ns.
+
+        Raises:
+            ValueError: There was none yet.
+        """
+        found, known = self.found, self.known
+        if found is None:
+            raise ValueError("evidence must come before it is confirmed")
+        self.known = found
+        taken_ns = FIRST_NS if known is None else found.t_ns - known.t_ns
+        return found.t_ns + min(max(2 * taken_ns, SHORTEST_NS), LONGEST_NS)
+
+    def rests(self, t_ns: int) -> bool:
+        """Forget a confirmed motion that has ended by ``t_ns``; return whether one did."""
+        if self.known is None or t_ns - self.known.t_ns <= LONGEST_NS:
+            return False
+        self.known = None
+        return True
+
+    def shift_m(self, path: ShiftPath) -> Array | None:
+        """Return how far the contact is known to have moved on a path; None where it is not."""
+        return self.known.shift_m if self.known is not None and self.known.path is path else None

@@ -12,8 +12,7 @@ import math
 import numpy as np
 
 from slipd.fusion.compiled import compiled
-from slipd.motion.evidence import Evidence
-from slipd.motion.surprises import f_surprise
+from slipd.motion.evidence import Evidence, f_surprise
 from slipd.types.arrays import Array
 
 LEAST_HZ = 500.0

@@ -7,11 +7,13 @@ A new command, or a gripper that reports a motion of its own after one, begins a
 from __future__ import annotations
 
 import math
-from bisect import insort
 from collections import deque
+from collections.abc import Sequence
+from statistics import fmean, variance
 
-from slipd.motion.evidence import Evidence
-from slipd.motion.surprises import f_surprise
+import numpy as np
+
+from slipd.motion.evidence import Evidence, f_surprise
 
 SETTLED_NS = 300_000_000
 """A hold this young still settles."""
@@ -23,6 +25,8 @@ LEAST_M = 3e-4
 """A smaller change may be that of the pads, m."""
 MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable."""
+WINDOWS, LONG_STEP = 256, 8
+"""Windows whose means show the noise, and windows of the longer step between them."""
 FOLLOW_MPS = 2e-5
 """Speed with which the reference follows, m/s: 1 mm in 50 s."""
 
@@ -41,19 +45,18 @@ class WidthChange:
 
     def __init__(self, step_m: float) -> None:
         self._step_m = step_m
-        self._recent: deque[tuple[int, float]] = deque()
         self._command: object = None
         self._begin(None)
 
     def _begin(self, t_ns: int | None) -> None:
         """Begin a hold; None: nothing is held."""
         self._since_ns = t_ns
-        self._recent.clear()
-        self._first: list[float] = []
-        self._reference_m = self._std_m = math.nan
-        self._followed_ns = 0
-        self._mean_m = math.nan
-        self._steps: list[float] = []
+        self._window: list[float] = []
+        self._window_ns = self._looked_ns = 0
+        self._reference_m: float | None = None
+        self._variance = 0.0
+        self._means: deque[float] = deque(maxlen=WINDOWS)
+        self._looks = 0
 
     def update(self, t_ns: int, width_m: float | None, *, held: bool, command: object) -> Evidence | None:
         """Update with a reading of the gripper; return evidence where the jaws moved.
@@ -72,49 +75,55 @@ class WidthChange:
             self._begin(t_ns)
         if t_ns - (self._since_ns or t_ns) < SETTLED_NS:
             return None
-        if len(self._first) < REFERENCE:
-            self._add_to_reference(t_ns, width_m)
+        if not self._window:
+            self._window_ns = t_ns
+        self._window.append(width_m)
+        if self._reference_m is None:
+            if len(self._window) == REFERENCE:
+                self._reference_m, self._looked_ns = fmean(self._window), t_ns
+                self._variance = variance(self._window) + self._step_m**2 / 12.0
+                self._window = []
             return None
-        self._recent.append((t_ns, width_m))
-        if t_ns - self._recent[0][0] < LASTS_NS or len(self._recent) < LEAST_READINGS:
+        if t_ns - self._window_ns < LASTS_NS or len(self._window) < LEAST_READINGS:
             return None
-        return self._look(t_ns)
+        return self._look(t_ns, self._reference_m)
 
     def confirm(self) -> None:
         """Take the newest evidence as true: the width of now is the one from which a further motion is measured."""
         self._begin(self._since_ns)
 
-    def _add_to_reference(self, t_ns: int, width_m: float) -> None:
-        self._first.append(width_m)
-        if len(self._first) < REFERENCE:
-            return
-        mean = sum(self._first) / REFERENCE
-        variance = sum((width - mean) ** 2 for width in self._first) / (REFERENCE - 1)
-        self._reference_m, self._followed_ns = mean, t_ns
-        self._std_m = math.sqrt(variance + self._step_m**2 / 12.0)
-
-    def _look(self, t_ns: int) -> Evidence | None:
-        """Compare the newest window with the reference, and begin the next."""
-        above = min(width for _, width in self._recent) - self._reference_m
-        below = self._reference_m - max(width for _, width in self._recent)
-        mean = sum(width for _, width in self._recent) / len(self._recent)
-        self._recent.clear()
-        if not math.isnan(self._mean_m):
-            insort(self._steps, (mean - self._mean_m) ** 2)
-        self._mean_m = mean
-        most = FOLLOW_MPS * (t_ns - self._followed_ns) * 1e-9
-        self._reference_m += min(max(mean - self._reference_m, -most), most)
-        self._followed_ns = t_ns
-        change = max(above, below) - self._step_m
-        if change < LEAST_M:
+    def _look(self, t_ns: int, reference_m: float) -> Evidence | None:
+        """Compare the newest window with the reference, let that follow, and begin the next window."""
+        change_m = max(min(self._window) - reference_m, reference_m - max(self._window)) - self._step_m
+        mean_m, most_m = fmean(self._window), FOLLOW_MPS * (t_ns - self._looked_ns) * 1e-9
+        self._window, self._looked_ns = [], t_ns
+        self._means.append(mean_m)
+        self._looks += 1
+        self._reference_m = reference_m + min(max(mean_m - reference_m, -most_m), most_m)
+        if change_m < LEAST_M:
             return None
-        return Evidence("width", t_ns, f_surprise(change**2 / self._variance(), 1, REFERENCE - 1))
+        drift = self._walk()
+        # The reference follows a walk, which strays from it by about half of drift / most_m, however long it lasts.
+        variance_m2 = self._variance + min(self._looks * drift, (drift / most_m) ** 2)
+        return Evidence("width", t_ns, f_surprise(change_m**2 / max(variance_m2, 1e-12), 1, REFERENCE - 1))
 
-    def _variance(self) -> float:
-        """Return the variance of the width by noise, m²: that of the reference, and that of a walk since then.
+    def _walk(self) -> float:
+        """Return the variance of one step of a random walk, m², of which the noise of the window means consists.
 
-        The median of its steps is that of a walk also where a few of them are those of a motion.
+        Steps over h windows have the variance 2 w + h d for white noise of variance w and a walk of variance d. Their
+        medians are those of the noise also where a few of them are those of a motion. Until the longer steps are many
+        enough, all noise counts as a walk.
         """
-        steps = self._steps
-        walk = len(steps) * steps[len(steps) // 2] / MEDIAN_SQUARE if steps else 0.0
-        return max(self._std_m**2 + walk, 1e-12)
+        short, count = _mean_square(self._means, 1), len(self._means) - LONG_STEP
+        if count < LONG_STEP:
+            return short
+        doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / count)
+        return min(max(doubt * _mean_square(self._means, LONG_STEP) - short, 0.0) / (LONG_STEP - 1), short)
+
+
+def _mean_square(means: Sequence[float], step: int) -> float:
+    """Return the mean square of steps of normal noise over so many windows, by its median; 0 where there are none."""
+    if len(means) <= step:
+        return 0.0
+    squares = (np.array(means)[step:] - np.array(means)[:-step]) ** 2
+    return float(np.median(squares)) / MEDIAN_SQUARE

@@ -62,6 +62,16 @@ class PadGeometry:
         x, y = (along, across) if self.swap_xy else (across, along)
         return (-x if self.flip_x else x), (-y if self.flip_y else y)
 
+    def slopes(self, image: Array) -> tuple[Array, Array]:
+        """Return the slopes of an image along X and Y, each shape (rows · cols,), per m; 0 along a single taxel."""
+        grid = image.reshape(self.rows, self.cols)
+        down, right = (
+            np.asarray(np.gradient(grid, self.pitch_m, axis=axis)).ravel() if count > 1 else np.zeros(self.taxels)
+            for axis, count in enumerate(grid.shape)
+        )
+        x, y = (down, right) if self.swap_xy else (right, down)
+        return (-x if self.flip_x else x), (-y if self.flip_y else y)
+
 
 def neighbours(rows: int, cols: int) -> NDArray[np.intp]:
     """Return the eight neighbours of every taxel of a pad that is scanned row by row.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,18 @@ def counts(sensor: str, text: str, *, total: float, spin: float, edge: float) ->
     return np.asarray((np.reshape(zero, (16, 3)) + np.column_stack([shear, total * share])).ravel().round())
 
 
-def run(looks: list[dict[str, float]], text: str = TEXT) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield the changes of level with the look at which they came, of a grasp that gives these looks."""
+Clock = Callable[[int, str], int]
+"""Returns how much later than the first one a sensor measures the k-th image, ns."""
+
+
+def run(looks: list[dict[str, float]], text: str = TEXT, clock: Clock | None = None) -> Iterator[tuple[int, Any]]:
+    """Yield the changes of level with the look at which they came, of a grasp that gives these looks.
+
+    Args:
+        looks: What `counts` takes, ten a second.
+        text: Config.
+        clock: Each sensor's own; None: both measure at one time.
+    """
     settings = config.parse(text, "test")
     engine = Engine(settings, boot="test", wall_minus_monotonic_ns=0)
     (link,) = engine.links.values()
@@ -53,16 +64,22 @@ def run(looks: list[dict[str, float]], text: str = TEXT) -> Iterator[tuple[int, 
     engine.handle(Bytes(link.name, b'{"message":"Welcome"}'), START_NS)
     rng = np.random.default_rng(3)
     for k, look in enumerate(looks):
-        t_ns = START_NS + k * PERIOD_NS
         pads = {
             sensor: np.clip(counts(sensor, text, **look) + rng.normal(0.0, 2.0, 48).round(), 0, 65535).astype(np.uint16)
             for sensor in "12"
         }
         outputs = []
-        for repeat in range(4):  # the server sends each reading four times
-            at_ns = t_ns + repeat * PERIOD_NS // 4
-            outputs += engine.handle(Bytes(link.name, xela.encode_message(4 * k + repeat, pads, at_ns / 1e9)), at_ns)
-            outputs += engine.handle(Tick(), at_ns + 1)
+        for image in range(4 * k, 4 * k + 4):  # the server sends each reading four times
+            at_ns = START_NS + image * PERIOD_NS // 4
+            messages = (
+                [(at_ns, pads)]
+                if clock is None
+                else sorted(((at_ns + clock(image, s), {s: pads[s]}) for s in "12"), key=itemgetter(0))
+            )
+            for at, (t_ns, sent) in enumerate(messages):
+                message = xela.encode_message(2 * image + at, sent, t_ns / 1e9)
+                outputs += engine.handle(Bytes(link.name, message), t_ns)
+            outputs += engine.handle(Tick(), at_ns + PERIOD_NS // 5)
         for output in outputs:
             if isinstance(output, Publish) and output.topic == "warning":
                 yield k, output.body
@@ -72,9 +89,11 @@ def hold(spin: float = 0.02, edge: float = 1.0, total: float = 20_000.0) -> dict
     return {"total": total, "spin": spin, "edge": edge}
 
 
-def slips(looks: list[dict[str, float]], text: str = TEXT) -> list[tuple[int, str, list[str]]]:
+def slips(
+    looks: list[dict[str, float]], text: str = TEXT, clock: Clock | None = None
+) -> list[tuple[int, str, list[str]]]:
     """Return look, finger and evidence of every report of slip."""
-    return [(k, body["finger"], body["evidence"]) for k, body in run(looks, text) if body["level"] == "slipping"]
+    return [(k, body["finger"], body["evidence"]) for k, body in run(looks, text, clock) if body["level"] == "slipping"]
 
 
 def test_a_box_that_swings_is_reported_on_both_fingers_as_it_begins() -> None:
@@ -83,6 +102,22 @@ def test_a_box_that_swings_is_reported_on_both_fingers_as_it_begins() -> None:
     assert [finger for _k, finger, _evidence in found[:2]] == ["left", "right"]
     assert found[0][0] in (21, 22)
     assert all(evidence == ["image_change"] for _k, _finger, evidence in found)
+
+
+@pytest.mark.parametrize("offset_ns", [20_000, 5_000_000, 12_000_000])
+@pytest.mark.parametrize(("drift", "jitter_ns"), [(0.0, 0), (0.01, 1_000_000)])
+def test_sensors_with_clocks_of_their_own_report_the_same(offset_ns: int, drift: float, jitter_ns: int) -> None:
+    """A drift moves one image past those of the other sensor, and one of its images is then never sent."""
+    looks = [hold()] * 20 + [hold(0.05), hold(0.07, 0.97), hold(0.08, 0.85), hold(0.08, 0.6), hold(0.08, 0.3)]
+    jitter = np.random.default_rng(1).integers(-jitter_ns, jitter_ns + 1, 1000).tolist()
+
+    def clock(image: int, sensor: str) -> int:
+        late_ns = offset_ns + round(drift * image * PERIOD_NS / 4) + jitter[image] if sensor == "2" else 0
+        return late_ns % (PERIOD_NS // 4 - 1_000_000)
+
+    found = slips(looks, clock=clock)
+    assert {finger for _k, finger, _evidence in found} == {"left", "right"}
+    assert found[0][0] in (21, 22)
 
 
 def test_a_box_that_swings_is_reported_without_a_known_coefficient_a_little_later() -> None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
-from slipd.motion.centroid_shift import LONGEST_NS, CentroidShift, moving_until
+from slipd.motion.centroid_shift import CentroidShift
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
+from slipd.motion.image_fit import ImageComparison
+from slipd.motion.shift_path import LONGEST_NS, KnownMotion, Motion, PathNoise, ShiftPath
 from slipd.signals.pad import PadGeometry
-from slipd.types.arrays import Array
 
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)
 X, Y = GEOMETRY.positions()
@@ -22,22 +21,20 @@ DIRECTION = np.array((0.8, 0.6))
 MS = 1_000_000
 
 
-def variance(before: Block, after: Block) -> Array:
-    return np.full(GEOMETRY.taxels, 1e-6)
-
-
 class Hold:
     """Blocks of a contact under a load along `DIRECTION`.
 
     Args:
         images: In a block.
+        torque_nm: Noise of the force sensor.
 
     Attributes:
         t_ns: When the newest block was completed.
         at_m: How far the contact has moved along the load.
     """
 
-    def __init__(self, images: int = 10) -> None:
+    def __init__(self, images: int = 10, torque_nm: float = 0.0002) -> None:
+        self.shift = CentroidShift(ImageComparison(GEOMETRY), LoadNoise(0.02, torque_nm))
         self.rng, self.images = np.random.default_rng(3), images
         self.t_ns, self.at_m, self.drift_m = 0, 0.0, 0.0
 
@@ -52,67 +49,70 @@ class Hold:
         wrenches[:, 2], wrenches[:, 3], wrenches[:, 4] = -12.0, -12.0 * centroids[:, 1], 12.0 * centroids[:, 0]
         load = np.array((*(load_n * DIRECTION), 12.0, 0.0, *centroids.mean(axis=0)))
         tolerance = np.array((0.8, 0.8, 0.8, 0.01, 1e-3, 1e-3))
-        return Block(self.t_ns, image, np.full(X.size, 1e-6), load, tolerance, 0.15, wrenches)
+        return Block(self.t_ns, image, np.full(X.size, 5e-7), load, tolerance, 0.15, wrenches)
 
-
-def watch(shift: CentroidShift, blocks: Iterator[Block]) -> list[Evidence]:
-    found = [shift.update(block, variance) for block in blocks]
-    return [evidence for evidence in found if evidence is not None and evidence.surprise > CERTAIN]
+    def watch(self, blocks: int = 1, speed_mps: float = 0.0, **motion: float) -> list[Evidence]:
+        """Return the certain evidence in further blocks."""
+        found = [self.shift.update(self.block(speed_mps, **motion)) for _ in range(blocks)]
+        return [evidence for evidence in found if evidence is not None and evidence.surprise > CERTAIN]
 
 
 @pytest.mark.parametrize("images", [2, 10])
 @pytest.mark.parametrize("speed_mps", [0.0003, 0.001, 0.003])
 def test_a_creeping_contact_is_found_well_within_a_millimetre(speed_mps: float, images: int) -> None:
-    hold, shift = Hold(images), CentroidShift(GEOMETRY, LoadNoise(0.02, 0.0002))
-    assert watch(shift, (hold.block() for _ in range(10))) == []
-    while not watch(shift, iter((hold.block(speed_mps),))):
+    hold = Hold(images)
+    assert hold.watch(10) == []
+    while not hold.watch(1, speed_mps):
         assert hold.at_m < 6e-4
     assert hold.at_m > 2e-4
 
 
-def test_rest_drift_and_a_motion_against_the_load_are_no_motion() -> None:
-    for motion in ({}, {"drift_mps": 0.001}, {"speed_mps": -0.0005}):
-        hold, shift = Hold(), CentroidShift(GEOMETRY, LoadNoise(0.02, 0.0002))
-        assert watch(shift, (hold.block(**motion) for _ in range(60))) == []
+@pytest.mark.parametrize("motion", [{}, {"drift_mps": 0.001}, {"speed_mps": -0.0005}])
+def test_rest_drift_and_a_motion_against_the_load_are_no_motion(motion: dict[str, float]) -> None:
+    assert Hold().watch(60, **motion) == []
 
 
 def test_a_load_that_grows_moves_a_contact_by_partial_slip() -> None:
-    hold, shift = Hold(), CentroidShift(GEOMETRY, LoadNoise(0.02, 0.0002))
-    assert watch(shift, (hold.block(0.001, load_n=3.0 + 0.1 * k) for k in range(30))) == []
+    hold = Hold()
+    assert [hold.watch(1, 0.001, load_n=3.0 + 0.1 * k) for k in range(30)] == 30 * [[]]
 
 
-def test_what_moved_while_the_load_was_another_is_no_motion_now() -> None:
-    hold, shift = Hold(), CentroidShift(GEOMETRY, LoadNoise(0.02, 0.0002))
-    assert watch(shift, (hold.block() for _ in range(10))) == []
-    assert watch(shift, iter((hold.block(0.005, load_n=6.0), hold.block(load_n=5.0)))) == []
+def test_what_moved_while_the_load_was_another_or_unseen_is_no_motion_now() -> None:
+    hold = Hold()
+    assert hold.watch(10) + hold.watch(1, 0.005, load_n=6.0) + hold.watch(1) == []
     hold.at_m += 3e-4
-    assert watch(shift, (hold.block(gap_ns=2 * STEP_NS * (k == 0)) for k in range(20))) == []
+    assert hold.watch(1, gap_ns=2 * STEP_NS) + hold.watch(19) == []
 
 
 def test_a_known_motion_is_reported_again_after_a_further_one_until_it_rests() -> None:
-    hold, shift = Hold(), CentroidShift(GEOMETRY, LoadNoise(0.02, 0.0002))
-    with pytest.raises(ValueError, match="before it is confirmed"):
-        shift.confirm()
-    assert watch(shift, (hold.block() for _ in range(10))) == []
-    at_m: list[float] = []
+    hold, at_m = Hold(), []
+    assert hold.watch(10) == []
     for _ in range(60):
-        if watch(shift, iter((hold.block(0.001),))):
+        if hold.watch(1, 0.001):
             at_m.append(hold.at_m)
-            assert 300 * MS <= shift.confirm() - hold.t_ns <= 800 * MS
+            assert 300 * MS <= hold.shift.motion.confirm() - hold.t_ns <= 800 * MS
     assert at_m[-1] > 2.5e-3, "it is still followed beyond the first millimetre"
     assert np.diff(at_m).min() > 0.9e-4
-    assert watch(shift, (hold.block() for _ in range(60))) == []
-    shift.reset()
-    assert watch(shift, iter((hold.block(0.005), hold.block(0.005)))) == []
+    assert hold.watch(60) == []
+    hold.shift.reset()
+    assert hold.watch(2, 0.005) == []
 
 
 def test_a_shift_within_the_noise_is_no_motion_even_where_the_image_shows_it() -> None:
-    hold, shift = Hold(images=2), CentroidShift(GEOMETRY, LoadNoise(0.02, 0.01))
-    assert [shift.update(hold.block(0.001), variance) for _ in range(12)] == 12 * [None]
+    hold = Hold(images=2, torque_nm=0.01)
+    assert [hold.shift.update(hold.block(0.001)) for _ in range(12)] == 12 * [None]
     assert hold.at_m > 5e-4
 
 
 def test_a_motion_counts_for_twice_the_time_it_took() -> None:
-    assert moving_until(1_000 * MS, None) == 1_400 * MS
-    assert moving_until(1_000 * MS, 950 * MS) == 1_300 * MS
-    assert moving_until(1_000 * MS, 0) == 1_000 * MS + LONGEST_NS
+    motion, found = KnownMotion(), Motion(1_000 * MS, np.zeros(1), 9.0, ShiftPath(Hold().block(), PathNoise()))
+    with pytest.raises(ValueError, match="before it is confirmed"):
+        motion.confirm()
+    motion.found = found
+    assert motion.confirm() == 1_400 * MS
+    for later_ns, lasts_ns in ((50 * MS, 300 * MS), (200 * MS, 400 * MS), (900 * MS, LONGEST_NS)):
+        motion.known, motion.found = found, found._replace(t_ns=found.t_ns + later_ns)
+        assert motion.confirm() == found.t_ns + later_ns + lasts_ns
+    assert not motion.rests(found.t_ns + 900 * MS + LONGEST_NS)
+    assert motion.rests(found.t_ns + 900 * MS + LONGEST_NS + 1)
+    assert motion.known is None

@@ -1,18 +1,85 @@
-"""Kinds of evidence travel as a bit mask; their order is a contract between the rooms."""
+"""Evidence of motion, and the rule that combines it, keep to their risk; NaN is no evidence."""
 
 from __future__ import annotations
 
 import itertools
+import math
 
-from slipd.motion.evidence import EVIDENCE, evidence_mask, evidence_names
+import numpy as np
+import pytest
+
+from slipd.motion.evidence import (
+    EVIDENCE,
+    TOGETHER_NS,
+    Evidence,
+    MotionRisk,
+    combined_surprise,
+    evidence_mask,
+    evidence_names,
+    f_surprise,
+)
+
+LOOK_NS = 100_000_000
+HOUR_LOOKS = 36_000.0
 
 
-def test_the_order_of_the_kinds_is_fixed() -> None:
+def test_a_mask_names_its_kinds_in_their_fixed_order() -> None:
     assert EVIDENCE == ("load_drop", "image_change", "spin_change", "vibration", "width", "external")
-
-
-def test_a_mask_names_its_kinds_in_order() -> None:
     for count in range(len(EVIDENCE) + 1):
         for kinds in itertools.combinations(EVIDENCE, count):
-            assert evidence_names(evidence_mask(*kinds)) == kinds
             assert evidence_names(evidence_mask(*reversed(kinds), *kinds)) == kinds
+
+
+def test_a_surprise_is_bounded_and_nothing_unknown_is_one() -> None:
+    assert f_surprise(0.0, 3, 30) == 0.0
+    assert f_surprise(9.0, 1, 1e6) == pytest.approx(-math.log(0.0027), rel=1e-3)
+    assert f_surprise(1e12, 3, 1e4) == f_surprise(math.inf, 1, 10) == 700.0
+    for numbers in itertools.product((1.0, math.nan), repeat=3):
+        assert f_surprise(*numbers) < 2.0
+    risk = MotionRisk(1.0, {"image_change": HOUR_LOOKS, "vibration": HOUR_LOOKS})
+    assert risk.update(Evidence("image_change", 0, math.nan)) == ()
+    assert risk.update(Evidence("vibration", 0, 9.0)) == ()
+    assert risk.update(Evidence("image_change", 0, 9.0), belief=math.nan) == ()
+
+
+def test_the_combined_surprise_is_that_of_a_gamma_variable() -> None:
+    assert combined_surprise([5.0]) == 5.0
+    assert combined_surprise([1.0, 2.0, 3.0]) == pytest.approx(6.0 - math.log(1.0 + 6.0 + 18.0))
+
+
+@pytest.mark.no_cover
+@pytest.mark.parametrize(
+    "kinds", [("vibration",), ("image_change", "vibration"), ("image_change", "width", "external")]
+)
+def test_noise_is_reported_as_often_as_the_risk_allows(kinds: tuple[str, ...]) -> None:
+    """5 hours of looks of exponential surprises, at 60 false alarms an hour; those of combined kinds overlap."""
+    risk = MotionRisk(60.0, dict.fromkeys(kinds, HOUR_LOOKS))
+    surprises = np.random.default_rng(4).exponential(size=(int(5 * HOUR_LOOKS), len(kinds)))
+    found = 0
+    for k, looks in enumerate(surprises.tolist()):
+        found += any(list(map(risk.update, map(Evidence, kinds, [k * LOOK_NS] * len(kinds), looks))))
+    assert 120 < found < 300 + 5.0 * math.sqrt(300.0)
+
+
+def test_weak_evidence_of_two_kinds_counts_together_only_at_one_time() -> None:
+    risk = MotionRisk(1.0, {"vibration": HOUR_LOOKS, "image_change": HOUR_LOOKS})
+    assert risk.update(Evidence("image_change", 0, 9.0)) == ()
+    assert risk.update(Evidence("vibration", TOGETHER_NS + 1, 9.0)) == ()
+    assert risk.update(Evidence("image_change", 2 * TOGETHER_NS + 1, 9.0)) == ("image_change", "vibration")
+
+
+def test_a_smaller_risk_asks_for_more_and_a_belief_for_less() -> None:
+    look = Evidence("width", 0, math.log(HOUR_LOOKS) + 0.1)
+    assert MotionRisk(1.0, {"width": HOUR_LOOKS}).update(look) == ("width",)
+    assert MotionRisk(0.5, {"width": HOUR_LOOKS}).update(look) == ()
+    assert MotionRisk(0.5, {"width": HOUR_LOOKS}).update(look, belief=0.7) == ("width",)
+
+
+@pytest.mark.parametrize(
+    ("per_hour", "looks", "text"),
+    [(1.0, {"smell": 10.0}, "must be among"), (1.0, {"width": 0.0}, "positive"), (0.0, {"width": 10.0}, "positive"),
+     (1.0, {}, "positive")],
+)  # fmt: skip
+def test_wrong_settings_are_refused(per_hour: float, looks: dict[str, float], text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        MotionRisk(per_hour, looks)
