@@ -71,11 +71,13 @@ class Tick:
         suspended_ns: How long the host has slept since boot (CLOCK_BOOTTIME − CLOCK_MONOTONIC).
         unread: The daemon stalled, and its lines were not read empty since: bytes may still wait there.
         raw_ns: CLOCK_MONOTONIC_RAW, which NTP does not slew; 0 if it could not be read at the time of the tick.
+        wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC; 0 while it is that of the start of the run.
     """
 
     suspended_ns: int = 0
     unread: bool = False
     raw_ns: int = 0
+    wall_minus_monotonic_ns: int = 0
 
 
 @dataclass(slots=True, frozen=True)

@@ -110,7 +110,7 @@ def _helpers(
 ) -> dict[str, Coroutine[Any, Any, None]]:
     """Return what runs beside the links, by the names of the tasks."""
     helpers = {
-        "ticker": Ticker(run.tick, lambda: run.events_handled).run(),
+        "ticker": Ticker(run.tick, lambda: run.events_handled, run.engine.wall.minus_monotonic_ns).run(),
         "losses": _report_losses(links),
     }
     if reload is not None:

@@ -31,8 +31,8 @@ from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
 from slipd.io.zmtp.listener_progress import ListenerProgress
 from slipd.recording.continuous_recording import KIND, ContinuousRecording, run_name
-from slipd.recording.incidents import Incidents, file_of_run
-from slipd.recording.mcap_file import check_new
+from slipd.recording.incidents import Incidents
+from slipd.recording.mcap_file import RecordingFile, check_new
 from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
 from slipd.recording.run_files import RunFiles
@@ -80,10 +80,8 @@ class ServiceRun:
         self.boot = secrets.token_hex(8)
         self.links: Links | None = None
         now_ns = now_ns or time.monotonic_ns
-        wall_minus_monotonic_ns = time.time_ns() - now_ns()
-        self.engine = Engine(config, boot=self.boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns)
+        self.engine = Engine(config, boot=self.boot, wall_minus_monotonic_ns=time.time_ns() - now_ns())
         self._config, self._record, self._stop, self._now_ns = config, record, stop, now_ns
-        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._failure: BaseException | None = None
         self._over = False
         self.events_handled = self.ticks_handled = 0
@@ -183,7 +181,7 @@ class ServiceRun:
             files.delete_oldest(KIND, continuous.keep_files - 1, continuous.keep_bytes - continuous.file_bytes)
 
         recordings = RequestedRecordings(folder, partial(self._make_recorder, room=room, place=files.place), prepare)
-        return ContinuousRecording(recordings, continuous, run_name(self.boot, self._wall_minus_monotonic_ns))
+        return ContinuousRecording(recordings, continuous, run_name(self.boot, self.engine.wall))
 
     def _make_incidents(self, files: RunFiles) -> Incidents:
         folder, limits = self._recordings_dir, self._config.recording
@@ -192,8 +190,10 @@ class ServiceRun:
             private_directory(folder)
             check_room(folder, Room(sys.maxsize, limits.min_free_bytes), sys.maxsize)
 
-        create = file_of_run(self._config.text, self.boot, self._wall_minus_monotonic_ns)
-        return Incidents(files, limits.incidents, run_name(self.boot, self._wall_minus_monotonic_ns), create, prepare)
+        def create(path: Path, first: int) -> RecordingFile:
+            return RecordingFile(path, first=first, **self._about_run())
+
+        return Incidents(files, limits.incidents, run_name(self.boot, self.engine.wall), create, prepare)
 
     def _make_recorder(
         self,
@@ -203,15 +203,12 @@ class ServiceRun:
         room: Room | None = None,
         place: Callable[[Path], Path] | None = None,
     ) -> Recorder:
-        return Recorder(
-            path,
-            config_text=self._config.text,
-            boot=self.boot,
-            wall_minus_monotonic_ns=self._wall_minus_monotonic_ns,
-            prepare=prepare,
-            place=place,
-            room=room,
-        )
+        return Recorder(path, **self._about_run(), prepare=prepare, place=place, room=room)
+
+    def _about_run(self) -> dict[str, Any]:
+        """Return what the head of a recording that begins now says of the run."""
+        wall_ns = self.engine.wall.minus_monotonic_ns
+        return {"config_text": self._config.text, "boot": self.boot, "wall_minus_monotonic_ns": wall_ns}
 
     def _close_recording(self, recording: RecorderWatch) -> None:
         if not self.ready:
@@ -230,26 +227,27 @@ class ServiceRun:
             self.handle(saved)
 
     def end(self) -> None:
-        """Stop the sensors, unless the engine failed; events that arrive while the links close are ignored."""
+        """Stop the sensors, unless the run failed; events that arrive while the links close are ignored."""
         self._over = True
         if self.links is not None and self._failure is None:
             for write in self.engine.farewell():
                 self.links.write(write.link, write.data)
 
     def handle(self, event: Event, t_ns: int | None = None) -> None:
-        """Handle one event at ``t_ns``, or now; a failure ends the run."""
+        """Handle one event at ``t_ns``, or now; a failure ends the run, and no later event or byte passes."""
         if self._over:
             return
         self.events_handled += 1
         try:
             self._handle(event, self._now_ns() if t_ns is None else t_ns)
         except Exception as error:  # of any kind: the run must end and report it
-            self._failure = self._failure or error
-            self._stop.set()
+            self._fail(error)
 
     def tick(self, tick: Tick, t_ns: int) -> None:
         """Pass the time to the engine, then changes of the recordings."""
         self.handle(tick, t_ns)
+        if self._over:
+            return
         self.ticks_handled += 1
         self.report_recording()
         for change in self._requested.changes(self._now_ns()):
@@ -264,7 +262,10 @@ class ServiceRun:
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """End the run because a callback outside the engine failed, such as that of a socket or task."""
         loop.default_exception_handler(context)
-        self._failure = self._failure or context.get("exception") or RuntimeError(context["message"])
+        self._fail(context.get("exception") or RuntimeError(context["message"]))
+
+    def _fail(self, failure: BaseException) -> None:
+        self._failure, self._over = self._failure or failure, True
         self._stop.set()
 
     def raise_failure(self) -> None:

@@ -24,6 +24,8 @@ from slipd_client.messages import Health
 
 FAULT_SHOWN_NS = 1_000_000_000
 """A flood, or an error in decoding, is reported for this long after it happened last."""
+RESTART_NS = 1_000_000_000
+"""A session that failed begins anew at once, but no more often than this."""
 SILENT_NS = 1_000_000_000
 """A longer silence of a stream is explained; bytes count as arriving for this long."""
 
@@ -43,6 +45,7 @@ class DeviceLink:
         session: The conversation with the device; None for a device that sends unasked.
         up: The link is open.
         reconnects: Times that the link came up again.
+        failed: The session failed, and whoever relies on what it knew has not been told; reset it then.
     """
 
     def __init__(self, spec: LinkSpec, config: StreamConfig) -> None:
@@ -55,6 +58,7 @@ class DeviceLink:
         self.streams: dict[str, StreamMeter] = {}
         self.up = False
         self.reconnects = 0
+        self.failed = False
         self._identity = DeviceIdentity(config.hardware_id)
         self._message = "not opened yet"
         self._flood = FloodLimit()
@@ -62,6 +66,8 @@ class DeviceLink:
         self._received_ns: int | None = None  # when bytes came last
         self._bad_bytes = 0  # of the decoder when the link was opened
         self._fault, self._fault_ns = "", 0
+        self._begun_ns = 0  # the session
+        self._begin_again_ns: int | None = None  # a session that failed
 
     def add(self, sensor: str, stream: StreamMeter) -> None:
         """Add a stream of the link."""
@@ -76,17 +82,22 @@ class DeviceLink:
         self._flood.open(t_ns)
         self._opened_ns, self._received_ns = t_ns, None
         self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
-        self.interrupt()
-        greeting = b""
-        if self.session is not None:
-            try:
-                greeting = self.session.start(t_ns)
-            except Exception as error:  # a device of another package ends no other stream
-                self._fail(error, t_ns)
-        else:
-            cast("Decoder", self._decoder).forget()
+        greeting = self._begin(t_ns)
         self._identity.check(self.session)
         return greeting
+
+    def _begin(self, t_ns: int) -> bytes:
+        """Begin the conversation; return the first bytes for the device."""
+        self.interrupt()
+        self._begun_ns, self._begin_again_ns = t_ns, None
+        if self.session is None:
+            cast("Decoder", self._decoder).forget()
+            return b""
+        try:
+            return self.session.start(t_ns)
+        except Exception as error:  # a device of another package ends no other stream
+            self._fail(error, t_ns)
+            return b""
 
     @property
     def opened(self) -> str:
@@ -110,13 +121,17 @@ class DeviceLink:
 
     def close(self, reason: str) -> None:
         """End the conversation on a link that went down or could not be opened."""
+        self.farewell()
         self.up, self._message = False, reason
-        if self.session is not None:
-            self.session.stop()
 
     def farewell(self) -> bytes:
         """End the conversation on an open link; return the last bytes for the device, if any."""
-        return self.session.stop() if self.session is not None and self.up else b""
+        if self.session is None or not self.up:
+            return b""
+        try:
+            return self.session.stop()
+        except Exception:  # the link closes in any case
+            return b""
 
     def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, Sequence[Sample], list[int]]]:
         """Decode bytes into readings.
@@ -130,6 +145,8 @@ class DeviceLink:
             Runs of readings of one stream each: its name, the readings, and when each was acquired, CLOCK_MONOTONIC.
         """
         self._received_ns = t_ns
+        if self._begin_again_ns is not None:
+            return []
         try:
             samples = self._decoder.receive(data, t_ns)
         except Exception as error:  # no bytes of a device may end the daemon or another stream
@@ -155,10 +172,13 @@ class DeviceLink:
         if session is None or not self.up:
             return []
         try:
-            return self._due(session, t_ns)
+            if self._begin_again_ns is None:
+                return self._due(session, t_ns)
         except Exception as error:  # the state of a conversation comes from bytes of the device
             self._fail(error, t_ns)
-            return []
+        if self._begin_again_ns is not None and self._begin_again_ns <= t_ns and (greeting := self._begin(t_ns)):
+            return [greeting]
+        return []
 
     @staticmethod
     def _due(session: Session, t_ns: int) -> list[bytes]:
@@ -222,9 +242,11 @@ class DeviceLink:
         """Report bytes that the decoder cannot handle, and begin anew after them."""
         self._fault = f"its bytes cannot be read ({type(error).__name__}: {error}): they are dropped"
         self._fault_ns = t_ns
-        if self.session is None:
-            with suppress(Exception):
-                cast("Decoder", self._decoder).forget()
+        if self.session is not None:
+            self.failed, self._begin_again_ns = True, max(t_ns, self._begun_ns + RESTART_NS)
+            return
+        with suppress(Exception):
+            cast("Decoder", self._decoder).forget()
 
     def status(
         self,

@@ -47,6 +47,7 @@ from slipd.requests.handlers import RequestHandlers
 from slipd.requests.lease_handlers import policy_without_gripper
 from slipd.requests.recording_state import RecordingState
 from slipd.types.samples import GripperSample
+from slipd.types.wall_clock import WallClock
 
 SUSPENSION_NS = 50_000_000
 """A longer sleep of the host makes every stream stale and ends the lease."""
@@ -64,10 +65,12 @@ class Engine:
 
     Attributes:
         kept: What is kept for the next run, and what precedes a recording that begins now.
+        wall: Wall clock of the run.
     """
 
     def __init__(self, config: Config, *, boot: str, wall_minus_monotonic_ns: int) -> None:
-        sequencer = MessageSequencer(boot, config.config_id, wall_minus_monotonic_ns)
+        self.wall = WallClock(wall_minus_monotonic_ns)
+        sequencer = MessageSequencer(boot, config.config_id, self.wall)
         self._links = make_links(config)
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
         self._gripper: GripperControl | None = None
@@ -78,7 +81,7 @@ class Engine:
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
-        self._recordings = RecordingState(boot, wall_minus_monotonic_ns)
+        self._recordings = RecordingState(boot, self.wall)
         self._lateness = Lateness()
         self._finger_publishers = {
             name: FingerPublisher(finger, sequencer, config.rates) for name, finger in self._fingers.items()
@@ -89,7 +92,7 @@ class Engine:
         )
         self._gripper_publisher = None if self._gripper is None else GripperPublisher(self._gripper, sequencer)
         self._status_publisher = StatusPublisher(self._fingers, named, self._gripper, self._policy, sequencer)
-        self.kept = KeptState(config, boot, wall_minus_monotonic_ns, self._links, self._fingers, self._gripper, named)
+        self.kept = KeptState(config, boot, self.wall, self._links, self._fingers, self._gripper, named)
         self._status_reader = StatusReader(
             self._links, self._fingers, self._gripper, self._lateness, self._recordings, self.kept.problems
         )
@@ -122,7 +125,7 @@ class Engine:
             case Bytes(name, data):
                 self._handle_bytes(self._links[name], data, t_ns, out)
             case Tick():
-                self._handle_tick(event.suspended_ns, t_ns, out)
+                self._handle_tick(event, t_ns, out)
             case Request():
                 self._handle_request(event, t_ns, out)
             case RecordingChanged():
@@ -159,14 +162,13 @@ class Engine:
             if stream in self.kept.waiting:
                 self.kept.apply(stream, t_ns)
             self._handle_samples(stream, samples, times_ns, arrival, t_ns, out)
-        if pieces := link.due(t_ns):
-            out += [Write(link.spec.name, piece) for piece in pieces]
+        self._write_due(link, t_ns, out)
         if self._gripper is None:
             return
         if link.spec.name == GRIPPER_LINK:
             self._check_lease_and_gripper(t_ns, out)
         else:  # a command may wait for no more than the gripper's own pause
-            out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
+            self._write_due(self._links[GRIPPER_LINK], t_ns, out)
 
     def _handle_samples(
         self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], arrival: Arrival, t_ns: int,
@@ -221,7 +223,7 @@ class Engine:
         """Let the reflex act: its command is sent before the verdict that called for it is published."""
         act = None if self._reflex is None else self._reflex.react(t_ns)
         if act is not None:
-            out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
+            self._write_due(self._links[GRIPPER_LINK], t_ns, out)
             cast("GripperPublisher", self._gripper_publisher).publish(t_ns, out, act)
 
     # Requests
@@ -230,22 +232,24 @@ class Engine:
         self._check_time(t_ns, out)  # a request is judged by what is known now, and by the lease that is in force now
         if (reply := self._handlers.answer(request, t_ns)) is not None:
             out.append(reply)
-        self._write_due(t_ns, out)
+        self._write_all_due(t_ns, out)
         for record in self._recordings.due():
             out.append(replace(record, opened=self.kept.first_events(t_ns)) if record.name else record)
             self._publish_status(t_ns, out)
 
     # Time
 
-    def _handle_tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:
-        before_ns, self._suspended_ns = self._suspended_ns, suspended_ns
+    def _handle_tick(self, tick: Tick, t_ns: int, out: list[Output]) -> None:
+        before_ns, self._suspended_ns = self._suspended_ns, tick.suspended_ns
+        if tick.wall_minus_monotonic_ns not in (0, self.wall.minus_monotonic_ns):
+            self.kept.set_wall_clock(tick.wall_minus_monotonic_ns)
         for link in self._links.values():
             link.note_slew(self._lateness.slewed_ns)
-        if before_ns is not None and suspended_ns - before_ns > SUSPENSION_NS:
+        if before_ns is not None and tick.suspended_ns - before_ns > SUSPENSION_NS:
             self._handle_wake_up(t_ns, out)
         self._check_time(t_ns, out)
         self._run_reflex(t_ns, out)
-        self._write_due(t_ns, out)
+        self._write_all_due(t_ns, out)
         if self._grasp_publisher is not None:
             self._grasp_publisher.publish(t_ns, out)
         if self._status_pace.passes(t_ns):
@@ -305,9 +309,18 @@ class Engine:
         if kind == finger.main_stream:
             publisher.publish_state(finger.disconnect(t_ns), out)
 
-    def _write_due(self, t_ns: int, out: list[Output]) -> None:
-        for name, link in self._links.items():
-            out += [Write(name, piece) for piece in link.due(t_ns)]
+    def _write_all_due(self, t_ns: int, out: list[Output]) -> None:
+        for link in self._links.values():
+            self._write_due(link, t_ns, out)
+
+    def _write_due(self, link: DeviceLink, t_ns: int, out: list[Output]) -> None:
+        """Write what a session has to send; what relies on a session that failed forgets it first."""
+        pieces = link.due(t_ns)
+        if link.failed:
+            link.failed = False
+            self._handle_lost_link(link.spec.name, t_ns, out)
+            self._publish_status(t_ns, out)
+        out += [Write(link.spec.name, piece) for piece in pieces]
 
     def _publish_gripper(self, t_ns: int, out: list[Output]) -> None:
         cast("GripperPublisher", self._gripper_publisher).publish(t_ns, out)

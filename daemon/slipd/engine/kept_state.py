@@ -19,6 +19,7 @@ from slipd.grasp.named_object import NamedObject
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.gripper_control import GripperControl
 from slipd.signals.tare import Offset
+from slipd.types.wall_clock import WallClock
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS
@@ -35,7 +36,7 @@ class KeptState:
     Args:
         config: The rig.
         boot: Id of this run.
-        wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+        wall: Wall clock of the run.
         links: The links by name.
         fingers: The fingers by name.
         gripper: The gripper; None where the config names none.
@@ -50,14 +51,14 @@ class KeptState:
         self,
         config: Config,
         boot: str,
-        wall_minus_monotonic_ns: int,
+        wall: WallClock,
         links: Mapping[str, DeviceLink],
         fingers: Mapping[str, Finger],
         gripper: GripperControl | None,
         named: NamedObject,
     ) -> None:
         self._config, self._boot, self._rig = config, boot, rig_of(config)
-        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self._wall = wall
         self._links, self._fingers, self._gripper, self._named = links, fingers, gripper, named
         self._of_stream = {stream.name: link for link in links.values() for stream in link.streams.values()}
         self._channels: dict[str, ForceChannel | ImageChannel] = {
@@ -82,7 +83,7 @@ class KeptState:
         if state is None:
             return HostNotice(_TOPIC, f"{_NOT_USED}: {event.problem}")
         same_run = state.boot == self._boot
-        gap_ns = round(self._config.restart.gap_s * _NS) - (self._wall_ns(t_ns) - state.kept_wall_ns)
+        gap_ns = round(self._config.restart.gap_s * _NS) - (self._wall.at_ns(t_ns) - state.kept_wall_ns)
         self._until_ns = None if same_run else t_ns + gap_ns
         gap = "" if same_run else self._why_too_old(state, t_ns)
         for name, tare in state.tares.items():
@@ -110,7 +111,7 @@ class KeptState:
                 finger.friction.estimate.resume(grip.friction[name])
 
     def _why_too_old(self, state: StoredState, t_ns: int) -> str:
-        gap_s, most_s = (self._wall_ns(t_ns) - state.kept_wall_ns) / _NS, self._config.restart.gap_s
+        gap_s, most_s = (self._wall.at_ns(t_ns) - state.kept_wall_ns) / _NS, self._config.restart.gap_s
         if gap_s < 0.0:
             return "by the clock of this host it is of a later time"
         return f"the run before ended {gap_s:.0f} s ago, and restart.gap_s is {most_s:g}" if gap_s > most_s else ""
@@ -122,9 +123,6 @@ class KeptState:
             return "the config of the stream is another"
         damaged = tare.gravity_mps2 is not None and len(tare.gravity_mps2) != 3
         return "it is damaged" if damaged else ""
-
-    def _wall_ns(self, t_ns: int) -> int:
-        return t_ns + self._wall_minus_monotonic_ns
 
     def apply(self, name: str, t_ns: int) -> None:
         """Put the tare that waits for a stream in force, now that a reading of it came."""
@@ -144,7 +142,7 @@ class KeptState:
     def _offset(self, tare: StoredTare, channel: ForceChannel | ImageChannel) -> Offset:
         shape = channel.tare.current.value.shape
         gravity = None if tare.gravity_mps2 is None else np.array(tare.gravity_mps2)
-        t_ns = tare.wall_ns - self._wall_minus_monotonic_ns
+        t_ns = tare.wall_ns - self._wall.minus_monotonic_ns
         value, std = np.reshape(tare.offset, shape), np.reshape(tare.std, shape)
         return Offset(tare.id, value, t_ns, tare.readings, tare.by, std, gravity, tare.origin)
 
@@ -164,9 +162,16 @@ class KeptState:
         if grip is not None and grip is not self._grip:
             friction = {name: finger.friction.estimate.taught() for name, finger in self._fingers.items()}
             grip = grip.model_copy(update={"named": self._named.name, "friction": friction})
-        minute = self._wall_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
+        minute = self._wall.at_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
         state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)
         return seal(state.model_dump_json())
+
+    def set_wall_clock(self, minus_monotonic_ns: int) -> None:
+        """Set the wall clock; a tare keeps the wall time at which it was taken."""
+        for name, channel in self._channels.items():
+            if channel.tare.known:
+                self._stored(name, channel.tare.current, self._of_stream[name].identity)
+        self._wall.minus_monotonic_ns = minus_monotonic_ns
 
     def _stored(self, name: str, offset: Offset, device: Identity) -> StoredTare:
         known = self._kept.get(name)
@@ -178,7 +183,7 @@ class KeptState:
             opened=device.opened,
             basis=self._basis[name],
             id=offset.id,
-            wall_ns=self._wall_ns(offset.t_ns or 0),
+            wall_ns=self._wall.at_ns(offset.t_ns or 0),
             readings=offset.readings,
             by=offset.by,
             offset=offset.value.ravel().tolist(),

@@ -56,6 +56,7 @@ class GripInForce:
         self._held = False  # in this grasp, an object stopped the gripper or pressed on a finger
         self._claimed = False  # a command of this run decided what the gripper holds, or that it holds nothing
         self._before = _Before(None, unknown=False, claimed=False)
+        self._newest: GripperSample | None = None
         self._stored: StoredGrip | None = None
         self._confirmed: Callable[[], None] = lambda: None
 
@@ -68,13 +69,12 @@ class GripInForce:
         """
         self._stored, self._confirmed = grip, confirmed
 
-    def kept(self, sample: GripperSample | None) -> StoredGrip | None:
+    def kept(self) -> StoredGrip | None:
         """Return the grip in force for the next run; None without one, or where its force is not known.
 
-        Args:
-            sample: The newest reading; None while the gripper does not answer.
+        While the gripper does not answer, it is the grip as of the last reading: the next run asks whether it lasts.
         """
-        policy, force_n = self._policy, self._policy.force_n
+        policy, sample, force_n = self._policy, self._newest, self._policy.force_n
         if force_n is None or sample is None:
             return self._stored
         return StoredGrip(
@@ -95,6 +95,7 @@ class GripInForce:
             sample: The reading.
             answers_command: The reading came after the last motion was sent.
         """
+        self._newest = sample
         if not sample.active:
             self._end_grasp()
             self.command_n = None

@@ -85,7 +85,7 @@ class GripperControl:
 
     def kept(self) -> StoredGrip | None:
         """Return the grip in force for the next run; None without one, or where its force is not known."""
-        return self._grip.kept(self.sample)
+        return self._grip.kept()
 
     def drop_after_stall(self, t_ns: int) -> None:
         """Drop unsent commands if the daemon stalled since the last call; call it before anything is written."""

@@ -24,6 +24,10 @@ QUIET_AFTER_S = 0.001
 """Wait before the first turn, s. The kernel hands over the bytes of a pseudo-terminal from a worker, which may also be
 late after a stall. 1 ms is a choice: how late that worker runs has not been measured."""
 
+WALL_STEP_NS = 1_000_000
+"""Smaller moves of the wall clock against CLOCK_MONOTONIC are not followed: NTP steps by 128 ms or more, and slews
+both clocks."""
+
 AT_ONCE_NS = 50_000
 """Clocks whose readings lie further apart are not compared: the process was interrupted in between."""
 
@@ -34,11 +38,16 @@ class Ticker:
     Args:
         handle: Called with each tick and its time, CLOCK_MONOTONIC ns.
         event_count: Returns how many events have entered the engine.
+        wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
     """
 
-    def __init__(self, handle: Callable[[Tick, int], None], event_count: Callable[[], int]) -> None:
+    def __init__(
+        self, handle: Callable[[Tick, int], None], event_count: Callable[[], int], wall_minus_monotonic_ns: int
+    ) -> None:
         self._handle = handle
         self._event_count = event_count
+        self._begun_ns = wall_minus_monotonic_ns
+        self._moved_ns = 0  # as in the ticks
         self._unread = False
         self._ticked_ns: int | None = None
 
@@ -58,12 +67,15 @@ class Ticker:
         t_ns = time.monotonic_ns()  # read first, so that the time in suspend is never negative
         suspended_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - t_ns
         raw_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
+        wall_ns = time.time_ns() - t_ns
         if time.monotonic_ns() - t_ns > AT_ONCE_NS:
             raw_ns = 0
+        elif abs(wall_ns - (self._moved_ns or self._begun_ns)) > WALL_STEP_NS:
+            self._moved_ns = wall_ns
         late = self._ticked_ns is not None and t_ns - self._ticked_ns > LATE_NS
         self._unread = late or (self._unread and not quiet)
         self._ticked_ns = t_ns
-        self._handle(Tick(suspended_ns, self._unread, raw_ns), t_ns)
+        self._handle(Tick(suspended_ns, self._unread, raw_ns, self._moved_ns), t_ns)
 
     async def _wait_until_quiet(self) -> bool:
         """Turn the loop until nothing enters the engine; return False if events still enter after TICK_S.

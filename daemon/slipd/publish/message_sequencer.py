@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from slipd.events import Publish
+from slipd.types.wall_clock import WallClock
 from slipd_client.messages import PROTOCOL_VERSION
 
 NO_FRAME = ""
@@ -17,16 +18,16 @@ class MessageSequencer:
     Args:
         boot: Id of this run.
         config_id: Id of the config in force.
-        wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+        wall: Wall clock of the run.
 
     Attributes:
         published: Number of messages so far.
     """
 
-    def __init__(self, boot: str, config_id: str, wall_minus_monotonic_ns: int) -> None:
+    def __init__(self, boot: str, config_id: str, wall: WallClock) -> None:
         self._boot = boot
         self._config_id = config_id
-        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self._wall = wall
         self._seq: dict[str, int] = {}
         self.published = 0
 
@@ -47,7 +48,7 @@ class MessageSequencer:
             "seq": seq,
             "boot": self._boot,
             "t_ns": t_ns,
-            "timestamp": (t_ns + self._wall_minus_monotonic_ns) * 1e-9,
+            "timestamp": (t_ns + self._wall.minus_monotonic_ns) * 1e-9,
             "frame": frame,
             "config_id": self._config_id,
         }

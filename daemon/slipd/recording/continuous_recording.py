@@ -9,6 +9,7 @@ from slipd.config import Continuous
 from slipd.events import Event, FirstEvents, Record, RecordingChanged
 from slipd.recording.requested_recordings import RequestedRecordings
 from slipd.requests.recording_state import utc_stamp
+from slipd.types.wall_clock import WallClock
 
 RETRY_NS = 60_000_000_000
 """Time from the failure of a file to the next attempt, ns."""
@@ -66,6 +67,6 @@ class ContinuousRecording:
         self._recordings.close()
 
 
-def run_name(boot: str, wall_minus_monotonic_ns: int) -> Callable[[int], str]:
+def run_name(boot: str, wall: WallClock) -> Callable[[int], str]:
     """Return what names a file of a run by the time at which it begins."""
-    return lambda t_ns: f"{utc_stamp(t_ns + wall_minus_monotonic_ns)}-{boot}"
+    return lambda t_ns: f"{utc_stamp(wall.at_ns(t_ns))}-{boot}"

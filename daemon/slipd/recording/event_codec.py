@@ -47,7 +47,7 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
 _OPTIONAL: dict[str, dict[str, type]] = {
-    "tick": {"unread": bool, "raw_ns": int}
+    "tick": {"unread": bool, "raw_ns": int, "wall_minus_monotonic_ns": int}
 }  # omitted if false or 0, as in older recordings
 _KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
 _EXPECTED = {

@@ -194,14 +194,3 @@ class Incidents:
         why = f"{path}: not saved: {reason}"
         self._outcome = replace(self._outcome, failed=self._outcome.failed + 1, reason=why)
         _log.error("%s", why, extra={"slipd_recording": path, "slipd_fault": "incident-failed"})
-
-
-def file_of_run(config_text: str, boot: str, wall_minus_monotonic_ns: int) -> Callable[[Path, int], RecordingFile]:
-    """Return what creates a file of a run, given its path and the index of its first entry."""
-
-    def create(path: Path, first: int) -> RecordingFile:
-        return RecordingFile(
-            path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns, first=first
-        )
-
-    return create

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.types.refusal import Refusal
+from slipd.types.wall_clock import WallClock
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11
@@ -28,16 +29,16 @@ class RecordingState:
 
     Args:
         boot: Id of this run.
-        wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+        wall: Wall clock of the run.
 
     Attributes:
         requested: The newest recording on request; its state is "none" before the first.
         whole_run: The recording of the whole run; None where there is none.
     """
 
-    def __init__(self, boot: str, wall_minus_monotonic_ns: int) -> None:
+    def __init__(self, boot: str, wall: WallClock) -> None:
         self._boot = boot
-        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self._wall = wall
         self._count = 0
         self.requested = RecordingChanged("", "", "none")
         self.whole_run: RecordingChanged | None = None
@@ -49,7 +50,7 @@ class RecordingState:
         if self._running:
             return Refusal("not_ready", f"{self.requested.name} is being recorded: end it with record.stop")
         self._count += 1
-        name = f"slipd-{utc_stamp(t_ns + self._wall_minus_monotonic_ns)}-{self._boot}-{self._count}.mcap"
+        name = f"slipd-{utc_stamp(self._wall.at_ns(t_ns))}-{self._boot}-{self._count}.mcap"
         self.requested = RecordingChanged(name, "", "running")
         self._waiting[name] = request
         self._due.append(Record(name))

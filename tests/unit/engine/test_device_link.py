@@ -170,10 +170,9 @@ def test_a_session_that_is_due_without_bytes_to_write_ends_the_loop(links: dict[
 
 
 class Failing:
-    """A session with a bug in every call."""
+    """A decoder with a bug in every call."""
 
     health = DecoderHealth()
-    state = identity = ""
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         raise OverflowError("cannot convert float infinity to integer")
@@ -181,43 +180,41 @@ class Failing:
     def forget(self) -> None:
         raise ValueError
 
-    def start(self, now_ns: int) -> bytes:
-        return b""
 
-    def next_deadline(self) -> int | None:
-        return 0
-
-    def on_time(self, now_ns: int) -> bytes:
-        raise KeyError("rate")
-
-
-@pytest.mark.parametrize("name", ["left.wrench", "left.pad"])
-def test_bytes_on_which_a_decoder_fails_are_dropped_and_reported(links: dict[str, DeviceLink], name: str) -> None:
-    link = links[name]
+def test_bytes_on_which_a_decoder_fails_are_dropped_and_reported(links: dict[str, DeviceLink]) -> None:
+    link = links["left.pad"]
     link.open("port", T0)
-    good, session = link._decoder, link.session
-    link._decoder = failing = Failing()
-    if session is not None:
-        link.session = failing
+    good, link._decoder = link._decoder, Failing()
     assert link.receive(b"whatever", T0) == []
     expected = "its bytes cannot be read (OverflowError: cannot convert float infinity to integer): they are dropped"
     assert health(link, T0) == (Health.ERROR, expected)
-    if session is not None:
-        assert link.due(T0 + MS) == []
-        assert health(link, T0 + MS) == (Health.ERROR, "its bytes cannot be read (KeyError: 'rate'): they are dropped")
-    link._decoder, link.session = good, session
+    link._decoder = good
     assert health(link, T0 + 2 * S)[0] is Health.STALE
 
 
-def test_a_session_that_cannot_start_is_an_error_of_its_own_stream_only(
-    links: dict[str, DeviceLink], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def start(now_ns: int) -> bytes:
-        raise KeyError("speed")
+def raising(*_: object) -> bytes:
+    raise KeyError("speed")
 
-    link = links["left.wrench"]
-    monkeypatch.setattr(link.session, "start", start)
-    assert link.open("/dev/left-wrench", T0) == b""
-    level, message = health(link, T0)
-    assert level is Health.ERROR
-    assert "KeyError: 'speed'" in message
+
+@pytest.mark.parametrize("call", ["start", "receive", "next_deadline", "stop"])
+def test_a_session_that_fails_begins_anew_at_most_once_a_second(
+    links: dict[str, DeviceLink], monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    """It is an error of its own stream only."""
+    link = links["gripper"]
+    greeting = link.open("port", T0 - 9 * S)
+    with monkeypatch.context() as patch:
+        patch.setattr(link.session, call, raising)
+        assert link.open("port", T0) == (greeting if call in ("receive", "stop") else b"")
+        if call == "stop":
+            assert link.farewell() == b""
+            return
+        assert link.receive(b"whatever", T0 + S // 2) == link.due(T0 + S // 2) == []
+        expected = "its bytes cannot be read (KeyError: 'speed'): they are dropped"
+        assert health(link, T0 + S // 2) == (Health.ERROR, expected)
+        assert link.failed
+    assert link.due(T0 + S - 1) == link.receive(b"whatever", T0 + S - 1) == []
+    assert link.due(T0 + S) == [greeting]
+    patch.setattr(link.session, "receive", raising)
+    link.receive(b"whatever", T0 + 9 * S)
+    assert link.due(T0 + 9 * S) == [greeting], "at once, as the session last began long ago"

@@ -287,3 +287,23 @@ def test_a_reading_after_the_warm_up_gets_a_verdict(run: Run) -> None:
     run.image()
     run.wrench(10.0, (1.0, 0.0), 0.001)
     assert run.level()[0] == "stable"
+
+
+def test_what_relies_on_a_session_that_fails_forgets_it_until_it_reports_again(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raising(*_: object) -> list[Any]:
+        raise KeyError("speed")
+
+    run.bring_up()
+    run.grip()
+    run.serve_gripper(2000)
+    with monkeypatch.context() as patch:
+        patch.setattr(run.engine._links["gripper"].session, "receive", raising)
+        run.serve_gripper(20)
+    body = run.published("gripper")[-1]
+    assert (body["width_m"], body["latched_fault"], body["lease"]["held"]) == (None, "link_lost", False)
+    run.let_lease_be()
+    run.serve_gripper(1100)
+    assert run.published("gripper")[-1]["width_m"] is not None
+    assert run.writes() == [], "nothing moves"

@@ -78,6 +78,21 @@ def test_a_restart_in_a_grasp_goes_on_with_the_zeros_and_the_grip_in_force() -> 
     assert kept(run)["grip"]["raised_n"] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("unplugged", [False, True])
+def test_a_kill_while_the_gripper_is_silent_keeps_the_grip(unplugged: bool) -> None:
+    before, state = held()
+    before.gripper.silent = True
+    before.serve_gripper(2000)
+    if unplugged:
+        before.down("gripper")
+    assert before.published("gripper")[-1]["object"] is None
+    assert kept(before)["grip"] == state["grip"]
+    before.gripper.silent = False
+    run = restarted(before, kept(before) | {"boot": EARLIER})
+    run.lease()
+    assert run.ask("grip.adjust", delta_n=1.0)["result"]["applied_n"] == pytest.approx(6.0)
+
+
 def test_F6_a_stored_zero_that_a_clear_pull_contradicts_is_not_used() -> None:
     before, state = held()
     run = restarted(before, state)

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+from engine_rig import WALL_NS
+
 from slipd.devices import bota
 from slipd.events import Bytes, Tick
+from slipd.requests.recording_state import utc_stamp
 
 MS = 1_000_000
 
@@ -65,3 +69,21 @@ def test_C1_a_line_is_not_late_because_the_host_clock_is_slewed(run: Run) -> Non
     status = run.ask("status")["result"]["streams"]["left.wrench"]
     assert status["clock"] == "locked"
     assert run.published("slip.left")[-1]["age_s"] < 0.002
+
+
+@pytest.mark.parametrize("moved_ns", [8 * 3600 * 10**9, -5 * 10**9])
+def test_timestamps_and_names_of_recordings_follow_a_suspend_and_a_step_of_the_wall_clock(
+    run: Run, moved_ns: int
+) -> None:
+    run.wrench(0.0)
+    before = run.published("slip.left")[-1]
+    assert before["timestamp"] == pytest.approx((run.t_ns + WALL_NS) * 1e-9, abs=1e-5)
+    for _ in range(2):
+        run.wait(5)
+        run.feed(Tick(wall_minus_monotonic_ns=WALL_NS + moved_ns))
+    run.wrench(0.0)
+    assert run.published("slip.left")[-1]["timestamp"] == pytest.approx(
+        (run.t_ns + WALL_NS + moved_ns) * 1e-9, abs=1e-5
+    )
+    name = run.ask("record.start")["result"]["name"]
+    assert utc_stamp(run.t_ns + WALL_NS + moved_ns) in name

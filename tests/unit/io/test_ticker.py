@@ -7,6 +7,8 @@ import os
 import time
 from collections.abc import Callable
 
+import pytest
+
 from slipd.engine.lateness import LATE_NS
 from slipd.events import Tick
 from slipd.io.ticker import Ticker
@@ -47,7 +49,7 @@ async def until(condition: Callable[[], bool]) -> None:
 
 async def test_C4_after_a_stall_lines_count_as_read_only_when_all_waiting_bytes_were_read() -> None:
     line = Line()
-    ticker = asyncio.create_task(Ticker(line.tick, lambda: line.taken).run())
+    ticker = asyncio.create_task(Ticker(line.tick, lambda: line.taken, 0).run())
     await until(lambda: len(line.ticks) >= 3)
     line.send(WAITING)
     time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
@@ -62,10 +64,27 @@ async def test_C4_after_a_stall_lines_count_as_read_only_when_all_waiting_bytes_
     assert vouched == WAITING
 
 
+async def test_the_ticks_report_a_step_of_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = Line()
+    ticker = asyncio.create_task(Ticker(line.tick, lambda: 0, time.time_ns() - time.monotonic_ns()).run())
+    await until(lambda: len(line.ticks) >= 3)
+    moved_ns = 8 * 3600 * 10**9 + 5 * 10**17
+    monkeypatch.setattr(time, "time_ns", lambda: time.monotonic_ns() + moved_ns)
+    await until(lambda: line.ticks[-1][1].wall_minus_monotonic_ns != 0)
+    before = len(line.ticks)
+    await until(lambda: len(line.ticks) >= before + 3)
+    ticker.cancel()
+    line.close()
+    assert {tick.wall_minus_monotonic_ns for _, tick, _ in line.ticks[:3]} == {0}
+    reported = {tick.wall_minus_monotonic_ns for _, tick, _ in line.ticks[before:]}
+    assert len(reported) == 1
+    assert reported.pop() == pytest.approx(moved_ns, abs=10**6)
+
+
 async def test_C4_P3_a_line_that_is_never_empty_never_counts_as_read() -> None:
     line = Line()
     taken = iter(range(10**9))  # something enters in every turn
-    ticker = asyncio.create_task(Ticker(line.tick, lambda: next(taken)).run())
+    ticker = asyncio.create_task(Ticker(line.tick, lambda: next(taken), 0).run())
     await until(lambda: len(line.ticks) >= 3)
     time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
     before = len(line.ticks)

@@ -13,6 +13,7 @@ from slipd.recording.entry_walk import Entered
 from slipd.recording.reader import open_recording
 from slipd.recording.requested_recordings import RequestedRecordings
 from slipd.recording.writer import Recorder, RecordingLimitError
+from slipd.types.wall_clock import WallClock
 
 SECOND_NS = 1_000_000_000
 OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)
@@ -33,7 +34,7 @@ class Run:
         recordings = RequestedRecordings(
             folder, lambda path, prepare: Recorder(path, prepare=prepare, **about_run), lambda: self.prepare()
         )
-        self.recording = ContinuousRecording(recordings, Continuous(**limits), run_name("b00t", 0))
+        self.recording = ContinuousRecording(recordings, Continuous(**limits), run_name("b00t", WallClock(0)))
         self.changes: list = []
 
     def poll(self, t_ns: int) -> None:

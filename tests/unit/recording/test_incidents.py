@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,10 +17,11 @@ from slipd.recording import incidents as module
 from slipd.recording.continuous_recording import run_name
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.entry_walk import Entered
-from slipd.recording.incidents import Incidents, file_of_run
+from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.run_files import RunFiles
+from slipd.types.wall_clock import WallClock
 
 SECOND_NS = 1_000_000_000
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
@@ -28,14 +31,22 @@ WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
 def incidents(tmp_path: Path, about_run):
     def make(prepare=lambda: None, **limits: object) -> Incidents:
         return Incidents(
-            RunFiles(tmp_path, "b00t"), Limits(**limits), run_name("b00t", 0), file_of_run(**about_run), prepare
+            RunFiles(tmp_path, "b00t"),
+            Limits(**limits),
+            run_name("b00t", WallClock(0)),
+            partial(make_file, about_run),
+            prepare,
         )
 
     return make
 
 
+def make_file(about_run: dict[str, Any], path: Path, first: int) -> RecordingFile:
+    return RecordingFile(path, first=first, **about_run)
+
+
 def called(number: int, second: int, what: str) -> str:
-    return f"incident-{number:06}-{run_name('b00t', 0)(second * SECOND_NS)}-{what}.mcap"
+    return f"incident-{number:06}-{run_name('b00t', WallClock(0))(second * SECOND_NS)}-{what}.mcap"
 
 
 def files(folder: Path) -> list[str]:

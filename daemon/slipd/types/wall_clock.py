@@ -1,0 +1,23 @@
+"""Wall clock of a run, as the ticks report it."""
+
+from __future__ import annotations
+
+
+class WallClock:
+    """Relate CLOCK_MONOTONIC to the wall clock.
+
+    The wall clock moves against CLOCK_MONOTONIC while the host sleeps, and when somebody sets it.
+
+    Args:
+        minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+
+    Attributes:
+        minus_monotonic_ns: Likewise now.
+    """
+
+    def __init__(self, minus_monotonic_ns: int) -> None:
+        self.minus_monotonic_ns = minus_monotonic_ns
+
+    def at_ns(self, t_ns: int) -> int:
+        """Return the wall time at ``t_ns``, ns since 1970."""
+        return t_ns + self.minus_monotonic_ns
