@@ -132,7 +132,7 @@ class ServiceRun:
             self._continuous = recording.enter_context(contextlib.closing(self._continuous_recording(files)))
             self._recorders.append(self._continuous)
         if self._config.recording.incidents.enabled:
-            self._incidents = recording.enter_context(contextlib.closing(self._make_incidents(files)))
+            self._incidents = recording.enter_context(contextlib.closing(self._incidents_of(files)))
             self._recorders.append(self._incidents)
         if self._config.restart.gap_s > 0.0:
             path = state_dir() / f"state-{rig_of(self._config)}.json"
@@ -183,7 +183,7 @@ class ServiceRun:
         recordings = RequestedRecordings(folder, partial(self._make_recorder, room=room, place=files.place), prepare)
         return ContinuousRecording(recordings, continuous, run_name(self.boot, self.engine.wall))
 
-    def _make_incidents(self, files: RunFiles) -> Incidents:
+    def _incidents_of(self, files: RunFiles) -> Incidents:
         folder, limits = self._recordings_dir, self._config.recording
 
         def prepare() -> None:
@@ -195,15 +195,8 @@ class ServiceRun:
 
         return Incidents(files, limits.incidents, run_name(self.boot, self.engine.wall), create, prepare)
 
-    def _make_recorder(
-        self,
-        path: Path,
-        prepare: Callable[[], None] | None = None,
-        *,
-        room: Room | None = None,
-        place: Callable[[Path], Path] | None = None,
-    ) -> Recorder:
-        return Recorder(path, **self._about_run(), prepare=prepare, place=place, room=room)
+    def _make_recorder(self, path: Path, prepare: Callable[[], None] | None = None, **options: Any) -> Recorder:
+        return Recorder(path, **self._about_run(), prepare=prepare, **options)
 
     def _about_run(self) -> dict[str, Any]:
         """Return what the head of a recording that begins now says of the run."""

@@ -9,6 +9,7 @@ import pytest
 from slipd.config import Config
 from slipd.devices import bota
 from slipd.engine.device_link import DeviceLink, make_links
+from slipd.engine.status_reader import _status_of
 from slipd.publish.status_publisher import StreamStatus
 from slipd_client.messages import Health
 
@@ -32,7 +33,7 @@ def health(link: DeviceLink, t_ns: int, source: str = "") -> tuple[Health, str]:
 
 
 def status(link: DeviceLink, t_ns: int, source: str = "") -> StreamStatus:
-    return link.status(link.streams[source], t_ns, [], None)
+    return _status_of(link, link.streams[source], t_ns, [], None)
 
 
 S = 1_000_000_000

@@ -11,14 +11,12 @@ from typing import cast
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
+from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.engine.device_identity import DeviceIdentity, Identity
 from slipd.engine.flood_limit import FLOOD_FACTOR, FloodLimit
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.engine.stream_meter import StreamMeter, make_stream
 from slipd.events import LinkSpec
-from slipd.finger.force_channel import ForceChannel
-from slipd.finger.image_channel import ImageChannel
-from slipd.publish.status_publisher import StreamStatus
 from slipd.types.samples import Sample
 from slipd_client.messages import Health
 
@@ -44,6 +42,7 @@ class DeviceLink:
         streams: The streams by sensor.
         session: The conversation with the device; None for a device that sends unasked.
         up: The link is open.
+        flood: Limit of the readings that it may bring.
         reconnects: Times that the link came up again.
         failed: The session failed, and whoever relies on what it knew has not been told; reset it then.
     """
@@ -61,7 +60,7 @@ class DeviceLink:
         self.failed = False
         self._identity = DeviceIdentity(config.hardware_id)
         self._message = "not opened yet"
-        self._flood = FloodLimit()
+        self.flood = FloodLimit()
         self._opened_ns = 0
         self._received_ns: int | None = None  # when bytes came last
         self._bad_bytes = 0  # of the decoder when the link was opened
@@ -72,16 +71,16 @@ class DeviceLink:
     def add(self, sensor: str, stream: StreamMeter) -> None:
         """Add a stream of the link."""
         self.streams[sensor] = stream
-        self._flood.rate_hz += stream.expected_hz
+        self.flood.rate_hz += stream.expected_hz
 
     def open(self, identity: str, t_ns: int) -> bytes:
         """Begin anew on an opened link; return the first bytes for the device."""
         if self._identity.open(identity):
             self.reconnects += 1
         self.up, self._message = True, ""
-        self._flood.open(t_ns)
+        self.flood.open(t_ns)
         self._opened_ns, self._received_ns = t_ns, None
-        self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
+        self._bad_bytes, self._fault = self.counters.bad_bytes, ""
         greeting = self._begin(t_ns)
         self._identity.check(self.session)
         return greeting
@@ -98,6 +97,11 @@ class DeviceLink:
         except Exception as error:  # a device of another package ends no other stream
             self._fail(error, t_ns)
             return b""
+
+    @property
+    def counters(self) -> DecoderHealth:
+        """Counters of the decoder."""
+        return self._decoder.health
 
     @property
     def opened(self) -> str:
@@ -158,7 +162,7 @@ class DeviceLink:
         if not samples or self._identity.mismatch:
             return []
         runs = []
-        for run in _runs(self._flood.limit(samples, t_ns)):
+        for run in _runs(self.flood.limit(samples, t_ns)):
             stream = self.streams.get(run[0].source)
             if stream is not None:
                 kept, times_ns = stream.update(run, late_ns)
@@ -206,7 +210,7 @@ class DeviceLink:
             unread_ns: For how long a line that brought nothing counts as unread; None: it is empty.
             late_ns: The longest recent stall of the daemon.
         """
-        counters = self._decoder.health
+        counters = self.counters
         stream.measure(t_ns, counters.bad_bytes, late_ns)
         if not self.up:
             return Health.ERROR, self._message
@@ -214,7 +218,7 @@ class DeviceLink:
             return Health.ERROR, self._identity.mismatch
         if self._fault and t_ns - self._fault_ns < FAULT_SHOWN_NS:
             return Health.ERROR, self._fault
-        if self._flood.dropped_ns is not None and t_ns - self._flood.dropped_ns < FAULT_SHOWN_NS:
+        if self.flood.dropped_ns is not None and t_ns - self.flood.dropped_ns < FAULT_SHOWN_NS:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
         health, message = stream.condition(t_ns, unread_ns, late_ns)
         if health is Health.OK and counters.warning:
@@ -227,7 +231,7 @@ class DeviceLink:
         return health, why if stream.last_ns is None else f"{message}: {why}"
 
     def _why_silent(self, stream: StreamMeter, t_ns: int) -> str:
-        bad_bytes = self._decoder.health.bad_bytes
+        bad_bytes = self.counters.bad_bytes
         newest_ns = [other.last_ns for other in self.streams.values() if other.last_ns is not None]
         activity = LinkActivity(
             bytes_come=self._received_ns is not None and t_ns - self._received_ns <= SILENT_NS,
@@ -247,42 +251,6 @@ class DeviceLink:
             return
         with suppress(Exception):
             cast("Decoder", self._decoder).forget()
-
-    def status(
-        self,
-        stream: StreamMeter,
-        t_ns: int,
-        conditions: Sequence[tuple[Health, str]],
-        channel: ForceChannel | ImageChannel | None,
-    ) -> StreamStatus:
-        """Return the state of a stream at ``t_ns``.
-
-        Args:
-            stream: A stream of this link.
-            t_ns: Now.
-            conditions: Everything that is wrong with it.
-            channel: Conditioning of its readings; None for the gripper.
-        """
-        session, clock = self.session, stream.clock
-        uncertainty_ns = clock.uncertainty_ns
-        return StreamStatus(
-            name=stream.name,
-            conditions=conditions,
-            hardware_id=self.identity.reported or self.identity.opened,
-            address=self.spec.address,
-            state=session.state if session is not None else None,
-            expected_hz=stream.expected_hz,
-            rate_hz=stream.rate_hz,
-            age_s=None if stream.last_ns is None else (t_ns - stream.last_ns) * 1e-9,
-            samples=stream.count,
-            clock="host" if stream.host_clock else clock.state,
-            clock_uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
-            clock_drift_ppm=clock.drift_ppm,
-            counters=self._decoder.health,
-            dropped=self._flood.dropped,
-            reconnects=self.reconnects,
-            channel=channel,
-        )
 
 
 def _runs(samples: Sequence[Sample]) -> list[Sequence[Sample]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from slipd.engine.device_link import DeviceLink
@@ -10,6 +10,8 @@ from slipd.engine.lateness import Lateness
 from slipd.engine.stream_meter import StreamMeter
 from slipd.events import HostNotice, IncidentsChanged
 from slipd.finger.finger import Finger
+from slipd.finger.force_channel import ForceChannel
+from slipd.finger.image_channel import ImageChannel
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.status_publisher import DaemonStatus, StreamStatus
 from slipd.requests.recording_state import RecordingState
@@ -77,11 +79,40 @@ class StatusReader:
         owner, _, kind = stream.name.partition(".")
         if stream.name == "gripper":
             conditions += cast("GripperControl", self._gripper).conditions()
-            return link.status(stream, t_ns, conditions, None)
+            return _status_of(link, stream, t_ns, conditions, None)
         if not kind:
-            return link.status(stream, t_ns, conditions, None)
+            return _status_of(link, stream, t_ns, conditions, None)
         finger = self._fingers[owner]
         conditions += finger.conditions(kind, t_ns)
         if problem := self._not_restored.get(stream.name):
             conditions.append((Health.OK, problem))
-        return link.status(stream, t_ns, conditions, finger.channel(kind))
+        return _status_of(link, stream, t_ns, conditions, finger.channel(kind))
+
+
+def _status_of(
+    link: DeviceLink,
+    stream: StreamMeter,
+    t_ns: int,
+    conditions: Sequence[tuple[Health, str]],
+    channel: ForceChannel | ImageChannel | None,
+) -> StreamStatus:
+    session, clock = link.session, stream.clock
+    uncertainty_ns = clock.uncertainty_ns
+    return StreamStatus(
+        name=stream.name,
+        conditions=conditions,
+        hardware_id=link.identity.reported or link.identity.opened,
+        address=link.spec.address,
+        state=session.state if session is not None else None,
+        expected_hz=stream.expected_hz,
+        rate_hz=stream.rate_hz,
+        age_s=None if stream.last_ns is None else (t_ns - stream.last_ns) * 1e-9,
+        samples=stream.count,
+        clock="host" if stream.host_clock else clock.state,
+        clock_uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+        clock_drift_ppm=clock.drift_ppm,
+        counters=link.counters,
+        dropped=link.flood.dropped,
+        reconnects=link.reconnects,
+        channel=channel,
+    )
