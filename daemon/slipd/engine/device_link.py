@@ -11,7 +11,7 @@ from typing import cast
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
-from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.engine.device_identity import DeviceIdentity, Identity
 from slipd.engine.flood_limit import FLOOD_FACTOR, FloodLimit
 from slipd.engine.silence import LinkActivity, why_silent
