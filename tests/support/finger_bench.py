@@ -11,6 +11,7 @@ from known_zeros import known_finger
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
+from slipd.friction.learning import learn
 from slipd.fusion import torque_limit
 from slipd.fusion.rows import READING, TOUCHING, new_rows
 from slipd.types.arrays import Array
@@ -53,8 +54,8 @@ def teach(finger: Finger, q: float, *, slips: bool = False) -> None:
     rows["assessment"]["required_friction"] = rows["contact"]["friction_ratio"] = q
     rows["assessment"]["peak_required"] = rows["assessment"]["plateau_required"] = math.nan
     rows["assessment"]["slips"][-1] = slips
-    finger.friction.estimate.learn(rows, 0.0, teaches=True, raises=True)
-    list(finger.friction.estimate.segments([round(rows["t_s"][-1] * 1e9) + 20 * MS]))
+    learn(rows, finger.friction.learning, 0.0, True, True)
+    finger.friction.begin_step([round(rows["t_s"][-1] * 1e9) + 20 * MS], 0)
 
 
 def limit_nm(finger: Finger, normal_n: float) -> float:

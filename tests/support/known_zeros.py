@@ -25,7 +25,7 @@ def know_zeros(*fingers: Finger) -> None:
     for finger in fingers:
         for channel in (finger.force, finger.image):
             if channel is not None and not channel.zero_known:
-                channel.tare.current = replace(channel.tare.current, origin="observed")
+                channel.tare.put(replace(channel.tare.current, origin="observed"))
 
 
 def keep_zeros(settings: Config) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
+from slipd.friction.learning import learn
 from slipd.fusion.rows import FREE, READING, TOUCHING, Rows, new_rows
 
 STEP_S = 0.005
@@ -52,15 +53,18 @@ class Hand:
         self._fill(rows, values, times_ns)
         rows["phase"], rows["contact"]["friction_ratio_std"] = phase, noise
         rows["contact"]["friction_ratio"] = ratio * rows["assessment"]["required_friction"]
-        for begin, end in self.estimate.segments(times_ns):
-            self.estimate.learn(rows[begin:end], shape, teaches=teaches, raises=raises)
+        begin = 0
+        while begin < len(values):
+            end = self.estimate.begin_step(times_ns, begin)
+            learn(rows[begin:end], self.estimate.learning, shape, teaches, raises)
+            begin = end
         if pauses:
             self.pause()
         return self.estimate.state
 
     def pause(self) -> None:
         """Let a step of time pass, so that what was learned is in force."""
-        list(self.estimate.segments([round((self._t_s + 0.02) * 1e9)]))
+        self.estimate.begin_step([round((self._t_s + 0.02) * 1e9)], 0)
 
     @staticmethod
     def _fill(rows: Rows, values: list[Q], times_ns: list[int]) -> None:

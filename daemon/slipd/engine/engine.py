@@ -31,8 +31,8 @@ from slipd.events import (
     Write,
 )
 from slipd.finger.finger import Finger
+from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Arrival
-from slipd.finger.verdict_batch import VerdictBatch
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl

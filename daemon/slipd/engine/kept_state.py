@@ -62,10 +62,7 @@ class KeptState:
         self._links, self._fingers, self._gripper, self._named = links, fingers, gripper, named
         self._of_stream = {stream.name: link for link in links.values() for stream in link.streams.values()}
         self._channels: dict[str, ForceChannel | ImageChannel] = {
-            f"{name}.{kind}": channel
-            for name, finger in fingers.items()
-            for kind in ("wrench", "pad")
-            if (channel := finger.channel(kind)) is not None
+            f"{name}.{kind}": channel for name, finger in fingers.items() for kind, channel in finger.channels.items()
         }
         self._basis = {name: basis_of(stream) for name, stream in config.streams().items()}
         self._kept: dict[str, tuple[Offset, StoredTare]] = {}
@@ -104,11 +101,11 @@ class KeptState:
         if self._named.set_by is None:
             self._named.name = grip.named
             for finger in self._fingers.values():
-                finger.set_object(grip.named)
+                finger.friction.set_object(grip.named)
         for name, finger in self._fingers.items():
             same = self._named.name == grip.named and finger.friction.set_by is None
             if same and name in grip.friction:
-                finger.friction.estimate.resume(grip.friction[name])
+                finger.friction.resume(grip.friction[name])
 
     def _why_too_old(self, state: StoredState, t_ns: int) -> str:
         gap_s, most_s = (self._wall.at_ns(t_ns) - state.kept_wall_ns) / _NS, self._config.restart.gap_s
@@ -137,7 +134,7 @@ class KeptState:
         elif self._until_ns is not None and t_ns > self._until_ns:
             self.problems[name] = f"{_TARE_NOT_USED}: the device answers too late for restart.gap_s"
         else:
-            channel.restore_tare(self._offset(tare, channel))
+            channel.tare.restore(self._offset(tare, channel))
 
     def _offset(self, tare: StoredTare, channel: ForceChannel | ImageChannel) -> Offset:
         shape = channel.tare.current.value.shape
@@ -160,7 +157,7 @@ class KeptState:
                 tares[name] = self._stored(name, offset, self._of_stream[name].identity)
         grip = None if self._gripper is None else self._gripper.kept()
         if grip is not None and grip is not self._grip:
-            friction = {name: finger.friction.estimate.taught() for name, finger in self._fingers.items()}
+            friction = {name: finger.friction.taught() for name, finger in self._fingers.items()}
             grip = grip.model_copy(update={"named": self._named.name, "friction": friction})
         minute = self._wall.at_ns(t_ns) // _MINUTE_NS * _MINUTE_NS
         state = StoredState(rig=self._rig, boot=self._boot, kept_wall_ns=minute, tares=tares, grip=grip)

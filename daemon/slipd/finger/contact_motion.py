@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from slipd.config import Wrench
+from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import TOUCHING, Rows
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import LoadNoise

@@ -10,7 +10,7 @@ from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Freshness
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict import PAD_FREE, PAD_PULLED, WEIGHT_UNKNOWN, is_untared
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, WEIGHT_UNKNOWN
 from slipd.signals.force_image_agreement import CLEAR
 
 
@@ -52,7 +52,7 @@ class ContactPresence:
         if shown or (zero_known and self._estimator.in_contact):
             return True
         if not zero_known:
-            return shown if is_untared(state.verdict) else None
+            return shown if state.verdict == UNTARED else None
         return None if state.contact is None or state.verdict is WEIGHT_UNKNOWN else False
 
     def is_pulled(self, state: FingerState) -> bool:

@@ -1,28 +1,57 @@
-"""One finger of the gripper: samples in, verdicts out, and its state for the other rooms."""
+"""One finger of the gripper: samples in, verdicts out, and its state for the other rooms.
+
+This file has the order of all steps. A force reading passes `ForceChannel.condition` (checks, tare, mounting, weight,
+drift), is marked if it is too late, and goes with the newest image of its time through `ContactEstimator.estimate`. An
+image passes `ImageChannel.update`, and is compared with the force by `ForceImageCheck`; that of three-axis taxels is a
+force reading too. What a verdict depends on and what changes rarely is noted where it changes, by `_follow_tares` and
+`_follow_image`, and not asked for at each reading.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
-from typing import cast
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Levels, Stream, in_newtons, stale_after_ns
+from slipd.config import Levels, in_newtons, stale_after_ns
+from slipd.finger.contact_estimator import ContactEstimator, Learning
 from slipd.finger.contact_motion import ContactMotion
-from slipd.finger.delayed_reads import DelayedRead, DelayedReads
-from slipd.finger.finger_state import FingerState
-from slipd.finger.force_channel import ForceChannel
+from slipd.finger.contact_presence import ContactPresence
+from slipd.finger.finger_state import FingerState, VerdictBatch
+from slipd.finger.force_channel import ForceChannel, WrenchBatch
+from slipd.finger.force_history import NO_SUMMARY
+from slipd.finger.force_image_check import ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.finger.friction import Friction
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.stream_health import Condition, force_conditions, image_conditions
+from slipd.finger.stream_health import Condition, force_conditions, image_conditions, pulled_condition
+from slipd.finger.tare_guard import TareGuard
+from slipd.finger.three_axis import wrench_by_taxels
 from slipd.finger.trust import RaiseTrust, is_trusted
-from slipd.finger.verdict import PAD_PULLED
-from slipd.finger.verdict_batch import VerdictBatch
-from slipd.finger.verdict_path import VerdictPath
-from slipd.friction.friction_state import FrictionState
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
+from slipd.fusion.levels import Uncertainty
+from slipd.fusion.rows import LATE, PULLED
+from slipd.motion.evidence import evidence_mask
 from slipd.types.samples import TactileSample, WrenchSample
-from slipd_client.messages import Health
+from slipd_client.messages import LEVELS
+
+LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
+"""Levels that need an image. Without it they become unknown; a worse level stays as it is."""
+NO_UNCERTAINTY = Uncertainty()
+
+
+class DelayedRead(NamedTuple):
+    """Arguments of `Finger.decide`, for readings that wait for the image of their time.
+
+    After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
+    before the stall could call a slipping grip safe, and one without an image would report a healthy pad as silent.
+    """
+
+    samples: Sequence[WrenchSample]
+    times_ns: Sequence[int]
+    arrival: Arrival
 
 
 class Finger:
@@ -40,32 +69,53 @@ class Finger:
         config: ``[finger.X]``.
         force: The force sensor; None where the pad measures the force.
         image: The pad; None where there is none.
-        tare: Tare of the stream that measures the force.
+        main: The channel that measures the force, and ``main_stream``: "wrench" or "pad".
+        tare: Its tare.
         in_newtons: Forces are in newtons, not in the unit of a pad without calibration.
         image_in_newtons: Likewise the loads of the image.
-
-    Raises:
-        ValueError: The config has neither a force sensor nor a pad.
+        friction: Coefficients of friction in use, and who set them.
+        motion: Evidence of motion beside the load; None where the pad measures the force.
+        level: Level after the newest force reading.
     """
 
     def __init__(self, name: str, config: FingerConfig, levels: Levels) -> None:
-        self.name = name
-        self.config = config
-        self.force = ForceChannel(config.wrench, stale_after_ns(config.wrench)) if config.wrench is not None else None
-        self.image = ImageChannel(config.pad, config) if config.pad is not None else None
-        self.image_in_newtons = config.pad is not None and in_newtons(config.pad)
-        self.in_newtons = config.wrench is not None or self.image_in_newtons
-        self.tare = self._existing_channel(None).tare
-        stream = cast("Stream", config.wrench or config.pad)
+        wrench, pad = config.wrench, config.pad
+        stream = wrench or pad
+        if stream is None:
+            raise ValueError(f"finger {name} has no stream")
+        self.name, self.config = name, config
+        self.force = ForceChannel(wrench, stale_after_ns(wrench)) if wrench is not None else None
+        self.image = ImageChannel(pad, config) if pad is not None else None
+        self.main, self.main_stream = self.channel(None), "pad" if wrench is None else "wrench"
+        self.tare = self.main.tare
+        self.image_in_newtons = pad is not None and in_newtons(pad)
+        self.in_newtons = wrench is not None or self.image_in_newtons
         self._freshness = Freshness(stale_after_ns(stream))
-        self._delayed = DelayedReads(self.image)
-        self._path = VerdictPath(config, levels, self.force, self.image, self.tare, self._freshness)
-        self._trust = RaiseTrust(stream, config.pad, self.force, self.image, self._freshness)
+        self._estimator = ContactEstimator(config, levels)
+        self.friction = self._estimator.friction
+        self._presence = ContactPresence(config, self.force, self.image, self._estimator, self._freshness)
+        self._trust = RaiseTrust(stream, pad, self.force, self.image, self._freshness)
+        self._guard = TareGuard(self.tare, self.image, self._freshness, self._presence)
+        self._check: ForceImageCheck | None = None
+        if pad is not None and self.force is not None and self.image is not None:
+            self._check = ForceImageCheck(config, pad, self.force, self.image)
+        self.motion = None if wrench is None else ContactMotion(wrench, self.image)
+        self._delayed: deque[DelayedRead] = deque()
+        self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
+        self.level, self._is_stale = self._newest.verdict.level, True
+        self._tares = [channel.tare for channel in (self.force, self.image) if channel is not None]
+        self._zeros = [tare.current for tare in self._tares]
+        self._image_fault, self._image_teaches, self._image_until_ns = "", False, -1
+        for tare in self._tares:
+            tare.on_change.append(self._follow_tares)
+        self._follow_tares()
+
+    # Samples
 
     def decide(
         self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival = PROMPT
-    ) -> Iterator[VerdictBatch]:
-        """Yield the verdicts on the force readings of one read.
+    ) -> Iterable[VerdictBatch]:
+        """Return the verdicts on the force readings of one read, while a tare is measured one by one.
 
         Readings that waited for the daemon may first wait for the image of their time; see `decide_delayed`.
 
@@ -77,23 +127,46 @@ class Finger:
         Raises:
             ValueError: The finger has no force sensor.
         """
-        if self.force is None:
+        force = self.force
+        if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
         if arrival.waited_ns or self._delayed:
-            self._delayed.add(DelayedRead(samples, times_ns, arrival))
+            self._delayed.append(DelayedRead(samples, times_ns, arrival))
             return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
-        return self._path.decide(self.force, samples, times_ns, arrival)
+        if force.waited_undated or force.tare.busy:
+            return self._decide_singly(force, samples, times_ns, arrival)
+        return (self._judge(force.condition(samples, times_ns, self._is_untouched), arrival),)
+
+    def _decide_singly(
+        self,
+        force: ForceChannel,
+        samples: Sequence[WrenchSample],
+        times_ns: Sequence[int],
+        arrival: Arrival,
+        t_ns: int | None = None,
+    ) -> Iterator[VerdictBatch]:
+        """Yield verdicts, one by one while a tare is measured; ``t_ns``: now, if the readings were delayed."""
+        force.begin_read(times_ns[0], arrival)
+        step = 1 if force.tare.busy else len(samples)
+        for k in range(0, len(samples), step):
+            readings = force.condition(samples[k : k + step], times_ns[k : k + step], self._is_untouched)
+            yield self._judge(readings if t_ns is None else readings._replace(received_ns=t_ns), arrival)
 
     def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterator[VerdictBatch]:
         """Yield the verdicts on the force readings that need not wait for an image any more.
 
         Args:
             t_ns: Now.
-            unread_ns: How long the image's line counts as unread; None: it is empty.
+            unread_ns: How long the image's line counts as unread; None: it is empty, and no image is awaited.
         """
-        if self.force is not None and self._delayed:
-            for samples, times_ns, arrival in self._delayed.release(t_ns, unread_ns):
-                yield from self._path.decide(self.force, samples, times_ns, arrival, t_ns)
+        image, until_ns = self.image, None
+        if self._delayed and unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
+            until_ns = image.freshness.serves_until_ns(t_ns - unread_ns)
+        while self.force and self._delayed and (until_ns is None or self._delayed[0].times_ns[-1] <= until_ns):
+            samples, times_ns, arrival = self._delayed.popleft()
+            waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
+            arrival = Arrival(waited_ns, unread_ns, arrival.dated)
+            yield from self._decide_singly(self.force, samples, times_ns, arrival, t_ns)
 
     def update_image(
         self, sample: TactileSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
@@ -108,7 +181,118 @@ class Finger:
         Returns:
             The verdict where three-axis taxels are what measures the force; else None.
         """
-        return None if self.image is None else self._path.update_image(self.image, sample, acquired_ns, arrival)
+        image, check = self.image, self._check
+        if image is None:
+            return None
+        t_ns, normal_n, summary = sample.t_ns if acquired_ns is None else acquired_ns, None, NO_SUMMARY
+        before_ns = t_ns if image.t_ns is None else image.t_ns
+        if check is not None:
+            normal_n = self.state.normal_n
+            summary = check.take_summary(normal_n, free=self.level == PAD_FREE.level)
+        image.update(sample, t_ns, summary, arrival)
+        if check is not None:
+            check.update_image(t_ns, self._estimator.least_normal_n, known=normal_n is not None)
+            if self.motion is not None:
+                self._look_for_motion(self.motion, image, check, before_ns, t_ns)
+        readings = wrench_by_taxels(image, sample, t_ns) if self.force is None and image.three_axis else None
+        self._follow_image()
+        return None if readings is None else self._judge(readings, arrival)
+
+    def _look_for_motion(
+        self, motion: ContactMotion, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
+    ) -> None:
+        """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
+        if self._estimator.in_contact and image.is_independent and not check.disagreement:
+            motion.update_image(image, t_ns, check.history.mean_wrench(before_ns, t_ns))
+        else:
+            motion.forget_image()
+
+    def _judge(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
+        """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
+        force, check, times_ns = self.force, self._check, readings.times_ns
+        if readings.received_ns - min(times_ns) > self._freshness.stale_ns:
+            self._mark_late(readings, arrival)
+        self._freshness.update(readings.received_ns, times_ns[-1], arrival)
+        uncertainty = NO_UNCERTAINTY if force is None else force.uncertainty(times_ns[-1])
+        learning = Learning.NOTHING
+        sure = force is None or force.watch.rests or not force.watch.suspect
+        if sure and self._image_teaches and not arrival.waited_ns:
+            learning = Learning.ALL if self._zero_known else Learning.SLIPS
+        if arrival.waited_ns or arrival.unread_ns is not None:
+            serves = self._serves(readings, arrival)
+        else:
+            serves = readings.received_ns <= self._image_until_ns
+        batch = self._estimator.estimate(
+            readings,
+            uncertainty,
+            self.image if serves else None,
+            () if check is None else check.disagreement,
+            self._image_fault,
+            learning,
+            image_free=uncertainty.force_n > 0.0 and self._presence.is_free_by_image(),
+            zero_known=self._zero_known,
+        )
+        self._newest, self.level, self._is_stale = batch, LEVELS[batch.levels[-1]], batch.phases[-1] == LATE
+        if PULLED in batch.phases:
+            self.tare.reject("the normal force is clearly negative")
+        if self.motion is not None:
+            self.motion.update_force(batch)
+        if check is not None:
+            if batch.ends_at < len(batch.phases):
+                check.reset()
+            check.history.update(readings.rows, times_ns, batch.phases)
+        if self._taring:
+            self._guard.check_load(self.state)
+        return batch
+
+    def _serves(self, readings: WrenchBatch, arrival: Arrival) -> bool:
+        """Return whether the newest image is fresh, and of the time of the readings where they waited."""
+        image = self.image
+        if image is None or not image.is_fresh(readings.received_ns, arrival.unread_ns):
+            return False
+        if not arrival.waited_ns:
+            return True
+        until_ns = image.freshness.serves_until_ns(readings.received_ns - arrival.waited_ns)
+        return until_ns is None or readings.times_ns[-1] <= until_ns
+
+    def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:
+        """Mark readings that are too old.
+
+        Time in which they waited for the daemon does not count, unless the stream was stale before them.
+        """
+        usable_ns = self._freshness.stale_ns
+        if arrival.waited_ns and not (arrival.dated and self._is_stale):
+            usable_ns += arrival.waited_ns
+        for k, t_ns in enumerate(readings.times_ns):
+            if readings.received_ns - t_ns > usable_ns:
+                readings.rows["phase"][k] = LATE
+
+    def _is_untouched(self) -> bool | None:
+        """Return whether nothing touches the finger; None: unknown."""
+        disagreement = self._check is not None and bool(self._check.disagreement)
+        return self._presence.is_untouched(self.state, disagreement=disagreement)
+
+    # What verdicts depend on, noted where it changes
+
+    def _follow_tares(self) -> None:
+        """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
+        self._taring = any(tare.busy for tare in self._tares)
+        self._zero_known = self.main.zero_known
+        zeros, before = [tare.current for tare in self._tares], self._zeros
+        if any(now is not then for now, then in zip(zeros, before, strict=True)):
+            self._zeros = zeros
+            self.friction.doubt()
+        self._follow_image()
+
+    def _follow_image(self) -> None:
+        """Note until when the newest image serves, whether readings beside it teach friction, and what is wrong."""
+        image = self.image
+        if image is not None:
+            self._image_until_ns, self._image_fault = image.fresh_until_ns, image.fault
+            reliable = image.is_reliable(at_rest=True) and not image.taxel_health.saturates
+            self._image_teaches = reliable and not self._taring
+
+    # Time
 
     def check_silence(self, t_ns: int, unread_ns: int | None = None) -> FingerState | None:
         """Update the verdict if a stream that it depends on fell silent.
@@ -120,16 +304,15 @@ class Finger:
         Returns:
             The new state; None where nothing changed.
         """
-        return self._path.check_silence(t_ns, unread_ns)
-
-    def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
-        """Report slip until a time, because evidence of these kinds shows it; see `VerdictPath.note_motion`."""
-        return self._path.note_motion(until_ns, kinds)
-
-    @property
-    def motion(self) -> ContactMotion | None:
-        """Evidence of motion beside the load; None where the pad measures the force."""
-        return self._path.motion
+        if self._taring:
+            self._guard.check_silence(t_ns, unread_ns)
+        if self._is_stale:
+            return None
+        if self._freshness.is_stale(t_ns, unread_ns):
+            return self._lose_force(t_ns)
+        if self.level not in LEVELS_BY_IMAGE or self._newest.load_distribution is None or self.image is None:
+            return None
+        return None if self.image.is_fresh(t_ns, unread_ns) else self._lose_image()
 
     def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""
@@ -139,38 +322,86 @@ class Finger:
         """Return the state at ``t_ns`` without the force stream, which ended; its tare would average across the gap."""
         self.tare.abort("ended")
         self._delayed.clear()
-        return self._path.lose_force(t_ns)
+        return self._lose_force(t_ns)
 
     def disconnect_image(self) -> None:
         """Forget the image: its stream ended."""
-        self._path.forget_comparison()
+        if self._check is not None:
+            self._check.reset()
         if self.image is not None:
             self.image.tare.abort("ended")
             self.image.forget()
+            self._follow_image()
+
+    def _lose_force(self, t_ns: int) -> FingerState:
+        """Return the state without the force, at ``t_ns``: the contact is forgotten, and nothing is known."""
+        if self._estimator.in_contact and self._check is not None:
+            self._check.reset()
+        self._estimator.end_contact()
+        if self.motion is not None:
+            self.motion.forget()
+        return self._set_state(FingerState(t_ns, STREAM_STALE, age_s=self._freshness.age_s(t_ns)))
+
+    def _lose_image(self) -> FingerState:
+        """Return the state without the image: rotation is not observed any more."""
+        lost = FingerState(0, ROTATION_UNOBSERVED)
+        return self._set_state(
+            replace(
+                self.state,
+                verdict=ROTATION_UNOBSERVED,
+                load_distribution=None,
+                utilisation=None,
+                tipping_margin_m=lost.tipping_margin_m,
+                assessment=None,
+                model=lost.model,
+            )
+        )
+
+    def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
+        """Report slip until a time, because evidence of these kinds shows that the object moves.
+
+        Returns:
+            The state of the newest reading with it; None where that reading does not touch, or is not trusted.
+        """
+        state = self.state
+        found = state.assessment
+        if found is None or not is_trusted(state.verdict):
+            return None
+        mask = found.evidence | evidence_mask(*kinds)
+        self._estimator.note_motion(until_ns, mask)
+        reasons = state.verdict.reasons
+        slips = Verdict("slipping", reasons if "slip_detected" in reasons else ("slip_detected", *reasons))
+        return self._set_state(replace(state, verdict=slips, assessment=found._replace(slips=True, evidence=mask)))
+
+    # What is known now
 
     @property
     def state(self) -> FingerState:
         """State after the newest force reading."""
-        return self._path.state
+        newest = self._newest
+        return newest if isinstance(newest, FingerState) else newest[-1]
+
+    def _set_state(self, state: FingerState) -> FingerState:
+        self._newest = state
+        self.level, self._is_stale = state.verdict.level, state.verdict is STREAM_STALE
+        return state
+
+    def channel(self, stream: str | None) -> ForceChannel | ImageChannel:
+        """Return the channel of the stream "wrench" or "pad"; None: of the one that measures the force.
+
+        Raises:
+            ValueError: The finger has no such stream.
+        """
+        found = (self.force or self.image) if stream is None else self.force if stream == "wrench" else self.image
+        if found is None:
+            raise ValueError(f"finger {self.name} has no {stream or 'stream'}")
+        return found
 
     @property
-    def level(self) -> str:
-        """Level after the newest force reading, without the work of a whole state."""
-        return self._path.newest.level
-
-    @property
-    def main_channel(self) -> ForceChannel | ImageChannel:
-        """The channel that measures the force."""
-        return self._existing_channel(None)
-
-    @property
-    def main_stream(self) -> str:
-        """The stream that measures the force: "wrench" or "pad"."""
-        return "pad" if self.force is None else "wrench"
-
-    def channel(self, stream: str) -> ForceChannel | ImageChannel | None:
-        """Return the channel of the stream "wrench" or "pad"; None where the finger has none."""
-        return self.force if stream == "wrench" else self.image
+    def channels(self) -> dict[str, ForceChannel | ImageChannel]:
+        """The channels by stream, "wrench" first."""
+        found = {"wrench": self.force, "pad": self.image}
+        return {stream: channel for stream, channel in found.items() if channel is not None}
 
     def age_s(self, t_ns: int) -> float | None:
         """Return the age of the newest force reading at ``t_ns``, s; None before the first."""
@@ -179,7 +410,7 @@ class Finger:
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""
         if stream == "wrench" or self.force is None:
-            return not self._path.newest.is_stale
+            return not self._is_stale
         return self.image is not None and self.image.is_fresh(t_ns, None)
 
     def conditions(self, stream: str, t_ns: int) -> list[Condition]:
@@ -188,29 +419,26 @@ class Finger:
         Raises:
             ValueError: The finger has no such stream.
         """
-        channel = self._existing_channel(stream)
+        channel, state = self.channel(stream), self.state
         found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
-        state, presence = self.state, self._path.presence
         if state.verdict is PAD_PULLED and stream == self.main_stream:
             normal_n = math.nan if state.wrench is None else -state.wrench[2]
-            shown = presence.shown_by_image()
-            found.append(
-                (Health.ERROR, self._path.negative_force.advice(normal_n, tared=presence.zero_known, pressed=shown))
-            )
+            shown = self._presence.shown_by_image()
+            found.append(pulled_condition(normal_n, by_pad=self.force is None, tared=self._zero_known, pressed=shown))
         return found
 
     def is_pressed(self) -> bool | None:
         """Return whether something presses on the pad; None: unknown."""
-        return self._path.presence.is_pressed(self.state)
+        return self._presence.is_pressed(self.state)
 
     def is_pressed_without(self, streams: Collection[str]) -> bool | None:
         """Return whether something presses, without the streams that are about to be tared; None: unknown."""
-        return self._path.presence.is_pressed_without(streams, self.state)
+        return self._presence.is_pressed_without(streams, self.state)
 
     @property
     def is_pulled(self) -> bool:
         """The normal force is clearly negative: the sensor or its config is wrong."""
-        return self._path.presence.is_pulled(self.state)
+        return self._presence.is_pulled(self.state)
 
     def contact_force_n(self, t_ns: int) -> float | None:
         """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.
@@ -218,7 +446,7 @@ class Finger:
         An image alone does not count: its noise or drift may look like a contact.
         """
         contact = self.state.contact
-        if contact is None or not (self._path.presence.zero_known and self._path.estimator.in_contact):
+        if contact is None or not (self._zero_known and self._estimator.in_contact):
             return None
         return contact.normal_n if self.is_trusted_at_rest(t_ns) else None
 
@@ -242,23 +470,11 @@ class Finger:
         """
         return self._trust.allows(self.state.verdict, t_ns, at_rest=True)
 
-    @property
-    def friction(self) -> Friction:
-        """Coefficients of friction in use, and who set them."""
-        return self._path.estimator.friction
-
-    @property
-    def friction_state(self) -> FrictionState:
-        """What is known of the friction now; that of one reading is in its `FingerState`."""
-        return self.friction.state
-
-    def set_object(self, name: str | None) -> None:
-        """Name the object in the grip, or the next one, so that what is learned of it is kept; None: it has no name."""
-        self.friction.estimate.set_object(name)
+    # Requests
 
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
-        """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `Friction.set`."""
-        self._path.estimator.set_friction(mu_s, mu_d, by, t_ns)
+        """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `FrictionEstimate.set`."""
+        self._estimator.set_friction(mu_s, mu_d, by, t_ns)
 
     def begin_tare(
         self, t_ns: int, seconds: float, by: str, stream: str | None = None, *, unloaded: bool = False
@@ -275,16 +491,6 @@ class Finger:
         Raises:
             ValueError: The finger has no such stream.
         """
-        channel = self._existing_channel(stream)
-        self._path.tares.unloaded = unloaded
+        channel = self.channel(stream)
+        self._guard.unloaded = unloaded
         channel.begin_tare(t_ns, seconds, by)
-
-    def undo_tare(self, stream: str | None = None) -> bool:
-        """Restore the offset before the last tare of a stream, see `begin_tare`; return False where there is none."""
-        return self._existing_channel(stream).undo_tare()
-
-    def _existing_channel(self, stream: str | None) -> ForceChannel | ImageChannel:
-        channel = self.force or self.image if stream is None else self.channel(stream)
-        if channel is None:
-            raise ValueError(f"finger {self.name} has no {stream or 'stream'}")
-        return channel

@@ -1,17 +1,32 @@
-"""What is known of one finger after one force reading."""
+"""What is known of one finger after each force reading: the verdicts of one read, as rows and as states.
+
+A state is made only for the readings that need one.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.load_distribution import LoadDistribution
-from slipd.finger.verdict import STREAM_STALE, Verdict
+from slipd.finger.verdict import (
+    PAD_FREE,
+    PAD_PULLED,
+    STREAM_STALE,
+    WEIGHT_UNKNOWN,
+    Verdict,
+    contact_verdict,
+)
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact, Utilisation
 from slipd.fusion.levels import Assessment
+from slipd.fusion.rows import FREE, LATE, PULLED, UNKNOWN, UNTRUSTED
+from slipd.fusion.streaming import contact_at, reading_at
 from slipd.motion.evidence import evidence_names
+from slipd_client.messages import LEVELS
 
 
 class ForceReading(NamedTuple):
@@ -62,16 +77,6 @@ class FingerState:
     friction: FrictionState | None = None
 
     @property
-    def level(self) -> str:
-        """Name of the level."""
-        return self.verdict.level
-
-    @property
-    def is_stale(self) -> bool:
-        """Nothing is known: the reading is too old, or the stream ended."""
-        return self.verdict is STREAM_STALE
-
-    @property
     def normal_n(self) -> float | None:
         """Normal force by the force sensor, N; None where it is not known, or clearly negative."""
         return None if self.contact is None else self.contact.normal_n
@@ -90,3 +95,89 @@ class FingerState:
     def force_reading(self) -> ForceReading:
         """The force alone."""
         return ForceReading(self.wrench, self.status, self.age_s)
+
+
+@dataclass(slots=True, eq=False)
+class VerdictBatch:
+    """Verdicts on the n readings of one read, in their order; ``batch[k]`` is the `FingerState` after reading k.
+
+    Attributes:
+        readings: The conditioned readings, with all that was found in their rows.
+        phases: Contact phase of each: PULLED, LATE, UNTRUSTED, FREE or TOUCHING.
+        load_distribution: Shares of the normal force on the taxels, for the readings that touch; None without a usable
+            image.
+        frictions: What was known of the friction at each.
+        caution: Utilisation from which on the grip is in danger.
+        image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
+        disagreement: What force sensor and image contradict each other about, until the contact ends.
+        ends_at: Index of the first reading with which a contact ended; n where none did.
+        levels: Level of each, as ``level_code``.
+    """
+
+    readings: WrenchBatch
+    phases: list[int]
+    load_distribution: LoadDistribution | None
+    frictions: list[FrictionState]
+    caution: float
+    image_fault: str
+    disagreement: tuple[str, ...]
+    ends_at: int
+    levels: list[int]
+    _states: dict[int, FingerState] = field(default_factory=dict, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def __iter__(self) -> Iterator[FingerState]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, index: int) -> FingerState:
+        k = range(len(self.levels))[index]
+        state = self._states.get(k)
+        if state is None:
+            state = self._states[k] = self._make_state(k)
+        return state
+
+    def force_reading(self, k: int) -> ForceReading:
+        """Return the force of reading k, without the work of a whole state."""
+        readings, phase = self.readings, self.phases[k]
+        age_s = (readings.received_ns - readings.times_ns[k]) * 1e-9
+        if phase == LATE:
+            return ForceReading(None, (), age_s)
+        wrench = tuple(readings.rows["wrench"][k].tolist())
+        known = phase != UNTRUSTED or not math.isnan(wrench[2])
+        return ForceReading(wrench if known else None, readings.statuses[k], age_s)
+
+    def _make_state(self, k: int) -> FingerState:
+        phase, t_ns = self.phases[k], self.readings.times_ns[k]
+        wrench, status, age_s = self.force_reading(k)
+        state = FingerState(t_ns, STREAM_STALE, wrench, status=status, age_s=age_s)
+        if phase == UNTRUSTED:
+            state.verdict = Verdict("unknown", self.readings.untrusted[k])
+        elif phase == PULLED:
+            state.verdict = PAD_PULLED
+        elif phase == FREE:
+            state.verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
+            state.contact = contact_at(self.readings.rows, k)
+        elif phase != LATE:
+            self._add_contact(state, k)
+        return state
+
+    def _add_contact(self, state: FingerState, k: int) -> None:
+        """Fill in the state of a reading that touches."""
+        reading, friction = reading_at(self.readings.rows, k), self.frictions[k]
+        state.contact, state.friction, state.load_distribution = reading.contact, friction, self.load_distribution
+        state.tipping_margin_m, state.assessment = reading.tipping_margin_m, reading.assessment
+        used = None if math.isnan(reading.contact.spin_nm) else reading.utilisation
+        if friction.mu is not None:
+            state.model = "translation" if used is None else "exact"
+        elif used is not None:
+            used = used._replace(value=math.nan, lower=math.nan, upper=math.nan)
+        state.utilisation = used
+        if self.disagreement and k < self.ends_at:
+            state.verdict = Verdict("unknown", ("disagreement", *self.disagreement))
+            return
+        ratio, level = reading.contact.friction_ratio, LEVELS[self.levels[k]]
+        state.verdict = contact_verdict(reading.assessment, level, used, ratio, friction.mu, self.caution)
+        if self.load_distribution is None and self.image_fault:
+            state.verdict = Verdict(state.verdict.level, (self.image_fault, *state.verdict.reasons))

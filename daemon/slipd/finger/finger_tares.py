@@ -8,7 +8,6 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.types.refusal import Refusal
-from slipd_client.messages.schema.request_fields import STREAM
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Tares:
             finger: The finger.
             stream: "wrench", "pad" or "all"; None: the stream that measures the force.
         """
-        channels = {name: channel for name in STREAM.words if (channel := finger.channel(name)) is not None}
+        channels = finger.channels
         if stream == "all":
             return cls(finger, channels)
         name = finger.main_stream if stream is None else stream
@@ -77,8 +76,8 @@ class Tares:
 
     def undo(self) -> Refusal | None:
         """Restore the offset before the last tare of the only stream; refuse where there is none."""
-        [stream] = self.channels
-        if self.finger.undo_tare(stream):
+        [(stream, channel)] = self.channels.items()
+        if channel.tare.undo():
             return None
         message = f"the {stream} of finger {self.finger.name} has no earlier tare to go back to"
         return Refusal("not_ready", message, "finger")

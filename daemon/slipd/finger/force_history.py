@@ -1,19 +1,39 @@
-"""Force readings of the recent past, for the images of the pad beside the sensor."""
+"""Force readings of the recent past, and their summary between two images, for the pad in front of the sensor."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
-from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion.rows import FREE, TOUCHING
-from slipd.fusion.streaming import wrench_at
+from slipd.fusion.rows import FREE, TOUCHING, Rows
 
 MOVING_STDS = 6.0
 """The normal force moves where its range between two images exceeds this many standard deviations of its noise."""
 PAST_NS, PASTS = 1_000_000, 128
 """One reading in this time is kept, and so many in all: the longest scan of a pad takes a tenth of a second."""
+
+
+@dataclass(slots=True, frozen=True)
+class ForceSummary:
+    """Measurements of the finger's force sensor since the image before.
+
+    Attributes:
+        no_contact: It reads no contact. False also where it reads nothing: a held load must not be taken for an offset.
+        normal_n: Normal force now, N; None: unknown.
+        moving: The normal force moved beyond its noise; None: unknown.
+        agrees: Force and images did not contradict each other so far.
+    """
+
+    no_contact: bool = False
+    normal_n: float | None = None
+    moving: bool | None = None
+    agrees: bool = False
+
+
+NO_SUMMARY = ForceSummary()
+"""No force sensor, or its contact is not known."""
 
 
 class ForceHistory:
@@ -28,17 +48,19 @@ class ForceHistory:
         self._low_n, self._high_n = math.inf, -math.inf
         self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
 
-    def update(self, batch: VerdictBatch) -> None:
-        """Add the readings of one read that can be trusted."""
-        last_ns = self._past[-1][0] if self._past else -PAST_NS
-        rows, times_ns, phases = batch.readings.rows, batch.readings.times_ns, batch.phases
+    def update(self, rows: Rows, times_ns: Sequence[int], phases: Sequence[int]) -> None:
+        """Add the readings of one read that can be trusted.
+
+        Args:
+            rows: Rows of READING, shape (n,).
+            times_ns: When each was acquired, CLOCK_MONOTONIC.
+            phases: Contact phase of each.
+        """
         for k, normal_n in enumerate(rows["contact"]["normal_n"].tolist()):
             if phases[k] not in (TOUCHING, FREE):
                 continue
-            t_ns = times_ns[k]
-            if t_ns - last_ns >= PAST_NS:
-                self._past.append((t_ns, wrench_at(rows, k)))
-                last_ns = t_ns
+            if not self._past or times_ns[k] - self._past[-1][0] >= PAST_NS:
+                self._past.append((times_ns[k], tuple(rows["wrench"][k].tolist())))
             if normal_n < self._low_n:
                 self._low_n = normal_n
             if normal_n > self._high_n:

@@ -7,10 +7,8 @@ import math
 from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.force_history import ForceHistory
-from slipd.finger.force_summary import ForceSummary
+from slipd.finger.force_history import ForceHistory, ForceSummary
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import Contact
 from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import Uncertainty
@@ -30,29 +28,20 @@ class ForceImageCheck:
         image: The pad.
 
     Attributes:
+        history: Force readings of the recent past.
         disagreement: Reasons of a verdict: "disagreement_contact", "disagreement_centroid", "disagreement_force".
     """
 
     def __init__(self, config: FingerConfig, pad: Pad, force: ForceChannel, image: ImageChannel) -> None:
         self._force, self._image = force, image
-        self._history = ForceHistory(force.noise_n)
+        self.history = ForceHistory(force.noise_n)
         self._agreement = Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)
         self._compared_ns = 0
         self.disagreement: tuple[str, ...] = ()
 
-    def update_force(self, batch: VerdictBatch) -> None:
-        """Update with the force readings of one read."""
-        if batch.ends_at < len(batch):
-            self.reset()
-        self._history.update(batch)
-
-    def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench between two times; see `ForceHistory.mean_wrench`."""
-        return self._history.mean_wrench(since_ns, until_ns)
-
     def take_summary(self, normal_n: float | None, *, free: bool) -> ForceSummary:
         """Return what the force sensor measured since the image before; see `ForceHistory.take_summary`."""
-        return self._history.take_summary(normal_n, free=free, agrees=not self.disagreement)
+        return self.history.take_summary(normal_n, free=free, agrees=not self.disagreement)
 
     def update_image(self, t_ns: int, least_normal_n: float, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
@@ -70,7 +59,7 @@ class ForceImageCheck:
             return
         self._compared_ns = t_ns
         uncertainty = self._force.uncertainty(t_ns)
-        contact = _contact(self._history.wrench_at(t_ns), uncertainty, least_normal_n)
+        contact = _contact(self.history.wrench_at(t_ns), uncertainty, least_normal_n)
         found = self._agreement.update(
             t_ns, contact, uncertainty.force_std_n + uncertainty.force_n, image.x, image.y, image.pressure
         )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
-from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
+from slipd.finger.force_history import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, ImageFreshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.finger.pad_zero import PadZero
@@ -17,7 +17,6 @@ from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.frozen_image import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
-from slipd.signals.tare import Offset
 from slipd.signals.taxel_health import Mask, TaxelHealth
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED, TactileSample
@@ -151,18 +150,6 @@ class ImageChannel:
         """Begin to average images, except those that the device marks as invalid."""
         self.tare.begin(t_ns, seconds, by)
 
-    def undo_tare(self) -> bool:
-        """Restore the offset before the last tare; return False where there is none."""
-        return self._zero.undo()
-
-    def restore_tare(self, offset: Offset) -> None:
-        """Put the offset of an earlier run in force."""
-        self._zero.restore(offset)
-
-    def reject_tare(self, text: str) -> None:
-        """Forget the offset of an earlier run; see `Tare.reject`."""
-        self._zero.reject(text)
-
     @property
     def tared(self) -> bool:
         """The offset is right; see `PadZero.tared`."""
@@ -210,6 +197,14 @@ class ImageChannel:
     def is_fresh(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether there is an image that is not too old, nor was when it came; see `Freshness.is_stale`."""
         return self.t_ns is not None and not self.freshness.late and not self.freshness.is_stale(t_ns, unread_ns)
+
+    @property
+    def fresh_until_ns(self) -> int:
+        """Until when the newest image is fresh, if its line is read empty; -1 where there is none. See `is_fresh`."""
+        came_ns = self.freshness.came_ns
+        if self.t_ns is None or came_ns is None or self.freshness.late:
+            return -1
+        return came_ns + self.freshness.stale_ns
 
     def expire(self, t_ns: int, unread_ns: int | None) -> bool:
         """Mark the newest image as stale where it is too old; return True once for each image."""

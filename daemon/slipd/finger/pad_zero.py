@@ -7,7 +7,7 @@ import numpy as np
 from slipd.config import Pad
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.observed_zero import ObservedZero
-from slipd.signals.tare import Offset, Tare
+from slipd.signals.tare import Tare
 from slipd.types.arrays import Array
 
 
@@ -29,32 +29,12 @@ class PadZero:
         self._scale, self._charge = scale, charge
         self._stated = bool(pad.tare)
         self._observed = ObservedZero(pad.threshold)
+        self._offset = self.tare.current
+        self.tare.on_change.append(self._follow_offset)
 
     def apply(self, values: Array, t_ns: int, *, trusted: bool) -> Array:
         """Return an image without the offset, which a tare may take from it; see `Tare.apply`."""
-        before = self.tare.current
-        values = self.tare.apply(values, t_ns, trusted=trusted)
-        self._follow_offset(before)
-        return values
-
-    def undo(self) -> bool:
-        """Restore the offset before the last tare; return False where there is none."""
-        before = self.tare.current
-        undone = self.tare.undo()
-        self._follow_offset(before)
-        return undone
-
-    def restore(self, offset: Offset) -> None:
-        """Put the offset of an earlier run in force."""
-        before = self.tare.current
-        self.tare.restore(offset)
-        self._follow_offset(before)
-
-    def reject(self, text: str) -> None:
-        """Forget the offset of an earlier run; see `Tare.reject`."""
-        before = self.tare.current
-        self.tare.reject(text)
-        self._follow_offset(before)
+        return self.tare.apply(values, t_ns, trusted=trusted)
 
     def judge(self, readings: Array, t_ns: int, *, free: bool) -> None:
         """Confirm a zero that is not known, or reject a stored one, by an image of a pad that may be free.
@@ -66,7 +46,7 @@ class PadZero:
         """
         self._observed.update(readings, t_ns, free=free)
         if self._observed.wrong:
-            self.reject("the pad reads a load while the force sensor measures none")
+            self.tare.reject("the pad reads a load while the force sensor measures none")
         elif self._observed.right and not self.known:
             self.tare.observe(t_ns)
 
@@ -87,7 +67,9 @@ class PadZero:
             return "observed"
         return self.tare.current.origin if self.known else None
 
-    def _follow_offset(self, before: Offset) -> None:
-        """Shift the charge that was found with the offset ``before``, where another is in force."""
-        if self._charge is not None and self.tare.current is not before:
-            self._charge.shift(self._scale * (self.tare.current.value - before.value))
+    def _follow_offset(self) -> None:
+        """Shift the charge that was found with another offset than the one in force."""
+        now, before = self.tare.current, self._offset
+        self._offset = now
+        if self._charge is not None and now is not before:
+            self._charge.shift(self._scale * (now.value - before.value))

@@ -28,6 +28,26 @@ _UNUSABLE_IMAGES = {
 }
 
 
+def pulled_condition(normal_n: float, *, by_pad: bool, tared: bool, pressed: bool | None) -> Condition:
+    """Return what people should check where the normal force is clearly negative: nothing pulls on a pad.
+
+    Args:
+        normal_n: Normal force, N; negative.
+        by_pad: The pad measures it, not a force sensor.
+        tared: The force has a known zero.
+        pressed: The image of the pad shows a contact; None: unknown.
+    """
+    text = f"its normal force is {normal_n:.6g} N, and nothing pulls on a pad: check "
+    if by_pad:
+        return Health.ERROR, text + "the signs of axis_scale, and tare it"
+    text += "sign, pad_from_sensor (quat_xyzw is in the order x, y, z, w) and the sensor's own configuration"
+    if pressed:
+        text += "; the pad image shows a contact, so the force sensor is wrong"
+    elif not tared:
+        text += "; if it is the bias of an unloaded sensor, tare it with unloaded = true"
+    return Health.ERROR, text
+
+
 def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
     """Return what people should know of the readings of a force sensor at ``t_ns``."""
     found = [_FORCE_FAULTS[force.fault]] if force.fault else []

@@ -6,7 +6,7 @@ from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState
 from slipd.finger.freshness import Freshness
 from slipd.finger.image_channel import ImageChannel
-from slipd.signals.tare import Offset, Tare
+from slipd.signals.tare import Tare
 
 LONGEST_GAP_NS = 500_000_000
 """Longest silence of its stream that a tare survives; during a longer one a contact may have come and gone."""
@@ -31,16 +31,6 @@ class TareGuard:
         self.main, self._image = main, image
         self._freshness, self._presence = freshness, presence
         self.unloaded = False
-
-    @property
-    def busy(self) -> bool:
-        """A tare is being measured."""
-        return self.main.busy or (self._image is not None and self._image.tare.busy)
-
-    @property
-    def current(self) -> tuple[Offset, Offset | None]:
-        """Offsets in force, of the force and of the pad."""
-        return self.main.current, None if self._image is None else self._image.tare.current
 
     def check_silence(self, t_ns: int, unread_ns: int | None) -> None:
         """Give up tares whose stream fell silent; arguments as of `Freshness.silent_ns`."""

@@ -60,7 +60,7 @@ class RaiseTrust:
             return False
         if image is not None and t_ns - (image.t_ns or 0) > self._oldest_image_ns:
             return False
-        if force is not None and force.suspect and not (at_rest and force.rests):
+        if force is not None and force.watch.suspect and not (at_rest and force.watch.rests):
             return False
         if freshness.is_stale(t_ns) or freshness.received_ns - freshness.acquired_ns > freshness.stale_ns:
             return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from slipd.fusion import Utilisation
 from slipd.fusion.levels import Assessment
 from slipd.fusion.rows import STABLE, WARNING
 
@@ -42,40 +43,30 @@ ROTATION_UNOBSERVED = Verdict("unknown", ("rotation_unobserved",))
 TRANSLATION_UNSAFE = Verdict("warning", ("translation",))
 
 
-def is_untared(verdict: Verdict) -> bool:
-    """Return whether nothing but the unknown zero of the force stands against a reading."""
-    return verdict == UNTARED
-
-
-def translation_verdict(found: Assessment, level: str) -> Verdict:
-    """Return the verdict on a contact of which only the translation is known.
-
-    Args:
-        found: Result of the slip decision, from the friction ratio alone.
-        level: Its level.
-    """
-    known = ROTATION_UNOBSERVED if found.friction_step < WARNING else TRANSLATION_UNSAFE
-    return Verdict(level, ("slip_detected", *known.reasons)) if found.slips else known
-
-
-def exact_verdict(
-    found: Assessment, level: str, *, utilisation: float, upper: float, translation: float, caution: float
+def contact_verdict(
+    found: Assessment, level: str, used: Utilisation | None, friction_ratio: float, mu: float | None, caution: float
 ) -> Verdict:
-    """Return the verdict on a contact whose utilisation is known for force and spin together.
+    """Return the verdict on a contact of which force sensor and image do not disagree.
 
     Args:
         found: Result of the slip decision.
         level: Its level.
-        utilisation: λ of the load.
-        upper: Upper bound of λ, without what the unknown weight of the finger may add.
-        translation: R / μ, the utilisation by the tangential force alone.
+        used: λ for force and spin together; None where only the translation is known.
+        friction_ratio: R of the contact.
+        mu: Coefficient of static friction; None: unknown.
         caution: Utilisation from which on the grip is in danger.
     """
+    if mu is None:
+        return SLIPS_WITHOUT_MU if found.slips else NO_MU
+    if used is None:
+        known = ROTATION_UNOBSERVED if found.friction_step < WARNING else TRANSLATION_UNSAFE
+        return Verdict(level, ("slip_detected", *known.reasons)) if found.slips else known
     if found.friction_step == found.tipping_step == STABLE and not found.slips:
         return GRIP_HOLDS
     by_unknown_load = found.tipping_by_unknown_load
-    reasons = danger_reasons(utilisation, translation, caution) if found.friction_step > STABLE else ()
-    if found.friction_step > STABLE and upper < caution and not by_unknown_load and found.utilisation_upper > upper:
+    reasons = danger_reasons(used.value, friction_ratio / mu, caution) if found.friction_step > STABLE else ()
+    only_by_weight = used.upper < caution and found.utilisation_upper > used.upper
+    if found.friction_step > STABLE and only_by_weight and not by_unknown_load:
         reasons = (*reasons, "weight_unknown")
     if found.tipping_step > STABLE:
         reasons = (*reasons, "tipping", "weight_unknown") if by_unknown_load else (*reasons, "tipping")

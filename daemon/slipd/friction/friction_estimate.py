@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
-from slipd.friction.friction_state import FrictionState
-from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp, learn
-from slipd.fusion.rows import Rows, new_rows
+from slipd.friction.friction_state import FrictionState, Taught
+from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp
+from slipd.friction.rotation_friction import RotationFriction
+from slipd.fusion.rows import new_rows
 from slipd.types.finite import finite_or_none
 
 STEP_NS = 20_000_000
@@ -17,6 +17,10 @@ into reads; shorter than any reaction to it."""
 MOST_OBJECTS = 256
 """Named objects that are remembered; beyond that the one forgotten is the one not named for longest."""
 
+SEEN_SHARE = 0.5
+"""Part of the fall from static to dynamic friction that must be seen before it counts as slip."""
+LEAST_DROP = 0.01
+"""Least relative fall that counts as slip: less is no fall."""
 MOST_LN = 7.0
 """Largest absolute logarithm of a coefficient that one run takes over from another: beyond it no friction is real."""
 
@@ -26,56 +30,87 @@ _UNKNOWN = math.nan, math.nan
 _NOTHING: _Knowledge = _UNKNOWN, _UNKNOWN, 0.0
 
 
-class Taught(NamedTuple):
-    """What was learned of one coefficient; each pair is the mean and the variance of its logarithm.
-
-    Attributes:
-        slips: By the slips of the present grasp, the newest last; None: one that was disproved since.
-        earlier: By earlier grasps of the named object; None: nothing.
-    """
-
-    slips: tuple[tuple[float, float] | None, ...]
-    earlier: tuple[float, float] | None
-
-
 class FrictionEstimate:
-    """Learns the friction of one contact, and gives the coefficient that a verdict uses.
+    """Coefficients of friction of one contact: stated by the config or a client, and learned from its grasps.
 
-    It starts anew with each contact. What it learned of a named object is kept for the next grasp of that object.
+    Learning starts anew with each contact. What it found for a named object is kept for the next grasp of that object.
 
     Args:
         mu: Stated coefficient of static friction, a low estimate; None: unknown.
         spread: Its relative standard deviation; 0: it is known exactly, and nothing is learned.
         most: Largest coefficient that a verdict may use.
+        drop: Least relative fall of the required friction that counts as slip.
+        mu_rotation: Stated coefficient that limits rotation; None: ``mu`` does.
 
     Attributes:
-        state: The result that is in force.
+        state: What is in force.
+        stated: Coefficient of static friction by config or client; None: unknown.
+        drop: Least relative fall of the required friction that counts as slip: as given, or less.
+        set_by: Client that set the coefficients last; None: only the config did.
+        set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
+        rotation: What is learned of rotation.
+        learning: What is learned: one row of LEARNING, for `slipd.friction.learning.learn`.
+        step: Number of the 20 ms since when ``state`` is in force; see `begin_step`.
     """
 
-    def __init__(self, mu: float | None, spread: float, most: float) -> None:
-        self._row = new_rows(LEARNING, 1)
-        self._row["spread"], self._row["most"] = spread, most
+    def __init__(
+        self, mu: float | None, spread: float, most: float, drop: float = 0.03, mu_rotation: float | None = None
+    ) -> None:
+        self.learning = new_rows(LEARNING, 1)
+        self.learning["spread"], self.learning["most"] = spread, most
+        self.drop = self._most_drop = drop
+        self.set_by: str | None = None
+        self.set_t_ns: int | None = None
+        self.rotation = RotationFriction(mu_rotation)
+        self.step = 0
         self._objects: dict[str, _Knowledge] = {}
         self._name: str | None = None
-        self._step = 0
         self._version = -1
-        self.state = FrictionState()
-        self.restart(mu, None, "config")
+        self._restart(mu, None, "config")
 
-    def restart(self, mu: float | None, mu_d: float | None, source: str) -> None:
-        """Forget all that was learned: other coefficients are stated.
+    def set(self, mu_s: float, mu_d: float | None, by: str, t_ns: int | None) -> None:
+        """Use the coefficients that a client states, for the rest of the run, and forget what was learned.
 
         Args:
-            mu: Of static friction; None: unknown.
-            mu_d: Of dynamic friction; None: unknown.
-            source: Who states them: "config" or "request".
+            mu_s: Coefficient of static friction.
+            mu_d: Coefficient of dynamic friction; None: the fall that counts as slip stays as it is.
+            by: The client.
+            t_ns: Now, CLOCK_MONOTONIC.
         """
-        self._row["stated"] = math.nan if mu is None else mu
-        self._source, self._stated_d = source, mu_d
+        if mu_d is not None:
+            self.drop = self._drop(mu_s, mu_d)
+        self.rotation.forget()
+        self._restart(mu_s, mu_d, "request")
+        self.set_by, self.set_t_ns = by, t_ns
+
+    def _restart(self, mu: float | None, mu_d: float | None, source: str) -> None:
+        """Forget all that was learned: other coefficients are stated, by "config" or "request"."""
+        self.learning["stated"] = math.nan if mu is None else mu
+        self.stated, self._stated_d, self._source = mu, mu_d, source
         self._objects.clear()
         self._know(_NOTHING)
-        begin_grasp(self._row)
+        begin_grasp(self.learning)
         self._take_over()
+
+    @property
+    def strictest(self) -> float | None:
+        """Least μ that is in use, stated, or known of a named object; None: unknown, now or with the next grasp."""
+        if self.state.mu is None or self.stated is None:
+            return None
+        return min(self.state.mu, self.stated, self.least_known)
+
+    def is_more_lenient(self, mu_s: float, mu_d: float | None) -> bool:
+        """Return whether these coefficients would make a verdict more lenient, in this grasp or a later one.
+
+        A larger μ does, and so does a larger fall before a slip is reported.
+        """
+        if self.strictest is None or mu_s > self.strictest:
+            return True
+        return mu_d is not None and self._drop(mu_s, mu_d) > self.drop
+
+    def _drop(self, mu_s: float, mu_d: float) -> float:
+        """Return the least relative fall that counts as slip for these coefficients."""
+        return min(max(SEEN_SHARE * (1.0 - mu_d / mu_s), LEAST_DROP), self._most_drop)
 
     def doubt(self) -> None:
         """Forget what makes verdicts more lenient than what is stated: it was measured with another zero.
@@ -88,27 +123,28 @@ class FrictionEstimate:
         }
         ln, var, _ = self._knowledge()
         self._know((ln, var, 0.0) if self._is_strict(ln, var) else _NOTHING)
-        (bound,), (stated,) = self._row["bound"].tolist(), self._row["stated"].tolist()
+        (bound,), (stated,) = self.learning["bound"].tolist(), self.learning["stated"].tolist()
         if bound < stated:
-            self._row["floor"] = self._row["carried"] = 0.0
-            combine(self._row)
+            self.learning["floor"] = self.learning["carried"] = 0.0
+            combine(self.learning)
         else:
-            begin_grasp(self._row)
+            begin_grasp(self.learning)
         self._take_over()
 
     def _is_strict(self, ln: tuple[float, float], var: tuple[float, float]) -> bool:
         """Return whether knowledge of an object gives it a lower coefficient than what is stated."""
-        (stated,) = self._row["stated"].tolist()
+        (stated,) = self.learning["stated"].tolist()
         return not math.isnan(var[0]) and math.exp(_lowest(ln, var)) < stated
 
     def end_contact(self) -> None:
         """End the grasp: the contact ended, or is no longer known."""
-        end_grasp(self._row)
+        end_grasp(self.learning)
         self._take_over()
+        self.forget_turns()
 
     def discard_grasp(self) -> None:
         """Forget what the grasp taught, for its object too: its readings turned out not to be trusted."""
-        begin_grasp(self._row)
+        begin_grasp(self.learning)
         self._take_over()
 
     def set_object(self, name: str | None) -> None:
@@ -120,7 +156,7 @@ class FrictionEstimate:
         if name == before:
             return
         if before is not None:
-            end_grasp(self._row)
+            end_grasp(self.learning)
             self._objects.pop(before, None)
             self._objects[before] = self._knowledge()
             if len(self._objects) > MOST_OBJECTS:
@@ -128,9 +164,9 @@ class FrictionEstimate:
         self._name = name
         self._know(self._objects.get(name, _NOTHING) if name is not None else _NOTHING)
         if before is None:
-            combine(self._row)
+            combine(self.learning)
         else:
-            begin_grasp(self._row)
+            begin_grasp(self.learning)
         self._take_over()
 
     @property
@@ -150,73 +186,80 @@ class FrictionEstimate:
 
         What was carried does not go on: it only makes verdicts more lenient.
         """
-        before = self._row.copy()
+        before = self.learning.copy()
         for kind, (slips, earlier) in enumerate(taught):
             samples = [*slips, *self._slips(kind)][-KEPT:]
-            self._row["taken"][0, kind] = len(samples)
+            self.learning["taken"][0, kind] = len(samples)
             for k, sample in enumerate(samples):
                 ln, var = _real(sample) or _UNKNOWN
-                self._row["sample_ln"][0, kind, k], self._row["sample_var"][0, kind, k] = ln, var
+                self.learning["sample_ln"][0, kind, k], self.learning["sample_var"][0, kind, k] = ln, var
             if (known := _real(earlier)) is not None:
-                self._row["object_ln"][0, kind], self._row["object_var"][0, kind] = known
-        self._row["touched_s"] = math.inf  # the time without a daemon is no gap that ends the grasp
-        combine(self._row)
-        (bound,), (stated,) = self._row["bound"].tolist(), self._row["stated"].tolist()
+                self.learning["object_ln"][0, kind], self.learning["object_var"][0, kind] = known
+        self.learning["touched_s"] = math.inf  # the time without a daemon is no gap that ends the grasp
+        combine(self.learning)
+        (bound,), (stated,) = self.learning["bound"].tolist(), self.learning["stated"].tolist()
         if not 0.0 < bound < stated:
-            self._row[:] = before
+            self.learning[:] = before
         self._take_over()
 
     def _slips(self, kind: int) -> tuple[tuple[float, float] | None, ...]:
         """Return the samples of one coefficient by the present grasp, the newest last."""
-        (taken,) = self._row["taken"][:, kind].tolist()
+        (taken,) = self.learning["taken"][:, kind].tolist()
         at = [k % KEPT for k in range(max(taken - KEPT, 0), taken)]
-        lns, variances = (self._row[name][0, kind].tolist() for name in ("sample_ln", "sample_var"))
+        lns, variances = (self.learning[name][0, kind].tolist() for name in ("sample_ln", "sample_var"))
         return tuple(_real((lns[k], variances[k])) for k in at)
 
-    def segments(self, times_ns: Sequence[int]) -> Iterator[tuple[int, int]]:
-        """Yield ranges of readings with one state each; take over what was learned before each of them.
+    def begin_step(self, times_ns: Sequence[int], begin: int) -> int:
+        """Take over what was learned, if reading ``begin`` is the first of another 20 ms.
 
         Args:
             times_ns: When the readings were acquired, CLOCK_MONOTONIC; they rise.
-        """
-        begin, count = 0, len(times_ns)
-        if times_ns[-1] // STEP_NS != self._step:
-            for k, t_ns in enumerate(times_ns):
-                step = t_ns // STEP_NS
-                if step != self._step:
-                    if k > begin:
-                        yield begin, k
-                    self._step, begin = step, k
-                    self._take_over()
-        yield begin, count
+            begin: Index of a reading.
 
-    def learn(self, readings: Rows, shape_error: float, *, teaches: bool, raises: bool) -> None:
-        """Learn from assessed readings; arguments as of `slipd.friction.learning.learn`."""
-        learn(readings, self._row, shape_error, teaches, raises)
+        Returns:
+            Index of the first reading after it for which the state has to be taken over again, or their number.
+        """
+        step = times_ns[begin] // STEP_NS
+        if step != self.step:
+            self.step = step
+            self._take_over()
+        while begin < len(times_ns) and times_ns[begin] // STEP_NS == step:
+            begin += 1
+        return begin
+
+    def note_turn(self, until_s: float) -> None:
+        """Learn that the object moves, and counts as moving until then; see `RotationFriction.slip`."""
+        self.rotation.slip(until_s)
+        self._set_state()
+
+    def forget_turns(self) -> None:
+        """Forget what was learned of rotation: the contact ended, or is not known."""
+        self.rotation.forget()
+        self._set_state()
 
     def _know(self, knowledge: _Knowledge) -> None:
         """Use what earlier grasps taught of the object in the grip."""
         for name, values in zip(_OBJECT, knowledge, strict=True):
-            self._row[name] = values
-        self._row["named"] = self._name is not None
+            self.learning[name] = values
+        self.learning["named"] = self._name is not None
 
     def _knowledge(self) -> _Knowledge:
         """Return what earlier grasps taught of the object in the grip."""
-        (ln,), (var,), (floor,) = (self._row[name].tolist() for name in _OBJECT)
+        (ln,), (var,), (floor,) = (self.learning[name].tolist() for name in _OBJECT)
         return ln, var, floor
 
     def _take_over(self) -> None:
         """Put in force what was learned."""
-        version = int(self._row["changes"][0])
+        version = int(self.learning["changes"][0])
         if version == self._version:
             return
         self._version = version
         mu, low, high, mu_d, carried, learned = (
-            self._row[name].item() for name in ("bound", "low", "high", "dynamic", "carried", "learned")
+            self.learning[name].item() for name in ("bound", "low", "high", "dynamic", "carried", "learned")
         )
         known, most = finite_or_none(mu), finite_or_none(high)
         dynamic = self._stated_d if math.isnan(mu_d) else mu_d
-        self.state = FrictionState(
+        self._known = FrictionState(
             known,
             "none" if known is None else "learned" if learned else self._source,
             finite_or_none(low),
@@ -225,6 +268,10 @@ class FrictionEstimate:
             carried or None,
             self._name,
         )
+        self._set_state()
+
+    def _set_state(self) -> None:
+        self.state = self._known._replace(mu_rotation=self.rotation.learned)
 
 
 def _real(known: tuple[float, float] | None) -> tuple[float, float] | None:

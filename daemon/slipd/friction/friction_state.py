@@ -1,4 +1,4 @@
-"""What is known of the friction of one contact."""
+"""What is known of the friction of one contact, and what was learned of it."""
 
 from __future__ import annotations
 
@@ -34,3 +34,15 @@ class FrictionState(NamedTuple):
         if self.mu is None or self.mu_rotation is None:
             return 1.0
         return max(self.mu / self.mu_rotation, 1.0)
+
+
+class Taught(NamedTuple):
+    """What was learned of one coefficient; each pair is the mean and the variance of its logarithm.
+
+    Attributes:
+        slips: By the slips of the present grasp, the newest last; None: one that was disproved since.
+        earlier: By earlier grasps of the named object; None: nothing.
+    """
+
+    slips: tuple[tuple[float, float] | None, ...]
+    earlier: tuple[float, float] | None

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from slipd.config import Config, Stream
 from slipd.errors import SlipdError
-from slipd.friction.friction_estimate import Taught
+from slipd.friction.friction_state import Taught
 
 
 class _Stored(BaseModel):

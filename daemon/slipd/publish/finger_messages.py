@@ -34,7 +34,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "friction_ratio": None if contact is None else finite_or_none(contact.friction_ratio),
         "friction_ratio_std": None if contact is None else finite_or_none(contact.friction_ratio_std),
         "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
-        **friction_body(state.friction or finger.friction_state),
+        **friction_body(state.friction or finger.friction.state),
         **required_friction_body(state),
         "utilisation": None if used is None else finite_or_none(used.value),
         "utilisation_lower": None if used is None else finite_or_none(used.lower),
@@ -47,7 +47,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
-        **tare_body(finger.main_channel, state.t_ns),
+        **tare_body(finger.main, state.t_ns),
         "age_s": state.age_s,
     }
 

@@ -7,9 +7,8 @@ from typing import cast
 from slipd.config import Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
-from slipd.finger.finger_state import FingerState, ForceReading
+from slipd.finger.finger_state import FingerState, ForceReading, VerdictBatch
 from slipd.finger.image_channel import STALE
-from slipd.finger.verdict_batch import VerdictBatch
 from slipd.publish.finger_messages import slip_body, tactile_body, warning_body, wrench_body
 from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd_client.messages import LEVELS, WARNING_TOPIC, Level, slip_topic, tactile_topic, wrench_topic

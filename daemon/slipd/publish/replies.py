@@ -75,7 +75,7 @@ def friction_set(finger: Finger) -> Body:
 
 def object_named(named: NamedObject, fingers: Mapping[str, Finger]) -> Body:
     """Return the name of the object, and the friction in use for it."""
-    known = {name: friction_body(finger.friction_state) for name, finger in fingers.items()}
+    known = {name: friction_body(finger.friction.state) for name, finger in fingers.items()}
     return {"object_name": named.name, "fingers": known}
 
 

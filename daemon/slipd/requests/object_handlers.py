@@ -41,7 +41,7 @@ class ObjectHandlers:
             return refusal
         self._named.set(name, client_name(request.client), t_ns)
         for finger in self._fingers.values():
-            finger.set_object(name)
+            finger.friction.set_object(name)
         return replies.object_named(self._named, self._fingers)
 
     def _check_lenience(self, request: Request, name: str | None, t_ns: int) -> Refusal | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -71,6 +72,9 @@ class Tare:
 
     Attributes:
         current: The offset in force.
+        known: The zero is known: by a tare, or because the pad was seen to be free. The config is asked elsewhere.
+        busy: A tare is running.
+        on_change: Called after each change of these three, in this order.
         aborted_reason: Why the newest tare was aborted; None if it was not.
         aborted_text: The same for people, or "".
 
@@ -81,6 +85,8 @@ class Tare:
     def __init__(self, initial: Array, noise: Array | None = None) -> None:
         value = np.array(initial, dtype=np.float64)
         self.current = Offset(0, value, None, 0, BY_CONFIG, None, np.zeros(3), "config")
+        self.known = self.busy = False
+        self.on_change: list[Callable[[], None]] = []
         self.aborted_reason: TareReason | None = None
         self.aborted_text = ""
         stated = np.zeros_like(value) if noise is None else np.array(noise, dtype=np.float64)
@@ -89,20 +95,10 @@ class Tare:
         self._most_std = most_std(stated)
         self._before: Offset | None = None
         self._count = 0  # the newest id
-        self._until_ns: int | None = None
+        self._until_ns = 0
         self._by = ""
         self._gravity: Array | None = None
         self._average = Average(value.shape)
-
-    @property
-    def known(self) -> bool:
-        """The zero is known: by a tare, or because the pad was seen to be free. The config is asked elsewhere."""
-        return self.current.origin != "config"
-
-    @property
-    def busy(self) -> bool:
-        """A tare is running."""
-        return self._until_ns is not None
 
     def begin(self, t_ns: int, seconds: float, by: str = "", gravity_mps2: Array | None = None) -> None:
         """Start to average readings for ``seconds``; until then the offset in force stays.
@@ -118,6 +114,7 @@ class Tare:
         self._by, self._gravity = by, gravity_mps2
         self._average = Average(self.current.value.shape)
         self.aborted_reason, self.aborted_text = None, ""
+        self._change(busy=True)
 
     def abort(self, reason: TareReason, text: str = "") -> None:
         """Abort a running tare; the offset in force stays.
@@ -126,9 +123,9 @@ class Tare:
             reason: Why.
             text: The same for people; by default the text of the reason.
         """
-        if self._until_ns is not None:
-            self._until_ns = None
+        if self.busy:
             self.aborted_reason, self.aborted_text = reason, text or _TEXTS[reason]
+            self._change(busy=False)
 
     def undo(self) -> bool:
         """Abort a running tare, or else restore the offset before the last tare.
@@ -141,43 +138,54 @@ class Tare:
             return True
         if self._before is None:
             return False
-        self.current, self._before = self._before, None
+        before, self._before = self._before, None
+        self.put(before)
         return True
 
     def restore(self, offset: Offset) -> None:
         """Put the offset of an earlier run in force; the present one is that before it."""
-        self._count = offset.id
-        self._before, self.current = self.current, offset
+        self._count, self._before = offset.id, self.current
+        self.put(offset)
 
     def observe(self, t_ns: int) -> None:
         """Record that the offset in force was right at ``t_ns``: the sensor was free, and read nothing."""
-        self.current = replace(self.current, origin="observed", t_ns=t_ns)
+        self.put(replace(self.current, origin="observed", t_ns=t_ns))
 
     def reject(self, text: str) -> None:
         """Forget the offset of an earlier run, because the readings contradict it; ``text``: how, for people."""
         if self.current.origin == "stored" and self._before is not None:
-            self.current, self._before = self._before, None
             self.aborted_text = f"the stored zero does not fit: {text}"
+            before, self._before = self._before, None
+            self.put(before)
+
+    def put(self, offset: Offset) -> None:
+        """Put an offset in force, beside a tare that may be running."""
+        self.current, self.known = offset, offset.origin != "config"
+        self._change(busy=self.busy)
+
+    def _change(self, *, busy: bool) -> None:
+        self.busy = busy
+        for notify in self.on_change:
+            notify()
 
     def apply(self, values: Array, t_ns: int, *, trusted: bool = True) -> Array:
         """Subtract the offset in force; a running tare averages the reading if it is trusted."""
-        if self._until_ns is not None and trusted:
-            self._measure(values, t_ns, self._until_ns)
+        if self.busy and trusted:
+            self._measure(values, t_ns)
         return values - self.current.value
 
-    def _measure(self, values: Array, t_ns: int, until_ns: int) -> None:
+    def _measure(self, values: Array, t_ns: int) -> None:
         average = self._average
         average.add(values)
-        if t_ns < until_ns or average.count < MIN_READINGS:
+        if t_ns < self._until_ns or average.count < MIN_READINGS:
             return
         std = average.std
         if (std > self._most_std).any():
             self.abort("moved", self._moved(std))
             return
         self._count += 1
-        self._before = self.current
-        self.current = Offset(self._count, average.mean, t_ns, average.count, self._by, std, self._gravity)
-        self._until_ns = None
+        self._before, self.busy = self.current, False
+        self.put(Offset(self._count, average.mean, t_ns, average.count, self._by, std, self._gravity))
 
     def _moved(self, std: Array) -> str:
         worst = np.unravel_index(np.argmax(std / self._most_std), std.shape)

@@ -56,7 +56,7 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
         "finger/verdict",
         "finger/three_axis",
         "finger/trust",
-        "finger/verdict_batch",
+        "finger/finger_state",
         "finger/force_channel",
     ):
         for node in ast.walk(ast.parse((DAEMON / f"{name}.py").read_text(encoding="utf-8"))):

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from slipd.config import Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
-from slipd.finger.finger_state import FingerState
-from slipd.finger.verdict_batch import VerdictBatch
+from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.samples import TactileSample, WrenchSample
@@ -73,8 +72,7 @@ class Split:
 
 def plain(batch: VerdictBatch) -> list[str]:
     """Return all that is known after each reading, to the last bit."""
-    known, newest = [], batch[-1]
-    assert (batch.level, batch.is_stale, batch.normal_n) == (newest.level, newest.is_stale, newest.normal_n)
+    known = []
     for state, level in zip(batch, batch.levels, strict=True):
         assert level == level_code(state.verdict.level)
         used, shares = state.utilisation, state.load_distribution

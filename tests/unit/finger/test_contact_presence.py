@@ -130,7 +130,7 @@ def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
     for pad, expected in (("", hidden), (f"tare = {[0.0] * 16}\n", ("no_contact", ()))):
         noisy = make_noisy("mass_kg = 0.1\n", pad)
         assert noisy.finger.image is not None
-        noisy.finger.image.tare.current = replace(noisy.finger.image.tare.current, origin="config")
+        noisy.finger.image.tare.put(replace(noisy.finger.image.tare.current, origin="config"))
         noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
         for _ in range(20):
             noisy.read(0.0)

@@ -82,9 +82,9 @@ def test_tare_at_a_known_pose_does_not_contain_the_weight(heavy: str, parse: Par
     assert read(force, np.add(weigh(DOWN), 0.5)) == pytest.approx([0.0] * 6, abs=1e-12)
     force.set_gravity(ALONG, T0)
     assert read(force, np.add(weigh(ALONG), 0.5)) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert force.undo_tare()
+    assert force.tare.undo()
     assert read(force, weigh(ALONG)) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert not force.undo_tare()
+    assert not force.tare.undo()
 
 
 def test_unknown_orientation_adds_uncertainty_and_is_reported(heavy: str, parse: Parse) -> None:
@@ -155,7 +155,7 @@ def test_drift_is_followed_without_contact_and_kept_in_contact(left: str, parse:
     for k in range(12):
         read(force, reading, T0 + k * MS)
     assert force.drift.value.tolist() == [0.0] * 6
-    assert force.undo_tare()
+    assert force.tare.undo()
     assert force.drift.value[2] == pytest.approx(0.2, abs=0.01)
 
 

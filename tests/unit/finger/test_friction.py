@@ -26,10 +26,10 @@ def levels(finger: Finger, wrench: Wrench, image: Image, pulls: Iterable[float])
 
 
 def test_mu_of_config_holds_until_a_request_sets_another(finger: Finger, wrench: Wrench, image: Image) -> None:
-    assert (finger.friction.mu, finger.friction.source) == (0.5, "config")
+    assert (finger.friction.state.mu, finger.friction.state.source) == (0.5, "config")
     assert levels(finger, wrench, image, [4.5]) == ["warning"]
     finger.set_friction(1.0, None)
-    assert (finger.friction.mu, finger.friction.source) == (1.0, "request")
+    assert (finger.friction.state.mu, finger.friction.state.source) == (1.0, "request")
     body = slip_body(finger, finger.state)
     assert (body["mu"], body["mu_source"]) == (0.5, "config"), "of the reading before the request"
     assert levels(finger, wrench, image, [4.5]) == ["stable"], "λ is 0.45 now"
@@ -41,10 +41,10 @@ def test_mu_of_config_holds_until_a_request_sets_another(finger: Finger, wrench:
 
 def test_request_sets_mu_where_config_has_none(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
     finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
-    assert (finger.friction.mu, finger.friction.source) == (None, "none")
+    assert (finger.friction.state.mu, finger.friction.state.source) == (None, "none")
     assert levels(finger, wrench, image, [1.0]) == ["unknown"]
     finger.set_friction(0.5, None)
-    assert (finger.friction.mu, finger.friction.source) == (0.5, "request")
+    assert (finger.friction.state.mu, finger.friction.state.source) == (0.5, "request")
     assert levels(finger, wrench, image, [1.0]) == ["stable"]
 
 
@@ -94,7 +94,7 @@ def test_any_mu_is_more_lenient_than_none(left: str, parse: Parse) -> None:
 def test_what_a_grasp_taught_beyond_the_stated_mu_makes_no_larger_mu_strict(finger: Finger) -> None:
     """It ends with the grasp; what a client states does not."""
     teach(finger, 0.6)
-    assert finger.friction.mu == pytest.approx(0.6)
+    assert finger.friction.state.mu == pytest.approx(0.6)
     assert finger.friction.is_more_lenient(0.55, None)
     assert not finger.friction.is_more_lenient(0.5, None)
 
@@ -108,15 +108,15 @@ def test_what_a_grasp_taught_below_the_stated_mu_makes_the_stated_one_lenient(fi
 def test_any_mu_is_more_lenient_than_none_although_the_grasp_taught_one(left: str, parse: Parse) -> None:
     finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
     teach(finger, 0.5, slips=True)
-    assert finger.friction.source == "learned"
+    assert finger.friction.state.source == "learned"
     assert finger.friction.is_more_lenient(0.1, None)
 
 
 def test_a_mu_that_makes_a_slippery_object_unknown_is_more_lenient(finger: Finger) -> None:
-    finger.set_object("soap")
+    finger.friction.set_object("soap")
     teach(finger, 0.3, slips=True)
-    finger.set_object("rubber")
-    assert finger.friction.mu == 0.5
+    finger.friction.set_object("rubber")
+    assert finger.friction.state.mu == 0.5
     assert finger.friction.is_more_lenient(0.5, None)
     assert not finger.friction.is_more_lenient(0.2, None)
 
@@ -127,12 +127,12 @@ def test_a_grasp_whose_force_and_image_disagree_teaches_nothing_of_its_object(
     """Its readings were wrong already before that was noticed."""
     noisy = make_noisy(pad="gain_error = 0.05\n")
     friction = noisy.finger.friction
-    noisy.finger.set_object("mug")
+    noisy.finger.friction.set_object("mug")
     noisy.hold(0.3)
     teach(noisy.finger, 0.8)
-    assert friction.mu == pytest.approx(0.8)
+    assert friction.state.mu == pytest.approx(0.8)
     noisy.hold(0.3, lambda counts: np.multiply(counts, 0.3, out=counts))
     assert noisy.verdict == ("unknown", ("disagreement", "disagreement_force"))
-    assert (friction.mu, friction.state.object_name) == (0.5, "mug")
+    assert (friction.state.mu, friction.state.object_name) == (0.5, "mug")
     noisy.send(np.zeros(3), np.zeros(3))
-    assert friction.mu == 0.5, "the next grasp of the object begins with what is stated"
+    assert friction.state.mu == 0.5, "the next grasp of the object begins with what is stated"

@@ -65,10 +65,10 @@ class TestChargePad:
         assert image is not None
         counts = np.round(1000 * np.exp(-1.0 / 2.0) * np.ones((4, 4)))
         by_config = image.tare.current
-        image.restore_tare(replace(by_config, id=1, value=by_config.value + 200.0, origin="stored"))
+        image.tare.restore(replace(by_config, id=1, value=by_config.value + 200.0, origin="stored"))
         press(10.0, counts=counts)
         assert image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)
-        image.reject_tare("the normal force is clearly negative")
+        image.tare.reject("the normal force is clearly negative")
         assert image.tare.current is by_config
         press(10.0, counts=counts)
         assert image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)

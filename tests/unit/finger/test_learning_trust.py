@@ -57,7 +57,7 @@ class Held:
 
     @property
     def mu(self) -> float | None:
-        return self.finger.friction.mu
+        return self.finger.friction.state.mu
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from slipd.types.samples import WrenchSample
 class TestTareOfTheForceSensor:
     def test_tare_removes_the_bias(self, finger: Finger, press: Press) -> None:
         assert finger.force is not None
-        finger.force.tare.current = replace(finger.force.tare.current, origin="config")  # not known yet
+        finger.force.tare.put(replace(finger.force.tare.current, origin="config"))  # not known yet
         finger.begin_tare(T0, 0.1, "someone")
         for _ in range(12):
             press(2.0, (1.0, 0.0), counts=EMPTY)
@@ -60,9 +60,9 @@ class TestTareOfTheForceSensor:
 
 def test_undo_gives_up_a_tare_in_progress(noisy: NoisyFinger) -> None:
     noisy.finger.begin_tare(T0, 0.1, "someone")
-    assert noisy.finger.undo_tare()
+    assert noisy.finger.tare.undo()
     assert noisy.finger.tare.current.id == 0
-    assert not noisy.finger.undo_tare()
+    assert not noisy.finger.tare.undo()
 
 
 def test_tare_is_given_up_after_500_ms_of_silence(noisy: NoisyFinger) -> None:

@@ -103,7 +103,7 @@ def test_after_the_first_slip_with_a_coefficient_a_fifth_too_high_the_next_one_i
     grasp = make_grasp(1.2 * TRUE_MU)
     assert lead_ms(grasp.approach_and_slip()) < 60, "warned only at 0.96 of the true limit"
     assert [level for level, _ in groupby(levels(grasp.states))].count("slipping") == 1, "the unloading is no slip"
-    friction = grasp.finger.friction_state
+    friction = grasp.finger.friction.state
     assert friction.source == "learned"
     assert friction.mu is not None
     assert friction.mu_high is not None
@@ -117,7 +117,7 @@ def test_without_a_coefficient_the_first_slip_teaches_one_that_warns_of_the_next
     approach = grasp.approach_and_slip()
     assert {state.verdict.reasons for state in approach} == {("no_mu",)}
     assert "slipping" in levels(grasp.states)
-    assert grasp.finger.friction_state.source == "learned"
+    assert grasp.finger.friction.state.source == "learned"
     assert lead_ms(grasp.approach_and_slip()) > 130
 
 
@@ -142,7 +142,7 @@ def test_false_warnings_with_a_coefficient_a_fifth_too_low_stop_once_more_was_ca
     grasp.load(0.46, 0.46, 0.3)
     grasp.load(0.46, 0.36, 0.3)
     assert set(levels(grasp.load(0.36, 0.36, 0.8))[400:]) == {"caution"}
-    friction = grasp.finger.friction_state
+    friction = grasp.finger.friction.state
     assert friction.source == "learned"
     assert friction.mu is not None
     assert 0.44 < friction.mu < TRUE_MU
@@ -151,16 +151,16 @@ def test_false_warnings_with_a_coefficient_a_fifth_too_low_stop_once_more_was_ca
 def test_a_sensor_that_is_not_trusted_teaches_nothing(make_grasp: MakeGrasp) -> None:
     grasp = make_grasp(0.8 * TRUE_MU)
     grasp.load(0.2, 0.2, 0.3)
-    before = grasp.finger.friction_state
+    before = grasp.finger.friction.state
     grasp.load(0.48, 0.48, 0.25, status=("overload",))  # after 0.3 s, the grasp counts as another
     grasp.load(0.2, 0.2, 0.05)
-    assert grasp.finger.friction_state == before
+    assert grasp.finger.friction.state == before
 
 
 def test_a_sensor_whose_zero_is_not_known_teaches_nothing(left: str, parse: Parse, wrench: Wrench) -> None:
     grasp = Grasp(make_finger(left.replace("mu = 0.5", "mu = 0.4"), parse, zeros=False), wrench)
     grasp.load(0.48, 0.48, 0.5)
-    assert (grasp.finger.friction_state.mu, grasp.finger.friction_state.source) == (0.4, "config")
+    assert (grasp.finger.friction.state.mu, grasp.finger.friction.state.source) == (0.4, "config")
 
 
 @pytest.mark.parametrize(("mu", "restart"), [(0.6, "tare"), (0.3, "tare"), (0.6, "pad"), (0.6, "request")])
@@ -168,10 +168,10 @@ def test_a_request_starts_anew_a_tare_forgets_what_is_more_lenient_and_a_lost_pa
     make_grasp: MakeGrasp, mu: float, restart: str
 ) -> None:
     grasp = make_grasp(mu)
-    grasp.finger.set_object("mug")
+    grasp.finger.friction.set_object("mug")
     grasp.approach_and_slip()
     grasp.let_go()
-    learned = grasp.finger.friction_state
+    learned = grasp.finger.friction.state
     assert learned.source == "learned"
     assert learned.mu is not None
     if restart == "tare":
@@ -181,7 +181,7 @@ def test_a_request_starts_anew_a_tare_forgets_what_is_more_lenient_and_a_lost_pa
     else:
         grasp.finger.set_friction(mu, None)
     grasp.let_go()
-    friction = grasp.finger.friction_state
+    friction = grasp.finger.friction.state
     kept = restart == "pad" or (restart == "tare" and learned.mu < mu)
     assert friction.mu == (learned.mu if kept else mu)
     assert friction.object_name == "mug"
@@ -191,10 +191,10 @@ def test_the_end_of_the_contact_starts_anew_unless_the_object_is_named(make_gras
     grasp = make_grasp(0.6)
     grasp.approach_and_slip()
     grasp.let_go()
-    assert (grasp.finger.friction_state.mu, grasp.finger.friction_state.source) == (0.6, "config")
-    grasp.finger.set_object("mug")
+    assert (grasp.finger.friction.state.mu, grasp.finger.friction.state.source) == (0.6, "config")
+    grasp.finger.friction.set_object("mug")
     grasp.approach_and_slip()
     grasp.let_go()
-    friction = grasp.finger.friction_state
+    friction = grasp.finger.friction.state
     assert (friction.source, friction.object_name) == ("learned", "mug")
     assert lead_ms(grasp.approach_and_slip()) > 130, "the first slip of the second grasp is warned"

@@ -198,7 +198,7 @@ def test_other_coefficients_forget_everything(hand: Hand) -> None:
     hand.estimate.set_object("mug")
     hand.feel(slip(0.4, 0.3))
     hand.let_go()
-    hand.estimate.restart(0.7, 0.6, "request")
+    hand.estimate.set(0.7, 0.6, "ann", None)
     state = hand.estimate.state
     assert (state.mu, state.source, state.mu_d, state.object_name) == (0.7, "request", 0.6, "mug")
 
@@ -222,8 +222,8 @@ def test_another_zero_forgets_what_is_more_lenient_and_keeps_what_is_stricter(ha
 
 def test_what_was_learned_counts_from_the_next_step_of_time(hand: Hand) -> None:
     times_ns = [1_000_000_000 + k * 7_000_000 for k in range(8)]
-    assert list(hand.estimate.segments(times_ns)) == [(0, 3), (3, 6), (6, 8)]
-    assert list(hand.estimate.segments([1_050_000_000, 1_059_000_000])) == [(0, 2)]
+    assert [hand.estimate.begin_step(times_ns, begin) for begin in (0, 3, 6)] == [3, 6, 8]
+    assert hand.estimate.begin_step([1_050_000_000, 1_059_000_000], 0) == 2
 
 
 @pytest.mark.parametrize("seen", [slip(0.9, 0.8), [(0.9, math.nan, math.nan, True)] * 5], ids=["fall", "creep"])
@@ -256,7 +256,7 @@ def test_a_long_time_without_trusted_readings_ends_what_was_learned(hand: Hand) 
 
 
 def test_dynamic_friction_is_never_above_the_interval_of_static_friction(hand: Hand) -> None:
-    hand.estimate.restart(0.6, 0.55, "request")
+    hand.estimate.set(0.6, 0.55, "ann", None)
     state = hand.feel([*carry(0.2), (0.25, 0.3, math.nan, True)])
     assert state.mu_high is not None
     assert state.mu_d is not None

@@ -256,7 +256,7 @@ def test_the_reflex_keeps_all_that_it_added_where_friction_is_only_learned(make_
     hand.hold()
     teach(hand.fingers["left"], 0.6, slips=True)
     hand.hold(T0 + 400 * MS)
-    assert hand.fingers["left"].friction.source == "learned"
+    assert hand.fingers["left"].friction.state.source == "learned"
     state = hand.view.update(WIDTH_M)
     assert state.grip_needed_n is not None
     assert state.grip_kept_n is None
@@ -342,7 +342,7 @@ def test_the_reflex_lowers_only_to_what_the_stated_friction_needs(hand: Hand) ->
         hand.press("left", 10.0, (min(0.02 * (k - 100), 6.0), 0.0), t_ns=T0 + k * MS, counts=FULL + k % 3)
     hand.press("right", 10.0, (2.0, 0.0), t_ns=T0 + 699 * MS)
     state = hand.view.update(WIDTH_M)
-    friction = left.friction_state
+    friction = left.friction.state
     assert (friction.mu, friction.source) == (pytest.approx(0.6, rel=0.01), "learned")
     assert state.grip_needed_n == pytest.approx(1.3 * 10.0, rel=0.01)
     assert state.grip_kept_n == pytest.approx(1.3 * 10.0 * 0.6 / 0.5, rel=0.01)

@@ -11,7 +11,7 @@ from known_zeros import known_finger
 from slipd.config import Config, Levels, Rates
 from slipd.events import Output, Publish
 from slipd.finger.finger import Finger
-from slipd.finger.verdict_batch import VerdictBatch
+from slipd.finger.finger_state import VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.samples import TactileSample, WrenchSample
