@@ -7,7 +7,7 @@ import contextlib
 import time
 from collections.abc import AsyncIterator
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import zmq
 
@@ -17,7 +17,47 @@ from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper, check_held
 from slipd_client.messages.schema.topics import Message
 from slipd_client.request_protocol import Ask, Envelope, Result, Steps
 from slipd_client.subscriber import SubscriberBase
-from slipd_client.waker import Waker
+
+
+class Waker:
+    """Waits for a socket to become ready for reading or writing, in the loop that runs when it is created.
+
+    ZeroMQ's file descriptor signals each change only once. So call `check` after every use of the socket, and receive
+    until nothing is left before waiting.
+    """
+
+    def __init__(self, socket: zmq.Socket[Any]) -> None:
+        self._socket = socket
+        self._loop = asyncio.get_running_loop()
+        self._events: dict[int, asyncio.Event] = {zmq.POLLIN: asyncio.Event(), zmq.POLLOUT: asyncio.Event()}
+        self._loop.add_reader(socket.FD, self.check)
+
+    def check(self) -> None:
+        """Wake every task that waits for what the socket is ready for."""
+        ready = int(self._socket.getsockopt(zmq.EVENTS))
+        for event, wake in self._events.items():
+            if ready & event:
+                wake.set()
+
+    async def wait(self, event: int, until: float | None) -> None:
+        """Wait until the socket may be ready for ``event``, or until the time ``until`` (on ``time.monotonic``).
+
+        The caller learns which of the two happened when it uses the socket.
+        """
+        wake = self._events[event]
+        wake.clear()
+        self.check()
+        end = None if until is None else self._loop.call_later(until - time.monotonic(), wake.set)
+        try:
+            await wake.wait()
+        finally:
+            if end is not None:
+                end.cancel()
+
+    def stop(self) -> None:
+        """Leave the loop; call it before the socket is closed."""
+        self._loop.remove_reader(self._socket.FD)
+
 
 T = TypeVar("T")
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Optional
 
 from slipd_client.errors import FrictionNotMeasured, RequestRefused
 from slipd_client.friction_pull import PullSample
-from slipd_client.friction_samples import config_lines, low_estimate, median_of, spread
-from slipd_client.friction_session import OBSTACLE_S, FrictionSession
+from slipd_client.friction_session import OBSTACLE_S, FrictionSession, config_lines, low_estimate, median_of, spread
 from slipd_client.messages import Health
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Slip

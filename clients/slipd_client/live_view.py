@@ -5,7 +5,6 @@ Knows no clock, socket or terminal: messages in, text out. An unknown value is s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from slipd_client.live_view_format import (
@@ -31,13 +30,10 @@ from slipd_client.live_view_lines import (
 )
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, Health
 from slipd_client.pad_picture import PadImage, largest_scale, pad_image
-from slipd_client.terminal_text import GAP, Line, Sheet, paint, spelled
+from slipd_client.terminal import GAP, Line, Sheet, Terminal, paint, spelled
 
 SILENT_AFTER_S = 2.0
 """Twice the period of ``status``: after so long without it, what was shown last is out of date."""
-
-UNCUT = 10_000
-"""Columns and lines without a terminal: more than is ever drawn."""
 
 FACT_COLUMNS = 36
 """Least columns beside the picture of a pad, for the facts."""
@@ -63,23 +59,6 @@ class _Made(NamedTuple):
     width: int
     ascii_only: bool
     forms: StreamForms
-
-
-@dataclass(frozen=True, slots=True)
-class Terminal:
-    """What the view is drawn for.
-
-    Attributes:
-        columns: Columns; facts and reasons continue on the next line.
-        lines: Lines; what is left out for want of them is named in the last one.
-        colour: Whether to add ANSI colours.
-        ascii_only: It shows ASCII only.
-    """
-
-    columns: int = UNCUT
-    lines: int = UNCUT
-    colour: bool = False
-    ascii_only: bool = False
 
 
 class LiveView:

@@ -22,7 +22,7 @@ from slipd_client.live_view_format import (
 )
 from slipd_client.messages import HEALTH
 from slipd_client.pad_picture import CENTROID, POLE, Mark, PadImage, pad_picture
-from slipd_client.terminal_text import GAP, Line, Sheet, Span
+from slipd_client.terminal import GAP, Line, Sheet, Span
 
 NAME_CELLS = 10
 

@@ -13,7 +13,7 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 from slipd_client.live_view_format import number
-from slipd_client.terminal_text import Line
+from slipd_client.terminal import Line
 
 CENTROID, POLE = "+", "o"
 """Marks of the contact centroid and of the velocity pole."""

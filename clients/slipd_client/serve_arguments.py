@@ -12,7 +12,7 @@ from slipd_client.arguments import DEFAULT_LISTEN, Add, finite, parse_listen, ra
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_keys import check_name
 from slipd_client.messages.schema.topics import TOPICS
-from slipd_client.ros.topic_names import NAMESPACE, TRANSFORMS_TOPIC
+from slipd_client.ros.conversion import NAMESPACE, TRANSFORMS_TOPIC
 from slipd_client.ros2.ros_environment import check_domain
 
 FOXGLOVE_LISTEN = "127.0.0.1:8765"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd_client.errors import CallError, Silence
-from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.conversion import PadFrames
 from slipd_client.subscriber import Message, Subscriber
 
 IDLE_S = 0.1

@@ -62,9 +62,10 @@ def _serve(chosen: argparse.Namespace, given: keys.Keys | None) -> None:
         ros2_command.run(chosen, given)
     elif chosen.command == "serve fleet":
         require("zenoh", "eclipse-zenoh", "slipctl serve fleet")
-        from slipd_client.fleet import bridge_command
 
-        bridge_command.run(chosen, given)
+        from slipd_client.fleet import robot_bridge
+
+        robot_bridge.run(chosen, given)
     else:
         require("zenoh", "eclipse-zenoh", "slipctl fleet")
         from slipd_client.fleet import fleet_command
@@ -75,7 +76,7 @@ def _serve(chosen: argparse.Namespace, given: keys.Keys | None) -> None:
 def _ask(client: GripClient, chosen: argparse.Namespace) -> None:
     """Carry out a command that sends requests."""
     if chosen.command == "status":
-        from slipd_client.health.status_command import print_status
+        from slipd_client.watch import print_status
 
         print_status(client.status(), as_json=chosen.json)
     elif chosen.command == "friction measure":

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd_client.arguments import Add, add_listen, finite
-from slipd_client.friction_samples import MOST_SAMPLES
+from slipd_client.friction_session import MOST_SAMPLES
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from slipd_client.live_view import LiveView, Terminal
+from slipd_client.live_view import LiveView
+from slipd_client.terminal import Terminal
 
 SLIP: dict[str, Any] = {
     "finger": "left",

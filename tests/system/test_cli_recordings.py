@@ -22,8 +22,9 @@ from project import CONFIG, TRIAL
 
 from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
-from slipd_client.live_view import LiveView, Terminal
+from slipd_client.live_view import LiveView
 from slipd_client.messages import MESSAGE_LIMITS, decode
+from slipd_client.terminal import Terminal
 
 START_S = 1.0  # where an imported trial begins
 SLIPD = str(Path(sys.executable).with_name("slipd"))

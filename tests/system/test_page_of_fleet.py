@@ -20,7 +20,7 @@ pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
 from zenoh_peers import free_endpoint, session
 
-from slipd_client.fleet.bridge_publisher import BridgePublisher
+from slipd_client.fleet.robot_bridge import BridgePublisher
 from slipd_client.messages import encode
 
 pytestmark = pytest.mark.process

@@ -1,4 +1,4 @@
-"""``slipctl fleet``: every robot of a fleet on a terminal, in a log or as JSON, until interrupted."""
+"""``slipctl fleet``: every robot of a fleet on a terminal, in a log, as JSON or in a browser, until interrupted."""
 
 from __future__ import annotations
 
@@ -8,18 +8,126 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
 
 from slipd_client.errors import require
 from slipd_client.fleet.fleet_listener import FleetListener
-from slipd_client.fleet.fleet_state import RobotRow
-from slipd_client.fleet.fleet_view import change_text, fleet_lines, fleet_map
+from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotRow
 from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
-from slipd_client.live_view import UNCUT
-from slipd_client.live_view_format import clock_time
-from slipd_client.output_terminal import ascii_only, is_screen, size_of, terminal_of
-from slipd_client.terminal_screen import TerminalScreen
-from slipd_client.terminal_text import spelled
+from slipd_client.live_view_format import UNKNOWN, clock_time, plain
+from slipd_client.live_view_lines import HEALTH_COLOURS, LEVEL_COLOURS
+from slipd_client.messages.names import SEVERITY
+from slipd_client.terminal import (
+    UNCUT,
+    Line,
+    Terminal,
+    TerminalScreen,
+    ascii_only,
+    is_screen,
+    paint,
+    size_of,
+    spelled,
+    terminal_of,
+)
+
+NAME_CELLS = 16
+
+_STATE_COLOURS = {LIVE: "32", GONE: "1;31", CLASH: "1;31"}
+
+
+def by_urgency(rows: Sequence[RobotRow]) -> list[RobotRow]:
+    """Return the robots that need attention first: alarms, then those not live, then ill ones, then by name.
+
+    Robots that the user did not name follow those that he named: anyone may publish under a name.
+    """
+    return sorted(rows, key=lambda row: (not row.expected, -SEVERITY[row.level], -(row.health or 0), row.robot))
+
+
+def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Terminal) -> list[str]:
+    """Return the view: a head with counts, then one line for each robot, the most urgent first.
+
+    Args:
+        fleet: Name of the fleet.
+        rows: The robots.
+        unread: Messages that could not be read.
+        terminal: What to draw for; robots without room are counted in the last line.
+    """
+    head: list[Line] = [_summary(fleet, rows, unread)]
+    if rows:
+        head.append([(f"{'robot':<{NAME_CELLS}}  {'state':<6}  {'level':<10}  {'health':<6}  {'age':>8}", "2")])
+    lines = [*head, *map(_robot_line, by_urgency(rows))]
+    if len(lines) > terminal.lines:
+        left_out = len(lines) - terminal.lines + 1
+        less_urgent = ", all less urgent" if all(row.expected for row in rows) else ""
+        lines = [*lines[: terminal.lines - 1], [(f"{left_out} more{less_urgent}", "2")]]
+    spoken = [[(spelled(text, ascii_only=terminal.ascii_only), code) for text, code in line] for line in lines]
+    return [paint(line, terminal.columns, colour=terminal.colour) for line in spoken]
+
+
+def fleet_map(fleet: str, rows: Sequence[RobotRow], unread: int) -> dict[str, Any]:
+    """Return the fleet as a map of plain values, for JSON."""
+    robots = [asdict(row) | {"health": None if row.health is None else row.health.name} for row in by_urgency(rows)]
+    return {"fleet": fleet, "robots": robots, "unread": unread}
+
+
+def change_text(before: RobotRow | None, row: RobotRow) -> str:
+    """Return one line for a log where state, level or health of a robot has changed; "" where it has not."""
+    if before is None:
+        return f"{row.robot}: {row.state}, {row.level}"
+    parts = [
+        f"{old} → {new}"
+        for old, new in ((before.state, row.state), (before.level, row.level), (_health(before), _health(row)))
+        if old != new
+    ]
+    why = _remarks(row)
+    return f"{row.robot}: {', '.join(parts)}{f'  ({why})' if why else ''}" if parts else ""
+
+
+def _summary(fleet: str, rows: Sequence[RobotRow], unread: int) -> Line:
+    states = Counter(row.state for row in rows)
+    levels = Counter(row.level for row in rows if row.state in PUBLISHING)
+    text = f"fleet {fleet}  {len(rows)} {'robot' if len(rows) == 1 else 'robots'}"
+    counts = [f"{states[state]} {state}" for state in sorted(states)]
+    alarms = [f"{levels[level]} {level}" for level in ("slipping", "warning", "caution") if levels[level]]
+    lost = sum(row.missed_warnings for row in rows)
+    more = [f"{lost} warnings missed"] if lost else []
+    more += [f"{unread} messages not read"] if unread else []
+    return [("  ".join([text, *counts, *alarms, *more]), "1")]
+
+
+def _robot_line(row: RobotRow) -> Line:
+    age = UNKNOWN if row.age_s is None else f"{row.age_s:.1f} s"
+    return [
+        (f"{row.robot:<{NAME_CELLS}}", "1"),
+        (f"  {row.state:<6}", _STATE_COLOURS.get(row.state, "33")),
+        (f"  {row.level:<10}", LEVEL_COLOURS.get(row.level, "")),
+        (f"  {_health(row):<6}", "" if row.health is None else HEALTH_COLOURS[row.health]),
+        (f"  {age:>8}", ""),
+        (f"  {text}" if (text := _remarks(row)) else "", ""),
+    ]
+
+
+def _health(row: RobotRow) -> str:
+    return UNKNOWN if row.health is None else row.health.name
+
+
+def _remarks(row: RobotRow) -> str:
+    """Return what explains the row: its fault, levels of fingers now or at last, the worst stream, what is lost."""
+    parts = [row.fault] if row.fault else []
+    parts += [] if row.expected else ["not one of --robots"]
+    if row.fingers:
+        levels = ", ".join(f"{plain(finger)} {level}" for finger, level in row.fingers.items())
+        parts.append(levels if row.state in PUBLISHING else f"last: {levels}")
+    if row.state == LIVE and row.reasons:
+        parts.append(", ".join(map(plain, row.reasons)))
+    parts += [plain(row.complaint)] if row.complaint else []
+    parts += [f"holds {plain(row.object_name)}"] if row.object_name else []
+    parts += [f"{row.missed_warnings} warnings missed"] if row.missed_warnings else []
+    return "; ".join(parts)
+
 
 GATHER_S = 2.5
 """How long ``--once`` gathers, s: by then every robot that can has sent its last values or a new ``status``."""

@@ -8,10 +8,9 @@ import time
 from websockets.http11 import Response
 
 from slipd_client.arguments import ListenAddress
+from slipd_client.fleet.fleet_command import fleet_map
 from slipd_client.fleet.fleet_listener import FleetListener
-from slipd_client.fleet.fleet_view import fleet_map
-from slipd_client.page.page_server import PageServer
-from slipd_client.page.site import Site, json_answer
+from slipd_client.page.page_server import PageServer, Site, json_answer
 
 TAKE_S = 0.1
 """Time between two updates of the state, s."""

@@ -21,11 +21,11 @@ from pathlib import Path
 from slipd_client.errors import CallError, SlipdClientError
 from slipd_client.grip import GripClient
 from slipd_client.health.repairs import repairs
-from slipd_client.health.status_command import repairs_text
 from slipd_client.keys import Keys
 from slipd_client.path_trust import trust_faults
 from slipd_client.paths import log_file
 from slipd_client.subscriber import Subscriber
+from slipd_client.watch import repairs_text
 
 MOST_RECORDING_BYTES = 200_000_000
 """A longer recording is left out: the bundle is sent by mail or chat."""

@@ -13,9 +13,8 @@ from slipd_client.errors import CallError
 from slipd_client.page.commission_page import CommissionPage
 from slipd_client.page.emulated_hand import EmulatedHand
 from slipd_client.page.live_feed import LiveFeed
-from slipd_client.page.page_server import PageServer
+from slipd_client.page.page_server import PageServer, Site
 from slipd_client.page.requests_of_page import ADJUST_N, PageRequests
-from slipd_client.page.site import Site
 from slipd_client.paths import publish_endpoint
 
 if TYPE_CHECKING:

@@ -13,19 +13,154 @@
 from __future__ import annotations
 
 import functools
+import json
 import math
 import struct
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
+from slipd_client.messages.names import Health
 from slipd_client.messages.schema.topics import TOPICS, Grasp, Slip, Status, Tactile, Wrench
 from slipd_client.ros.cdr import CdrEncoder
-from slipd_client.ros.diagnostics import diagnostics
-from slipd_client.ros.pad_frames import PadFrames
-from slipd_client.ros.ros_types import schema_text
+from slipd_client.ros.ros_types import STOCK_TYPES, schema_text
 from slipd_client.ros.slipd_types import CONVERTERS, NAMES, PACKAGE, SLIPD_TYPES, time_of
-from slipd_client.ros.stock_types import STOCK_TYPES
-from slipd_client.ros.topic_names import DIAGNOSTICS_TOPIC, NAMESPACE, TRANSFORMS_TOPIC
+
+NAMESPACE = "/slipd"
+"""Beginning of the topics that only slipd has."""
+
+DIAGNOSTICS_TOPIC, TRANSFORMS_TOPIC = "/diagnostics", "/tf"
+
+
+PARENT = "gripper"
+
+
+class PadFrames:
+    """Frame of each pad at each width.
+
+    Args:
+        pads: The tables ``[grasp.pads.FINGER]`` of a config: ``positions``, rows of (width, x, y, z) in m with rising
+            width, and ``quat_xyzw``.
+
+    Raises:
+        KeyError, TypeError, ValueError: They are no such tables.
+    """
+
+    def __init__(self, pads: Mapping[str, Mapping[str, Any]]) -> None:
+        self._pads = {
+            finger: ([tuple(map(float, row)) for row in pad["positions"]], _unit(tuple(map(float, pad["quat_xyzw"]))))
+            for finger, pad in pads.items()
+        }
+
+    @property
+    def orientations(self) -> dict[str, tuple[float, ...]]:
+        """Orientation of each pad in the gripper's frame, unit quaternion x, y, z, w."""
+        return {finger: quaternion for finger, (_, quaternion) in self._pads.items()}
+
+    def transforms(self, header: Mapping[str, Any], width_m: float | None) -> list[dict[str, Any]]:
+        """Return a ``geometry_msgs/TransformStamped`` for each pad whose position at this width is known."""
+        found = []
+        for finger, (rows, quaternion) in self._pads.items():
+            position = None if width_m is None else _at(rows, width_m)
+            if position is not None:
+                found.append(
+                    {
+                        "header": {**header, "frame_id": PARENT},
+                        "child_frame_id": f"{finger}_pad",
+                        "transform": {
+                            "translation": dict(zip("xyz", position, strict=True)),
+                            "rotation": dict(zip("xyzw", quaternion, strict=True)),
+                        },
+                    }
+                )
+        return found
+
+
+def _at(rows: list[tuple[float, ...]], width_m: float) -> list[float] | None:
+    """Return the position at a width, linear between rows; None outside of them."""
+    for (low, *below), (high, *above) in pairwise(rows):
+        if low <= width_m <= high:
+            share = (width_m - low) / (high - low)
+            return [one + share * (other - one) for one, other in zip(below, above, strict=True)]
+    return None
+
+
+def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
+    norm = math.hypot(*quaternion)
+    return tuple(each / norm for each in quaternion)
+
+
+_IN_STATUS = ("health", "message", "hardware_id")
+"""Fields of a stream that a ``DiagnosticStatus`` has a place for."""
+
+Entry = dict[str, Any]
+
+
+def diagnostics(header: Mapping[str, Any], body: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the ``DiagnosticArray`` of one message of ``status``."""
+    return {"header": header, "status": list(_entries(body))}
+
+
+def stale_diagnostics(last: Mapping[str, Any], header: Mapping[str, Any], why: str) -> dict[str, Any]:
+    """Return a ``DiagnosticArray`` in which every entry of an earlier one is stale, because of ``why``."""
+    entries = [{**each, "level": int(Health.STALE), "message": why} for each in last["status"]]
+    return {"header": header, "status": entries}
+
+
+def _entries(body: Mapping[str, Any]) -> Iterator[Entry]:
+    yield _daemon(body)
+    for finger, state in body.get("fingers", {}).items():
+        yield _finger(finger, state)
+    if body.get("gripper") is not None:
+        yield _gripper(body["gripper"])
+    for stream, state in body.get("streams", {}).items():
+        values = {key: value for key, value in state.items() if key not in _IN_STATUS}
+        yield entry(stream, state["health"], state.get("message") or "", state.get("hardware_id") or "", values)
+
+
+def _daemon(body: Mapping[str, Any]) -> Entry:
+    late_s = body.get("late_s") or 0.0
+    failed = [name for name in ("recording", "run_recording") if (body.get(name) or {}).get("state") == "failed"]
+    failed += ["incident"] if (body.get("incidents") or {}).get("failure") else []
+    faults = [f"stalled for {late_s:.3f} s"] * (late_s > 0.0) + [f"{name} failed" for name in failed]
+    values = {key: body.get(key) for key in ("version", "uptime_s", "late_s", "object_name", "lease", "publisher")}
+    return entry("daemon", Health.WARN if faults else Health.OK, "; ".join(faults), "", values)
+
+
+def _finger(finger: str, state: Mapping[str, Any]) -> Entry:
+    """Return a finger: a verdict that is unknown is a warning, every other is in order; it is no fault to slip."""
+    level = Health.WARN if state["level"] == "unknown" else Health.OK
+    message = " ".join(filter(None, (state["level"], ", ".join(state.get("reasons") or ()))))
+    return entry(f"finger {finger}", level, message, "", state)
+
+
+def _gripper(state: Mapping[str, Any]) -> Entry:
+    if state.get("fault") is None:
+        level, message = Health.STALE, "the gripper does not answer"
+    elif fault := state["fault"] or state.get("latched_fault"):
+        level, message = Health.ERROR, fault
+    else:
+        level, message = Health.OK, ""
+    return entry("gripper", level, message, "", state)
+
+
+def entry(name: str, level: Health, message: str, hardware_id: str, values: Mapping[str, Any]) -> Entry:
+    """Return a ``DiagnosticStatus``; without a message it is the name of the level."""
+    return {
+        "level": int(level),
+        "name": f"slipd: {name}",
+        "message": message or Health(level).name,
+        "hardware_id": hardware_id,
+        "values": [{"key": key, "value": _text(value)} for key, value in values.items()],
+    }
+
+
+def _text(value: Any) -> str:
+    """Return a value for people; "unknown" for nil."""
+    if value is None:
+        return "unknown"
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
 
 TYPES = STOCK_TYPES | SLIPD_TYPES
 """Every type in use by its name, "package/Name"."""

@@ -11,8 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from slipd_client.ros.ros_types import STOCK_TYPES
 from slipd_client.ros.slipd_types import PACKAGE, SLIPD_TYPES
-from slipd_client.ros.stock_types import STOCK_TYPES
 
 VERSION = "0.1.0"
 

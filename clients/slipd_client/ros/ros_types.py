@@ -1,11 +1,14 @@
-"""What a ROS 2 message type is, and its text: the one declaration that encoders and schemas are made from."""
+"""ROS 2 message types: their text, their hash, and the types of ROS 2's own packages that slipd uses."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 PRIMITIVES = {
     "bool": "?",
@@ -132,3 +135,152 @@ def _walk(name: str, types: Mapping[str, RosType]) -> Iterator[str]:
 
 def _comment(text: str) -> str:
     return "".join(f"# {line}\n" for line in textwrap.wrap(text, COMMENT_WIDTH - 2))
+
+
+_TEXTS = {
+    "builtin_interfaces/Time": """
+        int32 sec
+        uint32 nanosec
+    """,
+    "std_msgs/Header": """
+        builtin_interfaces/Time stamp
+        string frame_id
+    """,
+    "geometry_msgs/Vector3": """
+        float64 x
+        float64 y
+        float64 z
+    """,
+    "geometry_msgs/Point": """
+        float64 x
+        float64 y
+        float64 z
+    """,
+    "geometry_msgs/Quaternion": """
+        float64 x
+        float64 y
+        float64 z
+        float64 w
+    """,
+    "geometry_msgs/Wrench": """
+        geometry_msgs/Vector3 force
+        geometry_msgs/Vector3 torque
+    """,
+    "geometry_msgs/WrenchStamped": """
+        std_msgs/Header header
+        geometry_msgs/Wrench wrench
+    """,
+    "geometry_msgs/PointStamped": """
+        std_msgs/Header header
+        geometry_msgs/Point point
+    """,
+    "geometry_msgs/Transform": """
+        geometry_msgs/Vector3 translation
+        geometry_msgs/Quaternion rotation
+    """,
+    "geometry_msgs/TransformStamped": """
+        std_msgs/Header header
+        string child_frame_id
+        geometry_msgs/Transform transform
+    """,
+    "tf2_msgs/TFMessage": """
+        geometry_msgs/TransformStamped[] transforms
+    """,
+    "sensor_msgs/Image": """
+        std_msgs/Header header
+        uint32 height
+        uint32 width
+        string encoding
+        uint8 is_bigendian
+        uint32 step
+        uint8[] data
+    """,
+    "sensor_msgs/Imu": """
+        std_msgs/Header header
+        geometry_msgs/Quaternion orientation
+        float64[9] orientation_covariance
+        geometry_msgs/Vector3 angular_velocity
+        float64[9] angular_velocity_covariance
+        geometry_msgs/Vector3 linear_acceleration
+        float64[9] linear_acceleration_covariance
+    """,
+    "diagnostic_msgs/KeyValue": """
+        string key
+        string value
+    """,
+    "diagnostic_msgs/DiagnosticStatus": """
+        byte OK=0
+        byte WARN=1
+        byte ERROR=2
+        byte STALE=3
+        byte level
+        string name
+        string message
+        string hardware_id
+        diagnostic_msgs/KeyValue[] values
+    """,
+    "diagnostic_msgs/DiagnosticArray": """
+        std_msgs/Header header
+        diagnostic_msgs/DiagnosticStatus[] status
+    """,
+}
+
+STOCK_TYPES = {name: type_from_text(name, text) for name, text in _TEXTS.items()}
+"""Every type by its name, "package/Name"."""
+
+
+_IDS = {
+    "message": 1,
+    "int8": 2,
+    "uint8": 3,
+    "int32": 6,
+    "uint32": 7,
+    "int64": 8,
+    "uint64": 9,
+    "float32": 10,
+    "float64": 11,
+    "bool": 15,
+    "byte": 16,
+    "string": 17,
+}
+"""Number of each type in ``type_description_interfaces/msg/FieldType``."""
+
+_ARRAY, _SEQUENCE = 48, 144
+"""Added to it for an array, and for a sequence of any length."""
+
+
+def type_hash(name: str, types: Mapping[str, RosType]) -> str:
+    """Return the hash of a type as text: "RIHS01_" and 64 hexadecimal digits.
+
+    Args:
+        name: "package/Name".
+        types: Every type by its name.
+    """
+    first, *others = with_parts(name, types)
+    description = {
+        "type_description": _described(types[first], types),
+        "referenced_type_descriptions": [
+            _described(kind, types)
+            for kind in sorted((types[each] for each in others), key=lambda kind: kind.full_name)
+        ],
+    }
+    return f"RIHS01_{hashlib.sha256(json.dumps(description).encode()).hexdigest()}"
+
+
+def _described(kind: RosType, types: Mapping[str, RosType]) -> dict[str, Any]:
+    fields = [{"name": field.name, "type": _field(field, types)} for field in kind.fields]
+    return {"type_name": kind.full_name, "fields": fields}
+
+
+def _field(field: RosField, types: Mapping[str, RosType]) -> dict[str, Any]:
+    nested = types.get(field.type)
+    number = _IDS["message" if nested else field.type]
+    length = field.length or 0
+    if length:
+        number += _ARRAY if length > 0 else _SEQUENCE
+    return {
+        "type_id": number,
+        "capacity": max(length, 0),
+        "string_capacity": 0,
+        "nested_type_name": nested.full_name if nested else "",
+    }

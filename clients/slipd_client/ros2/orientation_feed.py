@@ -17,10 +17,9 @@ from slipd_client.errors import ClientError
 from slipd_client.gravity_feed import OBSTACLE_S, PERIOD_S
 from slipd_client.grip import GripClient
 from slipd_client.messages.names import Health
-from slipd_client.ros.conversion import TYPES
-from slipd_client.ros.diagnostics import Entry, entry
-from slipd_client.ros.type_hash import type_hash
-from slipd_client.ros2.dds_types import dds_topic_name, decoded_type
+from slipd_client.ros.conversion import TYPES, Entry, entry
+from slipd_client.ros.ros_types import type_hash
+from slipd_client.ros2.dds import dds_topic_name, decoded_type
 from slipd_client.ros2.orientation import (
     ImuOrientation,
     OrientationUnknown,

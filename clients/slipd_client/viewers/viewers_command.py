@@ -1,22 +1,159 @@
-"""``slipctl serve foxglove``: serve the messages to viewers until interrupted, or write layouts for them."""
+"""``slipctl serve foxglove``: serves messages as ROS 2 messages over Foxglove's WebSocket protocol, or writes layouts.
+
+Clients: Foxglove, Lichtblick, and PlotJuggler's source "Foxglove Bridge". They subscribe and read; the server, which is
+the library of its makers, offers nothing else, so no request reaches the daemon.
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
+import threading
+import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from slipd_client.errors import CallError, Silence
+from slipd_client.errors import CallError, Silence, require
+from slipd_client.ros.conversion import (
+    DIAGNOSTICS_TOPIC,
+    TYPES,
+    PadFrames,
+    RosMessage,
+    encode,
+    ros_messages,
+    schema,
+    stale_diagnostics,
+)
+from slipd_client.ros.slipd_types import time_of
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 from slipd_client.viewers import layouts
 from slipd_client.viewers.layouts import Levels
-from slipd_client.viewers.viewer_server import ViewerServer
 
 if TYPE_CHECKING:
     from slipd_client.arguments import ListenAddress
     from slipd_client.keys import Keys
+
+NAME = "slipd"
+_SILENCE = "silence"
+"""Id of the status that reports a silent daemon."""
+
+
+class _Last(NamedTuple):
+    log_ns: int
+    message: RosMessage
+
+
+class ViewerServer:
+    """A server, from its creation until `stop`. A slow client loses messages; it delays nobody.
+
+    A client that subscribes gets the last message of the topic at once, with its own time.
+
+    Args:
+        host: Address to listen on.
+        port: Port; 0 is any that is free.
+        pads: Places of the pads; None: they are not known, and ``/tf`` is not published.
+
+    Raises:
+        CallError: foxglove-sdk is not installed, or the address cannot be used.
+    """
+
+    def __init__(self, host: str, port: int, pads: PadFrames | None = None) -> None:
+        require("foxglove", "foxglove-sdk", "slipctl serve foxglove")
+        import foxglove  # here: only this command needs the extra `viewers`
+
+        self._foxglove = foxglove
+        self._pads = pads
+        self._lock = threading.Lock()  # subscriptions arrive on threads of the library
+        self._channels: dict[str, Any] = {}
+        self._last: dict[str, _Last] = {}
+        self._context = foxglove.Context()
+        listener: Any = _Listener(self)
+        try:
+            self._server = foxglove.start_server(
+                name=NAME, host=host, port=port, context=self._context, server_listener=listener
+            )
+        except RuntimeError as error:
+            raise CallError(f"cannot serve viewers on {host}:{port}: {error}") from error
+
+    @property
+    def port(self) -> int:
+        """The port in use."""
+        return int(self._server.port)
+
+    @property
+    def watched(self) -> bool:
+        """A client has subscribed to something."""
+        return any(channel.has_sinks() for channel in self._channels.values())
+
+    def publish(self, topic: str, body: Mapping[str, Any]) -> None:
+        """Send a message of the daemon to the clients that subscribed to what is made of it."""
+        log_ns = time.time_ns()
+        for message in ros_messages(topic, body, self._pads):
+            self._log(log_ns, message)
+
+    def restart(self) -> None:
+        """Forget every last message: they are of an earlier run of the daemon."""
+        with self._lock:
+            self._last.clear()
+
+    def silent(self, why: str) -> None:
+        """Report that the daemon is silent: to clients that are connected, and in ``/diagnostics`` to all.
+
+        Nobody gets a last message any more: it no longer describes the present.
+        """
+        level = self._foxglove.websocket.StatusLevel.Warning
+        self._server.publish_status(why, level, _SILENCE)
+        last = self._last.get(DIAGNOSTICS_TOPIC)
+        self.restart()
+        if last is not None:
+            log_ns = time.time_ns()
+            header = {"stamp": time_of(log_ns), "frame_id": ""}
+            self._log(log_ns, last.message._replace(value=stale_diagnostics(last.message.value, header, why)))
+
+    def alive(self) -> None:
+        """Take back the report of `silent`."""
+        self._server.remove_status([_SILENCE])
+
+    def stop(self) -> None:
+        """End the server and its connections."""
+        self._server.stop()
+
+    def send_last(self, client: int, topic: str) -> None:
+        """Send the last message of a ROS topic to one client."""
+        with self._lock:
+            last = self._last.get(topic)
+            if last is not None:
+                self._channels[topic].log(encode(last.message), log_time=last.log_ns, sink_id=client)
+
+    def _log(self, log_ns: int, message: RosMessage) -> None:
+        channel = self._channels.get(message.topic) or self._open(message)
+        with self._lock:
+            self._last[message.topic] = _Last(log_ns, message)
+            if channel.has_sinks():
+                channel.log(encode(message), log_time=log_ns)
+
+    def _open(self, message: RosMessage) -> Any:
+        text = self._foxglove.Schema(
+            name=TYPES[message.type].full_name, encoding="ros2msg", data=schema(message.type).encode()
+        )
+        channel = self._foxglove.Channel(message.topic, schema=text, message_encoding="cdr", context=self._context)
+        self._channels[message.topic] = channel
+        return channel
+
+
+class _Listener:
+    """What the library calls, on its own threads: of a server that only publishes, no more than these two."""
+
+    def __init__(self, server: ViewerServer) -> None:
+        self._server = server
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        self._server.send_last(client.id, channel.topic)
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        pass
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> None:

@@ -17,8 +17,7 @@ from slipd.recording.recorded_blocks import RecordedBlocks
 from slipd.recording.replay import replay
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
-from slipd_client.page.page_server import PageServer
-from slipd_client.page.site import Site, answer, json_answer
+from slipd_client.page.page_server import PageServer, Site, answer, json_answer
 
 
 def view_recording(path: Path, address: ListenAddress) -> None:

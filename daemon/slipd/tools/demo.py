@@ -30,7 +30,7 @@ from slipd.tools.demo_summary import Tally, print_summary
 from slipd.tools.sim.robot_program import RobotProgram
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
-from slipd_client.page.redirect import redirect_file
+from slipd_client.page.page_server import redirect_file
 from slipd_client.subscriber import Subscriber
 from slipd_client.watch import Display
 

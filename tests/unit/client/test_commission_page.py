@@ -16,8 +16,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from slipd_client.arguments import ListenAddress
 from slipd_client.page import commission_page
 from slipd_client.page.commission_page import CommissionPage
-from slipd_client.page.page_server import COMMISSION_PATH, PageServer
-from slipd_client.page.site import Site
+from slipd_client.page.page_server import COMMISSION_PATH, PageServer, Site
 
 PATIENCE_S = 60.0
 

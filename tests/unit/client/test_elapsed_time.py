@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd_client.elapsed_time import LONGEST_STEP_S, ElapsedTime
+from slipd_client.friction_session import LONGEST_STEP_S, ElapsedTime
 
 
 def test_only_what_is_later_than_everything_before_lets_time_pass() -> None:

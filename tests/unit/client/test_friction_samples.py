@@ -9,7 +9,7 @@ import tomllib
 import pytest
 
 from slipd_client.friction_pull import PullSample
-from slipd_client.friction_samples import agreeing, config_lines, disagreement, median_of, spread
+from slipd_client.friction_session import agreeing, config_lines, disagreement, median_of, spread
 
 
 def samples(*values: float) -> list[PullSample]:

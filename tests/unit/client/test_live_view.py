@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 from shown_rig import GRIPPER, SLIP, STATUS, STREAM, drawn
 
-from slipd_client.live_view import LiveView, Terminal, change_line
+from slipd_client.live_view import LiveView, change_line
 from slipd_client.live_view_format import clock_time
 from slipd_client.live_view_lines import LEVEL_COLOURS
 from slipd_client.messages import LEVELS
+from slipd_client.terminal import Terminal
 
 
 def test_a_finger_shows_level_utilisation_forces_and_reasons() -> None:

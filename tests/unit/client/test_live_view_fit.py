@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shown_rig import GRIPPER, PAD, RIG, SLIP, STATUS, STREAM, rig
 
-from slipd_client.live_view import LiveView, Terminal, change_line
+from slipd_client.live_view import LiveView, change_line
+from slipd_client.terminal import Terminal
 
 LONG = "no such port: /dev/serial/by-id/usb-Bota_Systems_AG_SensONE_ABC123; tries again every second; is it plugged in?"
 

@@ -18,11 +18,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from slipd_client.arguments import ListenAddress
 from slipd_client.messages import encode
 from slipd_client.page import live_feed
-from slipd_client.page.live_feed import LiveFeed
-from slipd_client.page.newest import CHANGES, Newest
-from slipd_client.page.page_server import PageServer
+from slipd_client.page.live_feed import CHANGES, LiveFeed, Newest
+from slipd_client.page.page_server import PageServer, Site
 from slipd_client.page.requests_of_page import PageRequests
-from slipd_client.page.site import Site
 
 if TYPE_CHECKING:
     from conftest import Daemon

@@ -18,8 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
-from slipd_client.page.page_server import WRONG_TOKEN, PageServer
-from slipd_client.page.site import ASSETS, Site, json_answer
+from slipd_client.page.page_server import ASSETS, WRONG_TOKEN, PageServer, Site, json_answer
 
 LOOPBACK = ListenAddress("127.0.0.1", 0)
 BUDGET_BYTES = 1_000_000

@@ -17,7 +17,7 @@ LEFT = b"\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
 
 PROGRAM = """
 import os, sys, time
-from slipd_client.terminal_screen import TerminalScreen
+from slipd_client.terminal import TerminalScreen
 
 def size():
     return os.get_terminal_size(sys.stdout.fileno())

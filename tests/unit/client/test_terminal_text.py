@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd_client.terminal_text import Sheet, paint, spelled
+from slipd_client.terminal import Sheet, paint, spelled
 
 
 def texts(sheet: Sheet) -> list[str]:

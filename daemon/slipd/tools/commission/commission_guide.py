@@ -34,7 +34,7 @@ from slipd.tools.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_o
 from slipd.tools.commission.weighing_search import WeightFindings
 from slipd.tools.commission.weight_step import READY, weigh
 from slipd.tools.commission.zero_step import take_zero
-from slipd_client.friction_samples import low_estimate, spread
+from slipd_client.friction_session import low_estimate, spread
 
 MOUNTING, WEIGHT, FRICTION, GRASP = STEPS = ("mounting", "weight", "friction", "grasp")
 

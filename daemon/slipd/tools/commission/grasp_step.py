@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from slipd.tools.commission.dialogue import SKIP, Choice, Prompt, Say, Skipped, Steps, choose
 from slipd.tools.commission.grip_step import CLOSE, IF_CLOSED, activate, close, release
 from slipd.tools.commission.readings import silence
-from slipd_client.elapsed_time import ElapsedTime
+from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.names import SlipLevel
 from slipd_client.messages.schema.topics import Message, Slip
 

@@ -13,7 +13,7 @@ import numpy as np
 from slipd.errors import SlipdError
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Reply, Skipped, Steps, ask, choose
 from slipd.types.arrays import Array
-from slipd_client.elapsed_time import ElapsedTime
+from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.schema.replies import HelloReply, StatusReply
 from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slipd.errors import SlipdError
 from slipd.tools.commission.dialogue import SKIP, Choice, Prompt, Steps
 from slipd.tools.commission.readings import SILENCE_S
-from slipd_client.elapsed_time import ElapsedTime
+from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.schema.topics import Message
 
 

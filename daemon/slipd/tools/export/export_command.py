@@ -25,7 +25,7 @@ from slipd.tools.export.message_files import MessageFiles
 from slipd.tools.export.parquet_tables import ParquetTables
 from slipd.tools.export.ros2_bag import Ros2Bag
 from slipd.types.device_text import printable
-from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.conversion import PadFrames
 
 Create = Callable[[Path, Config], MessageFiles]
 

@@ -15,8 +15,7 @@ from mcap.writer import CompressionType, Writer
 
 from slipd.errors import SlipdError
 from slipd.tools.export.message_files import Body
-from slipd_client.ros.conversion import TYPES, RosMessage, encode, ros_messages, schema
-from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.conversion import TYPES, PadFrames, RosMessage, encode, ros_messages, schema
 from slipd_client.ros.slipd_types import TimeRangeError
 
 METADATA_VERSION = 5

@@ -23,7 +23,7 @@ pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 from zenoh_peers import Router, free_endpoint, session
 
 from slipd_client.fleet import fleet_command
-from slipd_client.fleet.bridge_publisher import BridgePublisher
+from slipd_client.fleet.robot_bridge import BridgePublisher
 
 PATIENCE_S = 60.0
 

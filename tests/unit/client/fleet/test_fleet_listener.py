@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from slipd_client.fleet.fair_queue import FairQueue
+from slipd_client.fleet.fleet_listener import FairQueue
 from slipd_client.messages import encode
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
@@ -14,8 +14,8 @@ pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 import zenoh
 from zenoh_peers import Router, session
 
-from slipd_client.fleet.bridge_publisher import BridgePublisher
 from slipd_client.fleet.fleet_listener import FleetListener
+from slipd_client.fleet.robot_bridge import BridgePublisher
 
 PATIENCE_S = 60.0
 FLOOD = 30_000

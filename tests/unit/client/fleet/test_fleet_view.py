@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from slipd_client.fleet.fleet_command import change_text, fleet_lines, fleet_map
 from slipd_client.fleet.fleet_state import RobotRow
-from slipd_client.fleet.fleet_view import change_text, fleet_lines, fleet_map
-from slipd_client.live_view import Terminal
 from slipd_client.messages import Health
+from slipd_client.terminal import Terminal
 
 
 def row(robot: str, **fields: Any) -> RobotRow:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd_client.fleet.topic_limit import TopicLimit
+from slipd_client.fleet.robot_bridge import TopicLimit
 
 
 def played(limit: TopicLimit, times: list[float], end_s: float) -> list[tuple[float, bytes]]:

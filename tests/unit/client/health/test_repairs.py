@@ -11,9 +11,9 @@ from project import DOCS
 
 from slipd.events import HostNotice, RecordingChanged
 from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
-from slipd_client.health.status_command import print_status
 from slipd_client.messages.names import DAEMON_LATE, GRIP_UNKNOWN, REASONS
 from slipd_client.slipctl_parser import parser
+from slipd_client.watch import print_status
 
 WELL: dict[str, Any] = {
     "streams": {"left.wrench": {"health": 0, "message": "", "address": "/dev/left", "age_s": 0.01}},

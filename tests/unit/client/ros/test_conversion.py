@@ -15,8 +15,7 @@ from ros_peers import plain, typestore
 
 from slipd_client.messages.schema.fields import fields_of
 from slipd_client.messages.schema.topics import TOPICS, Grasp
-from slipd_client.ros.conversion import TYPES, RosMessage, encode, ros_messages, schema, stamp_ns
-from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.conversion import TYPES, PadFrames, RosMessage, encode, ros_messages, schema, stamp_ns
 from slipd_client.ros.slipd_types import NAMES
 
 STORE = typestore()

@@ -9,8 +9,8 @@ import pytest
 
 import slipd_client.ros
 from slipd_client.ros.message_package import files, main, write
+from slipd_client.ros.ros_types import STOCK_TYPES
 from slipd_client.ros.slipd_types import SLIPD_TYPES
-from slipd_client.ros.stock_types import STOCK_TYPES
 
 SHIPPED = Path(slipd_client.ros.__file__).parent / "slipd_msgs"
 

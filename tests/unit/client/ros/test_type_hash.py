@@ -6,7 +6,7 @@ import pytest
 from ros_peers import typestore
 
 from slipd_client.ros.conversion import TYPES
-from slipd_client.ros.type_hash import type_hash
+from slipd_client.ros.ros_types import type_hash
 
 STORE = typestore()
 

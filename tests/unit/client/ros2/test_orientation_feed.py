@@ -15,9 +15,9 @@ from ros_graph import free_domain, joined
 
 from slipd_client.grip import GripClient
 from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY, Quaternion
 from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed
-from slipd_client.ros2.ros_publisher import RosPublisher
 
 if TYPE_CHECKING:
     from conftest import Daemon

@@ -7,10 +7,8 @@ from typing import Any
 
 import pytest
 
-from slipd_client.ros.conversion import RosMessage
-from slipd_client.ros.diagnostics import entry
-from slipd_client.ros.pad_frames import PadFrames
-from slipd_client.ros2.ros_forwarder import RosForwarder, hand_transform
+from slipd_client.ros.conversion import PadFrames, RosMessage, entry
+from slipd_client.ros2.ros2_command import RosForwarder, hand_transform
 
 PADS = PadFrames({"left": {"positions": [[0, 0, 0, 0], [0.2, 0, 0.1, 0]], "quat_xyzw": [0.5, -0.5, 0.5, 0.5]}})
 HEADER = {"timestamp": 1_700_000_000.5, "frame": "", "seq": 1}

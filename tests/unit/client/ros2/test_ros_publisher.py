@@ -14,7 +14,7 @@ from ros_graph import Heard, Listener, free_domain, joined
 
 from slipd_client.ros.conversion import TYPES, RosMessage
 from slipd_client.ros.ros_types import RosField
-from slipd_client.ros2.ros_publisher import RosPublisher
+from slipd_client.ros2.dds import RosPublisher
 
 STORE = typestore()
 

@@ -12,9 +12,8 @@ from foxglove_client import FoxgloveClient
 from ros_peers import plain
 
 from slipd_client.errors import CallError
-from slipd_client.ros.conversion import TYPES, ros_messages
-from slipd_client.ros.pad_frames import PadFrames
-from slipd_client.viewers.viewer_server import ViewerServer
+from slipd_client.ros.conversion import TYPES, PadFrames, ros_messages
+from slipd_client.viewers.viewers_command import ViewerServer
 
 PADS = PadFrames({"left": {"positions": [[0.0, 0, 0, 0], [0.1, 0, 0.05, 0]], "quat_xyzw": [0, 0, 0, 1]}})
 NAMES = {kind.full_name: name for name, kind in TYPES.items()}

@@ -13,8 +13,7 @@ from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReli
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from slipd_client.ros.conversion import TYPES, ros_messages
-from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.conversion import TYPES, PadFrames, ros_messages
 from slipd_client.ros.ros_types import RosType
 
 if TYPE_CHECKING:

@@ -1,7 +1,10 @@
-"""``slipctl serve fleet``: the messages of this robot's daemon for its fleet, until interrupted.
+"""``slipctl serve fleet``: the messages of this robot for its fleet, over Zenoh, until interrupted.
 
 The bridge has two connections to the daemon. Warnings have one to themselves, which a thread of its own reads: other
 messages neither delay them nor push them out of a queue. Neither connection carries requests.
+
+Warnings have the highest priority, wait while the network is congested, and are kept for recovery. Messages of other
+topics are dropped then; only the last one of each is kept. Payloads are the daemon's bytes, unchanged.
 """
 
 from __future__ import annotations
@@ -15,10 +18,10 @@ from typing import TYPE_CHECKING
 
 import zenoh
 import zmq
+from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from slipd_client.errors import CallError, ConnectionClosed
-from slipd_client.fleet.bridge_publisher import BridgePublisher
-from slipd_client.fleet.topic_limit import TopicLimit
+from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, message_key, token_key
 from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
@@ -26,6 +29,126 @@ from slipd_client.paths import hint_for, publish_endpoint
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
+
+KEPT_WARNINGS = 200
+"""Warnings that are kept for subscribers that missed them, and for late ones: minutes of a bad grasp, and 40 kB."""
+
+HEARTBEAT_S = 0.2
+"""After a warning, its number is sent again once within this time, so that subscribers notice a lost last one."""
+
+PRIORITIES: dict[str, zenoh.Priority] = {
+    WARNING_TOPIC: zenoh.Priority.INTERACTIVE_HIGH,
+    "status": zenoh.Priority.INTERACTIVE_LOW,
+    "wrench": zenoh.Priority.DATA_LOW,
+    "tactile": zenoh.Priority.BACKGROUND,
+}
+"""Priority by the first word of a topic; of every other topic it is DATA."""
+
+
+class BridgePublisher:
+    """The publishers and liveliness tokens of one robot.
+
+    Args:
+        session: Of Zenoh; it ends all of them when it is closed.
+        fleet: Name of the fleet.
+        robot: Name of the robot.
+    """
+
+    def __init__(self, session: zenoh.Session, fleet: str, robot: str) -> None:
+        self._session = session
+        self._names = fleet, robot
+        self._lock = threading.Lock()
+        self._publishers: dict[str, AdvancedPublisher] = {WARNING_TOPIC: self._declared(WARNING_TOPIC)}
+        self._bridge = session.liveliness().declare_token(token_key(fleet, robot, BRIDGE))
+        self._daemon: zenoh.LivelinessToken | None = None
+
+    def put(self, topic: str, payload: bytes) -> None:
+        """Publish a message.
+
+        A warning waits while the network is congested; any other message is dropped then.
+
+        Raises:
+            CallError: ``topic`` is not a topic of the daemon.
+            ConnectionClosed: The session is closed.
+        """
+        with self._lock:
+            publisher = self._publishers.get(topic)
+            if publisher is None:
+                publisher = self._publishers[topic] = self._declared(topic)
+        try:
+            publisher.put(payload)
+        except zenoh.ZError as error:
+            raise ConnectionClosed(f"the Zenoh session was closed: {error}") from error
+
+    def set_daemon_alive(self, alive: bool) -> None:
+        """Declare or take back the token of the daemon."""
+        if alive and self._daemon is None:
+            self._daemon = self._session.liveliness().declare_token(token_key(*self._names, DAEMON))
+        elif not alive and self._daemon is not None:
+            self._daemon.undeclare()
+            self._daemon = None
+
+    def _declared(self, topic: str) -> AdvancedPublisher:
+        warning = topic == WARNING_TOPIC
+        return declare_advanced_publisher(
+            self._session,
+            message_key(*self._names, topic),
+            encoding=zenoh.Encoding("application/msgpack"),
+            congestion_control=zenoh.CongestionControl.BLOCK if warning else zenoh.CongestionControl.DROP,
+            priority=PRIORITIES.get(topic.partition(".")[0], zenoh.Priority.DATA),
+            express=warning,
+            reliability=zenoh.Reliability.RELIABLE,
+            cache=CacheConfig(max_samples=KEPT_WARNINGS if warning else 1),
+            sample_miss_detection=MissDetectionConfig(
+                heartbeat=None, sporadic_heartbeat=HEARTBEAT_S if warning else None
+            ),
+            publisher_detection=True,
+        )
+
+
+class TopicLimit:
+    """Lets messages of each topic through at a bounded rate; the last one of a topic always comes through.
+
+    A message that comes too early is held back. A later one replaces it, and when none follows for a further period,
+    it is due.
+
+    Args:
+        rate_hz: Most messages per second of each topic; None: all.
+    """
+
+    def __init__(self, rate_hz: float | None) -> None:
+        self._period_s = 0.0 if rate_hz is None else 1.0 / rate_hz
+        self._next_s: dict[str, float] = {}
+        self._held: dict[str, bytes] = {}
+
+    def passes(self, topic: str, payload: bytes, now_s: float) -> bool:
+        """Return whether a message goes on now; one that does not is held back.
+
+        Args:
+            topic: Its topic.
+            payload: Its bytes.
+            now_s: The time, s of any clock.
+        """
+        next_s = self._next_s.get(topic, now_s)
+        if now_s < next_s:
+            self._held[topic] = payload
+            return False
+        self._held.pop(topic, None)
+        behind = now_s >= next_s + self._period_s  # after a pause the rate does not catch up
+        self._next_s[topic] = (now_s if behind else next_s) + self._period_s
+        return True
+
+    def due(self, now_s: float) -> list[tuple[str, bytes]]:
+        """Return the messages that were held back and that no other one followed; they are held no more."""
+        topics = [topic for topic in self._held if now_s >= self._next_s[topic] + self._period_s]
+        for topic in topics:
+            self._next_s[topic] = now_s + self._period_s
+        return [(topic, self._held.pop(topic)) for topic in topics]
+
+    def due_s(self) -> float | None:
+        """Return when `due` has something to return; None while nothing is held back."""
+        return min((self._next_s[topic] + self._period_s for topic in self._held), default=None)
+
 
 SILENCE_S = 1.5
 """Time without a message after which the fleet learns that the daemon is silent, s: 1.5 periods of ``status``."""

@@ -1,0 +1,281 @@
+"""Terminals: lines of coloured text, the screen that they are drawn on, and what an output stream can show."""
+
+from __future__ import annotations
+
+import os
+import signal
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from types import FrameType, TracebackType
+from typing import TextIO
+
+UNCUT = 10_000
+"""Columns and lines without a terminal: more than is ever drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """What the view is drawn for.
+
+    Attributes:
+        columns: Columns; facts and reasons continue on the next line.
+        lines: Lines; what is left out for want of them is named in the last one.
+        colour: Whether to add ANSI colours.
+        ascii_only: It shows ASCII only.
+    """
+
+    columns: int = UNCUT
+    lines: int = UNCUT
+    colour: bool = False
+    ascii_only: bool = False
+
+
+Span = tuple[str, str]
+"""Text, and the parameters of its ANSI colour ("" for none)."""
+
+Line = list[Span]
+
+GAP = 2
+"""Columns between two facts of a line."""
+
+ASCII = str.maketrans(
+    {
+        "λ": "load",
+        "μ": "mu",
+        "\N{EN DASH}": "-",
+        "\N{MINUS SIGN}": "-",
+        "…": "...",
+        "·": ".",
+        "≤": "<=",
+        "≥": ">=",
+        "→": "->",
+        "°": " deg",
+        "█": "#",
+        "▒": "=",
+    }
+)
+"""Spelling of the view's own characters; any other becomes "?"."""
+
+
+def spelled(text: str, *, ascii_only: bool) -> str:
+    """Return a text as this terminal can show it."""
+    return text.translate(ASCII).encode("ascii", "replace").decode() if ascii_only else text
+
+
+class Sheet:
+    """Lines that grow from above to below, each at most ``width`` columns.
+
+    Args:
+        width: Columns.
+        ascii_only: The terminal shows ASCII only.
+
+    Attributes:
+        width: Columns.
+        ascii_only: The terminal shows ASCII only.
+        lines: The lines so far.
+    """
+
+    def __init__(self, width: int, *, ascii_only: bool) -> None:
+        self.width = width
+        self.ascii_only = ascii_only
+        self.lines: list[Line] = []
+
+    def narrower(self, columns: int) -> Sheet:
+        """Return an empty sheet with ``columns`` fewer."""
+        return Sheet(self.width - columns, ascii_only=self.ascii_only)
+
+    def facts(self, head: Iterable[Span], facts: Iterable[Span] = (), indent: int = 0) -> None:
+        """Add the head and as many facts as fit beside it; the others follow on lines of their own, indented.
+
+        Only a head or a fact that is longer than a line is cut.
+        """
+        line = self._spelled(head)
+        used, empty = _columns(line), not line
+        for text, colour in self._spelled(facts):
+            if not empty and used + GAP + len(text) > self.width:
+                self.lines.append(line)
+                line, used, empty = [(" " * indent, "")], indent, True
+            gap = 0 if empty else GAP
+            line += [(" " * gap, ""), (text, colour)]
+            used, empty = used + gap + len(text), False
+        self.lines.append(line)
+
+    def remark(self, text: str, colour: str, indent: int = 0) -> None:
+        """Add a text that is never cut: after the last line where it fits there, else on lines of its own."""
+        shown = spelled(text, ascii_only=self.ascii_only)
+        if shown and self.lines and _columns(self.lines[-1]) + GAP + len(shown) <= self.width:
+            self.lines[-1] += [(" " * GAP, ""), (shown, colour)]
+        else:
+            self.paragraph(text, colour, indent)
+
+    def paragraph(self, text: str, colour: str, indent: int = 0) -> None:
+        """Add a text that is never cut, on lines of its own; "" adds none."""
+        text = spelled(text, ascii_only=self.ascii_only)
+        blank = " " * min(indent, self.width // 4)
+        if len(blank) + len(text) <= self.width:
+            self.lines += [[(blank, ""), (text, colour)]] if text else []
+            return
+        wrapped = textwrap.wrap(text, max(self.width - len(blank), 1))
+        self.lines += [[(blank, ""), (line, colour)] for line in wrapped]
+
+    def beside(self, picture: Sequence[Line], columns: int, text: Sheet) -> None:
+        """Add a picture with a text to the right of it.
+
+        Args:
+            picture: Its lines, of equal width.
+            columns: Their width.
+            text: A sheet narrower by ``columns`` and the gap.
+        """
+        for row in range(max(len(picture), len(text.lines))):
+            left = picture[row] if row < len(picture) else [(" " * columns, "")]
+            right = [(" " * GAP, ""), *text.lines[row]] if row < len(text.lines) else []
+            self.lines.append([*left, *right])
+
+    def _spelled(self, spans: Iterable[Span]) -> Line:
+        return [(spelled(text, ascii_only=self.ascii_only), colour) for text, colour in spans]
+
+
+def paint(line: Line, width: int, *, colour: bool) -> str:
+    """Join the spans of a line, cut to ``width`` visible columns, without blanks at its end."""
+    painted = ""
+    for text, code in line:
+        shown = text[:width]
+        width -= len(shown)
+        painted += f"\x1b[{code}m{shown}\x1b[0m" if colour and code and shown else shown
+    return painted.rstrip(" ")
+
+
+def _columns(line: Line) -> int:
+    return sum(len(text) for text, _ in line)
+
+
+_ENTER = "\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J"
+"""The alternate screen, without cursor, without line breaks at the edge; cleared where there is no alternate screen."""
+
+_LEAVE = "\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
+
+_HOME = "\x1b[H"
+"""The cursor waits here: what somebody types cannot scroll the picture."""
+
+_ENDS = (signal.SIGTERM, signal.SIGHUP)
+
+
+class TerminalScreen:
+    """Draws lines over those of before; only lines that changed are sent. Use it in a ``with`` statement.
+
+    SIGTERM and SIGHUP end the ``with`` statement like Ctrl-C, unless the program handles them itself.
+
+    Args:
+        stream: A terminal.
+
+    Raises:
+        BrokenPipeError: The terminal is gone.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._fd = stream.fileno()
+        self._shown: Sequence[str] = ()
+        self._size: os.terminal_size | None = None
+        self._handled: list[signal.Signals] = []
+
+    def draw(self, lines: Sequence[str], size: os.terminal_size) -> None:
+        """Show these lines, at most as many as the terminal has, each no wider than it."""
+        if size != self._size:
+            self._write("\x1b[2J")
+            self._shown, self._size = (), size
+        before = self._shown
+        changed = [
+            f"\x1b[{row}H\x1b[K{line}"
+            for row, line in enumerate(lines, start=1)
+            if row > len(before) or before[row - 1] != line
+        ]
+        if len(lines) < len(before):
+            changed.append(f"\x1b[{len(lines) + 1}H\x1b[J")
+        if changed:
+            self._write("".join([*changed, _HOME]))
+        self._shown = lines
+
+    def __enter__(self) -> TerminalScreen:
+        self._stream.flush()
+        for number in _ENDS:
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, signal.default_int_handler)
+                self._handled.append(number)
+        if signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL:
+            signal.signal(signal.SIGTSTP, self._pause)
+            self._handled.append(signal.SIGTSTP)
+        self._write(_ENTER)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._give_back()
+        for number in self._handled:
+            signal.signal(number, signal.SIG_DFL)
+
+    def _give_back(self) -> None:
+        """Leave the alternate screen; where the terminal has none, the prompt comes below the picture."""
+        try:
+            self._write(f"\x1b[{len(self._shown) + 1}H{_LEAVE}")
+        except BrokenPipeError:
+            return
+
+    def _pause(self, number: int, _: FrameType | None) -> None:
+        """Give the terminal back for as long as the program is stopped."""
+        self._give_back()
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)  # the program stops here, until SIGCONT
+        signal.signal(number, self._pause)
+        self._size = None
+        self._write(_ENTER)
+
+    def _write(self, text: str) -> None:
+        data = text.encode(self._stream.encoding, "replace")
+        try:
+            while data:
+                data = data[os.write(self._fd, data) :]
+        except OSError as error:
+            raise BrokenPipeError(error.errno, "the terminal is gone") from error
+
+
+DEFAULT_SIZE = os.terminal_size((80, 24))
+"""Of a serial console, which reports 0."""
+
+
+def is_screen(stream: TextIO) -> bool:
+    """Return whether a stream is a terminal with a movable cursor."""
+    return stream.isatty() and not _dumb()
+
+
+def terminal_of(stream: TextIO, columns: int, lines: int) -> Terminal:
+    """Return what to draw for, given the room that there is."""
+    colour = is_screen(stream) and not os.environ.get("NO_COLOR")
+    return Terminal(columns, lines, colour, ascii_only(stream))
+
+
+def size_of(stream: TextIO) -> os.terminal_size:
+    """Return the size of a terminal; any other stream has room for everything."""
+    if not stream.isatty():
+        return os.terminal_size((UNCUT, UNCUT))
+    size = os.get_terminal_size(stream.fileno())
+    return size if size.columns and size.lines else DEFAULT_SIZE
+
+
+def ascii_only(stream: TextIO) -> bool:
+    """Return whether a stream can take ASCII only: it is not UTF-8, or the locale is not.
+
+    Where LANG is C or missing, Python itself sets LC_CTYPE to C.UTF-8, which does not describe the terminal.
+    """
+    if stream.encoding.lower().replace("-", "") != "utf8":
+        return True
+    by_hand = os.environ.get("LC_CTYPE", "").replace("C.UTF-8", "")
+    locale = os.environ.get("LC_ALL") or by_hand or os.environ.get("LANG") or "C"
+    return "utf8" not in locale.lower().replace("-", "")
+
+
+def _dumb() -> bool:
+    """Return whether the terminal knows no escape sequences, by TERM."""
+    return os.environ.get("TERM") == "dumb"
