@@ -16,9 +16,8 @@ from slipd.events import HostNotice
 from slipd.io.host.config_reload import ConfigReload
 from slipd.io.host.realtime import realtime_priority
 from slipd.io.host.run_signals import EndSignals
-from slipd.io.host.stage_checks import stage_checks
 from slipd.io.host.systemd_notify import SystemdNotifier
-from slipd.io.host.watchdog import Watchdog
+from slipd.io.host.watchdog import Watchdog, stage_checks
 from slipd.io.ticker import Ticker
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import raise_descriptor_limit
@@ -116,7 +115,7 @@ def _helpers(
     if reload is not None:
         helpers["reload"] = reload.watch(config, run.handle, stop)
     if notifier.watchdog_s is not None:
-        checks = stage_checks(links, lambda: run.ticks_handled, *run.endpoints_progress())
+        checks = stage_checks(links, lambda: run.ticks_handled, *run.listeners())
         helpers["watchdog"] = Watchdog(notifier.feed, notifier.watchdog_s, checks).run()
     return helpers
 

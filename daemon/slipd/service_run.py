@@ -29,7 +29,7 @@ from slipd.io.bus.runtime_directory import RuntimeDirectory
 from slipd.io.log_lines import log_kept
 from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
-from slipd.io.zmtp.listener_progress import ListenerProgress
+from slipd.io.zmtp.listener import Listener
 from slipd.recording.continuous_recording import KIND, ContinuousRecording, run_name
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile, check_new
@@ -157,9 +157,9 @@ class ServiceRun:
             self._home.share(self._publisher.endpoint)
             self._home.share(self._requests.endpoint)
 
-    def endpoints_progress(self) -> tuple[ListenerProgress, ListenerProgress]:
-        """Return a look at the progress of the publisher, and of the request server."""
-        return self._publisher.progress(), self._requests.progress()
+    def listeners(self) -> tuple[Listener, Listener]:
+        """Return the publisher and the request server."""
+        return self._publisher, self._requests
 
     def _requested_recordings(self) -> RequestedRecordings:
         limits, folder = self._config.recording, self._recordings_dir

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
 
 from slipd.io.bus.rate_limit import RateLimit
+from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd.io.zmtp.listener import Listener
-from slipd.io.zmtp.listener_progress import ListenerProgress
 from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_rules import PeerRules
 from slipd.io.zmtp.wire import ProtocolError
 
 MOST_QUEUED = 1000
@@ -37,47 +35,27 @@ _RULES = PeerRules(
 )
 
 
-class Publisher:
+class Publisher(Listener):
     """Publish topic and payload as two frames; a subscription is a prefix of topics.
 
     A new subscriber gets the last message of each topic of its subscription at once, in the order of their publication;
     of a topic that several fingers share, the last message of each finger.
 
-    Serves on the running loop, for the duration of ``with``.
-
     Args:
-        endpoint: See `slipd.io.zmtp.endpoint.bind`, which is called on entry and raises LinkError.
-        access: Which clients may connect.
+        endpoint: See `slipd.io.zmtp.listener.Listener`.
+        access: Who may connect.
 
     Attributes:
-        endpoint: Endpoint for clients, once served.
         published: Number of published messages.
     """
 
     def __init__(self, endpoint: str, access: Access = USER_ALONE) -> None:
-        self.endpoint = endpoint
+        super().__init__(endpoint, _RULES, access)
         self.published = 0
         self._last: dict[tuple[str, str], tuple[bytes, bytes]] = {}  # what was silent for longest comes first
         self._wanted: dict[Peer, set[bytes]] = {}
         self._readers: dict[str, dict[Peer, None]] = {}  # subscribers of each topic
         self._limit = RateLimit(SUBSCRIPTIONS_PER_S)
-        self._listener = Listener(
-            endpoint, _RULES, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
-        )
-
-    def __enter__(self) -> Publisher:
-        self._listener.__enter__()
-        self.endpoint = self._listener.endpoint
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._listener.__exit__(kind, error, trace)
-
-    def progress(self) -> ListenerProgress:
-        """Return a look at the progress of this endpoint, once it serves."""
-        return ListenerProgress(self._listener)
 
     @property
     def subscriptions(self) -> int:
@@ -105,15 +83,17 @@ class Publisher:
         for peer in tuple(readers):  # sending removes a peer that is gone
             peer.send(message)
 
-    def _on_ready(self, peer: Peer) -> None:
+    def on_ready(self, peer: Peer) -> None:
+        """Add a subscriber."""
         self._wanted[peer] = set()
 
-    def _on_close(self, peer: Peer) -> None:
+    def on_close(self, peer: Peer) -> None:
+        """Remove a subscriber."""
         del self._wanted[peer]
         for readers in self._readers.values():
             readers.pop(peer, None)
 
-    def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
+    def on_message(self, peer: Peer, frames: list[bytes]) -> None:
         """Subscribe or unsubscribe; other messages count against the rate limit too."""
         if not self._limit.allows(b"%b#%d" % (peer.account.name, peer.slot), time.monotonic_ns()):
             raise ProtocolError(f"it subscribes more than {SUBSCRIPTIONS_PER_S:g} times per second")

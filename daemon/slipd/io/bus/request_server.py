@@ -10,16 +10,14 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Container
-from types import TracebackType
 from typing import Any
 
 from slipd.io.bus.rate_limit import RateLimit
+from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd.io.zmtp.listener import Listener
-from slipd.io.zmtp.listener_progress import ListenerProgress
 from slipd.io.zmtp.loop_time_accounts import SHARE
 from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_rules import PeerRules
 from slipd.io.zmtp.wire import ProtocolError
 from slipd.publish.replies import error_body
 from slipd.types.refusal import Refusal
@@ -50,22 +48,21 @@ _RULES = PeerRules(
 )
 
 
-class RequestServer:
+class RequestServer(Listener):
     """Pass on well-formed requests, and refuse everything else.
 
-    Serves on the running loop, for the duration of ``with``. No input of a client raises.
+    No input of a client raises.
 
     Args:
-        endpoint: See `slipd.io.zmtp.endpoint.bind`, which is called on entry and raises LinkError.
+        endpoint: See `slipd.io.zmtp.listener.Listener`.
         on_request: Called with the client, for the reply, and the map of the request. A client is one connection: its
             key or, without keys, the address of its process, and the route that it chose.
-        access: Which clients may connect.
+        access: Who may connect.
         requesters: Keys that may send requests, among those that may connect; None: all may.
         per_second: Requests per second of one client: of a key or, without keys, of a connection. A connection that
             replaces another of the same process inherits its allowance.
 
     Attributes:
-        endpoint: Endpoint for clients, once served.
         malformed: Number of malformed requests.
         busy: Number of requests beyond the rate limit.
         unanswered: Number of those without an answer; each ended the connection of its client.
@@ -81,7 +78,7 @@ class RequestServer:
         requesters: Container[bytes] | None = None,
         per_second: float = PER_SECOND,
     ) -> None:
-        self.endpoint = endpoint
+        super().__init__(endpoint, _RULES, access, min(MOST_SHARE, max(SHARE, per_second * REQUEST_S)))
         self.malformed = 0
         self.busy = 0
         self.unanswered = 0
@@ -94,29 +91,6 @@ class RequestServer:
         self._limit = RateLimit(per_second)
         self._urgent = RateLimit(per_second)  # for urgent requests when the other is used up
         self._refusals = RateLimit(per_second)
-        self._listener = Listener(
-            endpoint,
-            _RULES,
-            self._on_message,
-            access,
-            on_ready=self._on_ready,
-            on_close=self._on_close,
-            share=min(MOST_SHARE, max(SHARE, per_second * REQUEST_S)),
-        )
-
-    def __enter__(self) -> RequestServer:
-        self._listener.__enter__()
-        self.endpoint = self._listener.endpoint
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._listener.__exit__(kind, error, trace)
-
-    def progress(self) -> ListenerProgress:
-        """Return a look at the progress of this endpoint, once it serves."""
-        return ListenerProgress(self._listener)
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
         """Send a reply; a client that is gone or does not read is counted, not an error."""
@@ -124,7 +98,7 @@ class RequestServer:
         if peer is None or not peer.send((*_envelope(peer), encode(body))):
             self.undelivered += 1
 
-    def _on_ready(self, peer: Peer) -> None:
+    def on_ready(self, peer: Peer) -> None:
         """Identify a client; of two connections with the same identity only the first is served."""
         route = peer.route or b"\0" + next(self._unnamed).to_bytes(4, "big")
         client = (peer.key or peer.address) + _BETWEEN + route
@@ -134,10 +108,12 @@ class RequestServer:
         self._clients[client] = peer
         self._names[peer] = client
 
-    def _on_close(self, peer: Peer) -> None:
+    def on_close(self, peer: Peer) -> None:
+        """Forget a client."""
         del self._clients[self._names.pop(peer)]
 
-    def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
+    def on_message(self, peer: Peer, frames: list[bytes]) -> None:
+        """Pass on a request, or answer it with an error."""
         client = self._names[peer]
         try:
             body = _decode(frames, _envelope(peer))

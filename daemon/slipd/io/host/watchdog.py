@@ -10,6 +10,12 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Mapping
 
+from slipd.io.transport import Links
+from slipd.io.zmtp.listener import Listener
+
+ANSWER_S = 0.5
+"""Longest wait for the greeting of an own endpoint, s: several times what a loaded machine needs."""
+
 FEEDS_PER_TIMEOUT = 4
 """Feeds within the timeout of the watchdog: one may fail, as for a stage that was looked at between two of its steps,
 even if every endpoint is waited for."""
@@ -43,3 +49,33 @@ class Watchdog:
                 _log.error("%s: the watchdog is not fed: no progress (%s)", "watchdog", "; ".join(stalled))
             else:
                 self._feed()
+
+
+def stage_checks(
+    links: Links, tick_count: Callable[[], int], publisher: Listener, requests: Listener
+) -> dict[str, Check]:
+    """Return the check of each stage.
+
+    Args:
+        links: The links to the devices.
+        tick_count: Returns how many ticks the engine has handled.
+        publisher: The publisher.
+        requests: The request server.
+    """
+    seen = tick_count()
+
+    async def check_links() -> str:
+        unread = links.unread()
+        return f"bytes of {', '.join(unread)} are not read" if unread else ""
+
+    async def check_engine() -> str:
+        nonlocal seen
+        before, seen = seen, tick_count()
+        return "" if seen > before else "it handles no ticks"
+
+    return {
+        "links": check_links,
+        "engine": check_engine,
+        "publishing": lambda: publisher.stall(ANSWER_S),
+        "requests": lambda: requests.stall(ANSWER_S),
+    }

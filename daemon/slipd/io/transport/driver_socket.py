@@ -7,20 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import socket
-import stat
-from pathlib import Path
 
 from slipd.devices.external_gripper.external_gripper_message import REFUSED, encode_notice
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.io.transport.link import OnBytes
 from slipd.io.transport.tcp import TcpConnection
-from slipd.io.zmtp.endpoint import MAX_IPC_PATH_BYTES, check_directory
-
-WAITING = 8
-"""Connections that the kernel queues until they are accepted."""
+from slipd.io.zmtp.endpoint import bind, release
 
 BUSY = "another driver is connected"
 
@@ -32,15 +26,14 @@ async def open_driver_socket(spec: LinkSpec, on_bytes: OnBytes) -> DriverConnect
         LinkError: The address is invalid, other users could replace the socket, another program serves it, or it cannot
             be bound.
     """
-    path = spec.address.removeprefix("unix://")
-    server = _bind(spec.address, path)
+    server, _ = bind(spec.address)
     try:
         driver, _ = await asyncio.get_running_loop().sock_accept(server)
     except OSError as error:
-        _close(server, path)
+        release(server, spec.address)
         raise LinkError(f"{spec.address}: cannot accept a driver: {error}") from error
     except BaseException:  # cancelled
-        _close(server, path)
+        release(server, spec.address)
         raise
     driver.setblocking(False)
     return DriverConnection(spec.address, driver, on_bytes, server)
@@ -57,7 +50,7 @@ class DriverConnection(TcpConnection):
     async def close(self) -> None:
         """Close the listening socket, so that no other driver connects, and then the connection."""
         self._loop.remove_reader(self._server)
-        _close(self._server, self.identity.removeprefix("unix://"))
+        release(self._server, self.identity)
         await super().close()
 
     def _refuse_driver(self) -> None:
@@ -66,54 +59,3 @@ class DriverConnection(TcpConnection):
             with visitor:
                 visitor.setblocking(False)
                 visitor.send(encode_notice(REFUSED, BUSY))
-
-
-def _bind(address: str, path: str) -> socket.socket:
-    size = len(os.fsencode(path))
-    if not path.startswith("/") or size > MAX_IPC_PATH_BYTES:
-        raise LinkError(
-            f"{address}: must be an absolute path of at most {MAX_IPC_PATH_BYTES} bytes, such as unix:///run/slipd/gripper"
-        )
-    if not Path(path).parent.is_dir():
-        raise LinkError(f"{address}: there is no directory {Path(path).parent}; create it, or name another")
-    check_directory(address, Path(path).parent)
-    server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    umask = os.umask(0o177)
-    try:
-        _remove_stale(path)
-        server.bind(path)
-        server.listen(WAITING)
-        server.setblocking(False)
-    except OSError as error:
-        server.close()
-        raise LinkError(f"{address}: cannot be bound: {error}; name another path, or free this one") from error
-    finally:
-        os.umask(umask)
-    return server
-
-
-def _remove_stale(path: str) -> None:
-    """Remove the socket of a dead process.
-
-    Raises:
-        OSError: The file is not a socket, or a program serves it.
-    """
-    if not os.path.lexists(path):
-        return
-    if not stat.S_ISSOCK(os.lstat(path).st_mode):
-        raise FileExistsError("this file is not a socket")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as visitor:
-        visitor.setblocking(False)
-        try:
-            visitor.connect(path)
-        except ConnectionRefusedError:
-            Path(path).unlink()
-            return
-        except BlockingIOError:  # its backlog is full
-            pass
-    raise FileExistsError("another program serves this socket")
-
-
-def _close(server: socket.socket, path: str) -> None:
-    server.close()
-    Path(path).unlink(missing_ok=True)

@@ -5,15 +5,12 @@ For labs whose own driver holds the port of a sensor.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.io.transport.byte_delivery import ByteDelivery
 from slipd.io.transport.link import OnBytes
+from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.listener import Listener
 from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_rules import PeerRules
 
 MAX_MESSAGE_BYTES = 64 * 1024
 """Longest message accepted: five times one image of 1024 three-axis taxels in float32."""
@@ -35,24 +32,19 @@ async def open_push_socket(spec: LinkSpec, on_bytes: OnBytes) -> PushConnection:
     Raises:
         LinkError: Its directory does not exist, another program serves it, or it cannot be bound.
     """
-    scheme, _, path = spec.address.partition("://")
-    folder = Path(path).parent
-    if scheme == "ipc" and not folder.is_dir():
-        raise LinkError(f"{spec.address}: there is no directory {folder}; create it, or name another")
-    return PushConnection(spec.address, on_bytes)
+    return PushConnection(spec.address, on_bytes).__enter__()
 
 
-class PushConnection:
+class PushConnection(Listener):
     """A bound socket, which is never lost; see `slipd.io.transport.link.Connection` for the contract of each method."""
 
     overruns = 0
     latency = ""
 
     def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
+        super().__init__(endpoint, _RULES, share=SHARE)
+        self.identity = endpoint
         self._delivery = ByteDelivery(on_bytes)
-        self._listener = Listener(endpoint, _RULES, self._on_message, share=SHARE)
-        self._listener.__enter__()
-        self.identity = self._listener.endpoint
 
     async def until_lost(self) -> str:
         """Wait for ever, or raise the exception of the consumer."""
@@ -69,8 +61,9 @@ class PushConnection:
 
     async def close(self) -> None:
         """Close the socket at once; unread messages are lost."""
-        self._listener.__exit__(None, None, None)
+        self.__exit__()
 
-    def _on_message(self, _: Peer, frames: list[bytes]) -> None:
-        for frame in frames:  # a message has one frame; of a longer one, the first two are treated as messages
+    def on_message(self, peer: Peer, frames: list[bytes]) -> None:
+        """Deliver a message, which has one frame; of a longer one, the first two are treated as messages."""
+        for frame in frames:
             self._delivery.deliver(frame)

@@ -10,7 +10,7 @@ from slipd.io.transport.address import connected
 from slipd.io.transport.byte_delivery import READ_BYTES, ByteDelivery, is_readable
 from slipd.io.transport.link import OnBytes
 from slipd.io.transport.nonblocking_writer import NonblockingWriter
-from slipd.io.zmtp.tcp_options import set_tcp_options
+from slipd.io.zmtp.endpoint import set_tcp_options
 
 DRAIN_TIMEOUT_S = 0.2
 """Longest wait for the rest of a partial write when closing, s."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import ipaddress
 import os
@@ -18,6 +19,15 @@ MAX_IPC_PATH_BYTES = 107
 
 BACKLOG = 64
 """Connections that the kernel queues until they are accepted."""
+
+KEEPALIVE_S = 1
+"""Silence after which the kernel probes the other machine, and period of the probes, s."""
+
+KEEPALIVE_PROBES = 2
+"""Consecutive unanswered probes that end the connection: a cut cable is noticed within 3 s."""
+
+UNACKNOWLEDGED_MS = 3000
+"""Written bytes that stay unacknowledged this long end the connection too, ms; the kernel default is 15 minutes."""
 
 _ANY_PORT = "*"
 
@@ -45,7 +55,8 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
     """Open a non-blocking, listening socket.
 
     Args:
-        endpoint: ``ipc:///directory/name``, or ``tcp://address:port`` (``*`` as port: any free one).
+        endpoint: ``ipc:///directory/name``, ``unix:///directory/name`` for a raw stream, or ``tcp://address:port``
+            (``*`` as port: any free one).
         access: Who may connect.
 
     Returns:
@@ -55,52 +66,22 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
         LinkError: The endpoint is invalid, in use, cannot be bound, or would admit anybody.
     """
     _check(endpoint, access)
-    family = socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX
-    server = socket.socket(family, socket.SOCK_STREAM)
+    server = socket.socket(socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX, socket.SOCK_STREAM)
     with contextlib.ExitStack() as on_failure:
         on_failure.enter_context(server)
         with _clear_errors(endpoint):
-            reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_ipc(server, endpoint)
+            reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_path(server, endpoint)
             server.listen(BACKLOG)
         on_failure.pop_all()
     server.setblocking(False)
     return server, reached
 
 
-@contextlib.contextmanager
-def _clear_errors(endpoint: str) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, ValueError, OverflowError) as error:
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
-
-
-def _bind_tcp(server: socket.socket, endpoint: str) -> str:
-    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
-    server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    server.bind(("" if host == "*" else host, 0 if port == _ANY_PORT else int(port)))
-    address, number = server.getsockname()
-    return f"tcp://{address}:{number}"
-
-
-def _bind_ipc(server: socket.socket, endpoint: str) -> str:
-    path = os.fsencode(endpoint.removeprefix("ipc://"))
-    with contextlib.suppress(FileNotFoundError):
-        os.unlink(path)  # noqa: PTH108 - bytes; `_check` found no server there
-    umask = os.umask(0o077)  # the mode of a socket is 0777 without these bits
-    try:
-        server.bind(path)
-    finally:
-        os.umask(umask)
-    return endpoint
-
-
 def release(server: socket.socket, endpoint: str) -> None:
     """Close a listening socket and remove its file."""
     server.close()
     if not is_tcp(endpoint):
-        Path(endpoint.removeprefix("ipc://")).unlink(missing_ok=True)
+        Path(os.fsdecode(_path_of(endpoint))).unlink(missing_ok=True)
 
 
 def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
@@ -120,15 +101,108 @@ def is_tcp(endpoint: str) -> bool:
     return endpoint.startswith("tcp://")
 
 
-def check_directory(endpoint: str, directory: Path) -> None:
-    """Refuse a directory in which other users could replace this socket.
+def set_tcp_options(connection: socket.socket) -> None:
+    """Let a TCP connection send small messages at once, and end within seconds of losing the other machine.
 
     Raises:
-        LinkError: The directory belongs to a user other than root and this one, or others may change it (unless it is
-            sticky).
+        OSError: The connection has ended.
     """
+    for option, value in (
+        (socket.TCP_NODELAY, 1),
+        (socket.TCP_KEEPIDLE, KEEPALIVE_S),
+        (socket.TCP_KEEPINTVL, KEEPALIVE_S),
+        (socket.TCP_KEEPCNT, KEEPALIVE_PROBES),
+        (socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS),
+    ):
+        connection.setsockopt(socket.IPPROTO_TCP, option, value)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+
+async def greets(endpoint: str, patience_s: float) -> bool:
+    """Return whether an endpoint answers a new connection, with its greeting or by ending it."""
+    loop = asyncio.get_running_loop()
+    with socket.socket(socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX, socket.SOCK_STREAM) as visitor:
+        visitor.setblocking(False)
+        try:
+            async with asyncio.timeout(patience_s):
+                await loop.sock_connect(visitor, _host_and_port(endpoint) if is_tcp(endpoint) else _path_of(endpoint))
+                await loop.sock_recv(visitor, 1)
+        except ConnectionError:  # it was ended, which also takes a turn of the loop
+            return True
+        except (TimeoutError, OSError):  # OSError: the queue of connections is full
+            return False
+        return True
+
+
+@contextlib.contextmanager
+def _clear_errors(endpoint: str) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError, OverflowError) as error:
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
+
+
+def _host_and_port(endpoint: str) -> tuple[str, int]:
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    return "" if host == "*" else host, 0 if port == _ANY_PORT else int(port)
+
+
+def _path_of(endpoint: str) -> bytes:
+    return os.fsencode(endpoint.partition("://")[2])
+
+
+def _bind_tcp(server: socket.socket, endpoint: str) -> str:
+    server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    server.bind(_host_and_port(endpoint))
+    address, number = server.getsockname()
+    return f"tcp://{address}:{number}"
+
+
+def _bind_path(server: socket.socket, endpoint: str) -> str:
+    path = _path_of(endpoint)
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(path)  # noqa: PTH108 - bytes; `_check` found no server there
+    umask = os.umask(0o077)  # the mode of a socket is 0777 without these bits
+    try:
+        server.bind(path)
+    finally:
+        os.umask(umask)
+    return endpoint
+
+
+def _check(endpoint: str, access: Access) -> None:
+    if endpoint.startswith(("ipc://", "unix://")):
+        _check_path(endpoint, _path_of(endpoint))
+    elif is_tcp(endpoint):
+        _check_tcp(endpoint, endpoint.removeprefix("tcp://").rpartition(":")[0], access)
+    else:
+        raise LinkError(
+            f"{endpoint}: not an endpoint; valid ones are ipc:///run/slipd/publish and tcp://192.168.1.7:5555"
+        )
+
+
+def _check_path(endpoint: str, path: bytes) -> None:
+    if not path.startswith(b"/"):
+        scheme = endpoint.partition("://")[0]
+        raise LinkError(f"{endpoint}: its path must be absolute, such as {scheme}:///run/slipd/name")
+    if len(path) > MAX_IPC_PATH_BYTES:
+        raise LinkError(
+            f"{endpoint}: the path of a socket must have at most {MAX_IPC_PATH_BYTES} bytes, got {len(path)}"
+        )
+    _check_directory(endpoint, Path(os.fsdecode(path)).parent)
+    if os.path.lexists(path) and not stat.S_ISSOCK(os.lstat(path).st_mode):
+        raise LinkError(f"{endpoint}: this file is not a socket, and binding would delete it; name another path")
+    if _is_served(path):
+        raise LinkError(f"{endpoint}: another program serves this endpoint; stop it, or name another")
+
+
+def _check_directory(endpoint: str, directory: Path) -> None:
+    """Refuse a directory in which other users could replace the socket, unless it is sticky."""
     try:
         found = directory.stat()
+    except FileNotFoundError:
+        raise LinkError(f"{endpoint}: there is no directory {directory}; create it, or name another") from None
     except OSError:
         return  # binding reports it
     if found.st_uid not in (0, os.geteuid()):
@@ -138,31 +212,6 @@ def check_directory(endpoint: str, directory: Path) -> None:
     if found.st_mode & 0o022 and not found.st_mode & stat.S_ISVTX:
         mode = stat.S_IMODE(found.st_mode)
         raise LinkError(f"{endpoint}: other users may change its directory (mode {mode:04o}); run chmod go-w on it")
-
-
-def _check(endpoint: str, access: Access) -> None:
-    if endpoint.startswith("ipc://"):
-        _check_ipc(endpoint, os.fsencode(endpoint.removeprefix("ipc://")))
-    elif is_tcp(endpoint):
-        _check_tcp(endpoint, endpoint.removeprefix("tcp://").rpartition(":")[0], access)
-    else:
-        raise LinkError(
-            f"{endpoint}: not an endpoint; valid ones are ipc:///run/slipd/publish and tcp://192.168.1.7:5555"
-        )
-
-
-def _check_ipc(endpoint: str, path: bytes) -> None:
-    if not path.startswith(b"/"):
-        raise LinkError(f"{endpoint}: the path of an ipc endpoint must be absolute, such as ipc:///run/slipd/publish")
-    if len(path) > MAX_IPC_PATH_BYTES:
-        raise LinkError(
-            f"{endpoint}: the path of a socket must have at most {MAX_IPC_PATH_BYTES} bytes, got {len(path)}"
-        )
-    check_directory(endpoint, Path(os.fsdecode(path)).parent)
-    if os.path.lexists(path) and not stat.S_ISSOCK(os.lstat(path).st_mode):
-        raise LinkError(f"{endpoint}: this file is not a socket, and binding would delete it; name another path")
-    if _is_served(path):
-        raise LinkError(f"{endpoint}: another program serves this endpoint; stop it, or name another")
 
 
 def _is_served(path: bytes) -> bool:

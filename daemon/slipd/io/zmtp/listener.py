@@ -1,4 +1,4 @@
-"""Accept the peers of one endpoint, up to a limit, and keep track of them until they leave."""
+"""Accept the peers of one endpoint, up to a limit, keep track of them until they leave, and show progress."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ import select
 import socket
 import struct
 import time
-from collections.abc import Callable
-from types import TracebackType
+from typing import Self
 
-from slipd.io.zmtp.endpoint import USER_ALONE, Access, bind, release
+from slipd.io.zmtp.connection import Connection, PeerRules
+from slipd.io.zmtp.endpoint import USER_ALONE, Access, bind, greets, release, set_tcp_options
 from slipd.io.zmtp.loop_time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.io.zmtp.mechanisms import Curve, Mechanism, Null
 from slipd.io.zmtp.peer import Peer
-from slipd.io.zmtp.peer_rules import PeerRules
-from slipd.io.zmtp.tcp_options import set_tcp_options
 from slipd.io.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256
@@ -66,15 +64,12 @@ def most_connections() -> int:
 
 
 class Listener:
-    """Serve one endpoint on the running loop, for the duration of ``with``.
+    """Serve one endpoint on the running loop, for the duration of ``with``; subclasses say what a peer may do.
 
     Args:
         endpoint: See `slipd.io.zmtp.endpoint.bind`, which is called on entry and raises LinkError.
         rules: Limits for each peer.
-        on_message: Called with each message and its peer.
         access: Who may connect.
-        on_ready: Called with a peer after its handshake; a `ProtocolError` that it raises ends the connection.
-        on_close: Called with a peer that was ready and is gone.
         share: Long-term share of the loop time for one account.
 
     Attributes:
@@ -84,30 +79,29 @@ class Listener:
         refused: Number of connections that this side ended, for any reason.
     """
 
-    def __init__(
-        self,
-        endpoint: str,
-        rules: PeerRules,
-        on_message: Callable[[Peer, list[bytes]], None],
-        access: Access = USER_ALONE,
-        *,
-        on_ready: Callable[[Peer], None] = lambda _: None,
-        on_close: Callable[[Peer], None] = lambda _: None,
-        share: float = SHARE,
-    ) -> None:
+    def __init__(self, endpoint: str, rules: PeerRules, access: Access = USER_ALONE, share: float = SHARE) -> None:
         self.endpoint = endpoint
         self.peers: dict[Peer, None] = {}
         self.accepted = 0
         self.refused = 0
         self._rules, self._access = rules, access
-        self._on_message, self._on_ready, self._on_close = on_message, on_ready, on_close
         self._accounts = TimeAccounts(share)
-        self._pending: dict[Peer, asyncio.TimerHandle] = {}
-        self._accepting = False
         self._pacing = TimeAccount(b"", share)
+        self._pending: dict[Peer, asyncio.TimerHandle] = {}
         self._logged_s = float("-inf")
+        self._accepted_before = 0
+        self._unsent: dict[Peer, int] = {}
 
-    def __enter__(self) -> Listener:
+    def on_ready(self, peer: Peer) -> None:
+        """Handle a peer after its handshake; a `ProtocolError` ends the connection."""
+
+    def on_message(self, peer: Peer, frames: list[bytes]) -> None:
+        """Handle a message; a `ProtocolError` ends the connection."""
+
+    def on_close(self, peer: Peer) -> None:
+        """Handle the end of a peer that was ready."""
+
+    def __enter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
         self._socket, self.endpoint = bind(self.endpoint, self._access)
         self._most = most_connections()
@@ -116,9 +110,7 @@ class Listener:
         self._listen()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over = True
         self._stop_listening()
         release(self._socket, self.endpoint)
@@ -131,15 +123,29 @@ class Listener:
         """Whether new connections must wait, because peers that completed their handshake have all places."""
         return len(self.peers) >= self._most
 
+    async def stall(self, patience_s: float) -> str:
+        """Return why there was no progress since the last call; "" if there was.
+
+        Progress is a new connection that is greeted, and messages that are sent to peers that read.
+
+        Args:
+            patience_s: Longest wait for the greeting, s.
+        """
+        greeted = self.full or await greets(self.endpoint, patience_s)
+        before, self._accepted_before = self._accepted_before, self.accepted
+        if not greeted and self.accepted == before:
+            return f"{self.endpoint} greets no client"
+        unsent_before = self._unsent
+        self._unsent = {peer: peer.sent_bytes for peer in self.peers if peer.waiting and _writable(peer.fileno)}
+        stalled = sum(unsent_before.get(peer) == sent for peer, sent in self._unsent.items())
+        return f"messages are not sent to clients that read ({stalled})" if stalled else ""
+
     def _listen(self) -> None:
-        if not self._accepting and not self._over and not self.full:
-            self._accepting = True
+        if not self._over and not self.full:
             self._loop.add_reader(self._socket, self._accept)
 
     def _stop_listening(self) -> None:
-        if self._accepting:
-            self._accepting = False
-            self._loop.remove_reader(self._socket)
+        self._loop.remove_reader(self._socket)
 
     def _accept(self) -> None:
         """Accept some waiting connections, if there are places and time for them."""
@@ -179,9 +185,9 @@ class Listener:
             connection.close()
             self._log_end(name, _TOO_MANY)
             return
-        peer = Peer(
-            connection, name, account, self._mechanism(), self._rules, self._admit, self._on_message, self._forget
-        )
+        protocol = Connection(self._mechanism(), self._rules)
+        wake = self._rules.messages_per_wake
+        peer = Peer(connection, name, account, protocol, wake, self._admit, self.on_message, self._forget)
         if not peer.closed:
             self._pending[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
 
@@ -218,18 +224,18 @@ class Listener:
             if account.connections >= self._most_of_one:
                 raise ProtocolError(_TOO_MANY)
             peer.move(account)
-        self._on_ready(peer)
+        self.on_ready(peer)
         self._pending.pop(peer).cancel()
         self.peers[peer] = None
 
     def _forget(self, peer: Peer) -> None:
-        timer = self._pending.pop(peer, None)
-        if timer is not None:
-            timer.cancel()
+        if peer in self._pending:
+            self._pending.pop(peer).cancel()
         if peer.reason:
             self._log_end(peer.key or peer.address, peer.reason)
-        if self.peers.pop(peer, peer) is None:
-            self._on_close(peer)
+        if peer in self.peers:
+            del self.peers[peer]
+            self.on_close(peer)
         self._listen()
 
     def _log_end(self, name: bytes, reason: str) -> None:
@@ -253,3 +259,9 @@ def _flush(peers: list[Peer]) -> None:
             poll.register(descriptor, select.POLLOUT)
         for descriptor, _ in poll.poll(1e3 * left_s):
             waiting[descriptor].flush()
+
+
+def _writable(fileno: int) -> bool:
+    poll = select.poll()
+    poll.register(fileno, select.POLLOUT)
+    return any(event & select.POLLOUT for _, event in poll.poll(0))

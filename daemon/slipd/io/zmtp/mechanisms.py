@@ -19,10 +19,10 @@ from slipd.io.zmtp.wire import (
     COMMAND,
     MORE,
     ProtocolError,
-    decode_command,
     decode_metadata,
     encode_command,
     encode_frame,
+    encode_message,
     encode_metadata,
 )
 
@@ -32,8 +32,8 @@ SEAL_BYTES = 33
 MAX_HANDSHAKE_BYTES = 1024
 """Longest frame of a handshake; INITIATE with the longest identity has about 600 bytes."""
 
-_HELLO_BYTES, _COOKIE_BYTES = 200, 96
-_INITIATE_HEAD = 9 + _COOKIE_BYTES + 8
+_HELLO_BYTES, _COOKIE_BYTES = 194, 96
+_INITIATE_HEAD = _COOKIE_BYTES + 8
 _INITIATE_BYTES = 32 + 16 + 80
 """Bytes in the box of INITIATE before the metadata: long-term key, nonce of the vouch, vouch."""
 
@@ -52,19 +52,19 @@ class Mechanism(Protocol):
 
     Attributes:
         name: Name of the mechanism in the greeting.
-        properties: Metadata of the peer; None until the handshake ends.
+        properties: Metadata of the peer; empty until the handshake ends.
         key: Key that the peer proved, 40 letters of Z85; b"" without keys.
     """
 
     name: bytes
-    properties: dict[bytes, bytes] | None
+    properties: dict[bytes, bytes]
     key: bytes
 
-    def handshake(self, body: bytes) -> bytes:
-        """Handle one command of the handshake and return the answer.
+    def handshake(self, data: bytes) -> bytes:
+        """Handle the data of the next command of the handshake, and return the answer.
 
         Raises:
-            ProtocolError: It is not the next command of the handshake, or is malformed.
+            ProtocolError: It is malformed, or does not prove the key.
         """
 
     def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
@@ -89,14 +89,11 @@ class Null:
     key = b""
 
     def __init__(self, socket_type: bytes) -> None:
-        self.properties: dict[bytes, bytes] | None = None
+        self.properties: dict[bytes, bytes] = {}
         self._own = _own_properties(socket_type)
 
-    def handshake(self, body: bytes) -> bytes:
+    def handshake(self, data: bytes) -> bytes:
         """Answer READY with READY."""
-        name, data = decode_command(body)
-        if name != b"READY":
-            raise ProtocolError("the handshake does not begin with READY")
         self.properties = decode_metadata(data)
         return encode_frame(encode_command(b"READY", self._own), COMMAND)
 
@@ -106,7 +103,7 @@ class Null:
 
     def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
         """Frame a message or a command."""
-        return b"".join(encode_frame(frame, MORE) for frame in frames[:-1]) + encode_frame(frames[-1], flags)
+        return encode_message(frames, flags)
 
 
 class Curve:
@@ -121,7 +118,7 @@ class Curve:
     name = b"CURVE"
 
     def __init__(self, socket_type: bytes, secret: bytes, admits: Callable[[bytes], bool]) -> None:
-        self.properties: dict[bytes, bytes] | None = None
+        self.properties: dict[bytes, bytes] = {}
         self.key = b""
         self._own = _own_properties(socket_type)
         self._secret, self._public = secret, sodium.crypto_scalarmult_base(secret)
@@ -132,10 +129,10 @@ class Curve:
         self._received = 0  # last nonce of the peer; nonces must increase
         self._sent = 0
 
-    def handshake(self, body: bytes) -> bytes:
+    def handshake(self, data: bytes) -> bytes:
         """Answer HELLO with WELCOME, and INITIATE with READY if the key may connect."""
         try:
-            return self._initiate(body) if self._cookie else self._hello(body)
+            return self._initiate(data) if self._cookie else self._hello(data)
         except (CryptoError, RuntimeError) as error:
             raise ProtocolError(
                 "a box of the handshake does not open: does the client have the right public key of the daemon?"
@@ -167,10 +164,10 @@ class Curve:
         box = sodium.crypto_box_afternm(bytes((flags,)) + body, b"CurveZMQMESSAGES" + nonce, self._shared)
         return encode_frame(_MESSAGE + nonce + box)
 
-    def _hello(self, body: bytes) -> bytes:
-        if len(body) != _HELLO_BYTES or body[:8] != b"\x05HELLO\x01\x00":
-            raise ProtocolError("the handshake does not begin with a HELLO of CURVE 1.0")
-        self._client, nonce, box = body[80:112], body[112:120], body[120:]
+    def _hello(self, data: bytes) -> bytes:
+        if len(data) != _HELLO_BYTES or data[:2] != b"\x01\x00":
+            raise ProtocolError("the HELLO of the handshake is not that of CURVE 1.0")
+        self._client, nonce, box = data[74:106], data[106:114], data[114:]
         self._check_nonce(nonce)
         opening = sodium.crypto_box_beforenm(self._client, self._secret)
         sodium.crypto_box_open_afternm(box, b"CurveZMQHELLO---" + nonce, opening)
@@ -181,12 +178,12 @@ class Curve:
         welcome = sodium.crypto_box_afternm(public + self._cookie, b"WELCOME-" + long_nonce, opening)
         return encode_frame(encode_command(b"WELCOME", long_nonce + welcome), COMMAND)
 
-    def _initiate(self, body: bytes) -> bytes:
-        if body[:9] != b"\x08INITIATE" or not secrets.compare_digest(body[9 : 9 + _COOKIE_BYTES], self._cookie):
+    def _initiate(self, data: bytes) -> bytes:
+        if not secrets.compare_digest(data[:_COOKIE_BYTES], self._cookie):
             raise ProtocolError("the INITIATE of the handshake has another cookie")
-        nonce = body[_INITIATE_HEAD - 8 : _INITIATE_HEAD]
+        nonce = data[_COOKIE_BYTES:_INITIATE_HEAD]
         self._check_nonce(nonce)
-        plain = sodium.crypto_box_open_afternm(body[_INITIATE_HEAD:], b"CurveZMQINITIATE" + nonce, self._shared)
+        plain = sodium.crypto_box_open_afternm(data[_INITIATE_HEAD:], b"CurveZMQINITIATE" + nonce, self._shared)
         if len(plain) < _INITIATE_BYTES:
             raise ProtocolError("the INITIATE of the handshake is truncated")
         client, vouch_nonce, vouch = plain[:32], plain[32:48], plain[48:_INITIATE_BYTES]
@@ -196,8 +193,8 @@ class Curve:
         key = z85.encode(client)
         if not self._admits(key):
             raise KeyRefusedError(f"key {key.decode()} is not allowed")
-        properties = decode_metadata(plain[_INITIATE_BYTES:])
-        self.key, self.properties = key, properties
+        self.properties = decode_metadata(plain[_INITIATE_BYTES:])
+        self.key = key
         nonce = self._next_nonce()
         ready = sodium.crypto_box_afternm(self._own, b"CurveZMQREADY---" + nonce, self._shared)
         return encode_frame(encode_command(b"READY", nonce + ready), COMMAND)

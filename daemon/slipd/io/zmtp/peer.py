@@ -1,7 +1,6 @@
-"""One connection of a peer, from the greeting to its end: received bytes become messages.
+"""The socket of one connection: bytes go to the protocol and its messages to the endpoint, within the peer's time.
 
-Only the bytes of one read, one frame, and the first frames of one message are kept. All work for the peer is charged to
-its account.
+`slipd.io.zmtp.connection` is the protocol. All work for the peer is charged to its account.
 """
 
 from __future__ import annotations
@@ -11,21 +10,9 @@ import socket
 import time
 from collections.abc import Callable
 
+from slipd.io.zmtp.connection import Connection, Event, Message
 from slipd.io.zmtp.loop_time_accounts import TimeAccount
-from slipd.io.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
-from slipd.io.zmtp.outbox import Message, Outbox
-from slipd.io.zmtp.peer_rules import PeerRules
-from slipd.io.zmtp.wire import (
-    COMMAND,
-    GREETING_BYTES,
-    MORE,
-    FrameReader,
-    ProtocolError,
-    check_greeting,
-    decode_command,
-    encode_command,
-    encode_greeting,
-)
+from slipd.io.zmtp.wire import ProtocolError
 
 READ_BYTES = 32 * 1024
 """Most bytes read from the kernel at once."""
@@ -33,106 +20,115 @@ READ_BYTES = 32 * 1024
 WAKE_S = 0.001
 """Time after which other tasks of the loop run, s."""
 
-MOST_FRAMES = 10_000
-"""Most frames of one message; a peer that sends more is disconnected."""
-
-_MAX_PING_CONTEXT = 16
-_PING_HEAD = 2  # time to live
-_MAX_IDENTITY_BYTES = 255
-
 
 class Peer:
     """A connection from the greeting to its end.
 
     Args:
-        connection: The non-blocking socket, which the peer owns from here on.
+        connected: The non-blocking socket, which the peer owns from here on.
         address: Identity that the peer cannot choose: its process (":user:group:process") or its IP address.
         account: Account to charge until the peer proves a key.
-        mechanism: Security mechanism of the handshake.
-        rules: Limits.
+        protocol: The protocol of the connection.
+        messages_per_wake: Messages passed on before other tasks of the loop run.
         on_ready: Called after the handshake; a `ProtocolError` that it raises ends the connection.
-        on_message: Called with each message.
+        on_message: Called with each message; likewise.
         on_close: Called once, when the connection ends.
 
     Attributes:
         address: As above.
-        route: Name that the peer chose; b"" if it chose none.
-        kind: Socket type of the peer, after the handshake.
         fileno: Descriptor of the connection.
         slot: Number of the connection within its account.
-        send: Sends a message, or queues it until the peer reads; returns False if it is dropped (`Outbox.send`).
-        ready: Whether the handshake is complete.
+        sent_bytes: Bytes that the kernel accepted for the peer.
         closed: Whether the connection has ended.
         reason: Why this side ended the connection; "" if the peer did.
     """
 
     def __init__(
         self,
-        connection: socket.socket,
+        connected: socket.socket,
         address: bytes,
         account: TimeAccount,
-        mechanism: Mechanism,
-        rules: PeerRules,
+        protocol: Connection,
+        messages_per_wake: int,
         on_ready: Callable[[Peer], None],
         on_message: Callable[[Peer, list[bytes]], None],
         on_close: Callable[[Peer], None],
     ) -> None:
-        self.address, self.route, self.kind = address, b"", b""
-        self.account, self.slot = account, account.enter()
+        self.address, self.account, self.slot = address, account, account.enter()
         self.closed, self.reason = False, ""
-        self.ready = False
-        self._connection, self.fileno = connection, connection.fileno()
-        self._mechanism, self._rules = mechanism, rules
+        self.sent_bytes = 0
+        self._socket, self.fileno = connected, connected.fileno()
+        self._protocol, self._messages_per_wake = protocol, messages_per_wake
         self._on_ready, self._on_message, self._on_close = on_ready, on_message, on_close
         self._loop = asyncio.get_running_loop()
-        self._reader = FrameReader(MAX_HANDSHAKE_BYTES)
-        self._greeted = False
-        self._frames: list[bytes] = []
-        self._count = 0
-        self._behind = False  # complete frames wait in the reader
-        self._outbox = Outbox(
-            connection, mechanism.seal, rules.most_queued, drops_oldest=rules.drops_oldest, on_gone=self.close
-        )
-        self.send: Callable[[Message], bool] = self._outbox.send
-        self._outbox.send_now(encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE"))
-        if not self.closed:
-            self._loop.add_reader(self.fileno, self._run)
+        self._unsent = self._listening = False
+        self._done = True  # no complete frame is left of the last read
+        self._listen(on=True)
+        self.flush()
+
+    @property
+    def kind(self) -> bytes:
+        """Socket type of the peer."""
+        return self._protocol.kind
+
+    @property
+    def route(self) -> bytes:
+        """Name that the peer chose; b"" if it chose none."""
+        return self._protocol.route
 
     @property
     def key(self) -> bytes:
         """Key that the peer proved; b"" without keys."""
-        return self._mechanism.key
+        return self._protocol.key
 
     @property
     def waiting(self) -> int:
         """Number of messages queued until the peer reads."""
-        return self._outbox.waiting
-
-    @property
-    def sent_bytes(self) -> int:
-        """Bytes that the kernel accepted for the peer."""
-        return self._outbox.sent_bytes
+        return self._protocol.waiting
 
     def move(self, account: TimeAccount) -> None:
         """Charge another account from now on, because the peer proved its identity."""
         self.account.leave(self.slot)
         self.account, self.slot = account, account.enter()
 
+    def send(self, message: Message) -> bool:
+        """Send a message, or queue it until the peer reads; return False if it is dropped."""
+        if self.closed or not self._protocol.send(message):
+            return False
+        if not self._unsent:
+            self.flush()
+        return True
+
     def flush(self) -> None:
-        """Pass as much of the queue to the kernel as it accepts."""
-        self._outbox.flush()
+        """Pass as much to the kernel as it accepts; the loop calls this again when it accepts more."""
+        data = self._protocol.data_to_send()
+        if self.closed or not data:
+            return
+        try:
+            sent = self._socket.send(data)
+        except (BlockingIOError, InterruptedError):
+            sent = 0
+        except OSError:  # the peer is gone
+            self.close()
+            return
+        self.sent_bytes += sent
+        unsent = self._protocol.sent(sent)
+        if unsent is not self._unsent:
+            self._unsent = unsent
+            if unsent:
+                self._loop.add_writer(self.fileno, self.flush)
+            else:
+                self._loop.remove_writer(self.fileno)
 
     def is_gone(self) -> bool:
         """Return whether the peer has closed its side; if so, close the connection."""
-        if not self.closed:
-            try:
-                gone = not self._connection.recv(1, socket.MSG_PEEK)
-            except (BlockingIOError, InterruptedError):
-                gone = False
-            except OSError:
-                gone = True
-            if gone:
+        try:
+            if not self.closed and not self._socket.recv(1, socket.MSG_PEEK):
                 self.close()
+        except (BlockingIOError, InterruptedError):
+            return False
+        except OSError:
+            self.close()
         return self.closed
 
     def close(self, reason: str = "") -> None:
@@ -140,144 +136,72 @@ class Peer:
         if self.closed:
             return
         self.closed, self.reason = True, reason
-        self._loop.remove_reader(self.fileno)
-        self._outbox.close()
-        self._connection.close()
+        self._listen(on=False)
+        self._loop.remove_writer(self.fileno)
+        self._socket.close()
         self.account.leave(self.slot)
         self._on_close(self)
 
     def _run(self) -> None:
-        """Handle received bytes while the account has time; then other tasks of the loop run."""
+        """Read and handle frames while the account has time; then other tasks of the loop run."""
         if self.closed:
             return
         begin_s = time.monotonic()
         account = self.account
         if not account.has_time(begin_s):
-            self._pause()
+            self._listen(on=False)
+            account.wait(self._run)
             return
-        done = False
+        was_done, self._done = self._done, False
         try:
-            if not self._behind:
+            if was_done:
                 self._receive()
-            done = self._work(begin_s + WAKE_S)
+            self._done = self._handle_frames(begin_s + WAKE_S)
         except ProtocolError as error:
-            if isinstance(error, KeyRefusedError):
-                self._outbox.send_now(error.reply)
+            self.flush()
             self.close(str(error))
         finally:
             account.charge(time.monotonic() - begin_s)
             if not self.closed:
-                self._schedule(done)
+                self._listen(on=self._done)
+                if not self._done:
+                    self._loop.call_soon(self._run)
 
-    def _schedule(self, done: bool) -> None:
-        if done and self._behind:
-            self._behind = False
-            self._loop.add_reader(self.fileno, self._run)
-        elif not done:
-            if not self._behind:
-                self._behind = True
+    def _listen(self, *, on: bool) -> None:
+        """Let the loop call `_run` when bytes arrive, or not."""
+        if on is not self._listening:
+            self._listening = on
+            if on:
+                self._loop.add_reader(self.fileno, self._run)
+            else:
                 self._loop.remove_reader(self.fileno)
-            self._loop.call_soon(self._run)
-
-    def _pause(self) -> None:
-        """Stop reading until the account has time again."""
-        if not self._behind:
-            self._loop.remove_reader(self.fileno)
-        self.account.wait(self._resume)
-
-    def _resume(self) -> None:
-        if self.closed:
-            return
-        if not self._behind:
-            self._loop.add_reader(self.fileno, self._run)
-        self._run()
 
     def _receive(self) -> None:
         try:
-            data = self._connection.recv(READ_BYTES)
+            data = self._socket.recv(READ_BYTES)
         except (BlockingIOError, InterruptedError):
             return
         except OSError:  # the peer is gone
-            self.close()
-            return
+            data = b""
         if data:
-            self._reader.feed(data)
+            self._protocol.receive_data(data)
         else:
             self.close()
 
-    def _work(self, until_s: float) -> bool:
-        """Handle complete frames; return False if some are left for later."""
-        if not self._greeted and not self._read_greeting():
-            return True
-        left = self._rules.messages_per_wake
+    def _handle_frames(self, until_s: float) -> bool:
+        """Handle complete frames; return False if some may be left."""
+        left = self._messages_per_wake
         while not self.closed:
-            frame = self._reader.next()
-            if frame is None:
-                return True
-            if self._handle_frame(*frame):
-                left -= 1
-                if left <= 0:
-                    return False
-            if time.monotonic() > until_s:
+            event = self._protocol.next_event()
+            if event is Event.NEED_DATA:
+                break
+            if event is Event.READY:
+                self._on_ready(self)
+            if isinstance(event, list):
+                self._on_message(self, event)
+            elif not self._unsent:
+                self.flush()  # answers to the handshake and to pings
+            left -= event is not Event.PART
+            if left <= 0 or time.monotonic() > until_s:
                 return False
-        return True
-
-    def _read_greeting(self) -> bool:
-        greeting = self._reader.read(GREETING_BYTES)
-        if greeting is None:
-            return False
-        check_greeting(greeting, self._mechanism.name)
-        self._greeted = True
-        return True
-
-    def _handle_frame(self, flags: int, body: bytes) -> bool:
-        """Handle one frame; return whether it completed a message."""
-        if not self.ready:
-            self._shake_hands(flags, body)
-            return False
-        flags, body = self._mechanism.open(flags, body)
-        if flags & COMMAND:
-            return self._handle_command(body)
-        self._count += 1
-        if self._count > MOST_FRAMES:
-            raise ProtocolError(f"a message has more than {MOST_FRAMES} frames")
-        if len(self._frames) <= self._rules.max_frames:
-            self._frames.append(body)
-        if flags & MORE:
-            return False
-        frames, self._frames, self._count = self._frames, [], 0
-        self._on_message(self, frames)
-        return True
-
-    def _shake_hands(self, flags: int, body: bytes) -> None:
-        if not flags & COMMAND:
-            raise ProtocolError("a message came before the end of the handshake")
-        self._outbox.send_now(self._mechanism.handshake(body))
-        properties = self._mechanism.properties
-        if properties is None or self.closed:
-            return
-        kind = properties.get(b"socket-type", b"")
-        if kind not in self._rules.serves:
-            raise ProtocolError(f"a {kind.decode(errors='replace')!r:.20} socket cannot connect here")
-        self.kind, self.route = kind, properties.get(b"identity", b"")
-        if len(self.route) > _MAX_IDENTITY_BYTES or self.route[:1] == b"\0":
-            raise ProtocolError("the identity of the peer is too long or begins with a zero byte")
-        sealing = SEAL_BYTES if self.key else 0
-        self._reader.most_bytes = self._rules.max_bytes + sealing
-        self._on_ready(self)
-        self.ready = True
-
-    def _handle_command(self, body: bytes) -> bool:
-        """Handle a command; return whether it counts as a message."""
-        name, data = decode_command(body)
-        if name == b"PING":
-            if not self.waiting:  # answers must not pile up for a peer that does not read
-                pong = encode_command(b"PONG", data[_PING_HEAD : _PING_HEAD + _MAX_PING_CONTEXT])
-                self._outbox.send_now(self._mechanism.seal((pong,), COMMAND))
-        elif name == b"SUBSCRIBE":
-            self._on_message(self, [b"\x01" + data])
-        elif name == b"CANCEL":
-            self._on_message(self, [b"\x00" + data])
-        elif name == b"ERROR":
-            raise ProtocolError("the peer reports an error")
         return True

@@ -12,8 +12,6 @@ GREETING_BYTES = 64
 
 _SHORT_HEAD, _LARGE_HEAD = 2, 9
 _LONGEST_SHORT = 255
-_SPENT_BYTES = 16 * 1024
-"""Consumed bytes that are kept before the rest is moved to the front."""
 
 
 class ProtocolError(Exception):
@@ -28,9 +26,9 @@ def encode_frame(body: bytes, flags: int = 0) -> bytes:
     return struct.pack(">BQ", flags | LARGE, size) + body
 
 
-def encode_message(frames: tuple[bytes, ...]) -> bytes:
-    """Return a message of one or more frames as it goes on the wire."""
-    return b"".join(encode_frame(frame, MORE) for frame in frames[:-1]) + encode_frame(frames[-1])
+def encode_message(frames: tuple[bytes, ...], flags: int = 0) -> bytes:
+    """Return a message of one or more frames, or with ``COMMAND`` a command, as it goes on the wire."""
+    return b"".join(encode_frame(frame, MORE) for frame in frames[:-1]) + encode_frame(frames[-1], flags)
 
 
 def encode_command(name: bytes, body: bytes = b"") -> bytes:
@@ -91,72 +89,39 @@ def decode_metadata(data: bytes) -> dict[bytes, bytes]:
     at = 0
     while at < len(data):
         name_end = at + 1 + data[at]
-        value_begin = name_end + 4
-        if value_begin > len(data):
+        value_at = name_end + 4
+        end = value_at + int.from_bytes(data[name_end:value_at], "big")
+        if value_at > len(data) or end > len(data):
             raise ProtocolError("the metadata of the handshake is truncated")
-        value_end = value_begin + int.from_bytes(data[name_end:value_begin], "big")
-        if value_end > len(data):
-            raise ProtocolError("the metadata of the handshake is truncated")
-        properties[data[at + 1 : name_end].lower()] = data[value_begin:value_end]
-        at = value_end
+        properties[data[at + 1 : name_end].lower()] = data[value_at:end]
+        at = end
     return properties
 
 
-class FrameReader:
-    """Cut a stream of bytes into frames; it holds at most one frame more than the last bytes fed.
+def next_frame(data: bytearray, most_bytes: int) -> tuple[int, bytes] | None:
+    """Remove the first frame from received bytes, and return its flags and body; None until it is complete.
 
     Args:
+        data: The received bytes.
         most_bytes: Longest frame; a longer one is refused by its header, before its body arrives.
+
+    Raises:
+        ProtocolError: Reserved flags, or a frame longer than ``most_bytes``.
     """
-
-    def __init__(self, most_bytes: int) -> None:
-        self.most_bytes = most_bytes
-        self._data = bytearray()
-        self._at = 0
-
-    def feed(self, data: bytes) -> None:
-        """Append received bytes."""
-        if self._at == len(self._data):
-            self._data[:] = data
-            self._at = 0
-            return
-        if self._at > _SPENT_BYTES:
-            del self._data[: self._at]
-            self._at = 0
-        self._data += data
-
-    def read(self, size: int) -> bytes | None:
-        """Return the next ``size`` bytes; None until they have arrived."""
-        end = self._at + size
-        if end > len(self._data):
-            return None
-        found = bytes(self._data[self._at : end])
-        self._at = end
-        return found
-
-    def next(self) -> tuple[int, bytes] | None:
-        """Return flags and body of the next frame; None until it is complete.
-
-        Raises:
-            ProtocolError: Reserved flags, or a frame longer than ``most_bytes``.
-        """
-        data, at = self._data, self._at
-        left = len(data) - at
-        if left < _SHORT_HEAD:
-            return None
-        flags = data[at]
-        if flags & ~(MORE | LARGE | COMMAND):
-            raise ProtocolError(f"a frame has reserved flags (0x{flags:02x})")
-        if flags & LARGE:
-            if left < _LARGE_HEAD:
-                return None
-            head, size = _LARGE_HEAD, int.from_bytes(data[at + 1 : at + _LARGE_HEAD], "big")
-        else:
-            head, size = _SHORT_HEAD, data[at + 1]
-        if size > self.most_bytes:
-            raise ProtocolError(f"a frame has {size} bytes; at most {self.most_bytes} are allowed here")
-        if left < head + size:
-            return None
-        begin = at + head
-        self._at = begin + size
-        return flags & ~LARGE, bytes(data[begin : begin + size])
+    if not data:
+        return None
+    flags = data[0]
+    if flags & ~(MORE | LARGE | COMMAND):
+        raise ProtocolError(f"a frame has reserved flags (0x{flags:02x})")
+    head = _LARGE_HEAD if flags & LARGE else _SHORT_HEAD
+    if len(data) < head:
+        return None
+    size = int.from_bytes(data[1:head], "big")
+    if size > most_bytes:
+        raise ProtocolError(f"a frame has {size} bytes; at most {most_bytes} are allowed here")
+    end = head + size
+    if len(data) < end:
+        return None
+    body = bytes(data[head:end])
+    del data[:end]
+    return flags & ~LARGE, body

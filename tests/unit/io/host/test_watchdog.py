@@ -16,8 +16,7 @@ from daemon_peers import PATIENCE_S, until
 from slipd.events import Event, LinkSpec
 from slipd.io.bus.publisher import Publisher
 from slipd.io.bus.request_server import RequestServer
-from slipd.io.host.stage_checks import stage_checks
-from slipd.io.host.watchdog import FEEDS_PER_TIMEOUT, Watchdog
+from slipd.io.host.watchdog import FEEDS_PER_TIMEOUT, Watchdog, stage_checks
 from slipd.io.transport import Links
 
 
@@ -27,7 +26,7 @@ class Daemon:
     def __init__(self, links: Links, publisher: Publisher, requests: RequestServer, device: int) -> None:
         self.links, self.publisher, self.requests, self.device = links, publisher, requests, device
         self.ticks = 0
-        self.stages = stage_checks(links, lambda: self.ticks, publisher.progress(), requests.progress())
+        self.stages = stage_checks(links, lambda: self.ticks, publisher, requests)
 
     async def stalled(self) -> set[str]:
         """Let the device send and a tick pass, and return the stages without progress."""
@@ -76,8 +75,9 @@ def _stop_reading(daemon: Daemon) -> None:
 
 def _stop_accepting(server: str) -> Callable[[Daemon], None]:
     def stop(daemon: Daemon) -> None:
-        listener = getattr(daemon, server)._listener
-        asyncio.get_running_loop().remove_reader(listener._socket)
+        listener = getattr(daemon, server)
+        listener._over = True  # it accepts no more
+        listener._stop_listening()
 
     return stop
 

@@ -10,7 +10,7 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ import pytest
 import zmq
 
 from slipd.io.zmtp import listener as listener_module
+from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.endpoint import Access
 from slipd.io.zmtp.listener import (
     MAX_CONNECTIONS,
@@ -26,7 +27,8 @@ from slipd.io.zmtp.listener import (
     most_connections,
     raise_descriptor_limit,
 )
-from slipd.io.zmtp.peer_rules import PeerRules
+from slipd.io.zmtp.peer import Peer
+from slipd.io.zmtp.wire import COMMAND, encode_command, encode_frame, encode_greeting, encode_metadata
 
 if TYPE_CHECKING:
     from loop_waits import Eventually
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
 MOST = 8
+PATIENCE_S = 30.0
 TCP = "tcp://127.0.0.1:*"
 LOCAL = Access(local_tcp=True)
 ECHO = PeerRules(kind=b"ROUTER", serves=frozenset({b"DEALER"}), max_bytes=1000, most_queued=10)
@@ -44,9 +47,14 @@ Strangers = Callable[[str], socket.socket]
 Clients = Callable[..., "Client"]
 
 
-def echoing(endpoint: str, access: Access = LOCAL) -> Listener:
-    """Return every message to its sender."""
-    return Listener(endpoint, ECHO, lambda peer, frames: peer.send(tuple(frames)) and None, access)
+class Echo(Listener):
+    """Returns every message to its sender."""
+
+    def __init__(self, endpoint: str) -> None:
+        super().__init__(endpoint, ECHO, LOCAL)
+
+    def on_message(self, peer: Peer, frames: list[bytes]) -> None:
+        peer.send(tuple(frames))
 
 
 @pytest.fixture
@@ -77,7 +85,7 @@ def strangers() -> Iterator[Strangers]:
 async def test_as_many_connect_as_there_may_be_and_others_when_those_are_gone(
     kind: str, peer: Clients, endpoint: str, eventually: Eventually
 ) -> None:
-    with echoing(TCP if kind == "tcp" else endpoint) as listener:
+    with Echo(TCP if kind == "tcp" else endpoint) as listener:
         first = [peer(zmq.DEALER, listener.endpoint) for _ in range(MOST)]
         await eventually(lambda: listener.full)
         late = peer(zmq.DEALER, listener.endpoint)
@@ -103,7 +111,7 @@ async def test_connections_without_a_handshake_keep_nobody_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(listener_module, "HANDSHAKE_S", 1000.0)
-    with echoing(TCP if kind == "tcp" else endpoint) as listener:
+    with Echo(TCP if kind == "tcp" else endpoint) as listener:
         inside = peer(zmq.DEALER, listener.endpoint)
         await eventually(lambda: listener.peers)
         for _ in range(3 * MOST):
@@ -120,7 +128,7 @@ async def test_strangers_are_dropped_by_themselves_and_others_get_in(
     strangers: Strangers, peer: Clients, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(listener_module, "HANDSHAKE_S", 0.2)
-    with echoing(TCP) as listener:
+    with Echo(TCP) as listener:
         for _ in range(MOST):
             strangers(listener.endpoint)
         await eventually(lambda: listener.refused == MOST)
@@ -133,7 +141,7 @@ async def test_one_process_gets_half_of_the_connections_at_most(
     strangers: Strangers, endpoint: str, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(listener_module, "MAX_CONNECTIONS", MOST)
-    with echoing(endpoint) as listener:
+    with Echo(endpoint) as listener:
         theirs = [strangers(listener.endpoint) for _ in range(MOST)]
         await eventually(lambda: listener.refused == MOST // 2)
         assert not listener.full
@@ -157,7 +165,7 @@ async def test_Z3_a_connection_that_is_reset_or_whose_cable_is_cut_is_forgotten(
     how: str, clients: Context, eventually: Eventually
 ) -> None:
     """Cut: packets of the server are dropped before the kernel of the client acknowledges them."""
-    with echoing(TCP) as listener, clients.socket(zmq.DEALER) as dealer:
+    with Echo(TCP) as listener, clients.socket(zmq.DEALER) as dealer:
         monitor = dealer.get_monitor_socket(zmq.EVENT_CONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED)
         dealer.setsockopt(zmq.RECONNECT_IVL, -1)
         dealer.connect(listener.endpoint)
@@ -197,7 +205,7 @@ async def test_nothing_is_left_open_behind_a_listener(
     theirs = []
     before = open_files()
     for _ in range(20):
-        with echoing(endpoint) as listener:
+        with Echo(endpoint) as listener:
             theirs.append(strangers(endpoint))
             await eventually(lambda: listener._pending)
     assert open_files() == before + len(theirs)
@@ -270,9 +278,74 @@ def test_Z4_600_idle_connections_never_keep_a_daemon_with_128_descriptors_from_o
     assert len(opened) > 100
 
 
+class Stalled:
+    """A listener, and a client for which more messages wait than the kernel takes."""
+
+    def __init__(self, listener: Listener, client: socket.socket) -> None:
+        self.client, self.listener = client, listener
+        (self.peer,) = listener.peers
+
+    async def look(self) -> str:
+        return await self.listener.stall(PATIENCE_S)
+
+    def read_all(self) -> None:
+        """Read what the kernel has."""
+        with contextlib.suppress(BlockingIOError):
+            while self.client.recv(65536):
+                pass
+
+
+@pytest.fixture
+async def stalled(endpoint: str, eventually: Eventually) -> AsyncIterator[Stalled]:
+    rules = PeerRules(kind=b"XPUB", serves=frozenset({b"SUB"}), max_bytes=100, most_queued=1000, drops_oldest=True)
+    ready = encode_command(b"READY", encode_metadata({b"Socket-Type": b"SUB"}))
+    with Listener(endpoint, rules) as listener, socket.socket(socket.AF_UNIX) as client:
+        client.connect(endpoint.removeprefix("ipc://"))
+        client.sendall(encode_greeting(b"NULL", as_server=False) + encode_frame(ready, COMMAND))
+        client.setblocking(False)
+        await eventually(lambda: listener.peers)
+        found = Stalled(listener, client)
+        for _ in range(900):
+            found.peer.send((bytes(50_000),))
+        assert found.peer.waiting > 500
+        yield found
+
+
+async def test_P2_messages_that_wait_are_a_stall_only_if_the_client_reads_and_none_is_sent(
+    stalled: Stalled, eventually: Eventually
+) -> None:
+    assert [await stalled.look() for _ in range(3)] == [""] * 3, "it does not read"
+    for _ in range(3):
+        stalled.read_all()
+        assert not await stalled.look()
+    loop, peer = asyncio.get_running_loop(), stalled.peer
+    assert peer.waiting
+    loop.remove_writer(peer.fileno)
+    stalled.read_all()
+    assert [await stalled.look(), await stalled.look()] == ["", "messages are not sent to clients that read (1)"]
+    loop.add_writer(peer.fileno, peer.flush)
+    sent_bytes = peer.sent_bytes
+    await eventually(lambda: peer.sent_bytes > sent_bytes)
+    assert not await stalled.look()
+
+
+async def test_P2_a_listener_that_neither_greets_nor_accepts_is_stalled(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def never(*_: object) -> bool:
+        return False
+
+    with Echo(endpoint) as listener:
+        assert not await listener.stall(PATIENCE_S)
+        monkeypatch.setattr(listener_module, "greets", never)
+        assert await listener.stall(PATIENCE_S) == f"{endpoint} greets no client"
+        listener.accepted += 1
+        assert not await listener.stall(PATIENCE_S)
+
+
 async def test_a_reused_descriptor_of_a_closed_peer_is_left_alone(endpoint: str, eventually: Eventually) -> None:
     """A connection is closed by its socket object, because its descriptor may have been reused."""
-    with contextlib.ExitStack() as stack, echoing(endpoint) as listener:
+    with contextlib.ExitStack() as stack, Echo(endpoint) as listener:
         first, *heirs = (stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(4))
         first.connect(endpoint.removeprefix("ipc://"))
         await eventually(lambda: listener._pending)

@@ -7,13 +7,24 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 from nacl import bindings as sodium
 from zmq.utils import z85
 
-from slipd.io.zmtp.mechanisms import Curve, KeyRefusedError, Null
-from slipd.io.zmtp.wire import COMMAND, MORE, FrameReader, ProtocolError, encode_command, encode_metadata
+from slipd.io.zmtp.connection import Connection, Event, PeerRules, State
+from slipd.io.zmtp.mechanisms import Curve, KeyRefusedError
+from slipd.io.zmtp.wire import (
+    COMMAND,
+    MORE,
+    ProtocolError,
+    encode_command,
+    encode_frame,
+    encode_greeting,
+    encode_metadata,
+    next_frame,
+)
 
 SERVER = sodium.crypto_box_seed_keypair(bytes(32))
 CLIENT = sodium.crypto_box_seed_keypair(b"c" * 32)
@@ -27,11 +38,7 @@ def only(key: bytes) -> Callable[[bytes], bool]:
 
 
 def bodies(wire: bytes) -> list[tuple[int, bytes]]:
-    reader, found = FrameReader(10_000), []
-    reader.feed(wire)
-    while (frame := reader.next()) is not None:
-        found.append(frame)
-    return found
+    return list(iter(partial(next_frame, bytearray(wire), 10_000), None))
 
 
 class Client:
@@ -47,7 +54,7 @@ class Client:
         nonce = struct.pack(">Q", number)
         opening = sodium.crypto_box_beforenm(self.server_public, SHORT[1])
         box = sodium.crypto_box_afternm(bytes(64), b"CurveZMQHELLO---" + nonce, opening)
-        return encode_command(b"HELLO", b"\x01\x00" + bytes(72) + SHORT[0] + nonce + box)
+        return b"\x01\x00" + bytes(72) + SHORT[0] + nonce + box
 
     def welcome(self, wire: bytes) -> None:
         ((flags, body),) = bodies(wire)
@@ -72,7 +79,7 @@ class Client:
         vouch = sodium.crypto_box(vouched, b"VOUCH---" + vouch_nonce, self.short_server, key[1])
         plain = claimed + vouch_nonce + vouch + metadata
         box = sodium.crypto_box_afternm(plain[: len(plain) - cut], b"CurveZMQINITIATE" + nonce, self.shared)
-        return encode_command(b"INITIATE", self.cookie + nonce + box)
+        return self.cookie + nonce + box
 
     def seal(self, number: int, body: bytes, flags: int = 0) -> bytes:
         nonce = struct.pack(">Q", number)
@@ -97,7 +104,7 @@ def client(server: Curve) -> Client:
 
 
 def test_a_key_that_is_proved_is_known_and_both_sides_understand_each_other(server: Curve, client: Client) -> None:
-    assert server.properties is None
+    assert server.properties == {}
     ((_, ready),) = bodies(server.handshake(client.initiate()))
     metadata = sodium.crypto_box_open_afternm(ready[14:], b"CurveZMQREADY---" + ready[6:14], client.shared)
     assert metadata.startswith(b"\x0bSocket-Type\x00\x00\x00\x04XPUB")
@@ -112,13 +119,6 @@ def test_a_key_that_is_proved_is_known_and_both_sides_understand_each_other(serv
     ]
     assert opened == [b"\x01topic", b"\x00payload"]
     assert len({body[8:16] for _, body in [*sealed, *bodies(server.seal((b"again",)))]}) == 3
-
-
-def test_a_key_that_is_not_allowed_is_refused_with_an_error(server: Curve, client: Client) -> None:
-    with pytest.raises(KeyRefusedError, match="not allowed") as raised:
-        server.handshake(client.initiate(key=OTHER, claimed=OTHER[0]))
-    assert raised.value.reply == b"\x04\x0a\x05ERROR\x03400"
-    assert (server.key, server.properties) == (b"", None)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_a_key_that_is_not_allowed_is_refused_with_an_error(server: Curve, clien
 def test_who_does_not_prove_the_key_is_refused(wrong: dict[str, object], server: Curve, client: Client) -> None:
     with pytest.raises(ProtocolError):
         server.handshake(client.initiate(**wrong))  # type: ignore[arg-type]
-    assert (server.key, server.properties) == (b"", None)
+    assert (server.key, server.properties) == (b"", {})
 
 
 def test_the_cookie_of_another_connection_is_refused(server: Curve, client: Client) -> None:
@@ -150,16 +150,20 @@ def test_a_client_with_the_key_of_another_daemon_is_refused(server: Curve) -> No
         server.handshake(Client(OTHER[0]).hello())
 
 
-@pytest.mark.parametrize("body", [b"", b"\x05HELLO", b"\x05READY", b"\x05HELLO\x02\x00".ljust(200, b"\0"), bytes(200)])
-def test_an_invalid_hello_is_refused(body: bytes, server: Curve) -> None:
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\x01\x00",
+        b"\x02\x00".ljust(194, b"\0"),
+        b"\x01\x00".ljust(194, b"\0"),
+        # with a key of low order, the shared secret is known to everybody
+        b"\x01\x00".ljust(113, b"\0") + b"\x01" + bytes(80),
+    ],
+)
+def test_an_invalid_hello_is_refused(data: bytes, server: Curve) -> None:
     with pytest.raises(ProtocolError):
-        server.handshake(body)
-
-
-def test_a_key_of_low_order_is_refused(server: Curve) -> None:
-    """With such a key the shared secret is known to everybody."""
-    with pytest.raises(ProtocolError):
-        server.handshake(b"\x05HELLO\x01\x00".ljust(80, b"\0") + bytes(32) + b"\0" * 7 + b"\x01" + bytes(80))
+        server.handshake(data)
 
 
 def test_a_frame_that_came_before_or_was_touched_or_is_not_sealed_is_refused(server: Curve, client: Client) -> None:
@@ -174,12 +178,45 @@ def test_a_frame_that_came_before_or_was_touched_or_is_not_sealed_is_refused(ser
     assert server.open(0, client.seal(7, b"")) == (0, b"")
 
 
-def test_without_keys_a_peer_states_its_socket_type() -> None:
-    null = Null(b"PULL")
-    reply = null.handshake(encode_command(b"READY", METADATA))
-    assert null.properties == {b"socket-type": b"SUB"}
-    assert bodies(reply)[0][1].startswith(b"\x05READY\x0bSocket-Type\x00\x00\x00\x04PULL")
-    assert null.open(MORE, b"as it is") == (MORE, b"as it is")
-    assert null.seal((b"a", b"b")) == b"\x01\x01a\x00\x01b"
-    with pytest.raises(ProtocolError, match="READY"):
-        Null(b"PULL").handshake(encode_command(b"HELLO"))
+GREETING = encode_greeting(b"CURVE", as_server=False)
+
+
+def wire_of(name: bytes, data: bytes) -> bytes:
+    return encode_frame(encode_command(name, data), COMMAND)
+
+
+def test_a_connection_with_keys_takes_hello_initiate_and_sealed_frames_and_nothing_else(server: Curve) -> None:
+    connection = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4))
+    assert connection.data_to_send() == encode_greeting(b"CURVE", as_server=True)
+    connection.sent(64)
+    client = Client()
+    connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
+    assert [connection.next_event() for _ in range(3)] == [Event.PART, Event.PART, Event.NEED_DATA]
+    assert connection.state is State.INITIATE
+    client.welcome(connection.data_to_send())
+    connection.receive_data(wire_of(b"INITIATE", client.initiate()) + encode_frame(client.seal(3, b"slip")))
+    assert [connection.next_event() for _ in range(2)] == [Event.READY, [b"slip"]]
+    assert connection.key == z85.encode(CLIENT[0])
+    connection.receive_data(encode_frame(b"slip"))
+    with pytest.raises(ProtocolError, match="not sealed"):
+        connection.next_event()
+
+
+@pytest.mark.parametrize("commands", [[b"READY"], [b"INITIATE"], [b"HELLO", b"HELLO"]])
+def test_a_step_of_the_handshake_out_of_order_ends_the_connection(commands: list[bytes], server: Curve) -> None:
+    connection = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4))
+    connection.receive_data(GREETING + b"".join(wire_of(name, Client().hello()) for name in commands))
+    with pytest.raises(ProtocolError, match=r"must send (HELLO first|INITIATE after HELLO), got"):
+        list(iter(connection.next_event, Event.NEED_DATA))
+
+
+def test_a_client_whose_key_is_refused_gets_the_reason(server: Curve) -> None:
+    connection, client = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4)), Client()
+    connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
+    assert [connection.next_event() for _ in range(3)][-1] is Event.NEED_DATA
+    client.welcome(connection.data_to_send()[64:])
+    connection.receive_data(wire_of(b"INITIATE", client.initiate(key=OTHER, claimed=OTHER[0])))
+    with pytest.raises(KeyRefusedError, match="not allowed"):
+        connection.next_event()
+    assert connection.data_to_send().endswith(b"\x04\x0a\x05ERROR\x03400")
+    assert (server.key, connection.state) == (b"", State.CLOSED)
