@@ -10,7 +10,7 @@ from slipd_client import slipctl_parser
 from slipd_client.errors import ClientError, SlipdClientError
 
 DONE, REFUSED, WRONG, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes, as those of ``slipd``: docs/clients.md."""
+"""Exit codes, as those of ``slipd``: docs/commands.md."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,6 +1,6 @@
 """The command ``slipd`` and what carries out each of its subcommands.
 
-Each command imports what it needs.
+Each command imports what it needs. It returns False where the answer is no, for example where a recording is damaged.
 """
 
 from __future__ import annotations
@@ -11,20 +11,47 @@ import os
 import sys
 from typing import NoReturn
 
-from slipd.errors import ConfigError, SlipdError
+from slipd.errors import ConfigError, SlipdError, UsageError
 from slipd.io.log_lines import log_uncaught, open_log
 from slipd.tools.cli_parser import parser
 from slipd.types.device_text import printable_lines
 
-DONE, FAULT, WRONG, INTERRUPTED = 0, 1, 2, 130
+DONE, NO, WRONG, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes, those of ``slipctl`` too; docs/commands.md explains them."""
 
-ENDED_BY_HAND = ("run", "demo", "replay", "view", "emulate")
-"""Commands that Ctrl-C ends normally."""
+ENDED_IN_ORDER = ("run", "demo")
+"""Commands that Ctrl-C ends in good order: recordings are closed, and the demo prints its summary."""
+
+SERVING = ("view", "emulate")
+"""Commands that run until Ctrl-C, of which nobody has to be told."""
+
+SLIPCTL = {
+    **{name: name for name in ("watch", "status", "diagnose", "grip", "tare", "friction", "gravity", "object")},
+    **{name: name for name in ("record", "keys", "fleet", "serve")},
+    "viewers": "serve foxglove",
+    "relay": "serve foxglove",
+    "ros2": "serve ros2",
+    "bridge": "serve fleet",
+}
+"""Commands of ``slipctl`` alone, to which ``slipd`` points those who mistake one for the other."""
+
+RENAMED = {("evaluate", "--table"): "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet"}
+"""Options of earlier versions, and what to type instead."""
+
+_INTERRUPTED = {
+    "evaluate": "; the same command goes on from here",
+    "export": "; nothing was written",
+    "commission": "; the present step changed nothing, the gripper keeps its force",
+}
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; return its exit code: 0 done, 1 fault at run time, 2 wrong call or config, 130 interrupted."""
-    arguments = parser().parse_args(argv)
+    """Run one command; return its exit code: 0 done, 1 the answer is no, 2 wrong use, 130 interrupted."""
+    words = sys.argv[1:] if argv is None else argv
+    if hint := _hint(words):
+        print(f"slipd: {hint}", file=sys.stderr)
+        return WRONG
+    arguments = parser().parse_args(words)
     open_log()
     if argv is None:
         for stream in (sys.stdout, sys.stderr):
@@ -36,30 +63,34 @@ def main(argv: list[str] | None = None) -> int:
     return code
 
 
+def _hint(words: list[str]) -> str:
+    """Return what to type instead of a command of ``slipctl`` or a name of an earlier version; "" where none is."""
+    command, *rest = words or [""]
+    if command in SLIPCTL:
+        call = " ".join(["slipctl", SLIPCTL[command], *rest])
+        return f"{command} is a command of slipctl, which asks a running daemon: {call}"
+    return next((RENAMED[command, word] for word in rest if (command, word) in RENAMED), "")
+
+
 def _exit_code(arguments: argparse.Namespace) -> int:
     try:
-        return COMMANDS[arguments.command](arguments)
+        return NO if COMMANDS[arguments.command](arguments) is False else DONE
     except ConfigError as error:
         print(error, file=sys.stderr)
         return WRONG
     except SlipdError as error:
         print(f"slipd: {printable_lines(str(error))}", file=sys.stderr)
-        return FAULT
+        is_wrong_use = isinstance(error, UsageError) or isinstance(error.__cause__, FileNotFoundError)
+        return WRONG if is_wrong_use else NO
     except KeyboardInterrupt:
-        if arguments.command in ENDED_BY_HAND:
+        if arguments.command in ENDED_IN_ORDER:
             return DONE
-        print("slipd: interrupted", file=sys.stderr)
+        if arguments.command not in SERVING:
+            print(f"slipd: interrupted{_INTERRUPTED.get(arguments.command, '')}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output is gone, and with it the reader of an error
         return DONE
-
-
-def _first_steps(_: argparse.Namespace) -> int:
-    from slipd.tools.shipped_command import FIRST_STEPS
-
-    print(FIRST_STEPS)
-    return WRONG
 
 
 def _end_process(code: int) -> NoReturn:
@@ -70,163 +101,128 @@ def _end_process(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _first_steps(_: argparse.Namespace) -> None:
+    from slipd.tools.shipped_command import FIRST_STEPS
+
+    print(FIRST_STEPS)
+    raise UsageError("a command is missing; slipd --help lists all")
+
+
+def _run(arguments: argparse.Namespace) -> None:
     from slipd.run_command import run_command
 
     run_command(arguments.config, arguments.record)
-    return DONE
 
 
-def _demo(arguments: argparse.Namespace) -> int:
+def _demo(arguments: argparse.Namespace) -> bool:
     from slipd.tools.demo import run_demo
 
     return run_demo(arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record)
 
 
-def _identify(arguments: argparse.Namespace) -> int:
-    from slipd.recording.identify_mass import identification_text, identify_recording
+def _identify(arguments: argparse.Namespace) -> None:
+    from slipd.tools.recordings.identify_mass import identify_command
 
-    print(identification_text(identify_recording(arguments.file, arguments.finger), arguments.finger))
-    return DONE
+    identify_command(arguments.file, arguments.finger, as_json=arguments.json)
 
 
-def _check(arguments: argparse.Namespace) -> int:
+def _check(arguments: argparse.Namespace) -> bool:
     from slipd.tools.check_command import check_command
 
-    check_command(arguments.config)
-    return DONE
+    return check_command(arguments.config, as_json=arguments.json)
 
 
-def _config_list(_: argparse.Namespace) -> int:
-    from slipd.tools.shipped_command import print_configs
+def _shipped(arguments: argparse.Namespace) -> None:
+    from slipd.tools import shipped_command
 
-    print_configs()
-    return DONE
-
-
-def _config_show(arguments: argparse.Namespace) -> int:
-    from slipd.tools.shipped_command import print_config
-
-    print_config(arguments.name)
-    return DONE
-
-
-def _docs(arguments: argparse.Namespace) -> int:
-    from slipd.tools.shipped_command import print_page, print_pages
-
-    if arguments.name is None:
-        print_pages()
+    name = getattr(arguments, "name", None)
+    if name is None:
+        shipped_command.list_files(arguments.command, as_json=arguments.json)
     else:
-        print_page(arguments.name)
-    return DONE
+        shipped_command.print_file(arguments.command, name)
 
 
-def _slipctl(arguments: argparse.Namespace) -> int:
-    call = " ".join(["slipctl", arguments.name, *arguments.rest])
-    print(f"slipd: {arguments.name} is a command of slipctl, which asks a running daemon: {call}", file=sys.stderr)
-    return WRONG
-
-
-def _service(arguments: argparse.Namespace) -> int:
+def _service(arguments: argparse.Namespace) -> None:
     from slipd.tools.service_command import ServiceFiles, own_program
 
     files = ServiceFiles(arguments.system, arguments.root, arguments.program or own_program())
     (files.install if arguments.command == "service install" else files.uninstall)()
-    return DONE
 
 
-def _replay(arguments: argparse.Namespace) -> int:
+def _info(arguments: argparse.Namespace) -> bool:
+    from slipd.tools.recordings.info import info_command
+
+    return info_command(arguments.file, as_json=arguments.json)
+
+
+def _replay(arguments: argparse.Namespace) -> bool:
     from slipd.tools.replay_command import replay_command
 
-    whole = replay_command(arguments.file, arguments.speed, as_json=arguments.json, publish=arguments.publish)
-    return DONE if whole else FAULT
+    return replay_command(arguments.file, arguments.speed, as_json=arguments.json, publish=arguments.publish)
 
 
-def _recover(arguments: argparse.Namespace) -> int:
-    from slipd.io.progress import Progress
-    from slipd.recording.recover import recover
-    from slipd_client.health.bundle import without_secrets
+def _recover(arguments: argparse.Namespace) -> None:
+    from slipd.tools.recordings.recover import recover_command
 
-    clean = without_secrets if arguments.without_secrets else str
-    with Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording").shown() as show:
-        found = recover(arguments.file, arguments.out, clean, show)
-    for fault in found.faults:
-        print(f"{arguments.file}: {fault}")
-    lost = f"{found.lost} known to be missing" if found.lost or found.faults else "nothing was missing"
-    print(f"{arguments.out}: {found.entries} entries, {lost}")
-    return DONE
+    recover_command(arguments.file, arguments.out, without_secrets=arguments.without_secrets)
 
 
-def _view(arguments: argparse.Namespace) -> int:
-    from slipd.recording.view_recording import view_recording
+def _view(arguments: argparse.Namespace) -> None:
+    from slipd.tools.recordings.view_recording import view_recording
 
     view_recording(arguments.file, arguments.listen)
-    return DONE
 
 
-def _evaluate(arguments: argparse.Namespace) -> int:
-    from slipd.tools.evaluation.evaluate_command import EvaluateCommand
+def _evaluate(arguments: argparse.Namespace) -> bool:
+    from slipd.tools.cli_arguments import chosen
+    from slipd.tools.evaluation.evaluate_command import evaluate_command
     from slipd.tools.evaluation.executors import on_dask
-    from slipd.tools.evaluation.recording_choice import chosen
     from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 
-    if arguments.table is not None and arguments.json:
-        raise SlipdError("--table writes a file and --json prints: give one of them")
     results = arguments.results
-    cache = ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False)
-    executor = None if arguments.dask is None else on_dask(arguments.dask)
-    command = EvaluateCommand(chosen(arguments.recordings, arguments.shard), arguments.config, cache, executor)
-    try:
-        if arguments.table is not None:
-            return DONE if command.write(arguments.table) else FAULT
-        return DONE if command.show(arguments.out, as_json=arguments.json) else FAULT
-    except KeyboardInterrupt:
-        print("slipd: interrupted; the same command goes on from here", file=sys.stderr)
-        return INTERRUPTED
+    return evaluate_command(
+        chosen(arguments.recordings, arguments.shard),
+        arguments.config,
+        ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False),
+        None if arguments.dask is None else on_dask(arguments.dask),
+        out=arguments.out,
+        as_json=arguments.json,
+    )
 
 
-def _plot(arguments: argparse.Namespace) -> int:
+def _plot(arguments: argparse.Namespace) -> bool:
     from slipd.tools.plot.binned_track import Window
     from slipd.tools.plot.plot_command import plot_command
 
-    window = Window(arguments.begin_s, arguments.end_s)
-    whole = plot_command(arguments.file, arguments.out, arguments.config, window)
-    return DONE if whole else FAULT
+    return plot_command(arguments.file, arguments.out, arguments.config, Window(arguments.begin_s, arguments.end_s))
 
 
-def _export(arguments: argparse.Namespace) -> int:
+def _export(arguments: argparse.Namespace) -> bool:
     from slipd.tools.export.export_command import ExportOptions, export_command
 
     options = ExportOptions(arguments.to, arguments.rate, arguments.task, arguments.overwrite)
-    try:
-        whole = export_command(arguments.recordings, arguments.out, options)
-    except KeyboardInterrupt:
-        print("slipd: interrupted; nothing was written", file=sys.stderr)
-        return INTERRUPTED
-    return DONE if whole else FAULT
+    return export_command(arguments.recordings, arguments.out, options)
 
 
-def _devices(arguments: argparse.Namespace) -> int:
+def _devices(arguments: argparse.Namespace) -> None:
     from slipd.tools.devices_command import print_devices
 
-    print_devices(arguments.name)
-    return DONE
+    print_devices(arguments.name, as_json=arguments.json)
 
 
-def _doctor(arguments: argparse.Namespace) -> int:
+def _doctor(arguments: argparse.Namespace) -> bool:
     from slipd.tools.discovery.doctor_command import doctor
 
-    return DONE if doctor(arguments) else FAULT
+    return doctor(arguments)
 
 
-def _init(arguments: argparse.Namespace) -> int:
+def _init(arguments: argparse.Namespace) -> None:
     from slipd.tools.discovery.init_command import init_command
 
     init_command(arguments.file, arguments.ports, only_list=arguments.list)
-    return DONE
 
 
-def _commission(arguments: argparse.Namespace) -> int:
+def _commission(arguments: argparse.Namespace) -> bool:
     from slipd.tools.commission.commission_command import CommissionOptions, commission_command
 
     options = CommissionOptions(
@@ -240,34 +236,28 @@ def _commission(arguments: argparse.Namespace) -> int:
         arguments.server_key,
         arguments.page,
     )
-    try:
-        return DONE if commission_command(arguments.file, options) else FAULT
-    except KeyboardInterrupt:
-        print("\nslipd: interrupted; the present step changed nothing, the gripper keeps its force", file=sys.stderr)
-        return INTERRUPTED
+    return commission_command(arguments.file, options)
 
 
-def _emulate(arguments: argparse.Namespace) -> int:
+def _emulate(arguments: argparse.Namespace) -> None:
     from slipd.tools.sim.emulate_command import emulate_command
 
     emulate_command(arguments.file, arguments.dir, arguments.script, arguments.seed)
-    return DONE
 
 
-def _touch(arguments: argparse.Namespace) -> int:
+def _touch(arguments: argparse.Namespace) -> bool:
     from slipd.tools.sim.emulate_command import touch_command
 
-    return touch_command(arguments.dir, arguments.words)
+    return touch_command(arguments.dir, arguments.words) == DONE
 
 
-def _import_grips(arguments: argparse.Namespace) -> int:
+def _import_grips(arguments: argparse.Namespace) -> None:
     from slipd import config
-    from slipd.recording.grips_import import import_trial
+    from slipd.tools.recordings.grips_import import import_trial
 
     rig = config.load(arguments.config or config.shipped("grips.toml"))
     import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows)
     print(f"{arguments.out}: written; replay it with: slipd replay {arguments.out} --speed max")
-    return DONE
 
 
 COMMANDS = {
@@ -275,12 +265,13 @@ COMMANDS = {
     "run": _run,
     "demo": _demo,
     "check": _check,
-    "config list": _config_list,
-    "config show": _config_show,
-    "docs": _docs,
-    "slipctl": _slipctl,
+    "config list": _shipped,
+    "config show": _shipped,
+    "docs": _shipped,
+    "service show": _shipped,
     "service install": _service,
     "service uninstall": _service,
+    "info": _info,
     "replay": _replay,
     "recover": _recover,
     "view": _view,

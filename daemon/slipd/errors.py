@@ -2,6 +2,7 @@
 
     SlipdError
     ├── ConfigError      a config that cannot be run; lists every fault with its line
+    ├── UsageError       a call that cannot be carried out as it is written
     ├── LinkError        a port, socket or server that cannot be opened
     └── RecordingError   a recording that cannot be written or read
 
@@ -51,6 +52,10 @@ class ConfigError(SlipdError):
     def _line(self, fault: ConfigFault) -> str:
         place = self.file if fault.line is None else f"{self.file}:{fault.line}"
         return printable(f"{place}: {fault.path}: {fault.message}" if fault.path else f"{place}: {fault.message}")
+
+
+class UsageError(SlipdError):
+    """A call that cannot be carried out as it is written: a name, a pair of options, a place, or an extra is wrong."""
 
 
 class LinkError(SlipdError):

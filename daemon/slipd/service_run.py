@@ -30,12 +30,16 @@ from slipd.io.log_lines import log_kept
 from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
 from slipd.io.zmtp.listener import Listener
-from slipd.recording.continuous_recording import KIND, ContinuousRecording, run_name
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile, check_new
-from slipd.recording.recorder_watch import RecorderWatch
-from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
-from slipd.recording.run_files import RunFiles
+from slipd.recording.requested_recordings import (
+    RecorderWatch,
+    RequestedRecordings,
+    check_room,
+    private_directory,
+    state_dir,
+)
+from slipd.recording.run_files import KIND, ContinuousRecording, RunFiles, run_name
 from slipd.recording.state_file import StateFile
 from slipd.recording.writer import Recorder, Room
 from slipd_client.health.repairs import summary

@@ -1,4 +1,4 @@
-"""The command ``slipd``: its output and exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
+"""The command ``slipd``: its output and exit code: 0 done, 1 the answer is no, 2 wrong use, 130 Ctrl-C."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from project import CONFIG, TRIAL
 
 from slipd import __version__, config
-from slipd.cli import main
-from slipd.tools.cli_parser import SLIPCTL, parser
+from slipd.cli import SLIPCTL, main
+from slipd.tools.cli_parser import parser
 from slipd_client import slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -20,23 +20,23 @@ SLIPD = str(Path(sys.executable).with_name("slipd"))
 @pytest.mark.parametrize(
     ("call", "ends", "told"),
     [
-        (["replay", "none.mcap"], 1, "none.mcap: cannot be opened: No such file"),
+        (["replay", "none.mcap"], 2, "none.mcap: cannot be opened: No such file"),
         (["replay", "foreign"], 1, "foreign: not an MCAP file"),
         (["replay", "empty"], 1, "empty: "),
         (["check", "none.toml"], 2, "none.toml: cannot be read: No such file"),
-        (["check", "foreign"], 2, "foreign: cannot be read: it is not UTF-8"),
-        (["check", "empty"], 2, "empty: finger: is missing"),
+        (["check", "foreign"], 1, "foreign: cannot be read: it is not UTF-8"),
+        (["check", "empty"], 1, "empty: finger: is missing"),
         (["check", "."], 2, ".: cannot be read: Is a directory"),
         (["run", "none.toml"], 2, "none.toml: cannot be read: No such file"),
         (["run", "empty"], 2, "empty: finger: is missing"),
         (["run", "."], 2, ".: cannot be read: Is a directory"),
         (["run", "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
-        (["check", "--config", "foreign"], 2, "foreign: cannot be read: it is not UTF-8"),
-        (["config", "show", "../demo"], 1, "there is no config '../demo'; did you mean 'demo'?"),
-        (["docs", "phyics"], 1, "there is no page 'phyics'; did you mean 'physics'?"),
-        (["import", "grips", "none", "out.mcap"], 1, "robot_state.csv: cannot be read: No such file"),
+        (["check", "--config", "foreign"], 1, "foreign: cannot be read: it is not UTF-8"),
+        (["config", "show", "../demo"], 2, "there is no config '../demo'; did you mean 'demo'?"),
+        (["docs", "phyics"], 2, "there is no page 'phyics'; did you mean 'physics'?"),
+        (["import", "grips", "none", "out.mcap"], 2, "robot_state.csv: cannot be read: No such file"),
         (["import", "grips", "foreign", "out.mcap"], 1, "robot_state.csv: cannot be read: Not a directory"),
-        (["import", "grips", str(TRIAL), "none/out.mcap"], 1, "none/out.mcap: cannot be written"),
+        (["import", "grips", str(TRIAL), "none/out.mcap"], 2, "none/out.mcap: cannot be written"),
         (["import", "grips", str(TRIAL), "out.mcap", "--config", "none.toml"], 2, "none.toml: cannot be read"),
     ],
 )
@@ -97,9 +97,11 @@ def test_slipd_alone_prints_the_first_steps(capsys: pytest.CaptureFixture[str]) 
     shown = capsys.readouterr().out
     for command in (
         "slipd demo",
-        "slipd config list",
+        "slipd init my_rig.toml",
         "slipd check my_rig.toml",
         "slipd run my_rig.toml",
+        "slipd commission my_rig.toml",
+        "slipd config list",
         "slipd docs",
     ):
         assert f"    {command}" in shown
@@ -139,18 +141,28 @@ def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.process
 def test_the_installed_command_returns_the_documented_exit_codes() -> None:
-    for call, ends in ((["--version"], 0), (["replay", "/nowhere.mcap"], 1), (["fly"], 2)):
+    for call, ends in ((["--version"], 0), (["replay", "/nowhere.mcap"], 2), (["fly"], 2)):
         done = subprocess.run([SLIPD, *call], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == ends
         assert "Traceback" not in done.stderr
 
 
 def test_a_command_of_slipctl_is_named_to_those_who_ask_slipd_for_it(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in SLIPCTL:
+    for name, now in SLIPCTL.items():
         assert main([name, "left"]) == 2
-        assert capsys.readouterr().err.endswith(f": slipctl {name} left\n")
+        assert capsys.readouterr().err.endswith(f": slipctl {now} left\n")
     own, other = (
         next(each.choices for each in made._actions if isinstance(each.choices, dict))
         for made in (parser(), slipctl_parser.parser())
     )
-    assert set(SLIPCTL) == set(other) - (set(own) - set(SLIPCTL)), "all of them, and none of its own"
+    assert set(SLIPCTL) >= set(other) - set(own), "all of them"
+    assert not set(SLIPCTL) & set(own), "and none of its own"
+
+
+def test_a_file_for_the_system_is_no_config(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["config", "show", "slipd.service"]) == 2
+    assert "print it with: slipd service show slipd.service" in capsys.readouterr().err
+    assert main(["service", "show", "slipd"]) == 0
+    assert f"ExecStart={SLIPD}" in capsys.readouterr().out
+    assert main(["config", "list"]) == 0
+    assert "service" not in capsys.readouterr().out.partition("\n")[2]

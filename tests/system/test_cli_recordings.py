@@ -161,7 +161,7 @@ def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
 
 def test_an_import_never_overwrites(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = recording.read_bytes()
-    assert main(["import", "grips", str(TRIAL), str(recording)]) == 1
+    assert main(["import", "grips", str(TRIAL), str(recording)]) == 2
     assert "exists already" in capsys.readouterr().err
     assert recording.read_bytes() == data
 

@@ -71,7 +71,7 @@ def test_the_mass_of_a_finger_is_identified_from_the_shell_as_the_page_shows(tmp
 
 def test_a_shipped_config_is_emulated_by_its_name(tmp_path: Path) -> None:
     done = run(tmp_path, "echo quit | slipd emulate bota_xela; echo $?; echo quit | slipd emulate bota_xelo; echo $?")
-    assert re.search(r"\nconfig: /\S+/bota_xela.toml\n0\n1\n\Z", done.stdout), done.stdout
+    assert re.search(r"\nconfig: /\S+/bota_xela.toml\n0\n2\n\Z", done.stdout), done.stdout
     assert "there is no config 'bota_xelo'; did you mean 'bota_xela'?" in done.stderr
 
 

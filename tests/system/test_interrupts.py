@@ -20,9 +20,9 @@ PATIENCE_S = 110.0
     ("command", "code", "error"),
     [
         (["plot", "run.mcap"], 130, "slipd: interrupted\n"),
-        (["export", "run.mcap", "out", "--to", "csv"], 130, "slipd: interrupted\n"),
+        (["export", "run.mcap", "out", "--to", "csv"], 130, "slipd: interrupted; nothing was written\n"),
         (["check", "rig.toml"], 130, "slipd: interrupted\n"),
-        (["replay", "run.mcap"], 0, ""),
+        (["replay", "run.mcap"], 130, "slipd: interrupted\n"),
         (["run", "rig.toml"], 0, ""),
     ],
 )
@@ -52,8 +52,8 @@ def interrupted(callback: str, *command: str, **variables: str) -> tuple[int, st
 @pytest.mark.parametrize(
     ("command", "code", "error"),
     [
-        (["replay", "RECORDING"], 0, ""),
-        (["view", "RECORDING", "--listen", "127.0.0.1:0"], 0, ""),
+        (["replay", "RECORDING"], 130, "slipd: interrupted\n"),
+        (["view", "RECORDING", "--listen", "127.0.0.1:0"], 130, ""),
         (["plot", "RECORDING", "--out", "FOLDER/run.html"], 130, "slipd: interrupted\n"),
         (
             ["evaluate", "RECORDING", "--results", "FOLDER"],

@@ -14,7 +14,7 @@ from service_rig import Rig, asked, client_of, serving, start
 
 from slipd import config
 from slipd.recording.reader import open_recording
-from slipd.recording.recover import recover
+from slipd.tools.recordings.recover import recover
 from slipd_client.health.repairs import repairs
 
 READ_ONLY = "Read-only file system"

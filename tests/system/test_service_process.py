@@ -132,7 +132,7 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         process.terminate()
         assert process.wait(PATIENCE_S) == 1
         errors = process.stderr.read()
-    assert f"ERROR slipd.recording.recorder_watch: {reason}\n" in errors
+    assert f"ERROR slipd.recording.requested_recordings: {reason}\n" in errors
     assert re.search(rf"\nslipd: {reason}; (\d+) entries are missing\n$", errors)
     recorded = open_recording(path)
     assert sum(1 for _ in recorded.entries()) > 0

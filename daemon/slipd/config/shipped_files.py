@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-from slipd.errors import SlipdError
+from slipd.errors import UsageError
 
 _PACKAGE = Path(__file__).parents[1] / "shipped"
 ROOT = _PACKAGE if _PACKAGE.is_dir() else Path(__file__).parents[3]
@@ -19,25 +19,40 @@ CONFIGS, DOCS = ROOT / "config", ROOT / "docs"
 
 
 def config_file(name: str) -> Path:
-    """Return a file of ``config/``; ``.toml`` may be left out.
+    """Return a config of ``config/``; ``.toml`` may be left out.
 
     Raises:
-        SlipdError: There is no such file; the text names the nearest one.
+        UsageError: There is no such config; the text names the nearest one.
     """
+    if name in {path.name for path in system_files()}:
+        raise UsageError(f"{name} is no config of a rig; print it with: slipd service show {name}")
     return _named("config", name, {path.name: path for path in config_files()}, ".toml")
 
 
 def config_files() -> list[Path]:
-    """Return the files of ``config/``: first the configs, then those for the system."""
-    files = [path for path in CONFIGS.rglob("*") if path.is_file()]
-    return sorted(files, key=lambda path: (path.suffix != ".toml", path.name))
+    """Return the configs of ``config/``."""
+    return sorted(CONFIGS.rglob("*.toml"))
+
+
+def system_file(name: str) -> Path:
+    """Return a file for systemd or udev.
+
+    Raises:
+        UsageError: There is no such file; the text names the nearest one.
+    """
+    return _named("file", name, {path.name: path for path in system_files()}, ".service")
+
+
+def system_files() -> list[Path]:
+    """Return the files of ``config/`` for systemd and udev."""
+    return sorted(path for path in CONFIGS.rglob("*") if path.is_file() and path.suffix != ".toml")
 
 
 def page_file(name: str) -> Path:
     """Return a page of the docs by its name in `pages`; ``.md`` may be left out.
 
     Raises:
-        SlipdError: There is no such page; the text names the nearest one.
+        UsageError: There is no such page; the text names the nearest one.
     """
     return _named("page", name.removeprefix("docs/"), pages(), ".md")
 
@@ -53,7 +68,7 @@ def _named(kind: str, name: str, files: dict[str, Path], suffix: str) -> Path:
     for known in (name, name + suffix, name.removesuffix(suffix)):
         if known in files:
             return files[known]
-    raise SlipdError(f"there is no {kind} {name!r}; {_nearest(name, [key.removesuffix(suffix) for key in files])}")
+    raise UsageError(f"there is no {kind} {name!r}; {_nearest(name, [key.removesuffix(suffix) for key in files])}")
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

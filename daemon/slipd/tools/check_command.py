@@ -2,29 +2,53 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from slipd import config
 from slipd.config import Config, Gripper
+from slipd.errors import ConfigError
 from slipd.gripper.reflex import PERIOD_NS
 from slipd.types.device_text import printable
 
 
-def check_command(file: Path) -> None:
-    """Check a config, and print what it is.
+def check_command(file: Path, *, as_json: bool) -> bool:
+    """Check a config, and print what it is; as JSON one document.
+
+    Returns:
+        Whether it has no fault.
 
     Raises:
-        ConfigError: It cannot be read or has faults.
+        ConfigError: There is no such file.
     """
-    rig = config.load(file)
-    for name, stream in rig.streams().items():
-        print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
-    for hint in config.hints(rig, str(file)):
-        print(printable(hint))
-    if rig.reflex.enabled:
-        print(_reflex_text(rig))
-    print(f"{file}: valid, config_id {rig.config_id}")
+    try:
+        rig = config.load(file)
+    except ConfigError as error:
+        if not file.is_file():
+            raise
+        if as_json:
+            faults = [{"key": fault.path, "line": fault.line, "message": fault.message} for fault in error.faults]
+            print(json.dumps({"file": str(file), "valid": False, "faults": faults}, ensure_ascii=False))
+        else:
+            print(error, file=sys.stderr)
+        return False
+    streams = {
+        name: {"device": stream.device, "port": stream.port, "rate_hz": stream.rate_hz}
+        for name, stream in rig.streams().items()
+    }
+    hints = [printable(hint) for hint in config.hints(rig, str(file))]
+    reflex = [_reflex_text(rig)] if rig.reflex.enabled else []
+    if as_json:
+        found: dict[str, Any] = {"file": str(file), "valid": True, "faults": [], "config_id": rig.config_id}
+        print(json.dumps(found | {"streams": streams, "hints": hints + reflex}, ensure_ascii=False))
+        return True
+    for name, each in streams.items():
+        print(f"{name}: {each['device']} on {each['port']}, {each['rate_hz']:g} Hz")
+    for line in [*hints, *reflex, f"{file}: valid, config_id {rig.config_id}"]:
+        print(line)
+    return True
 
 
 def _reflex_text(rig: Config) -> str:

@@ -1,56 +1,128 @@
-"""What the commands of ``slipd`` share: subcommands, and the kinds of their arguments."""
+"""What the commands of ``slipd`` share: subcommands, the kinds of their arguments, and the recordings they name."""
 
 from __future__ import annotations
 
 import argparse
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from slipd.errors import UsageError
 
-def add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentParser:
-    """Add a subcommand with its purpose for both help texts."""
+MOST_HZ = 1000
+"""Largest rate of frames; messages are published at 250 Hz unless the config states more."""
+
+EXPORTS = {
+    "ros2": "a bag (ROS, Foxglove, PlotJuggler)",
+    "csv": "one file for each topic",
+    "parquet": "the same with types (pandas, Polars, DuckDB)",
+    "lerobot": "a data set for learning (LeRobot), at --rate",
+}
+"""Formats of an export, and what opens each."""
+
+EVERY = (1, 1)
+"""The share of the recordings that is all of them."""
+
+
+def add_command(commands: Any, command: str, purpose: str, more: str = "") -> argparse.ArgumentParser:
+    """Add a subcommand; the last word of ``command`` is its name, and ``more`` stands at the end of its help."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}."
+        command.split()[-1], help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.", epilog=more
     )
+    parser.set_defaults(command=command)
     return parser
-
-
-def add_recordings(parser: argparse.ArgumentParser, purpose: str) -> None:
-    """Add the argument ``recordings``: one path or several."""
-    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help=purpose)
 
 
 def positive(text: str) -> float:
     """Return a positive number."""
-    value = number(text)
-    if not 0.0 < value < float("inf"):
+    value = time_s(text)
+    if value == 0.0:
         raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
     return value
 
 
 def time_s(text: str) -> float:
     """Return a time that is not negative, s."""
-    value = number(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
     if not 0.0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be 0 or a positive number, got {text}")
     return value
 
 
-def number(text: str) -> float:
-    """Return a number."""
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
+def page(text: str) -> Path:
+    """Return the path of a page."""
+    if not text.endswith(".html"):
+        raise argparse.ArgumentTypeError(f"must end in .html, got {text!r}; a browser prints the page as a picture")
+    return Path(text)
 
 
-def picture(text: str) -> Path:
-    """Return the path of a page or a picture."""
-    if not text.endswith((".html", ".png")):
-        raise argparse.ArgumentTypeError(f"must end in .html or .png, got {text!r}")
+def table(text: str) -> Path:
+    """Return the path of a Parquet file."""
+    if not text.endswith(".parquet"):
+        raise argparse.ArgumentTypeError(f"must end in .parquet, got {text!r}")
     return Path(text)
 
 
 def speed(text: str) -> float | None:
     """Return a speed; None: as fast as possible."""
     return None if text == "max" else positive(text)
+
+
+def endpoint(text: str) -> str:
+    """Return an endpoint of ZeroMQ."""
+    if text and "://" not in text:
+        raise argparse.ArgumentTypeError(f"must be an endpoint such as tcp://127.0.0.1:5555, got {text!r}")
+    return text
+
+
+def export_format(text: str) -> str:
+    """Return a format of an export."""
+    if text == "json-mcap":
+        raise argparse.ArgumentTypeError("json-mcap is gone: --to ros2 opens in the same viewers, with the same values")
+    if text not in EXPORTS:
+        raise argparse.ArgumentTypeError(f"must be one of {', '.join(EXPORTS)}, got {text!r}")
+    return text
+
+
+def rate(text: str) -> int:
+    """Return a number of frames per second."""
+    if not (text.isdecimal() and 1 <= int(text) <= MOST_HZ):
+        raise argparse.ArgumentTypeError(f"must be an integer from 1 to {MOST_HZ}, got {text!r}")
+    return int(text)
+
+
+def sentence(text: str) -> str:
+    """Return a text that is not empty."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("must be a sentence, got an empty text")
+    return text
+
+
+def shard(text: str) -> tuple[int, int]:
+    """Return a share such as ``2/8``: its number, from 1 on, and how many there are."""
+    found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise argparse.ArgumentTypeError(f"a shard is I/N with I from 1 to N, for example 2/8, got {text!r}")
+    return int(found[1]), int(found[2])
+
+
+def chosen(paths: Iterable[Path], share: tuple[int, int] = EVERY) -> list[Path]:
+    """Return the recordings that are named, each once; of a folder all ``*.mcap`` in and below it, by name.
+
+    The shares of the same recordings have none in common, and together they are all of them.
+
+    Raises:
+        UsageError: A folder has no recording.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        inside = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
+        if not inside:
+            raise UsageError(f"{path}: no recording (*.mcap) in this folder")
+        found |= dict.fromkeys(inside)
+    number, of = share
+    return list(found)[number - 1 :: of]

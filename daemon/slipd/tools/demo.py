@@ -46,13 +46,13 @@ FINAL_LOOKS = 3
 """Times that the status is asked for at the end: on a busy machine a request may come too late."""
 
 
-def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> int:
+def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> bool:
     """Run the demo to its end, or for ``seconds``, and print a summary.
 
     On a terminal, without ``seconds``, the daemon and its page stay afterwards, and a key plays the scene again.
 
     Returns:
-        Exit code: 0 if the scene ran and the daemon ended in good order.
+        Whether the scene ran and the daemon ended in good order.
     """
     stays = seconds is None and not headless
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
@@ -61,7 +61,7 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
         recording: tuple[str, ...] = () if record is None else ("--record", str(record))
         while play.run(recording, stays=stays):
             recording = ()  # it is complete
-    return play.code
+    return play.well
 
 
 class _Play:
@@ -75,11 +75,11 @@ class _Play:
         seed: Seed of the noise.
 
     Attributes:
-        code: Exit code so far.
+        well: The daemon and the robot program ended in good order so far.
     """
 
     def __init__(self, folder: Path, seconds: float | None, page: ExitStack, *, headless: bool, seed: int) -> None:
-        self.code = 0
+        self.well = True
         self._folder, self._seconds, self._page, self._headless, self._seed = folder, seconds, page, headless, seed
         self._plays = 0
         self._url = ""
@@ -117,7 +117,7 @@ class _Play:
         if not kept:
             print_summary(tally, program.report, truth, streams)
         if daemon.returncode != 0 or program.report.error:
-            self.code = 1
+            self.well = False
             log = daemon_log.read_text(encoding="utf-8")
             print(f"exit code of the daemon: {daemon.returncode}; its log:\n{log}", file=sys.stderr)
         return again

@@ -1,4 +1,8 @@
-"""Write a result beside its place, put it there only when it is whole, and replace nothing but an earlier result."""
+"""Write a result beside its place, and put it there only when it is whole.
+
+Every command that writes a file or folder of its own writes it here: what the command reads is never its output, and
+nothing but an earlier result of the same kind is ever replaced.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,11 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,18 +35,27 @@ class Kind:
     replaceable: bool = True
 
 
+RECORDING = Kind("a recording", lambda _: False, replaceable=False)
+"""A new recording: it replaces nothing."""
+
+
 @contextlib.contextmanager
-def draft(out: Path, kind: Kind, *, overwrite: bool) -> Iterator[Path]:
+def draft(out: Path, kind: Kind, inputs: Iterable[Path] = (), *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a path to write to, which becomes ``out`` at the end; after an error nothing of it stays.
 
     Args:
         out: The result: a file or a folder.
         kind: What it is.
+        inputs: What the command reads.
         overwrite: Replace an earlier result of this kind; nothing else is ever replaced.
 
     Raises:
-        SlipdError: ``out`` exists and may not be overwritten, or it cannot be written.
+        UsageError: ``out`` is read by the command, or exists and may not be overwritten.
+        SlipdError: It cannot be written.
     """
+    for path in inputs:
+        if path.exists() and out.exists() and path.samefile(out):
+            raise UsageError(f"{out}: is read by this command, and cannot be its output too; give another name")
     _check(out, kind, overwrite=overwrite)
     try:
         folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".draft", dir=out.parent))
@@ -62,9 +75,9 @@ def _check(out: Path, kind: Kind, *, overwrite: bool) -> None:
     if not os.path.lexists(out):
         return
     if not overwrite:
-        raise SlipdError(f"{out}: exists already; give a new name{', or --overwrite' if kind.replaceable else ''}")
+        raise UsageError(f"{out}: exists already; give a new name{', or --overwrite' if kind.replaceable else ''}")
     if (why := _obstacle(out, kind)) is not None:
-        raise SlipdError(f"{out}: {why}, and is not overwritten; give another name")
+        raise UsageError(f"{out}: {why}, and is not overwritten; give another name")
     if not os.access(out, os.W_OK):
         raise _unwritable(out, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from slipd.errors import SlipdError
+from slipd.errors import UsageError
 
 
 def parquet_library(option: str, extra: str = "parquet") -> tuple[ModuleType, ModuleType]:
@@ -15,13 +15,13 @@ def parquet_library(option: str, extra: str = "parquet") -> tuple[ModuleType, Mo
         extra: Extra of the package slipd that installs them, for the error.
 
     Raises:
-        SlipdError: pyarrow is not installed.
+        UsageError: pyarrow is not installed.
     """
     try:
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise SlipdError(f"{option} needs the package pyarrow: pip install 'slipd[{extra}]'") from error
+        raise UsageError(f"{option} needs the package pyarrow: pip install 'slipd[{extra}]'") from error
     return pyarrow, parquet
 
 

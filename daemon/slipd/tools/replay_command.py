@@ -15,14 +15,14 @@ from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 
 
-def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: bool) -> bool:
+def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: str | None) -> bool:
     """Replay a recording; print changes of level, or every message as JSON.
 
     Args:
         path: The recording.
         speed: Recorded seconds per second, which standard error states first; None: as fast as possible.
         as_json: Print every message, one per line.
-        publish: Publish the messages too, on the endpoint of the recorded config.
+        publish: Publish the messages too, on this endpoint; "": on that of the recorded config; None: do not.
 
     Returns:
         Whether the recording is complete.
@@ -38,8 +38,8 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: b
     if speed is not None:
         pace = "in real time" if speed == 1.0 else f"at {speed:g} times real time"
         print(f"slipd: replays {pace}; as fast as possible: --speed max", file=sys.stderr, flush=True)
-    if publish:
-        asyncio.run(_publish(messages, recording.config_text, str(path), as_json=as_json))
+    if publish is not None:
+        asyncio.run(_publish(messages, publish or _endpoint(recording.config_text, str(path)), as_json=as_json))
     else:
         for topic, body in messages:
             _print_message(topic, body, as_json=as_json)
@@ -48,17 +48,27 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: b
     return recording.complete
 
 
-async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:
-    """Publish a replay; the loop serves subscribers while a thread waits between messages."""
+def _endpoint(text: str, file: str) -> str:
     from slipd import config
+
+    return config.parse(text, file).bus.publish or ""
+
+
+async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str, *, as_json: bool) -> None:
+    """Publish a replay; the loop serves subscribers while a thread waits between messages.
+
+    Args:
+        messages: Topic and body of every message.
+        endpoint: Where to publish; "": where a daemon of this user publishes.
+        as_json: Print every message too.
+    """
     from slipd.io.bus.publisher import Publisher
     from slipd.io.bus.runtime_directory import RuntimeDirectory
     from slipd_client.messages import encode
     from slipd_client.paths import publish_endpoint, runtime_dir
 
-    endpoint = config.parse(text, file).bus.publish
     with contextlib.ExitStack() as stack:
-        if endpoint is None:
+        if not endpoint:
             stack.enter_context(RuntimeDirectory(runtime_dir()))
         publisher = stack.enter_context(Publisher(endpoint or publish_endpoint()))
         print(f"publish: {publisher.endpoint}", file=sys.stderr if as_json else sys.stdout, flush=True)

@@ -11,7 +11,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipd.config.shipped_files import config_file
+from slipd.config.shipped_files import system_file
 from slipd.errors import SlipdError
 
 DESCRIPTION = "Description=Slip warnings for a gripper"
@@ -62,7 +62,7 @@ class ServiceFiles:
         if not self.system:
             return {}
         shipped = {"etc/sysusers.d/slipd.conf": "slipd.sysusers", "etc/udev/rules.d/70-slipd.rules": "70-slipd.rules"}
-        return {self.root / place: config_file(name).read_text("utf-8") for place, name in shipped.items()}
+        return {self.root / place: system_file(name).read_text("utf-8") for place, name in shipped.items()}
 
     def install(self) -> None:
         """Write the files, readable by all and writable by their owner alone, and print the next steps.
@@ -87,7 +87,7 @@ class ServiceFiles:
                     print(f"kept, because it was changed: {path}")
             if self.system:
                 (self.root / "etc/slipd").mkdir(parents=True, exist_ok=True)
-            shipped = config_file("slipd.service" if self.system else "slipd-user.service")
+            shipped = system_file("slipd.service" if self.system else "slipd-user.service")
             _write(self.unit, with_program(shipped.read_text("utf-8"), self.program))
         except OSError as error:
             raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error

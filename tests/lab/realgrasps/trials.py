@@ -11,10 +11,10 @@ from pathlib import Path
 from realgrasps.labels import Label, read_labels
 from realgrasps.score import Trial, score
 
-from slipd.recording.grips_import import import_trial
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.evaluation.level_spans import level_spans
+from slipd.tools.recordings.grips_import import import_trial
 
 
 def measure(folder: Path, config_text: str, tare_rows: int) -> list[Trial]:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from slipd.config import Continuous
 from slipd.events import LinkUp, Tick
-from slipd.recording.continuous_recording import RETRY_NS, ContinuousRecording, run_name
 from slipd.recording.entry_walk import Entered
 from slipd.recording.reader import open_recording
 from slipd.recording.requested_recordings import RequestedRecordings
+from slipd.recording.run_files import RETRY_NS, ContinuousRecording, run_name
 from slipd.recording.writer import Recorder, RecordingLimitError
 from slipd.types.wall_clock import WallClock
 

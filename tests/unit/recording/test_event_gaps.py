@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.recording.event_gaps import GAP_S, EventGaps, Gap
+from slipd.recording.reader import GAP_S, EventGaps, Gap
 
 BEGIN_NS = 5_000_000_000
 

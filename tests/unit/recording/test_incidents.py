@@ -14,13 +14,12 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, IncidentsChanged, LinkDown, LinkUp
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
-from slipd.recording.continuous_recording import run_name
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.entry_walk import Entered
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.recording.run_files import RunFiles
+from slipd.recording.run_files import RunFiles, run_name
 from slipd.types.wall_clock import WallClock
 
 SECOND_NS = 1_000_000_000

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from slipd.recording.recorded_blocks import FRAME_NS, RecordedBlocks
+from slipd.tools.recordings.view_recording import FRAME_NS, RecordedBlocks
 
 MS = 1_000_000
 BEGIN_NS = 5_000 * MS

@@ -9,10 +9,10 @@ from slipd.engine.engine import Engine
 from slipd.errors import ConfigError, RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick
 from slipd.recording.entry_walk import Entered
-from slipd.recording.grips_import import import_trial
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import Pace, replay
 from slipd.recording.writer import Recorder
+from slipd.tools.recordings.grips_import import import_trial
 from slipd_client import messages
 
 WALL_NS = 1_645_500_000_123_456_789

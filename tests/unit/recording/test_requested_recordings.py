@@ -15,9 +15,9 @@ from slipd.events import LinkUp, Record, RecordingChanged, Tick
 from slipd.recording import requested_recordings, writer
 from slipd.recording.entry_walk import Entered, Published
 from slipd.recording.reader import open_recording
-from slipd.recording.recorder_watch import START_LIMIT_NS
 from slipd.recording.requested_recordings import (
     MOST_UNFINISHED,
+    START_LIMIT_NS,
     RequestedRecordings,
     check_room,
     private_directory,

@@ -8,10 +8,9 @@ import pytest
 
 from slipd.events import Bytes, Event, LinkUp, Request, Tick
 from slipd.recording import entry_ring
-from slipd.recording.entry_ring import EntryRing
+from slipd.recording.entry_ring import TARES, Entered, EntryRing, TareEvents
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.recording.tare_events import TARES, Entered, TareEvents
 
 MS = 1_000_000
 TARE = Request(b"client", {"op": "tare", "finger": "left", "seconds": 0.5})

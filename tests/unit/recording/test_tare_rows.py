@@ -13,9 +13,9 @@ from project import CONFIG, TRIAL
 
 from slipd import config
 from slipd.errors import RecordingError
-from slipd.recording.grips_import import import_trial
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
+from slipd.tools.recordings.grips_import import import_trial
 
 SHIPPED = (CONFIG / "grips.toml").read_text(encoding="utf-8")
 OPEN = 40

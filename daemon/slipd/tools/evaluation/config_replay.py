@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from slipd import config
 from slipd.config import Config
 from slipd.errors import RecordingError
-from slipd.recording.event_gaps import EventGaps
-from slipd.recording.reader import Recording, open_recording
+from slipd.recording.entry_walk import Published
+from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.config_run import ConfigRun, Largest
+from slipd.tools.evaluation.config_run import ConfigRun, Interval, Largest, StreamHealth, with_status
 from slipd.tools.evaluation.level_spans import level_spans
-from slipd.tools.evaluation.recorded_truth import outline
-from slipd.tools.evaluation.streams_of_run import StreamHealth, with_status
-from slipd_client.messages import STATUS_TOPIC, slip_topic
+from slipd.tools.sim.truth_log import TRUTH
+from slipd_client.messages import STATUS_TOPIC, MessageError, decode, slip_topic
 
 _SLIP = slip_topic("")
 
@@ -42,8 +42,8 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
     settings = None
     if config_text is not None:
         settings = with_recorded_tares(config.parse(config_text, name), recording)
-    begin_s, end_s, truth = outline(recording)
-    run = ConfigRun({}, end_s=end_s - begin_s, truth=truth)
+    begin_s, end_s, sliding = outline(recording)
+    run = ConfigRun({}, end_s=end_s - begin_s, sliding=sliding)
     gaps = EventGaps()
     messages = replay(recording, settings=settings, on_event=gaps.add)
     try:
@@ -84,3 +84,34 @@ def with_recorded_tares(settings: Config, recording: Recording) -> Config:
             pad = finger.pad.model_copy(update={"tare": before.tare})
             fingers[name] = finger.model_copy(update={"pad": pad})
     return settings.model_copy(update={"finger": fingers})
+
+
+def outline(recording: Recording) -> tuple[float, float, list[Interval] | None]:
+    """Return the times of the first and last event, s, and when a simulated object slid; None in a live recording.
+
+    The events count on CLOCK_MONOTONIC, the slides from the first event on.
+
+    Raises:
+        RecordingError: The file cannot be read, or its truth is malformed.
+    """
+    times_ns: list[int] = []
+    states: list[tuple[int, bool]] = []
+    for entry in recording.entries():
+        times_ns = [times_ns[0] if times_ns else entry.t_ns, entry.t_ns]
+        if isinstance(entry, Published) and entry.topic == TRUTH:
+            try:
+                states.append((entry.t_ns, bool(decode(entry.payload)["sliding"])))
+            except (MessageError, KeyError) as error:
+                text = f"{recording.path}: entry {entry.n} is no truth of a simulated grasp: {error}"
+                raise RecordingError(text) from error
+    if not times_ns:
+        return 0.0, 0.0, None
+    first_ns, last_ns = times_ns
+    sliding: list[Interval] = []
+    for (begin_ns, slides), (end_ns, _) in pairwise([*states, (last_ns, False)]):
+        begin_s, end_s = (begin_ns - first_ns) * 1e-9, (end_ns - first_ns) * 1e-9
+        if slides and sliding and sliding[-1][1] == begin_s:
+            sliding[-1] = (sliding[-1][0], end_s)
+        elif slides:
+            sliding.append((begin_s, end_s))
+    return first_ns * 1e-9, last_ns * 1e-9, sliding if states else None

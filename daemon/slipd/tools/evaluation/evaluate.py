@@ -11,9 +11,8 @@ from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Truth
-from slipd.tools.evaluation.executors import Executor, here, in_processes
-from slipd.tools.evaluation.jobs import Finished, Job, LastingFault, NamedConfig
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
+from slipd.tools.evaluation.executors import Executor, Finished, Job, LastingFault, NamedConfig, Run, here, in_processes
 from slipd.tools.evaluation.result_cache import ResultCache
 
 FEW_BYTES = 2_000_000
@@ -32,12 +31,7 @@ class Evaluation:
 
     name: str
     path: Path
-    runs: dict[str, ConfigRun | str]
-
-    @property
-    def truth(self) -> Truth | None:
-        """What truly happened, where the recording says so."""
-        return next((run.truth for run in self.runs.values() if isinstance(run, ConfigRun)), None)
+    runs: dict[str, Run]
 
     @property
     def faults(self) -> list[str]:
@@ -60,17 +54,16 @@ def finished_runs(
     Yields:
         Runs in any order. Whatever goes wrong with a recording is in its runs.
     """
-    every = [NamedConfig(RECORDED, None), *configs]
-    sizes = {path: _size(path) for path in paths}
+    sizes = {path: path.stat().st_size if path.exists() else 0 for path in paths}
     if executor is None:
         short = sum(sizes.values()) <= FEW_BYTES or len(os.sched_getaffinity(0)) < 2
         executor = here if short else in_processes
     longest_first = sorted(paths, key=lambda path: -sizes[path])
-    for found in executor(_work(longest_first, every, cache)):
+    for found in executor(_work(longest_first, [NamedConfig(RECORDED, None), *configs], cache)):
         if isinstance(found.run, ConfigRun | LastingFault) and not found.kept:
             cache.put(found.job, found.run)
         yield found
-    cache.prune(len(paths) * len(every))
+    cache.prune(len(paths) * (1 + len(configs)))
 
 
 def evaluations(
@@ -108,10 +101,3 @@ def _work(paths: Sequence[Path], every: Sequence[NamedConfig], cache: ResultCach
             job = Job(path, config, key)
             kept = cache.get(job)
             yield job if kept is None else Finished(job, kept, kept=True)
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0

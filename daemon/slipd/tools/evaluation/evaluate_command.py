@@ -1,4 +1,4 @@
-"""The command ``slipd evaluate``: a table and a picture for a person, or a Parquet file of many recordings."""
+"""The command ``slipd evaluate``: a table for a person, one JSON list, or a Parquet file of many recordings."""
 
 from __future__ import annotations
 
@@ -6,120 +6,124 @@ import contextlib
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
-from slipd.errors import SlipdError
 from slipd.io.progress import Progress
-from slipd.tools.evaluation.config_run import RECORDED
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
 from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
 from slipd.tools.evaluation.evaluation_table import as_map, comparisons, table
-from slipd.tools.evaluation.executors import Executor
-from slipd.tools.evaluation.jobs import Finished, NamedConfig
-from slipd.tools.evaluation.level_picture import picture
+from slipd.tools.evaluation.executors import Executor, Finished, NamedConfig
 from slipd.tools.evaluation.result_cache import ResultCache
+from slipd.tools.evaluation.run_figures import figures, worst_spans
 from slipd.types.device_text import printable
-
-PICTURE = "levels.svg"
 
 SHOWN_FAULTS = 20
 """Most faults that are printed beside a Parquet file, which has all of them."""
 
 
-class EvaluateCommand:
-    """Replays recordings with several configs.
+def evaluate_command(
+    recordings: Sequence[Path],
+    configs: Sequence[Path],
+    cache: ResultCache,
+    executor: Executor | None = None,
+    *,
+    out: Path | None = None,
+    as_json: bool = False,
+) -> bool:
+    """Replay recordings with several configs, and print or write what each reported.
 
     Args:
         recordings: The recordings, each once.
         configs: Configs to replay them with, beside that of each recording.
         cache: Results of earlier evaluations.
         executor: Where the replays run; None: on all cores of this machine.
+        out: A Parquet file with one row for each recording and config; None: print a table.
+        as_json: Print one JSON list instead of the table.
+
+    Returns:
+        Whether every recording is complete, was replayed with every config, and gave the same levels with each.
 
     Raises:
         ConfigError: A config cannot be read or has faults.
+        SlipdError: pyarrow is not installed, or the file cannot be written.
+    """
+    named = _named(list(dict.fromkeys(configs)))
+    of = len(recordings) * (1 + len(named))
+    begun_s = time.monotonic()
+    progress = Progress(lambda done, of: f"{done} of {of} runs, {time.monotonic() - begun_s:.0f} s")
+    totals = _Totals()
+    with (
+        progress.shown() as show,
+        contextlib.closing(finished_runs(recordings, named, cache, executor)) as runs,
+    ):
+        show(0, of)
+        counted = totals.counted(runs, lambda done: show(done, of))
+        if out is None:
+            found = evaluations(counted, recordings, named)
+            faults = list(dict.fromkeys(fault for one in found for fault in one.faults))
+        else:
+            from slipd.tools.evaluation.run_table import write_table  # here: only a table needs pyarrow
+
+            write_table(out, counted, [*recordings, *configs])
+            faults = list(totals.faults)
+    if out is not None:
+        print(f"{out}: {totals.count['runs']} runs of {len(recordings)} recordings, {totals}")
+    elif as_json:
+        print(json.dumps(as_map(found), ensure_ascii=False, allow_nan=False))
+    else:
+        _print_table(found)
+    for fault in faults:
+        print(f"slipd: {printable(fault)}", file=sys.stderr)
+    return not faults and not totals.differ
+
+
+class _Totals:
+    """What all runs have in common.
+
+    Attributes:
+        count: Number of runs, and of those that an earlier evaluation kept, that failed, and that have an alarm.
+        compute_s: Processor time of all replays, the kept ones included.
+        faults: The first distinct faults, for people.
+        differ: A config gave other levels than another.
     """
 
-    def __init__(
-        self, recordings: Sequence[Path], configs: Sequence[Path], cache: ResultCache, executor: Executor | None = None
-    ) -> None:
-        self._recordings = recordings
-        self._configs = _named(list(dict.fromkeys(configs)))
-        self._cache = cache
-        self._executor = executor
+    def __init__(self) -> None:
+        self.count: Counter[str] = Counter()
+        self.compute_s = 0.0
+        self.faults: dict[str, None] = {}
+        self.differ = False
+        self._levels: dict[Path, int] = {}
 
-    def show(self, out: Path | None, *, as_json: bool) -> bool:
-        """Print the table, and write the picture.
+    def __str__(self) -> str:
+        count = self.count
+        known = f"{count['kept']} of them known before, {count['failed']} failed, {count['warned']} with an alarm"
+        return f"{known}; {self.compute_s:.1f} s of computing"
 
-        Args:
-            out: Folder for the picture, made where it is missing; None: no picture.
-            as_json: Print one JSON list instead of the table.
-
-        Returns:
-            Whether every recording is complete and was replayed with every config.
-
-        Raises:
-            SlipdError: The picture cannot be written.
-        """
-        if out is not None:
-            _make(out)
-        with self._finished() as finished:
-            found = evaluations(finished, self._recordings, self._configs)
-        if as_json:
-            print(json.dumps(as_map(found), ensure_ascii=False, allow_nan=False))
-        else:
-            _print(found)
-        if out is not None:
-            _write(out / PICTURE, picture(found))
-            print(f"{out / PICTURE}: written", file=sys.stderr if as_json else sys.stdout)
-        return _told(dict.fromkeys(fault for one in found for fault in one.faults))
-
-    def write(self, path: Path) -> bool:
-        """Write a Parquet file with one row for each recording and config.
-
-        Returns:
-            Whether every recording is complete and was replayed with every config.
-
-        Raises:
-            SlipdError: pyarrow is not installed, or the file cannot be written.
-        """
-        from slipd.tools.evaluation.run_table import write_table  # here: only a table needs what reads recordings
-
-        with self._finished() as finished:
-            totals = write_table(path, finished, SHOWN_FAULTS)
-        print(
-            f"{path}: {totals.runs} runs of {len(self._recordings)} recordings, {totals.kept} of them known before, "
-            f"{totals.without_run} failed, {totals.warned} with an alarm; {totals.compute_s:.1f} s of computing"
-        )
-        return _told(totals.faults)
-
-    @contextmanager
-    def _finished(self) -> Iterator[Iterator[Finished]]:
-        """Give the finished runs, and show how far they are."""
-        of = len(self._recordings) * (1 + len(self._configs))
-        begun_s = time.monotonic()
-        progress = Progress(lambda done, of: f"{done} of {of} runs, {time.monotonic() - begun_s:.0f} s")
-        with progress.shown() as show:
-            show(0, of)
-            with contextlib.closing(
-                finished_runs(self._recordings, self._configs, self._cache, self._executor)
-            ) as runs:
-                yield _counted(runs, show, of)
+    def counted(self, runs: Iterable[Finished], show: Callable[[int], None]) -> Iterator[Finished]:
+        """Yield the runs, and count them."""
+        for found in runs:
+            self.count.update({"runs": 1, "kept": found.kept, "failed": isinstance(found.run, str)})
+            show(self.count["runs"])
+            fault = found.run if isinstance(found.run, str) else found.run.fault
+            if fault and len(self.faults) < SHOWN_FAULTS:
+                self.faults[fault] = None
+            if isinstance(found.run, ConfigRun):
+                self.compute_s += found.run.compute_s
+                self.count["warned"] += bool(figures(found.run).warnings)
+                levels = _levels(found.run)
+                self.differ = self.differ or self._levels.setdefault(found.job.path, levels) != levels
+            yield found
 
 
-def _counted(runs: Iterable[Finished], show: Callable[[int, int], None], of: int) -> Iterator[Finished]:
-    for done, run in enumerate(runs, 1):
-        show(done, of)
-        yield run
-
-
-def _told(faults: Iterable[str]) -> bool:
-    """Print faults; return whether there are none."""
-    none = True
-    for fault in faults:
-        none = False
-        print(f"slipd: {printable(fault)}", file=sys.stderr)
-    return none
+def _levels(run: ConfigRun) -> int:
+    """Return a number that is the same for runs of the same levels at the same times."""
+    changes: list[tuple[str, float]] = []
+    for span in worst_spans(run.spans):
+        if not changes or changes[-1][0] != span.level:
+            changes.append((span.level, span.begin_s))
+    return hash(tuple(changes))
 
 
 def _named(paths: list[Path]) -> list[NamedConfig]:
@@ -131,25 +135,7 @@ def _named(paths: list[Path]) -> list[NamedConfig]:
     return [NamedConfig(name, config.load(path).text) for name, path in zip(names, paths, strict=True)]
 
 
-def _print(found: Sequence[Evaluation]) -> None:
-    for line in table(found):
-        print(printable(line))
+def _print_table(found: Sequence[Evaluation]) -> None:
     compared = list(comparisons(found))
-    if compared:
-        print()
-    for line in compared:
+    for line in [*table(found), *([""] if compared else []), *compared]:
         print(printable(line))
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SlipdError(f"{folder}: cannot be made: {error.strerror}") from error
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SlipdError(f"{path}: cannot be written: {error.strerror}") from error

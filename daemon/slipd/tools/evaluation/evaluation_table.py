@@ -7,8 +7,15 @@ from typing import Any
 
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Interval
 from slipd.tools.evaluation.evaluate import Evaluation
-from slipd.tools.evaluation.run_figures import BY_SEVERITY, RunFigures, differences, figures, worst_spans
-from slipd.tools.evaluation.truth_comparison import against_truth
+from slipd.tools.evaluation.executors import Run
+from slipd.tools.evaluation.run_figures import (
+    BY_SEVERITY,
+    RunFigures,
+    against_truth,
+    differences,
+    figures,
+    worst_spans,
+)
 
 SHOWN = 4
 """Most intervals of one line; `as_map` has all."""
@@ -33,7 +40,7 @@ _LEFT = {"recording", "config", "slipping at", "unknown because", "alarms name"}
 def table(evaluations: Sequence[Evaluation]) -> Iterator[str]:
     """Yield the lines of the table: one for each recording and config, times in s of the worse finger."""
     rows = [_HEAD, *(row for one in evaluations for row in _rows(one))]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = [
             cell.ljust(width) if name in _LEFT else cell.rjust(width)
@@ -45,32 +52,37 @@ def table(evaluations: Sequence[Evaluation]) -> Iterator[str]:
 def comparisons(evaluations: Sequence[Evaluation]) -> Iterator[str]:
     """Yield what every other config changes against the recorded one, and how each run compares with the truth."""
     for one in evaluations:
-        runs = {name: run for name, run in one.runs.items() if isinstance(run, ConfigRun)}
-        recorded = runs.get(RECORDED)
-        for name, run in runs.items():
-            if one.truth is not None:
-                yield f"{one.name}, {name}: {against_truth(one.truth, figures(run))}"
-            if recorded is not None and run is not recorded:
+        recorded = one.runs[RECORDED]
+        for name, run in one.runs.items():
+            if isinstance(run, str):
+                continue
+            if run.sliding is not None:
+                yield f"{one.name}, {name}: {against_truth(run.sliding, figures(run))}"
+            if isinstance(recorded, ConfigRun) and run is not recorded:
                 yield from _compared(f"{one.name}, {name}", recorded, run)
 
 
 def as_map(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
     """Return all of it, with the levels of every finger over time."""
-    found = []
-    for one in evaluations:
-        recorded = one.runs[RECORDED]
-        runs = {name: _run_map(recorded, run) for name, run in one.runs.items()}
-        truth = None if one.truth is None else one.truth.as_map()
-        found.append({"recording": str(one.path), "truth": truth, "runs": runs})
-    return found
+    return [
+        {
+            "recording": str(one.path),
+            "runs": {name: _run_map(one.runs[RECORDED], run) for name, run in one.runs.items()},
+        }
+        for one in evaluations
+    ]
 
 
-def _run_map(recorded: ConfigRun | str, run: ConfigRun | str) -> dict[str, Any]:
+def _run_map(recorded: Run, run: Run) -> dict[str, Any]:
     if isinstance(run, str):
         return {"fault": run}
-    before = worst_spans(recorded.spans) if isinstance(recorded, ConfigRun) else []
-    against = differences(before, worst_spans(run.spans))
-    return figures(run).as_map() | {"spans": run.as_map()["spans"], "fault": run.fault, "differences": against}
+    before = [] if isinstance(recorded, str) else worst_spans(recorded.spans)
+    return figures(run).as_map() | {
+        "spans": {source: [span._asdict() for span in spans] for source, spans in run.spans.items()},
+        "fault": run.fault,
+        "truly_sliding": run.sliding,
+        "differences": differences(before, worst_spans(run.spans)),
+    }
 
 
 def _rows(one: Evaluation) -> Iterator[tuple[str, ...]]:
@@ -80,13 +92,6 @@ def _rows(one: Evaluation) -> Iterator[tuple[str, ...]]:
         row = ("no run, see below",) if isinstance(run, str) else _figures(figures(run))
         yield (name, config, *row, *[""] * (len(_HEAD) - 2 - len(row)))
         name = ""
-    if one.truth is not None:
-        cells = dict.fromkeys(_HEAD, "") | {
-            "config": "truth",
-            "slipping at": _times(one.truth.sliding),
-            "λ max": f"{one.truth.utilisation:.2f}",
-        }
-        yield tuple(cells.values())
 
 
 def _figures(found: RunFigures) -> tuple[str, ...]:
@@ -105,14 +110,11 @@ def _figures(found: RunFigures) -> tuple[str, ...]:
 
 
 def _times(found: list[Interval]) -> str:
-    if not found:
-        return NOTHING
-    shown = ", ".join(f"{begin_s:.2f}…{end_s:.2f}" for begin_s, end_s in found[:SHOWN])
+    shown = ", ".join(f"{begin_s:.2f}…{end_s:.2f}" for begin_s, end_s in found[:SHOWN]) or NOTHING
     return shown + (f" and {len(found) - SHOWN} more" if len(found) > SHOWN else "")
 
 
 def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
-    before, after = figures(recorded), figures(run)
     if recorded.spans and not run.spans:
         yield f"{name}: no levels; the sensors of a config must be those of the recording"
         return
@@ -120,6 +122,7 @@ def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
     if not found:
         yield f"{name}: the same levels as {RECORDED}"
         return
+    before, after = figures(recorded), figures(run)
     seconds = sum(end_s - begin_s for begin_s, end_s, _, _ in found)
     yield (
         f"{name}: other levels than {RECORDED} for {seconds:.2f} s; changes {_change(before.changes, after.changes)}, "

@@ -1,4 +1,4 @@
-"""Where replays run: in this process, in processes of this machine, or on the workers of a Dask cluster.
+"""Replays to be done, and where they run: in this process, in processes here, or on the workers of a Dask cluster.
 
 Every executor takes jobs and results that are known already, in any mixture, and yields each result as soon as it is
 there. It takes a few jobs more than it has workers: a million of them need no more memory than a hundred.
@@ -7,20 +7,55 @@ there. It takes a few jobs more than it has workers: a million of them need no m
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import multiprocessing
 import os
 import signal
 import socket
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
 
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.tools.evaluation.config_run import ConfigRun
-from slipd.tools.evaluation.jobs import Finished, Job, own_stamp, replay_job
 
 Run = ConfigRun | str
+
+
+class NamedConfig(NamedTuple):
+    """A config: its name for people, and its text, TOML; None: that of each recording."""
+
+    name: str
+    text: str | None
+
+
+class Job(NamedTuple):
+    """A recording to be replayed with a config; the key names the result in the cache."""
+
+    path: Path
+    config: NamedConfig
+    key: str
+
+
+class LastingFault(str):
+    """Why a recording cannot be replayed with a config, by what is in both: another try would end in the same way."""
+
+    __slots__ = ()
+
+
+class Finished(NamedTuple):
+    """What a job gave; a text is why there is no run. ``kept``: it was in the cache."""
+
+    job: Job
+    run: Run
+    kept: bool = False
+
+
 Work = Iterator[Job | Finished]
 Executor = Callable[[Work], Iterator[Finished]]
 
@@ -32,6 +67,31 @@ CONNECT_S = 10
 
 ENGINE = "slipd.tools.evaluation.config_replay"
 """The module that loads the engine: once for all processes of a pool, and never in this one."""
+
+
+@cache
+def own_stamp() -> str:
+    """Return a hash of the source code of slipd; that of `slipd.fusion` would load the kernels with it."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[2].rglob("*.py")):
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def replay_job(job: Job) -> Run:
+    """Replay a recording, in whatever process this is; whatever goes wrong with one recording is its result."""
+    from slipd.tools.evaluation.config_replay import run_config  # here: where all results are kept, no engine is loaded
+
+    try:
+        return run_config(job.path, job.config.text, job.config.name)
+    except SlipdError as error:
+        return str(error) if isinstance(error.__cause__, OSError) else LastingFault(str(error))
+    except MemoryError:
+        return f"{job.path}: not enough memory to replay it"
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(place.filename).name}:{place.lineno}"
+        return f"{job.path}: an error of slipd, please report it: {type(error).__name__}: {error} ({where})"
 
 
 def here(work: Work) -> Iterator[Finished]:
@@ -116,7 +176,7 @@ def on_dask(address: str) -> Executor:
     try:
         from distributed import Client
     except ImportError as error:
-        raise SlipdError("--dask needs the package distributed: pip install 'slipd[batch]'") from error
+        raise UsageError("--dask needs the package distributed: pip install 'slipd[batch]'") from error
     try:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from slipd.recording.event_gaps import Gap
 from slipd_client.messages import GRASP_TOPIC, slip_topic
+
+if TYPE_CHECKING:  # where all results are kept, nothing that reads recordings is loaded
+    from slipd.recording.reader import Gap
 
 NOT_RECORDED = "not_recorded"
 """Reason of "unknown" from the begin of a gap to the first message after it."""
@@ -15,8 +16,7 @@ NOT_RECORDED = "not_recorded"
 _SLIP = slip_topic("")
 
 
-@dataclass(frozen=True, slots=True)
-class LevelSpan:
+class LevelSpan(NamedTuple):
     """A time in which one source reported one level for the same reasons.
 
     Attributes:
@@ -40,7 +40,7 @@ class LevelSpan:
 
     def shifted(self, by_s: float) -> LevelSpan:
         """Return it some time later, s."""
-        return replace(self, begin_s=self.begin_s + by_s, end_s=self.end_s + by_s)
+        return self._replace(begin_s=self.begin_s + by_s, end_s=self.end_s + by_s)
 
 
 def level_spans(
@@ -61,38 +61,33 @@ def level_spans(
     found: dict[str, list[LevelSpan]] = {}
     last_s, seen = end_s, 0
     for topic, body in messages:
-        for gap in gaps[seen:]:
-            _interrupt(found, gap)
-        seen = len(gaps)
+        seen = _interrupt(found, gaps, seen)
         t_s = body["t_ns"] * 1e-9
         last_s = max(last_s, t_s)
-        if topic.startswith(_SLIP):
-            source = topic.removeprefix(_SLIP)
-        elif topic == GRASP_TOPIC:
-            source = topic
-        else:
-            continue
-        _append(found.setdefault(source, []), body, t_s)
+        if topic == GRASP_TOPIC or topic.startswith(_SLIP):
+            words = body["level"], tuple(body["reasons"]), tuple(body.get("evidence") or ())
+            _append(found.setdefault(topic.removeprefix(_SLIP), []), *words, t_s)
+    _interrupt(found, gaps, seen)
+    return {source: [*spans[:-1], spans[-1]._replace(end_s=last_s)] for source, spans in found.items()}
+
+
+def _interrupt(found: dict[str, list[LevelSpan]], gaps: Sequence[Gap], seen: int) -> int:
+    """End every level at each gap after the first ``seen``; return the number of gaps."""
     for gap in gaps[seen:]:
-        _interrupt(found, gap)
-    return {source: [*spans[:-1], replace(spans[-1], end_s=last_s)] for source, spans in found.items()}
+        for spans in found.values():
+            _append(spans, "unknown", (NOT_RECORDED,), (), gap.begin_s)
+    return len(gaps)
 
 
-def _interrupt(found: dict[str, list[LevelSpan]], gap: Gap) -> None:
-    for spans in found.values():
-        _append(spans, {"level": "unknown", "reasons": [NOT_RECORDED]}, gap.begin_s)
-
-
-def _append(spans: list[LevelSpan], body: dict[str, Any], t_s: float) -> None:
-    level, reasons = body["level"], tuple(body["reasons"])
-    evidence: tuple[str, ...] = tuple(body.get("evidence") or ())
+def _append(
+    spans: list[LevelSpan], level: str, reasons: tuple[str, ...], evidence: tuple[str, ...], t_s: float
+) -> None:
     if spans:
         last = spans[-1]
-        same = (last.level, last.reasons) == (level, reasons)
         t_s = max(t_s, last.begin_s)  # a verdict on a stream that became stale has the time of its last reading
-        spans[-1] = replace(last, end_s=t_s)
-        if same:
-            new = tuple(kind for kind in evidence if kind not in last.evidence)
-            spans[-1] = LevelSpan(level, reasons, last.evidence + new, last.begin_s, t_s)
+        spans[-1] = last._replace(end_s=t_s)
+        if (last.level, last.reasons) == (level, reasons):
+            named = tuple(dict.fromkeys(last.evidence + evidence))
+            spans[-1] = last._replace(evidence=named, end_s=t_s)
             return
     spans.append(LevelSpan(level, reasons, evidence, t_s, t_s))

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slipd.tools.evaluation.config_run import ConfigRun
-from slipd.tools.evaluation.jobs import Job, LastingFault, own_stamp
+from slipd.tools.evaluation.executors import Job, LastingFault, own_stamp
 
 MOST_RESULTS = 2000
 """Results that are kept, the newest; each has some kilobytes."""

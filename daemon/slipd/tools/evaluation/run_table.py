@@ -6,15 +6,15 @@ Rows are written as runs finish, in any order, so the file needs no more memory 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field
+from itertools import islice
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from slipd import __version__
 from slipd.tools.draft import Kind, draft
-from slipd.tools.evaluation.config_run import ConfigRun
-from slipd.tools.evaluation.jobs import Finished
+from slipd.tools.evaluation.config_run import ConfigRun, StreamHealth
+from slipd.tools.evaluation.executors import Finished
 from slipd.tools.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
 from slipd.tools.parquet_library import parquet_library, storable
 
@@ -25,55 +25,25 @@ ROWS = 1000
 """Rows that are written at once."""
 
 
-@dataclass(slots=True)
-class TableTotals:
-    """What a table holds.
-
-    Attributes:
-        runs: Rows.
-        kept: Runs whose result an earlier evaluation kept.
-        without_run: Rows of recordings that could not be replayed.
-        warned: Runs with an alarm.
-        compute_s: Processor time of all replays, the kept ones included.
-        faults: The first distinct faults, for people; the table has all.
-    """
-
-    runs: int = 0
-    kept: int = 0
-    without_run: int = 0
-    warned: int = 0
-    compute_s: float = 0.0
-    faults: dict[str, None] = field(default_factory=dict)
-
-    def add(self, found: Finished, most_faults: int) -> None:
-        """Count one more run."""
-        self.runs += 1
-        self.kept += found.kept
-        fault = found.run if isinstance(found.run, str) else found.run.fault
-        if fault and len(self.faults) < most_faults:
-            self.faults[fault] = None
-        if isinstance(found.run, str):
-            self.without_run += 1
-            return
-        self.compute_s += found.run.compute_s
-        self.warned += any(span.level in ALARMS for spans in found.run.spans.values() for span in spans)
-
-
-def write_table(path: Path, finished: Iterable[Finished], most_faults: int) -> TableTotals:
+def write_table(path: Path, finished: Iterable[Finished], inputs: Iterable[Path] = ()) -> None:
     """Write a table; the file appears when it is complete, and replaces nothing but an earlier table.
+
+    Args:
+        path: The file.
+        finished: The runs, in any order.
+        inputs: What the command reads.
 
     Raises:
         SlipdError: pyarrow is not installed, or the file cannot be written or is something else.
     """
     arrow, parquet = parquet_library("--table", "batch")
-    totals = TableTotals()
+    rows: Iterator[dict[str, Any]] = map(_row, finished)
     with (
-        draft(path, TABLE, overwrite=True) as written,
+        draft(path, TABLE, inputs, overwrite=True) as written,
         parquet.ParquetWriter(written, _schema(arrow), compression="zstd") as writer,
     ):
-        for rows in _batches(finished, totals, most_faults):
-            writer.write_table(arrow.Table.from_pylist(rows, schema=_schema(arrow)))
-    return totals
+        while batch := list(islice(rows, ROWS)):
+            writer.write_table(arrow.Table.from_pylist(batch, schema=_schema(arrow)))
 
 
 def is_table(path: Path) -> bool:
@@ -89,32 +59,17 @@ def is_table(path: Path) -> bool:
 TABLE = Kind("a table of slipd evaluate", is_table, replaceable=False)
 
 
-def _batches(finished: Iterable[Finished], totals: TableTotals, most_faults: int) -> Iterator[list[dict[str, Any]]]:
-    rows: list[dict[str, Any]] = []
-    for found in finished:
-        totals.add(found, most_faults)
-        rows.append(_row(found))
-        if len(rows) == ROWS:
-            yield rows
-            rows = []
-    if rows:
-        yield rows
-
-
 def _row(found: Finished) -> dict[str, Any]:
     job, run = found.job, found.run
     names = {"recording": storable(str(job.path)), "config": storable(job.config.name)}
     row = names | {"key": job.key, "version": __version__}
-    if isinstance(run, str):
-        return row | {"fault": storable(run)}
-    return row | _run_columns(run)
+    return row | ({"fault": storable(run)} if isinstance(run, str) else _run_columns(run))
 
 
 def _run_columns(run: ConfigRun) -> dict[str, Any]:
     found = figures(run)
     alarms = [
-        {"source": source, "level": span.level, "begin_s": span.begin_s, "end_s": span.end_s}
-        | {"reasons": span.reasons, "evidence": span.evidence}
+        {"source": source, **span._asdict()}
         for source, spans in run.spans.items()
         for span in spans
         if span.level in ALARMS
@@ -128,24 +83,18 @@ def _run_columns(run: ConfigRun) -> dict[str, Any]:
         "warnings": found.warnings,
         "first_warning_s": found.first_warning_s,
         "alarms": alarms,
-        "largest": None if run.largest is None else asdict(run.largest),
-        "true_sliding": None if run.truth is None else [_interval(one) for one in run.truth.sliding],
-        "true_utilisation": None if run.truth is None else run.truth.utilisation,
-        "streams": [asdict(stream) for stream in run.streams],
+        "largest": None if run.largest is None else run.largest._asdict(),
+        "streams": [stream._asdict() for stream in run.streams],
         "gaps": run.gaps,
         "compute_s": run.compute_s,
     }
-
-
-def _interval(found: tuple[float, float]) -> dict[str, float]:
-    return {"begin_s": found[0], "end_s": found[1]}
 
 
 def _schema(arrow: ModuleType) -> Any:
     text, number, count = arrow.string(), arrow.float64(), arrow.int64()
     interval = {"begin_s": number, "end_s": number}
     alarm = {"source": text, "level": text, **interval, "reasons": arrow.list_(text), "evidence": arrow.list_(text)}
-    stream = {"stream": text} | dict.fromkeys(("health", "samples", "bad", "lost", "dropped", "reconnects"), count)
+    stream = {"stream": text} | dict.fromkeys(StreamHealth._fields[1:], count)
     columns = {
         **dict.fromkeys(KEYS, text),
         "fault": text,
@@ -157,8 +106,6 @@ def _schema(arrow: ModuleType) -> Any:
         "first_warning_s": number,
         "alarms": arrow.list_(arrow.struct(alarm)),
         "largest": arrow.struct({"utilisation": number, "finger": text, "t_s": number}),
-        "true_sliding": arrow.list_(arrow.struct(interval)),
-        "true_utilisation": number,
         "streams": arrow.list_(arrow.struct(stream)),
         "gaps": count,
         "compute_s": number,

@@ -11,15 +11,14 @@ from typing import NamedTuple
 from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
-from slipd.errors import SlipdError
+from slipd.errors import SlipdError, UsageError
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay_dated
+from slipd.tools.cli_arguments import chosen
 from slipd.tools.draft import draft
-from slipd.tools.evaluation.recording_choice import chosen
 from slipd.tools.export.csv_files import CsvFiles
 from slipd.tools.export.exported import EXPORT
-from slipd.tools.export.json_mcap import JsonMcap
 from slipd.tools.export.lerobot_command import TASK, export_lerobot
 from slipd.tools.export.message_files import MessageFiles
 from slipd.tools.export.parquet_tables import ParquetTables
@@ -31,7 +30,6 @@ Create = Callable[[Path, Config], MessageFiles]
 
 FORMATS: dict[str, Create] = {
     "ros2": lambda path, settings: Ros2Bag(path, _pads(settings)),
-    "json-mcap": lambda path, _: JsonMcap(path),
     "csv": lambda path, _: CsvFiles(path),
     "parquet": lambda path, _: ParquetTables(path),
 }
@@ -63,13 +61,13 @@ def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions
     to, overwrite = options.to, options.overwrite
     if to == "lerobot":
         if options.rate_hz is None:
-            raise SlipdError("--to lerobot needs --rate HZ, the frames per second")
+            raise UsageError("--to lerobot needs --rate HZ, the frames per second")
         return export_lerobot(chosen(recordings), out, options.rate_hz, options.task or TASK, overwrite=overwrite)
     for option, value in (("--rate", options.rate_hz), ("--task", options.task)):
         if value is not None:
-            raise SlipdError(f"{option} is for --to lerobot; {to} has every message at its own time")
+            raise UsageError(f"{option} is for --to lerobot; {to} has every message at its own time")
     if len(recordings) > 1:
-        raise SlipdError(f"--to {to} takes one recording, got {len(recordings)}; --to lerobot takes several")
+        raise UsageError(f"--to {to} takes one recording, got {len(recordings)}; --to lerobot takes several")
     return export(recordings[0], out, to, overwrite=overwrite)
 
 
@@ -95,7 +93,10 @@ def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
     compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
     try:
-        with draft(out, EXPORT, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:
+        with (
+            draft(out, EXPORT, [path], overwrite=overwrite) as written,
+            contextlib.closing(create(written, settings)) as files,
+        ):
             count = _write(recording, settings, files, progress.show)
             if not count:
                 raise SlipdError(recording.fault or f"{path}: holds no event that causes a message")

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slipd.errors import SlipdError
-from slipd.recording.event_gaps import EventGaps
+from slipd.recording.reader import EventGaps
 from slipd.tools.export.frame_layout import AGE, UNKNOWN_LEVEL, FrameLayout, Tap
 from slipd.tools.export.message_files import Body
 

@@ -49,7 +49,7 @@ def export_lerobot(paths: Sequence[Path], out: Path, rate_hz: int, task: str = T
     progress = _BytesRead(paths)
     try:
         with (
-            draft(out, EXPORT, overwrite=overwrite) as written,
+            draft(out, EXPORT, paths, overwrite=overwrite) as written,
             contextlib.closing(LerobotDataset(written, layout, rate_hz, task)) as dataset,
         ):
             frames = 0

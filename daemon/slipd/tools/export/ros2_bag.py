@@ -64,7 +64,7 @@ class Ros2Bag:
         try:
             messages = list(ros_messages(topic, body, self._pads))
         except TimeRangeError as error:
-            raise SlipdError(f"{topic}: {error}; --to parquet, csv and json have no such limit") from None
+            raise SlipdError(f"{topic}: {error}; --to parquet and csv have no such limit") from None
         for message in messages:
             self._write(log_ns, message)
 

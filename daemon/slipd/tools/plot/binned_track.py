@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
-from slipd.recording.event_gaps import Gap
+from slipd.recording.reader import Gap
 
 T = TypeVar("T")
 

@@ -1,4 +1,4 @@
-"""The command ``slipd plot``: one recording as a page or a picture.
+"""The command ``slipd plot``: one recording as a page.
 
 A recording of a run holds what the run published, and that is drawn: a replay takes twenty times as long. The recording
 is replayed where it holds no verdicts that this version can draw, and for another config.
@@ -16,7 +16,7 @@ from typing import Any
 import msgpack
 
 from slipd import config
-from slipd.errors import RecordingError, SlipdError
+from slipd.errors import RecordingError, UsageError
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.draft import Kind, draft
@@ -40,19 +40,18 @@ def is_plot(path: Path) -> bool:
             start = file.read(256)
     except OSError:
         return False
-    return start.startswith((b"<!doctype html>", b"\x89PNG")) and GENERATOR.encode() in start
+    return start.startswith(b"<!doctype html>") and GENERATOR.encode() in start
 
 
 PLOT = Kind("a plot of slipd", is_plot)
 
 
 def plot_command(path: Path, out: Path | None, config_file: Path | None, window: Window = WHOLE) -> bool:
-    """Read or replay a recording, and write the picture.
+    """Read or replay a recording, and write the page.
 
     Args:
         path: The recording.
-        out: The picture; it replaces an earlier one once it is complete, and nothing else. None: a page in this
-            folder.
+        out: The page; it replaces an earlier one once it is complete, and nothing else. None: in this folder.
         config_file: A config to replay with; None: what the run itself published is drawn.
         window: The part of the run to draw.
 
@@ -62,18 +61,18 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
     Raises:
         ConfigError: The config cannot be read or has faults.
         RecordingError: The recording cannot be read, or does not fit the config.
-        SlipdError: The picture cannot be written, or matplotlib is missing for a PNG.
+        SlipdError: The page cannot be written.
     """
     if not window.begin_s < window.end_s:
-        raise SlipdError(f"--from {window.begin_s:g} must be before --to {window.end_s:g}")
+        raise UsageError(f"--from {window.begin_s:g} must be before --to {window.end_s:g}")
     out = out or Path(f"{path.stem}.html")
-    write = _writer(out)
     recording = open_recording(path)
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording")
-    with draft(out, PLOT, overwrite=True) as written:
+    inputs = [path] if config_file is None else [path, config_file]
+    with draft(out, PLOT, inputs, overwrite=True) as written:
         with progress.shown() as show:
             report = make_report(recording, config_file, window, show)
-        write(report, written)
+        written.write_text(page(report), encoding="utf-8")
     if recording.gap:
         print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
     print(f"{out}: written")
@@ -182,24 +181,3 @@ def _recorded(recording: Recording, tracks: RunTracks, begin_ns: int) -> str:
     begin_s, end_s = tracks.window
     shown = f"drawn from {begin_s:g} to {end_s:.1f} s" if begin_s else f"{end_s:.1f} s"
     return f"Recorded by slipd {version} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {shown}."
-
-
-def _writer(out: Path) -> Callable[[Report, Path], None]:
-    """Return what writes files of this kind.
-
-    Raises:
-        SlipdError: Matplotlib is missing.
-    """
-    if out.suffix == ".html":
-        return _write_page
-    try:
-        from slipd.tools.plot import chart_png  # matplotlib is in the extra "chart" only
-    except ImportError as error:
-        raise SlipdError(
-            f"{out}: a PNG needs matplotlib: pip install 'slipd[chart]'; a file .html needs nothing"
-        ) from error
-    return chart_png.save
-
-
-def _write_page(report: Report, path: Path) -> None:
-    path.write_text(page(report), encoding="utf-8")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from slipd.recording.event_gaps import EventGaps
+from slipd.recording.reader import EventGaps
 from slipd.tools.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
 from slipd.tools.plot.change_log import ChangeLog
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC

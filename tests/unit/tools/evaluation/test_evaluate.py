@@ -12,8 +12,7 @@ from slipd.tools.evaluation import evaluate as module
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
 from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
-from slipd.tools.evaluation.executors import Work, here
-from slipd.tools.evaluation.jobs import Finished, NamedConfig
+from slipd.tools.evaluation.executors import Finished, NamedConfig, Work, here
 from slipd.tools.evaluation.result_cache import ResultCache
 
 Write = Callable[..., Path]
@@ -42,7 +41,7 @@ def test_every_recording_is_replayed_with_its_own_config_first(cache: ResultCach
     assert found.name == "xela.mcap"
     assert list(found.runs) == [RECORDED, "a.toml"]
     assert found.runs[RECORDED] == found.runs["a.toml"] == run_config(XELA, None, RECORDED)
-    assert (found.truth, found.faults) == (None, [])
+    assert found.faults == []
 
 
 def test_a_second_evaluation_replays_nothing(cache: ResultCache, config_file: Write) -> None:

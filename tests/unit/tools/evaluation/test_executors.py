@@ -19,8 +19,7 @@ from slipd.errors import SlipdError
 from slipd.tools.evaluation import config_replay, executors
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED
-from slipd.tools.evaluation.executors import here, in_processes, on_dask
-from slipd.tools.evaluation.jobs import Finished, Job, NamedConfig
+from slipd.tools.evaluation.executors import Finished, Job, NamedConfig, here, in_processes, on_dask
 
 OWN = NamedConfig(RECORDED, None)
 XELA = RECORDINGS / "xela.mcap"

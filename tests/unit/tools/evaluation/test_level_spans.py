@@ -7,7 +7,7 @@ from typing import Any
 
 from replays import messages
 
-from slipd.recording.event_gaps import Gap
+from slipd.recording.reader import Gap
 from slipd.tools.evaluation.level_spans import NOT_RECORDED, LevelSpan, level_spans
 
 

@@ -16,7 +16,7 @@ from slipd.tools.evaluation import run_table
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED
 from slipd.tools.evaluation.evaluate import finished_runs
-from slipd.tools.evaluation.jobs import Finished, Job, NamedConfig
+from slipd.tools.evaluation.executors import Finished, Job, NamedConfig
 from slipd.tools.evaluation.result_cache import ResultCache
 from slipd.tools.evaluation.run_figures import figures
 from slipd.tools.evaluation.run_table import write_table
@@ -33,7 +33,7 @@ def rows(path: Path) -> list[dict[str, Any]]:
 
 def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     cache = ResultCache(tmp_path / "results")
-    totals = write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache), 5)
+    write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache))
     (row,) = rows(tmp_path / "a.parquet")
     run = run_config(DEMO, None, RECORDED)
     found = figures(run)
@@ -53,27 +53,23 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     }
     assert row["streams"][0]["samples"] > 0
     assert row["compute_s"] > 0.0
-    assert (totals.runs, totals.kept, totals.without_run, totals.warned) == (1, 0, 0, 1)
-    again = write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache), 5)
-    assert again.kept == 1
+    write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache))
     assert rows(tmp_path / "a.parquet") == [row], "the time of computing is that of the first evaluation"
 
 
 def test_bytes_of_a_name_that_are_no_text_are_escaped(tmp_path: Path) -> None:
     path = Path(os.fsdecode(bytes(tmp_path) + b"/run\xff.mcap"))
     path.write_text("no recording")
-    totals = write_table(tmp_path / "a.parquet", finished_runs([path], [], ResultCache(tmp_path / "results")), 5)
+    write_table(tmp_path / "a.parquet", finished_runs([path], [], ResultCache(tmp_path / "results")))
     (row,) = rows(tmp_path / "a.parquet")
-    assert totals.without_run == 1
     assert row["recording"] == f"{tmp_path}/run\\xff.mcap"
     assert row["fault"].startswith(f"{row['recording']}: not an MCAP file")
 
 
-def test_faults_are_rows_and_only_the_first_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_faults_are_rows_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_table, "ROWS", 2)
     bad = [Finished(Job(Path(f"{n}.mcap"), NamedConfig(RECORDED, None), ""), f"{n} is bad") for n in range(5)]
-    totals = write_table(tmp_path / "a.parquet", bad, 3)
-    assert list(totals.faults) == ["0 is bad", "1 is bad", "2 is bad"]
+    write_table(tmp_path / "a.parquet", bad)
     assert [(row["recording"], row["fault"], row["length_s"]) for row in rows(tmp_path / "a.parquet")] == [
         (f"{n}.mcap", f"{n} is bad", None) for n in range(5)
     ]
@@ -81,7 +77,7 @@ def test_faults_are_rows_and_only_the_first_are_told(tmp_path: Path, monkeypatch
 
 def test_an_interrupted_table_leaves_the_one_before(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
-    write_table(path, [], 5)
+    write_table(path, [])
     before = path.read_bytes()
 
     def interrupted() -> Iterator[Finished]:
@@ -89,7 +85,7 @@ def test_an_interrupted_table_leaves_the_one_before(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_table(path, interrupted(), 5)
+        write_table(path, interrupted())
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
@@ -100,7 +96,7 @@ def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -
     foreign.write_bytes(b"PAR1 notes")
     for path, why in ((recording, "is a recording of slipd"), (foreign, "is not a table of slipd evaluate")):
         with pytest.raises(SlipdError, match=why):
-            write_table(path, [], 5)
+            write_table(path, [])
     assert recording.read_bytes() == DEMO.read_bytes()
     assert foreign.read_bytes() == b"PAR1 notes"
 
@@ -111,4 +107,4 @@ def test_a_place_that_cannot_be_written_is_told_before_anything_is_replayed(tmp_
         yield
 
     with pytest.raises(SlipdError, match=r"nowhere/a\.parquet: cannot be written: No such file"):
-        write_table(tmp_path / "nowhere" / "a.parquet", replayed(), 5)
+        write_table(tmp_path / "nowhere" / "a.parquet", replayed())

@@ -10,7 +10,7 @@ from replays import RECORDINGS
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
-from slipd.tools.export.export_arguments import FORMATS
+from slipd.tools.cli_arguments import EXPORTS as FORMATS
 from slipd.tools.export.export_command import ExportOptions, export_command
 
 Dated = list[tuple[int, str, dict[str, Any]]]

@@ -11,10 +11,10 @@ import pytest
 from mcap.reader import make_reader
 
 from slipd.cli import main
-from slipd.errors import RecordingError
+from slipd.errors import RecordingError, SlipdError
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.recording.recover import Recovered, recover
+from slipd.tools.recordings.recover import Recovered, recover
 
 
 @pytest.fixture
@@ -163,12 +163,12 @@ def test_a_file_that_exists_is_kept_and_the_source_too(tmp_path: Path, write, en
     other.write_bytes(b"precious")
     (tmp_path / "link.mcap").symlink_to(source)
     for out, text in (
-        (other, "exists already; give the name of a new file"),
-        (source, "is the damaged file itself"),
-        (tmp_path / "link.mcap", "is the damaged file itself"),
-        (tmp_path / "none" / "out.mcap", "there is no folder"),
+        (other, "exists already; give a new name"),
+        (source, "is read by this command, and cannot be its output too"),
+        (tmp_path / "link.mcap", "is read by this command, and cannot be its output too"),
+        (tmp_path / "none" / "out.mcap", "cannot be written: No such file"),
     ):
-        with pytest.raises(RecordingError, match=text):
+        with pytest.raises(SlipdError, match=text):
             recover(source, out)
     assert (source.read_bytes(), other.read_bytes()) == (before, b"precious")
 
@@ -182,14 +182,14 @@ def test_what_is_no_recording_is_refused(
     source = tmp_path / "some.mcap"
     if data is not None:
         source.write_bytes(data)
-    assert main(["recover", str(source), str(tmp_path / "out.mcap")]) == 1
+    assert main(["recover", str(source), str(tmp_path / "out.mcap")]) == (1 if data is not None else 2)
     assert text in capsys.readouterr().err
     assert not (tmp_path / "out.mcap").exists()
 
 
 def test_a_disk_that_is_full_leaves_no_file(tmp_path: Path, write, entries, small_disk) -> None:
     write(tmp_path / "run.mcap", entries(600), 20)
-    with small_disk(2000), pytest.raises(RecordingError, match=r"out\.mcap: cannot be written: File too large"):
+    with small_disk(2000), pytest.raises(SlipdError, match=r"out\.mcap: cannot be written: File too large"):
         recover(tmp_path / "run.mcap", tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
 

@@ -1,13 +1,14 @@
-"""Recordings of an evaluation: files, folders, shares."""
+"""Kinds of arguments, and the recordings that they name: files, folders, shares."""
 
 from __future__ import annotations
 
+from argparse import ArgumentTypeError
 from pathlib import Path
 
 import pytest
 
-from slipd.errors import SlipdError
-from slipd.tools.evaluation.recording_choice import Shard, chosen
+from slipd.errors import UsageError
+from slipd.tools.cli_arguments import chosen, shard
 
 
 def test_a_folder_stands_for_its_recordings_and_each_counts_once(tmp_path: Path) -> None:
@@ -24,19 +25,19 @@ def test_a_folder_stands_for_its_recordings_and_each_counts_once(tmp_path: Path)
 
 
 def test_a_folder_without_recordings_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(SlipdError, match=r"no recording \(\*\.mcap\) in this folder"):
+    with pytest.raises(UsageError, match=r"no recording \(\*\.mcap\) in this folder"):
         chosen([tmp_path])
 
 
 @pytest.mark.parametrize("of", [1, 3, 10])
 def test_shards_share_nothing_and_miss_nothing(of: int) -> None:
     paths = [Path(f"{number}.mcap") for number in range(7)]
-    shards = [chosen(paths, Shard(number, of)) for number in range(1, of + 1)]
+    shards = [chosen(paths, shard(f"{number}/{of}")) for number in range(1, of + 1)]
     assert sorted(path for shard in shards for path in shard) == sorted(paths)
     assert max(map(len, shards)) - min(map(len, shards)) <= 1
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "a/b", "1/2/3", "-1/2", "1/0"])
 def test_what_is_no_share_is_refused_with_an_example(text: str) -> None:
-    with pytest.raises(ValueError, match=r"for example 2/8, got"):
-        Shard.parse(text)
+    with pytest.raises(ArgumentTypeError, match=r"for example 2/8, got"):
+        shard(text)

@@ -17,7 +17,7 @@ from project import DATA
 from slipd import cli
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.recording.view_recording import RecordingView
+from slipd.tools.recordings.view_recording import RecordingView
 
 DEMO = DATA / "replays" / "demo.mcap"
 
@@ -101,7 +101,7 @@ def test_a_file_that_is_no_recording_is_an_error_that_names_it(
         path.mkdir()
     elif kind != "missing":
         path.write_text("no recording\n" if kind == "text" else "")
-    assert cli.main(["view", str(path), "--listen", "127.0.0.1:0"]) == 1
+    assert cli.main(["view", str(path), "--listen", "127.0.0.1:0"]) == (2 if kind == "missing" else 1)
     assert str(path) in capsys.readouterr().err
 
 

@@ -7,6 +7,8 @@ compensated: no engine runs.
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -39,6 +41,16 @@ SUSPECT_SHARE = 0.05
 of ``SUSPECT_LEVER_M``."""
 
 SUSPECT_LEVER_M = 0.001
+
+
+def identify_command(path: Path, finger: str, *, as_json: bool) -> None:
+    """Print mass and centre of mass of a finger; errors are those of `identify_recording`."""
+    found = identify_recording(path, finger)
+    if not as_json:
+        print(identification_text(found, finger))
+        return
+    values = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(found).items()}
+    print(json.dumps({"finger": finger} | values))
 
 
 def identify_recording(path: Path, finger: str) -> Identification:

@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 from slipd.devices import bota
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
-from slipd.recording.identify_mass import identification_text, identify_recording
 from slipd.recording.mcap_file import RecordingFile
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
 from slipd.signals.mounting import Mounting
+from slipd.tools.recordings.identify_mass import identification_text, identify_recording
 
 MS = 1_000_000
 G = STANDARD_GRAVITY_MPS2

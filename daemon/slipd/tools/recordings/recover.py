@@ -10,10 +10,11 @@ import mmap
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from slipd.errors import RecordingError
 from slipd.events import Bytes
+from slipd.io.progress import Progress
 from slipd.recording.entry_walk import Entered, EntryWalk, Published
-from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile, check_new
+from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
 from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
+from slipd.tools.draft import RECORDING, draft
+from slipd_client.health.bundle import without_secrets as without_secrets_of
 
 _HEAD = struct.Struct("<BQ")
 _MARKS = ((Opcode.CHUNK, b"\x04\x00\x00\x00zstd", 37), (Opcode.METADATA, b"\x09\x00\x00\x00slipd/end", 9))
@@ -53,6 +57,17 @@ class Recovered:
     faults: list[str] = field(default_factory=list)
 
 
+def recover_command(source: Path, out: Path, *, without_secrets: bool) -> None:
+    """Recover a recording, and print what is missing; errors are those of `recover`."""
+    clean = without_secrets_of if without_secrets else str
+    with Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording").shown() as show:
+        found = recover(source, out, clean, show)
+    for fault in found.faults:
+        print(f"{source}: {fault}")
+    lost = f"{found.lost} known to be missing" if found.lost or found.faults else "nothing was missing"
+    print(f"{out}: {found.entries} entries, {lost}")
+
+
 def recover(
     source: Path,
     out: Path,
@@ -68,22 +83,23 @@ def recover(
         progress: Called with how much of the source is read, and its size, bytes.
 
     Raises:
-        RecordingError: The source is no recording, its start or all of its entries are damaged, or ``out`` exists or
-            cannot be written; nothing is written then.
+        RecordingError: The source is no recording, or its start or all of its entries are damaged.
+        SlipdError: ``out`` exists or cannot be written; nothing is written then.
     """
-    if out.exists() and source.exists() and out.samefile(source):
-        raise RecordingError(f"{out}: is the damaged file itself; give the name of a new file")
     recording = open_recording(source)
-    check_new(out)
     found = Recovered()
-    with source.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+    with (
+        draft(out, RECORDING, [source]) as written,
+        source.open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+    ):
         salvage = _Salvage(data, recording, found)
         entries = salvage.entries()
         first = next(entries, None)
         if first is None:
             raise RecordingError(f"{source}: holds no entry that is intact; {'; '.join(found.faults)}")
-        written = RecordingFile(
-            out,
+        new = RecordingFile(
+            written,
             config_text=clean(recording.config_text),
             boot=recording.boot,
             wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
@@ -91,16 +107,16 @@ def recover(
             first=recording.first,
         )
         write = _write if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
-        try:
-            write(written, first)
-            for entry in entries:
-                write(written, entry)
+        with closing(new):
+            for entry in chain([first], entries):
+                write(new, entry)
                 progress(salvage.read_up_to, len(data))
-            written.finish(salvage.end, salvage.stopped)
-        except OSError as error:
-            written.remove()
-            raise RecordingError(f"{out}: cannot be written: {error.strerror}") from error
-    _verify(out, found)
+            new.finish(salvage.end, salvage.stopped)
+        entries_read = sum(1 for _ in open_recording(written).entries())  # a disk may keep less than it was given
+        if entries_read != found.entries:
+            raise RecordingError(
+                f"{out}: has {entries_read} entries after {found.entries} were written: the disk failed"
+            )
     return found
 
 
@@ -134,13 +150,6 @@ def _cleaning(clean: Callable[[str], str]) -> Callable[[RecordingFile, Entered |
         file.event(entry.n, entry.t_ns, event)
 
     return write
-
-
-def _verify(out: Path, found: Recovered) -> None:
-    """Read the new file once: a disk may have kept less than it was given."""
-    entries = sum(1 for _ in open_recording(out).entries())
-    if entries != found.entries:
-        raise RecordingError(f"{out}: has {entries} entries after {found.entries} were written: the disk failed")
 
 
 class _Salvage:

@@ -1,0 +1,267 @@
+"""Import gripper trials with two XELA pads as recordings.
+
+The source is a trial folder as published with "proactive slip control" (github.com/imanlab/proactive-slip-control):
+``xela_sensor1.csv`` and ``xela_sensor2.csv`` with the raw counts of sixteen three-axis taxels per row, and
+``robot_state.csv`` with the ``time`` of each row. The counts become the messages that the XELA server would have sent,
+so that everything from the decoder on runs as in a live run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import heapq
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd import config
+from slipd.config.toml_edit import with_numbers
+from slipd.devices import xela
+from slipd.engine.engine import Engine
+from slipd.errors import RecordingError
+from slipd.events import Bytes, Event, LinkSpec, LinkUp, Tick
+from slipd.recording.mcap_file import RecordingFile
+from slipd.tools.draft import RECORDING, draft
+from slipd.types.arrays import Array
+
+SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
+TIMES = "robot_state.csv"
+TAXELS = 16
+LONGEST_S = 3600.0
+"""Longest trial, s: trials last seconds, so a longer one has its times in another unit."""
+
+START_NS = 1_000_000_000
+"""Time of the first row, ns; the wall-clock time too, because it is not known."""
+
+TICK_NS = 10_000_000
+AFTER_NS = 500_000_000
+"""Recorded time after the last row, ns: long enough for every stream to become stale."""
+
+BOOT = "imported"
+WELCOME = b'{"message":"Welcome"}'
+
+FEWEST_ROWS = 5
+"""Fewest rows of a tare: fewer do not show whether the pad is at rest."""
+
+REST = 0.5
+"""The force on a pad at rest stays within this share of ``min_normal_n`` of its mean, so that the zero is known better
+than what counts as a contact."""
+
+DIGITS = 1
+"""Decimals of a count in the config: the noise of the mean of 40 readings of some counts."""
+
+Counts = NDArray[np.uint16]
+_COLUMNS = [f"txl{taxel}_{axis}" for taxel in range(1, TAXELS + 1) for axis in "xyz"]
+_COUNT_MAX = 2**16 - 1
+
+
+def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | None = None) -> None:
+    """Write one trial as the recording of a live run with this config.
+
+    The server connects and sends its welcome at ``START_NS``, then one message per row with both pads, at the time of
+    the row. A tick comes every 10 ms, until half a second after the last row.
+
+    Args:
+        source: Folder of the trial.
+        out: Recording to write; an existing one is never overwritten, and a failure leaves no file.
+        config_text: Config for the replay, TOML; its pads share one WebSocket address.
+        tare_rows: Number of first rows in which the fingers are open: their mean becomes the ``tare`` of the pads in
+            the recorded config. None: the config has the tare.
+
+    Raises:
+        ConfigError: The config has faults.
+        RecordingError: The source is not such a trial (with file, line and rule), the config has no such address,
+            the pads are not at rest in the rows of the tare, or ``out`` cannot be written.
+    """
+    file_name = f"config for {out.name}"
+    link = _server(config_text, file_name)
+    times_ns = _times_ns(source / TIMES)
+    pads = {sensor: _counts(source / name) for sensor, name in SENSORS.items()}
+    for sensor, pad in pads.items():
+        if len(pad) != len(times_ns):
+            path = source / SENSORS[sensor]
+            raise RecordingError(f"{path}: must have as many rows as {TIMES}, {len(times_ns)}, got {len(pad)}")
+    if tare_rows is not None:
+        try:
+            config_text = tared_config(config_text, file_name, pads, tare_rows)
+        except RecordingError as error:
+            raise RecordingError(f"{source}: {error}") from error
+    with draft(out, RECORDING) as written:
+        _write(written, config_text, _events(link, times_ns, pads))
+
+
+def _server(config_text: str, file_name: str) -> LinkSpec:
+    """Return the link over which the config reads both pads."""
+    settings = config.parse(config_text, file_name)
+    pads = [finger.pad for finger in settings.finger.values() if finger.pad and finger.pad.device == "xela"]
+    ports, sensors = {pad.port for pad in pads}, {pad.sensor for pad in pads}
+    if len(ports) != 1 or not sensors <= SENSORS.keys():
+        raise RecordingError(
+            f"{file_name}: must have the XELA sensors {' and '.join(SENSORS)} at one address, "
+            f"got {sorted(sensors)} at {len(ports)} addresses"
+        )
+    links = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links
+    return next(link for link in links.values() if link.address in ports)
+
+
+def _events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts]) -> Iterator[tuple[int, Event]]:
+    """Yield ``(t_ns, event)`` in order of time."""
+    ticks = range(START_NS, times_ns[-1] + AFTER_NS + 1, TICK_NS)
+    return heapq.merge(
+        _server_events(link, times_ns, pads), ((t_ns, Tick()) for t_ns in ticks), key=lambda timed: timed[0]
+    )
+
+
+def _server_events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts]) -> Iterator[tuple[int, Event]]:
+    yield START_NS, LinkUp(link.name, link.address)
+    yield START_NS, Bytes(link.name, WELCOME)
+    for row, t_ns in enumerate(times_ns):
+        counts = {sensor: pad[row] for sensor, pad in pads.items()}
+        yield t_ns, Bytes(link.name, xela.encode_message(row, counts, t_ns / 1e9))
+
+
+def _write(path: Path, config_text: str, events: Iterator[tuple[int, Event]]) -> None:
+    file = RecordingFile(path, config_text=config_text, boot=BOOT, wall_minus_monotonic_ns=0)
+    with contextlib.closing(file):
+        count = 0
+        for t_ns, event in events:
+            file.event(count, t_ns, event)
+            count += 1
+        file.finish(count)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Some columns of a CSV file: the line and the cells of each row, and their numbers, shape (rows, columns)."""
+
+    path: Path
+    columns: list[str]
+    lines: list[int]
+    cells: list[list[str]]
+
+    @cached_property
+    def numbers(self) -> Array:
+        found = np.array([[_number(cell) for cell in row] for row in self.cells]).reshape(-1, len(self.columns))
+        self.check(found, np.isfinite(found), "must be a finite number")
+        return found
+
+    def check(self, numbers: Array, good: NDArray[np.bool_], rule: str) -> None:
+        """Refuse the first number that is not good."""
+        for row, column in np.argwhere(~good.reshape(numbers.shape))[:1]:
+            name, cell = self.columns[column], self.cells[row][column]
+            raise RecordingError(f"{self.path}:{self.lines[row]}: {name} {rule}, got {cell!r}")
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _table(path: Path, columns: list[str]) -> _Table:
+    found = _Table(path, columns, [], [])
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.reader(file, strict=True)
+            header = next(reader, [])
+            for name in columns:
+                if header.count(name) != 1:
+                    raise RecordingError(f"{path}:1: must have one column {name!r}, got {header.count(name)}")
+            for row in reader:
+                if len(row) != len(header):
+                    rule = f"must have {len(header)} cells, as the header"
+                    raise RecordingError(f"{path}:{reader.line_num}: {rule}, got {len(row)}")
+                found.lines.append(reader.line_num)
+                found.cells.append([row[header.index(name)] for name in columns])
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path}: not a CSV file in UTF-8: {error}") from error
+    return found
+
+
+def _times_ns(path: Path) -> list[int]:
+    """Read the time of each row, ns; the first is at ``START_NS``."""
+    table = _table(path, ["time"])
+    times_s = table.numbers[:, 0]
+    if not len(times_s):
+        raise RecordingError(f"{path}: must have one row for each reading, got none")
+    within = times_s - times_s[0] <= LONGEST_S
+    table.check(times_s[:, None], within, "must be in seconds, within an hour of the first row")
+    table.check(times_s[:, None], np.diff(times_s, prepend=times_s[0]) >= 0.0, "must not decrease")
+    return [START_NS + round(1e9 * since_s) for since_s in (times_s - times_s[0]).tolist()]
+
+
+def _counts(path: Path) -> Counts:
+    """Read the counts of one pad, shape (rows, taxels, 3)."""
+    table = _table(path, _COLUMNS)
+    counts = table.numbers
+    whole = (counts >= 0) & (counts <= _COUNT_MAX) & (counts == np.floor(counts))
+    table.check(counts, whole, f"must be an integer from 0 to {_COUNT_MAX}")
+    return counts.astype(np.uint16).reshape(-1, TAXELS, 3)
+
+
+def tared_config(config_text: str, file_name: str, pads: Mapping[str, Counts], rows: int) -> str:
+    """Return a config whose XELA pads have the mean of the first rows of a trial as their ``tare``.
+
+    Args:
+        config_text: The config, TOML; other values and comments stay.
+        file_name: Its name, for errors.
+        pads: Counts of each sensor, shape (rows of the trial, taxels, 3).
+        rows: Number of first rows without load.
+
+    Raises:
+        ConfigError: The config has faults.
+        RecordingError: There are too few or too many rows, a pad is not at rest in them, it was pressed in them as it
+            reads a clear pull later, or the config cannot hold the key ``tare``.
+    """
+    count = len(next(iter(pads.values())))
+    if not FEWEST_ROWS <= rows <= count:
+        raise RecordingError(f"tare-rows must be from {FEWEST_ROWS} to {count}, the rows of the trial, got {rows}")
+    text = config_text
+    for name, finger in config.parse(config_text, file_name).finger.items():
+        if finger.pad is None or finger.pad.device != "xela":
+            continue
+        pad = finger.pad
+        counts = pads[pad.sensor].astype(np.float64)
+        zero = counts[:rows].mean(axis=0)
+        forces = (counts - zero).sum(axis=1) * np.array(pad.axis_scale)
+        _check_rest(f"finger {name}, sensor {pad.sensor}", forces, rows, finger.min_normal_n)
+        comment = f"Unloaded counts, x y z of each taxel: mean of the first {rows} rows of the trial."
+        try:
+            text = with_numbers(text, ("finger", name, "pad", "tare"), zero.ravel().round(DIGITS).tolist(), comment)
+        except ValueError as error:
+            raise RecordingError(f"{file_name}: {error}") from error
+    config.parse(text, f"{file_name} with the tare of {rows} rows")
+    return text
+
+
+def _check_rest(pad: str, forces: Array, rows: int, min_normal: float) -> None:
+    """Refuse rows in which a pad moves or is pressed.
+
+    Args:
+        pad: What to call it in an error.
+        forces: Force on the pad above the zero, shape (rows of the trial, 3), in the unit of its ``axis_scale``.
+        rows: Number of rows without load.
+        min_normal: Least normal force of a contact, in the same unit.
+    """
+    away = np.linalg.norm(forces[:rows], axis=1)
+    limit = REST * min_normal
+    if away.max() > limit:
+        raise RecordingError(
+            f"{pad}: must be at rest in the first {rows} rows, within {limit:g} of their mean "
+            f"({REST:g} · min_normal_n), got {away.max():.4g} in row {away.argmax() + 1}: give fewer rows"
+        )
+    pull = forces[:, 2]  # the force on the finger points into the pad, so a pull is positive
+    if pull.max() > min_normal:
+        raise RecordingError(
+            f"{pad}: must be unloaded in the first {rows} rows, but reads a pull of {pull.max():.4g} in row "
+            f"{pull.argmax() + 1}: it was pressed at first, or axis_scale has a wrong sign"
+        )

@@ -1,0 +1,219 @@
+"""``slipd view``: shows a recording in a browser, on the page of the live view.
+
+The messages are kept in blocks of one second, as frames that the page can draw. Of each topic a frame has the newest
+message; every change of level is kept. The first frame of a block has all topics, so that a block can be shown without
+those before it. The blocks are on disk: a recording may be longer than the memory.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import json
+import os
+import tempfile
+import threading
+from collections.abc import Iterator
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any
+
+from websockets.http11 import Response
+
+from slipd.compile_kernels import compile_kernels, interruptible
+from slipd.errors import SlipdError
+from slipd.recording.reader import EventGaps, Recording, open_recording
+from slipd.recording.replay import replay
+from slipd_client.arguments import ListenAddress
+from slipd_client.errors import CallError
+from slipd_client.messages import WARNING_TOPIC
+from slipd_client.page.page_server import PageServer, Site, answer, json_answer
+
+BLOCK_NS = 1_000_000_000
+FRAME_NS = 33_333_333
+"""Shortest time between two frames, ns: what the live view draws."""
+
+SHOWN = ("slip", "tactile", "grasp", "gripper", "status")
+"""Topics that the page draws, by their first word."""
+
+Messages = Iterator[tuple[str, dict[str, Any]]]
+
+
+def view_recording(path: Path, address: ListenAddress) -> None:
+    """Serve the page of a recording until Ctrl-C, and print its address.
+
+    The recording is replayed beside that; what is replayed so far can be shown.
+
+    Raises:
+        RecordingError: The file cannot be read.
+        ConfigError: The recorded config has faults for this version of slipd.
+        SlipdError: The port cannot be opened.
+    """
+    recording = open_recording(path)
+    with interruptible():
+        view = RecordingView(recording)
+        compile_kernels()
+    site = Site({"live": False, "source": str(path), "buttons": False})
+    try:
+        asyncio.run(_serve(PageServer(address, site, on_data=view.answer), view))
+    except CallError as error:
+        raise SlipdError(str(error)) from error
+
+
+async def _serve(server: PageServer, view: RecordingView) -> None:
+    async with server.serving() as url:
+        print(f"view: {url}", flush=True)
+        view.start()
+        await asyncio.Event().wait()
+
+
+class RecordingView:
+    """Replays a recording in a thread, and answers the page's requests for it."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.blocks = RecordedBlocks()
+        self._recording = recording
+        self._gaps = EventGaps()
+        self._messages = replay(recording, on_event=self._gaps.add)
+        self._failure = ""
+
+    def start(self) -> None:
+        """Begin to replay; the thread ends with the program."""
+        threading.Thread(target=self.replay, name="replay", daemon=True).start()
+
+    def replay(self) -> None:
+        """Replay the whole recording."""
+        try:
+            self.blocks.add_all(self._messages)
+        except Exception as error:
+            self._failure = f"the replay ended early: {error}"
+            self.blocks.end()
+            raise
+
+    def answer(self, path: str) -> Response | None:
+        """Answer ``/data/recording/N``, what there is and the changes of level from the N-th, or ``/data/block/N``.
+
+        Gaps are begin and end of each time of which nothing is known, CLOCK_MONOTONIC, ns. A block without messages, or
+        that is not replayed yet, is null.
+        """
+        _, _, kind, number = path.split("/") if path.count("/") == 3 else ("", "", "", "")
+        if not number.isdecimal():
+            return None
+        if kind == "recording":
+            return json_answer(self._state(int(number)))
+        if kind != "block":
+            return None
+        data = self.blocks.block(int(number))
+        return json_answer(None) if data is None else answer(HTTPStatus.OK, data, "application/json", "gzip")
+
+    def _state(self, known: int) -> dict[str, object]:
+        blocks = self.blocks
+        ended = blocks.ended
+        return {
+            "begin_ns": blocks.begin_ns,
+            "seconds": blocks.seconds,
+            "ended": ended,
+            "changes": blocks.changes[known:],
+            "gaps": [[round(gap.begin_s * 1e9), round(gap.end_s * 1e9)] for gap in self._gaps.found],
+            "fault": self._fault() if ended else "",
+        }
+
+    def _fault(self) -> str:
+        """Return why what is shown may not be the whole recording; "" where it is."""
+        recording = self._recording
+        if self._failure or recording.complete:
+            return self._failure
+        return recording.fault or (f"{recording.lost} entries are missing" if recording.lost else "the end is missing")
+
+
+class RecordedBlocks:
+    """The frames of a recording; one thread adds, others read what there is.
+
+    Attributes:
+        begin_ns: Time of the first message, CLOCK_MONOTONIC of the recorded run; None before it.
+        changes: Every change of level so far.
+        ended: Nothing more will be added.
+    """
+
+    def __init__(self) -> None:
+        self.begin_ns: int | None = None
+        self.changes: list[dict[str, Any]] = []
+        self.ended = False
+        self._fd, name = tempfile.mkstemp(prefix="slipd-view-")
+        os.unlink(name)  # noqa: PTH108 - the file ends with the process
+        self._places: dict[int, tuple[int, int]] = {}
+        self._size = 0
+        self._now_ns = 0
+        self._frame_ns = 0
+        self._block = 0
+        self._newest: dict[str, str] = {}
+        self._changed: dict[str, dict[str, Any]] = {}
+        self._frame_changes: list[dict[str, Any]] = []
+        self._frames: list[str] = []
+
+    @property
+    def seconds(self) -> float:
+        """How much of the recording can be shown, s."""
+        return 0.0 if self.begin_ns is None else (self._now_ns - self.begin_ns) * 1e-9
+
+    def add_all(self, messages: Messages) -> None:
+        """Add every message of a replay."""
+        for topic, body in messages:
+            self.add(topic, body)
+        self.end()
+
+    def add(self, topic: str, body: dict[str, Any]) -> None:
+        """Add one message; time runs on with those of the messages, and never back."""
+        t_ns: int = body["t_ns"]
+        if self.begin_ns is None:
+            self.begin_ns = self._now_ns = self._frame_ns = t_ns
+        if t_ns - self._frame_ns >= FRAME_NS:
+            self._end_frame()
+            self._frame_ns = t_ns
+        self._now_ns = max(self._now_ns, t_ns)
+        if topic == WARNING_TOPIC:
+            self.changes.append(body)
+            self._frame_changes.append(body)
+        elif topic.partition(".")[0] in SHOWN:
+            self._changed[topic] = body
+
+    def end(self) -> None:
+        """Store what is left: the recording has ended."""
+        self._end_frame()
+        self._end_block()
+        self.ended = True
+
+    def block(self, number: int) -> bytes | None:
+        """Return a block, a JSON list of frames compressed with gzip; None where nothing was recorded then."""
+        place = self._places.get(number)
+        return None if place is None else os.pread(self._fd, place[1], place[0])
+
+    def close(self) -> None:
+        """Delete the blocks; nothing can be read or added any more."""
+        os.close(self._fd)
+
+    def _end_frame(self) -> None:
+        """Make a frame of what is new, in the block of its last message."""
+        if self.begin_ns is None:
+            return
+        block = (self._now_ns - self.begin_ns) // BLOCK_NS
+        if block != self._block:
+            self._end_block()
+            self._block = block
+        new = {topic: json.dumps(body, separators=(",", ":")) for topic, body in self._changed.items()}
+        self._newest |= new
+        topics = new if self._frames else self._newest
+        texts = ",".join(f"{json.dumps(topic)}:{text}" for topic, text in topics.items())
+        changes = json.dumps(self._frame_changes, separators=(",", ":"))
+        self._frames.append(f'{{"now_ns":{self._now_ns},"topics":{{{texts}}},"changes":{changes}}}')
+        self._changed, self._frame_changes = {}, []
+
+    def _end_block(self) -> None:
+        """Write the block to the file, and only then say where it is."""
+        if not self._frames:
+            return
+        data = gzip.compress(f"[{','.join(self._frames)}]".encode(), compresslevel=1)
+        os.pwrite(self._fd, data, self._size)
+        self._places[self._block] = (self._size, len(data))
+        self._size += len(data)
+        self._frames = []

@@ -1,0 +1,108 @@
+"""Entries of a run of every kind, and how to write them: fixtures of the tests of recordings."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.recording.entry_walk import Entered, Published
+from slipd.recording.mcap_file import RecordingFile
+from slipd_client import messages
+
+CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
+WALL_NS = 1_700_000_000_000_000_000
+TWO_PADS = "".join(
+    f"""
+[finger.{name}]
+mu = 0.5
+[finger.{name}.pad]
+device = "xela"
+port = "ws://127.0.0.1:5000"
+sensor = "{sensor}"
+rate_hz = 60.0
+rows = 4
+cols = 4
+pitch_m = 0.0047
+electrode_m = 0.004
+axis_scale = [0.001, 0.001, 0.001]
+threshold = 0.05
+tare = {[16000.0, 16500.0, 37000.0] * 16}
+"""
+    for name, sensor in (("left", "1"), ("right", "2"))
+)
+Entry = Entered | Published
+
+
+def _entry(n: int) -> Entry:
+    t_ns = 1_000_000_000 + n // 2 * 1_000_000
+    if n % 2:
+        payload = messages.encode({"seq": n, "t_ns": t_ns, "normal_n": n / 7})
+        return Published(n, t_ns, "slip.left" if n % 4 == 1 else "wrench.left", payload)
+    events: list[Event] = [
+        Bytes("left.wrench", n.to_bytes(37, "little")),
+        LinkUp("left.wrench", "/dev/ttyUSB0"),
+        LinkDown("left.wrench", "unplugged"),
+        Request(b"\x00client", {"op": "hello", "id": n, "deep": {"a": [1, 2.5, None]}}),
+        Tick(n),
+        RecordingChanged("slipd-1.mcap", "/state/slipd-1.mcap", "failed", "the disk is full", 3),
+    ]
+    return Entered(n, t_ns, events[n // 2 % len(events)])
+
+
+@pytest.fixture
+def entries() -> Callable[[int], list[Entry]]:
+    """The first entries of a run: events of every kind, each followed by a message."""
+    return lambda count: [_entry(n) for n in range(count)]
+
+
+@pytest.fixture
+def two_pads() -> str:
+    """Config of two XELA pads at one server."""
+    return TWO_PADS
+
+
+@pytest.fixture
+def about_run() -> dict[str, object]:
+    """Arguments of a recorder that describe the run."""
+    return {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
+
+
+@pytest.fixture
+def write(about_run: dict[str, object]) -> Callable[[Path, Iterable[Entry], int], None]:
+    """Write entries as a finished recording, in chunks of a given number."""
+
+    def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
+        file = RecordingFile(path, **about_run)
+        end = 0
+        for item in entries:
+            if isinstance(item, Entered):
+                file.event(item.n, item.t_ns, item.event)
+            else:
+                file.published(item.n, item.t_ns, item.topic, item.payload)
+            end = item.n + 1
+            if end % chunk == 0:
+                file.flush()
+        file.finish(end)
+
+    return write
+
+
+@contextmanager
+def _small_disk(size: int) -> Iterator[None]:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.fixture
+def small_disk() -> Callable[[int], AbstractContextManager[None]]:
+    """In the ``with`` block, the kernel limits the files of this process to a size."""
+    return _small_disk
