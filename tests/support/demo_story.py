@@ -10,10 +10,8 @@ from wire_check import faults_of
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick, Write
 from slipd.recording.mcap_file import RecordingFile
-from slipd.tools.sim.robot_program import LEAST_RAISE_N, Plan
-from slipd.tools.sim.robot_report import ALARMING
-from slipd.tools.sim.virtual_gripper import TICK_NS
-from slipd.tools.sim.virtual_rig import LINES, VirtualRig
+from slipd.tools.sim.robot_program import ALARMING, LEAST_RAISE_N, Plan
+from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, VirtualRig
 
 RENEW_TICKS = 80
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.tools.sim.true_contact import Load
+from slipd.tools.sim.scene_parts import Load
 from slipd.types.arrays import Array
 
 

@@ -20,8 +20,8 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.robot_program import Plan
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.scene_script import Script
-from slipd.tools.sim.virtual_rig import VirtualRig
+from slipd.tools.sim.scene_parts import Script
+from slipd.tools.sim.virtual_gripper import VirtualRig
 
 BOOT, WALL_NS, SEED = "b", 1_790_000_000_000_000_000, 11
 READY_S, BEGIN_S = 0.25, 0.4

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from slipd.signals.taxel_health import TaxelHealth
-from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.tools.sim.scene_parts import Pad, Patch
 
 ROWS, COLS = 8, 16
 TAXELS = ROWS * COLS

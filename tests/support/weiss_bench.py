@@ -11,8 +11,7 @@ import pytest
 from slipd.devices import dsacon32, wts
 from slipd.devices.shared.weiss_tactile import TactileSession
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
-from slipd.tools.sim.emulated_wts import WtsModule
-from slipd.tools.sim.weiss_controller import WeissController
+from slipd.tools.sim.emulated_wts import WeissController, WtsModule
 from slipd.types.samples import TactileSample
 
 MS = 1_000_000

@@ -21,9 +21,8 @@ from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.tools.sim.finger_sensing import FingerSensing, offline_config
-from slipd.tools.sim.offline_grasp import BEGIN_NS, BOOT, run_offline
+from slipd.tools.sim.offline_grasp import BEGIN_NS, BOOT, TruthLog, run_offline
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
-from slipd.tools.sim.truth_log import TruthLog
 
 parquet = pytest.importorskip("pyarrow.parquet")
 

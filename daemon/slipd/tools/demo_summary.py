@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from slipd.tools.sim.robot_report import Report
+from slipd.tools.sim.robot_program import Report
 from slipd_client.subscriber import Message
 
 

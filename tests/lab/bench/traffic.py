@@ -13,7 +13,7 @@ import numpy as np
 
 from slipd.devices import bota
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
-from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.tools.sim.scene_parts import Pad, Patch
 from slipd.types.arrays import Array
 
 INDEX_N = 2.0**-16

@@ -11,7 +11,7 @@ from evaluate.scene import Contact, Load, Scene
 
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.finger_sensing import PadSensing
-from slipd.tools.sim.stickslip.friction_law import FrictionMap
+from slipd.tools.sim.stickslip.grasp_parts import FrictionMap
 
 BUILD_UP_S = (0.8, 2.5)
 """How long a load takes that builds up, from none to the limit; faster ones are sudden, and a family of their own."""

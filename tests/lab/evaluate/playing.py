@@ -10,7 +10,7 @@ from evaluate.truth import Truth
 
 from slipd.fusion import utilisation
 from slipd.tools.sim.stickslip import GraspTrace, SteppedGrasp
-from slipd.tools.sim.stickslip.grasp_simulation import empty_trace, write_sample
+from slipd.tools.sim.stickslip.grasp_trace import empty_trace, write_sample
 from slipd.types.arrays import Array
 
 SAFETY = 1.3

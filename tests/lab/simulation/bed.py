@@ -21,8 +21,8 @@ from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Reply, Request, Tick, Write
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.scene_script import Script
-from slipd.tools.sim.virtual_rig import LINES, VirtualRig
+from slipd.tools.sim.scene_parts import Script
+from slipd.tools.sim.virtual_gripper import LINES, VirtualRig
 from slipd_client import messages
 
 MS = 1_000_000

@@ -20,7 +20,7 @@ from bench.tables import Table
 from project import MODULES
 from soak import devices
 
-from slipd.tools.sim.true_contact import Pad
+from slipd.tools.sim.scene_parts import Pad
 from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.subscriber import Subscriber

@@ -5,15 +5,15 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from slipd.tools.sim.emulate import prepare_process, serve_until_ended
 from slipd.tools.sim.emulated_netft import NetftSensor
-from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfLine
+from slipd.tools.sim.emulated_pvdf import COLS, IDEAL, ROWS, PressedPad
 from slipd.tools.sim.emulators import Emulator
-from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.tools.sim.scene_parts import Pad, Patch
 
 FORCE_HZ, RECORDS_A_DATAGRAM = 4000.0, 40
 IMAGE_HZ, DWELL_NS = 500.0, 10_000
@@ -38,7 +38,7 @@ def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
         force = np.array((0.0, PULL_N, -NORMAL_N))  # the object pushes into the pad
         torque = np.array((y_m * force[2], -x_m * force[2], x_m * force[1] + SPIN_NM))
         sensor.feel(force, torque)
-        image = PvdfLine(seed, PvdfElectronics(rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS))
+        image = PressedPad(seed, ROWS, COLS, replace(IDEAL, rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS))
         image.press(COUNTS_PER_N * NORMAL_N * Pad().shares(patch))
         devices += [("netft", sensor, force_at), ("pvdf", image, pad_at)]
     return devices

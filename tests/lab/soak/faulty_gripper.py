@@ -19,8 +19,7 @@ from random import Random
 
 from slipd.tools.sim.pseudo_terminal import PseudoTerminal
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.virtual_gripper import HARDWARE_NICENESS, LONGEST_LAG_NS, TICK_NS
-from slipd.tools.sim.virtual_rig import LINES, VirtualRig
+from slipd.tools.sim.virtual_gripper import HARDWARE_NICENESS, LINES, LONGEST_LAG_NS, TICK_NS, VirtualRig
 
 KINDS = ("unplugged", "silent", "damaged", "noisy", "in bursts", "all stalled")
 WEIGHTS = (6, 6, 6, 6, 1)

@@ -13,7 +13,7 @@ from soak.endure import _growth
 from soak.faulty_gripper import KINDS, FaultyLines
 from soak.watched_loop import BIN_S, Lags, Watched
 
-from slipd.tools.sim.virtual_rig import LINES
+from slipd.tools.sim.virtual_gripper import LINES
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -13,6 +13,7 @@ from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import AGAIN_M, LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
 from slipd.signals.pad import PadGeometry
+from slipd.tools.sim.scene_parts import Pad
 from slipd.tools.sim.stickslip import (
     ContactPatch,
     FrictionLaw,
@@ -22,7 +23,6 @@ from slipd.tools.sim.stickslip import (
     PadCompliance,
     simulate,
 )
-from slipd.tools.sim.true_contact import Pad
 from slipd.types.arrays import Array
 
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)

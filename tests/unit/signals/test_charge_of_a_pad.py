@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from slipd.signals import charge_reconstruction as charge_module
 from slipd.signals.charge_reconstruction import ANCHOR_TAU_S, LOADED_SHARE, ChargeReconstruction
-from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.tools.sim.scene_parts import Pad, Patch
 
 TAU_S = 2.0
 STEP_S = 0.005

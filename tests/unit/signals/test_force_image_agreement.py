@@ -13,7 +13,7 @@ from slipd.fusion import Contact, contact_from_wrench, tipping_margin
 from slipd.signals import force_image_agreement
 from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import STEPS, neighbours
-from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.tools.sim.scene_parts import Pad, Patch
 
 MS = 1_000_000
 PAD = Pad()

@@ -13,7 +13,7 @@ from project import CONFIG, TRIAL
 from taxel_images import COLS, END_S, LOST_S, N_PER_COUNT, NOISE, OFFSET, ROWS, TAXELS, WIDE, counts, feed, swing, watch
 
 from slipd.signals.taxel_health import TaxelHealth
-from slipd.tools.sim.true_contact import Patch
+from slipd.tools.sim.scene_parts import Patch
 
 GRIPS_TOML = CONFIG / "grips.toml"
 

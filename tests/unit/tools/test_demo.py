@@ -15,7 +15,7 @@ import zmq
 
 from slipd.tools import demo
 from slipd.tools.demo_summary import Tally, print_summary
-from slipd.tools.sim.robot_report import Change, Report
+from slipd.tools.sim.robot_program import Change, Report
 from slipd_client.messages import decode, encode
 
 STREAMS = {"left.wrench": {"health": 0, "samples": 9, "bad": 0, "lost": 0}}

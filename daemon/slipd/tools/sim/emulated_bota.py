@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
+from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.types.arrays import Array
 
 BOOT_NS = 200_000_000
@@ -144,7 +145,7 @@ def _period_ns(sinc_length: int) -> int:
     return round(sinc_length * 1e9 / _INTERNAL_RATE_HZ)
 
 
-class BotaLine:
+class BotaLine(EmulatedDevice):
     """A `BotaSensor` that measures in its own frame, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
 
     Args:
@@ -152,8 +153,7 @@ class BotaLine:
     """
 
     def __init__(self, seed: int) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = RATE_HZ
+        super().__init__(RATE_HZ)
         mount = BotaMount(xyz_m=(0.0,) * 3, quat_xyzw=(0.0, 0.0, 0.0, 1.0), bias=(0.0,) * 6)
         self._sensor = BotaSensor(mount, np.random.default_rng(seed))
         self.feel = self._sensor.feel
@@ -173,6 +173,4 @@ class BotaLine:
         return [output] if output else []
 
 
-def make(seed: int) -> BotaLine:
-    """Return the emulator with seeded noise."""
-    return BotaLine(seed)
+make = BotaLine

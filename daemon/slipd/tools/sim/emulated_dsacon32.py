@@ -14,7 +14,7 @@ from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import MAX_RATE_HZ
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
-from slipd.tools.sim.weiss_controller import WeissController
+from slipd.tools.sim.emulated_wts import WeissController
 from slipd.types.arrays import Array
 
 FINGER = ((6, 14), (6, 13))

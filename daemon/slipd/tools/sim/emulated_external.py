@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from slipd.devices.external import encode_reading
-from slipd.tools.sim.tactile_stream import TactileStream
-from slipd.tools.sim.wrench_stream import WrenchStream
+from slipd.tools.sim.emulators import EmulatedDevice, TactileStream, WrenchStream
 from slipd.types.arrays import Array
 
 WRENCH, PAD = "left.wrench", "left.pad"
@@ -22,7 +20,7 @@ NOISE = 0.01
 """Standard deviation of each taxel."""
 
 
-class Pusher:
+class Pusher(EmulatedDevice):
     """The program that pushes; its caller passes the time.
 
     Args:
@@ -42,8 +40,7 @@ class Pusher:
         pads: Mapping[str, tuple[int, ...]] = {PAD: (TAXELS,)},
         rates_hz: Mapping[str, float] = {},
     ) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = RATE_HZ
+        super().__init__(RATE_HZ)
         self.began_ns = 0
         self._wrenches = {name: WrenchStream(seed + k, rates_hz.get(name, RATE_HZ)) for k, name in enumerate(wrenches)}
         self._images = {
@@ -56,9 +53,6 @@ class Pusher:
             pad.start(0)
         self._sent = dict.fromkeys([*wrenches, *pads], 0)
 
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: the program pushes all the time."""
-
     def feel(self, force_n: Array, torque_nm: Array, sensor: str = WRENCH) -> None:
         """Set the load on a sensor from now on, in the frame of the sensor, N and N·m."""
         self._wrenches[sensor].feel(force_n, torque_nm)
@@ -67,14 +61,10 @@ class Pusher:
         """Set the load on each taxel of a pad from now on, of the shape of its image."""
         self._images[sensor].press(values)
 
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Ignore all bytes."""
-        return []
-
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
         wrenches = [(t, name, values) for name, stream in self._wrenches.items() for t, values in stream.due(t_ns)]
-        images = [(t, name, stream.image()) for name, stream in self._images.items() for t in stream.due(t_ns)]
+        images = [(t, name, stream.image()) for name, stream in self._images.items() for t in stream.times(t_ns)]
         return [self._message(*reading) for reading in sorted(wrenches + images, key=lambda reading: reading[0])]
 
     def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
@@ -86,6 +76,4 @@ class Pusher:
         return encode_reading(stream, t_ns, seq=number, force_n=values[:3], torque_nm=values[3:])
 
 
-def make(seed: int, **streams: Any) -> Pusher:
-    """Return the emulator with seeded noise; for other streams see `Pusher`."""
-    return Pusher(seed, **streams)
+make = Pusher

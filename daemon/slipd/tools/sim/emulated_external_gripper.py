@@ -16,13 +16,14 @@ from slipd.devices.external_gripper.external_gripper_message import (
     encode_registration,
     encode_report,
 )
+from slipd.tools.sim.emulators import EmulatedDevice
 
 DRIVER = Registration("emulated driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 RATE_HZ = 50.0
 SPEED_MPS = 0.1
 
 
-class Driver:
+class Driver(EmulatedDevice):
     """The driver on its line; its caller passes the time.
 
     Attributes:
@@ -36,8 +37,7 @@ class Driver:
     """
 
     def __init__(self) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = RATE_HZ
+        super().__init__(RATE_HZ)
         self.part_m = 0.04
         self.report = Report(0.08)
         self.force_n = DRIVER.force_range_n[0]

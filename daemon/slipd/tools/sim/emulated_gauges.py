@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from slipd.devices import gauges
-from slipd.tools.sim.wrench_stream import WrenchStream, whole
+from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 from slipd.types.arrays import Array
 
 FULL_SCALE = (1 << 23) - 1
@@ -28,7 +27,7 @@ COUNTS_PER_UNIT = np.array(
 OFFSET = np.array((1200.0, -800.0, 450.0, -2300.0, 90.0, 3100.0))
 
 
-class GaugeAmplifier:
+class GaugeAmplifier(EmulatedWrench):
     """The amplifier on its line; its caller passes the time.
 
     Args:
@@ -54,26 +53,12 @@ class GaugeAmplifier:
     ) -> None:
         self._counts_per_unit = COUNTS_PER_UNIT if matrix is None else np.linalg.inv(np.array(matrix))
         self._offset = np.array(offset)
-        self.options: dict[str, Any] = {
-            "matrix": np.linalg.inv(COUNTS_PER_UNIT).tolist() if matrix is None else matrix,
-            "offset": list(offset),
-        }
-        self.rate_hz = rate_hz
-        self._stream = WrenchStream(seed, rate_hz, noise_n, noise_nm)
+        matrix = np.linalg.inv(COUNTS_PER_UNIT).tolist() if matrix is None else matrix
+        stream = WrenchStream(seed, rate_hz, noise_n, noise_nm)
+        super().__init__(stream, rate_hz, matrix=matrix, offset=list(offset))
         self._stream.start(0)
         self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
         self._sequence = 0
-
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: the amplifier sends from power-on."""
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._stream.feel(force_n, torque_nm)
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Ignore all bytes."""
-        return []
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the frames due by then."""
@@ -96,6 +81,4 @@ class GaugeAmplifier:
         return gauges.encode_frame(channels, self._sequence - 1, device_us, saturated)
 
 
-def make(seed: int, **settings: Any) -> GaugeAmplifier:
-    """Return the emulator with seeded noise; for other settings see `GaugeAmplifier`."""
-    return GaugeAmplifier(seed, **settings)
+make = GaugeAmplifier

@@ -13,8 +13,7 @@ import numpy as np
 from slipd.devices.netft import netft_calibration
 from slipd.devices.netft.netft_calibration import rounded_hz
 from slipd.devices.shared import rdt_records as rdt
-from slipd.tools.sim.wrench_stream import WrenchStream, whole
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 
 INTERNAL_HZ = 7000
 COUNTS_PER_N, COUNTS_PER_NM = 100_000, 2_000_000
@@ -30,7 +29,7 @@ _CHANGE = re.compile(rb"GET /comm\.cgi\?comrdtrate=(\d{1,5}) HTTP/1\.[01]\r\n")
 _CHANGED = b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html></html>"
 
 
-class NetftSensor:
+class NetftSensor(EmulatedWrench):
     """The sensor; its caller passes the time.
 
     Args:
@@ -49,11 +48,9 @@ class NetftSensor:
         internal_hz: float = INTERNAL_HZ,
         **calibration: Any,
     ) -> None:
-        self.options: dict[str, Any] = CALIBRATION | calibration
-        self.rate_hz = rate_hz
+        super().__init__(WrenchStream(seed, rate_hz), rate_hz, **CALIBRATION | calibration)
         self.status = 0
         """Status word of the records from now on."""
-        self._stream = WrenchStream(seed, rate_hz)
         value = netft_calibration.from_counts(**self.options)
         self._counts_per_unit = np.repeat((1.0 / value.force_n, 1.0 / value.torque_nm), 3)
         self._internal_hz = internal_hz
@@ -61,13 +58,6 @@ class NetftSensor:
         self._block, self._per_datagram = block, 1
         self._sequence = 0
         self._waiting: list[bytes] = []
-
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: a network device does not notice listeners."""
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._stream.feel(force_n, torque_nm)
 
     def inquire(self, request: bytes) -> bytes:
         """Return the answer to an inquiry over TCP or HTTP, and set the output rate; empty for anything else."""
@@ -111,6 +101,4 @@ class NetftSensor:
         return output
 
 
-def make(seed: int, rate_hz: float = 4000.0, **settings: Any) -> NetftSensor:
-    """Return the emulator with seeded noise; for other settings see `NetftSensor`."""
-    return NetftSensor(seed, rate_hz, **settings)
+make = NetftSensor

@@ -14,8 +14,7 @@ from slipd.devices.optoforce import UDP_PERIOD
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
 from slipd.devices.shared import rdt_records as rdt
-from slipd.tools.sim.wrench_stream import WrenchStream, whole
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 
 COUNTS_PER_N, COUNTS_PER_NM = [80.0, 80.0, 20.0], [2500.0, 2500.0, 4000.0]
 SERIAL = b"HEXEB123"
@@ -25,7 +24,7 @@ _UDP_COUNTS_PER_UNIT = np.repeat((UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM), 3)
 _MS = 1_000_000
 
 
-class OptoforceDaq:
+class OptoforceDaq(EmulatedWrench):
     """The serial DAQ on its line; its caller passes the time. It sends from power-on, at 100 Hz until configured.
 
     Its counter counts milliseconds, as that of a HEX does.
@@ -44,23 +43,13 @@ class OptoforceDaq:
         counts_per_n: Sequence[float] = COUNTS_PER_N,
         counts_per_nm: Sequence[float] = COUNTS_PER_NM,
     ) -> None:
-        self.options: dict[str, Any] = {"counts_per_n": counts_per_n, "counts_per_nm": counts_per_nm}
-        self.rate_hz = rate_hz
+        stream = WrenchStream(seed, POWER_ON_HZ)
+        super().__init__(stream, rate_hz, counts_per_n=counts_per_n, counts_per_nm=counts_per_nm)
         self.status = 0
         """Status word of the readings from now on."""
-        self._stream = WrenchStream(seed, POWER_ON_HZ)
         self._stream.start(0)
         self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm])
-        self._received = b""
         self._counter = 0
-
-    def opened(self, t_ns: int) -> None:
-        """Drop the bytes of the previous user of the line."""
-        self._received = b""
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
@@ -85,7 +74,7 @@ class OptoforceDaq:
         return frames.encode_frame(frames.ACK, b"\0")
 
 
-class OptoforceConverter:
+class OptoforceConverter(EmulatedWrench):
     """The Ethernet converter; its caller passes the time. It sends on command, at 100 Hz until another rate is set.
 
     Args:
@@ -94,19 +83,10 @@ class OptoforceConverter:
     """
 
     def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
-        self.options: dict[str, Any] = {"wiring": "udp"}
-        self.rate_hz = rate_hz
+        super().__init__(WrenchStream(seed, POWER_ON_HZ), rate_hz, wiring="udp")
         self.status = 0
         """Status word of the records from now on."""
-        self._stream = WrenchStream(seed, POWER_ON_HZ)
         self._sequence = 0
-
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: a network device does not notice listeners."""
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle a datagram; the only answers are records."""

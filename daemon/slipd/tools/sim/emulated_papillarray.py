@@ -6,14 +6,12 @@ Not emulated: the zeroing of the sensors, and their slip detection.
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
 from slipd.devices.papillarray import RATES_HZ
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.tools.sim.tactile_stream import TactileStream
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 POWER_ON_HZ = 1000.0
 NOISE_N = 0.005
@@ -25,7 +23,7 @@ _COMMAND = re.compile(rb"f(\d{1,4})\n")
 _LONGEST_COMMAND = 6
 
 
-class Controller:
+class Controller(EmulatedTactile):
     """The controller on its line; its caller passes the time.
 
     Args:
@@ -34,22 +32,11 @@ class Controller:
     """
 
     def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = 500.0
-        self._stream = TactileStream(seed, POWER_ON_HZ, (frames.PILLARS, 3), NOISE_N)
+        super().__init__(TactileStream(seed, POWER_ON_HZ, (frames.PILLARS, 3), NOISE_N), 500.0)
         self._stream.press(np.tile(RESTING_N, (frames.PILLARS, 1)))
         self._stream.start(0)
         self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
         self._counter = 0
-        self._received = b""
-
-    def opened(self, t_ns: int) -> None:
-        """Drop the bytes of the previous user of the line."""
-        self._received = b""
-
-    def press(self, values: Array, sensor: str | None = None) -> None:
-        """Set the load on each pillar of one sensor or both from now on, N, shape (9, 3)."""
-        self._stream.press(values, sensor)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; there is no answer."""
@@ -62,7 +49,7 @@ class Controller:
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the frames due by then."""
-        return [self._frame(taken_ns) for taken_ns in self._stream.due(t_ns)]
+        return [self._frame(taken_ns) for taken_ns in self._stream.times(t_ns)]
 
     def _frame(self, taken_ns: int) -> bytes:
         pads = [self._stream.image(str(sensor)) for sensor in range(frames.SENSORS)]
@@ -76,6 +63,4 @@ class Controller:
         return frames.encode_blocks(blocks)
 
 
-def make(seed: int) -> Controller:
-    """Return the emulator with seeded noise."""
-    return Controller(seed)
+make = Controller

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import pvdf
+from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.types.arrays import Array
 
 FULL_SCALE = 32_767
@@ -139,47 +139,7 @@ class PvdfPad:
         return out
 
 
-class PvdfLine:
-    """A pad with given charges and without leak, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
-
-    Args:
-        seed: Seed of its noise.
-        electronics: Its rate, dwell, noise and clock; leak, gain and offsets are left out.
-    """
-
-    def __init__(self, seed: int, electronics: PvdfElectronics = PvdfElectronics()) -> None:
-        self.options: dict[str, Any] = {"rows": ROWS, "cols": COLS}
-        self.rate_hz = electronics.rate_hz
-        self._electronics = electronics
-        self._rng = np.random.default_rng(seed)
-        self._counts = np.zeros((ROWS, COLS))
-        self._scan = 0
-
-    def press(self, values: Array) -> None:
-        """Set the charges from now on, shape (taxels,), counts."""
-        self._counts = np.asarray(values, dtype=np.float64).reshape(ROWS, COLS)
-
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: the pad sends from power-on."""
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Ignore all bytes."""
-        return []
-
-    def advance(self, t_ns: int) -> list[bytes]:
-        """Advance to ``t_ns`` and return the scans complete by then."""
-        behind = self._electronics
-        dwell_us, us_per_ns = behind.dwell_ns * 1e-3, 1e-3 + behind.clock_ppm * 1e-9
-        output: list[bytes] = []
-        while (begun_ns := round(self._scan * 1e9 / self.rate_hz)) + ROWS * COLS * behind.dwell_ns <= t_ns:
-            noisy = np.rint(self._counts + behind.noise_counts * self._rng.standard_normal(self._counts.shape))
-            counts = np.clip(noisy, -FULL_SCALE, FULL_SCALE).astype(np.int64)
-            output.append(pvdf.encode_scan(counts, self._scan, begun_ns * us_per_ns, dwell_us))
-            self._scan += 1
-        return output
-
-
-class PressedPad:
+class PressedPad(EmulatedDevice):
     """A pad whose charge leaks, under a given load, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
 
     Args:
@@ -190,8 +150,7 @@ class PressedPad:
     """
 
     def __init__(self, seed: int, rows: int, cols: int, electronics: PvdfElectronics) -> None:
-        self.options: dict[str, Any] = {"rows": rows, "cols": cols}
-        self.rate_hz = electronics.rate_hz
+        super().__init__(electronics.rate_hz, rows=rows, cols=cols)
         self._pad = PvdfPad(rows, cols, electronics, np.random.default_rng(seed))
         self._loads_n = np.zeros(rows * cols)
 
@@ -199,19 +158,16 @@ class PressedPad:
         """Set the load on each taxel from now on, shape (taxels,), N."""
         self._loads_n = np.asarray(values, dtype=np.float64)
 
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: the pad sends from power-on."""
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Ignore all bytes."""
-        return []
-
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the scans complete by then; a late step returns several together."""
         output = self._pad.advance(t_ns, self._loads_n)
         return [output] if output else []
 
 
-def make(seed: int) -> PvdfLine:
-    """Return a pad of 8 x 16 taxels with seeded noise."""
-    return PvdfLine(seed)
+IDEAL = PvdfElectronics(tau_s=1e9, gain_counts_per_n=1.0, gain_spread=0.0, offset_counts=0.0)
+"""Without leak, gain and offsets, so that loads are counts."""
+
+
+def make(seed: int) -> PressedPad:
+    """Return a pad of 8 x 16 taxels with ideal electronics."""
+    return PressedPad(seed, ROWS, COLS, IDEAL)

@@ -14,6 +14,7 @@ import numpy as np
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
+from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.tools.sim.scene import GripCommand, Scene
 
 FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
@@ -167,7 +168,7 @@ class Gripper2F:
         )
 
 
-class GripperLine:
+class GripperLine(EmulatedDevice):
     """A `Gripper2F` with a rigid part between its pads, or nothing, as an `Emulator`.
 
     Args:
@@ -182,8 +183,7 @@ class GripperLine:
         force_table: Table = FORCE_TABLE,
         unit: int = robotiq_registers.UNIT,
     ) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = POLL_HZ
+        super().__init__(POLL_HZ)
         self._gripper = Gripper2F(width_table, force_table, unit)
         self._jaws = Jaws(width_table[0][1])
         self._now_ns = 0
@@ -196,9 +196,6 @@ class GripperLine:
     def grip_n(self) -> float:
         """Grip force on one pad, N."""
         return self._jaws.normal_n
-
-    def opened(self, t_ns: int) -> None:
-        """Do nothing: the gripper only answers."""
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""

@@ -5,14 +5,11 @@ Not emulated: bias, change of the baud rate, and overload counters, which the da
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from slipd.devices import robotous
 from slipd.devices.robotous import CARRIED_HZ, COUNTS_PER_N, FILTERS_HZ, RATES_HZ
-from slipd.tools.sim.wrench_stream import WrenchStream, whole
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 
 SLOW_BAUD = 115_200
 PRODUCT, SERIAL = b"RFT40-SA01-D", b"RFT-2211-0042"
@@ -21,7 +18,7 @@ _OUT_OF_RANGE = b"\x00\x02"
 _OBEYED = b"\x01\x00"
 
 
-class RobotousSensor:
+class RobotousSensor(EmulatedWrench):
     """The sensor on its line; its caller passes the time.
 
     Args:
@@ -35,23 +32,12 @@ class RobotousSensor:
     """
 
     def __init__(self, seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> None:
-        self.options: dict[str, Any] = {"torque_divider": torque_divider}
-        self.rate_hz = float(CARRIED_HZ)
+        super().__init__(WrenchStream(seed, RATES_HZ[0]), float(CARRIED_HZ), torque_divider=torque_divider)
         self._counts_per_unit = np.repeat((COUNTS_PER_N, torque_divider), 3)
         self._most_hz = CARRIED_HZ if baud <= SLOW_BAUD else max(RATES_HZ)
         self.writes = 0
         self.overload = 0
-        self._stream = WrenchStream(seed, RATES_HZ[0])
         self._settings = {robotous.GET_RATE: b"\x00", robotous.GET_FILTER: b"\x00\x00"}
-        self._received = b""
-
-    def opened(self, t_ns: int) -> None:
-        """Drop the bytes of the previous user of the line."""
-        self._received = b""
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
@@ -91,6 +77,4 @@ class RobotousSensor:
         return _OBEYED
 
 
-def make(seed: int, torque_divider: float = 2000.0, baud: int = SLOW_BAUD) -> RobotousSensor:
-    """Return the emulator with seeded noise; for the other arguments see `RobotousSensor`."""
-    return RobotousSensor(seed, torque_divider, baud)
+make = RobotousSensor

@@ -5,14 +5,11 @@ Not emulated: the asynchronous stream, single readings, and signals of the inert
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from slipd.devices import tsf85
 from slipd.devices.tsf85 import encode_block
-from slipd.tools.sim.tactile_stream import TactileStream
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 FIRMWARE = b"1.1.8"
 REFRESH_HZ = 60.0
@@ -25,7 +22,7 @@ _LONGEST = _HEAD_LENGTH + 255
 _FULL_SCALE = (1 << 16) - 1
 
 
-class Fingertips:
+class Fingertips(EmulatedTactile):
     """The sensors on their line; their caller passes the time.
 
     Args:
@@ -34,21 +31,11 @@ class Fingertips:
     """
 
     def __init__(self, seed: int, timestamp_unit_ns: int = 1000) -> None:
-        self.options: dict[str, Any] = {"timestamp_unit_ns": timestamp_unit_ns}
+        stream = TactileStream(seed, 1000.0, (tsf85.TAXELS,), NOISE_COUNTS)
+        super().__init__(stream, REFRESH_HZ, timestamp_unit_ns=timestamp_unit_ns)
         self._unit_ns = timestamp_unit_ns
-        self.rate_hz = REFRESH_HZ
-        self._packets = TactileStream(seed, 1000.0, (tsf85.TAXELS,), NOISE_COUNTS)
         self._refresh = -1
         self._arrays = b""
-        self._received = b""
-
-    def opened(self, t_ns: int) -> None:
-        """Drop the bytes of the previous user of the line."""
-        self._received = b""
-
-    def press(self, values: Array, sensor: str | None = None) -> None:
-        """Set the load on each taxel of one finger or both from now on, counts above rest, shape (28,)."""
-        self._packets.press(values, sensor)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
@@ -65,23 +52,23 @@ class Fingertips:
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the packets due by then."""
-        return [self._packet(taken_ns) for taken_ns in self._packets.due(t_ns)]
+        return [self._packet(taken_ns) for taken_ns in self._stream.times(t_ns)]
 
     def _obey(self, command: int, content: bytes, t_ns: int) -> list[bytes]:
         if command == tsf85.VERSION:
             return [tsf85.encode_packet(tsf85.VERSION, FIRMWARE)]
         if command == tsf85.AUTOSEND and content and content[0]:
-            self._packets.start(t_ns, 1000.0 / content[0])
+            self._stream.start(t_ns, 1000.0 / content[0])
             self._refresh = -1
         elif command == tsf85.AUTOSEND:
-            self._packets.stop()
+            self._stream.stop()
         return []
 
     def _packet(self, taken_ns: int) -> bytes:
         refresh = int(taken_ns * REFRESH_HZ // 1e9)
         fresh, self._refresh = refresh != self._refresh, refresh
         if fresh:
-            images = (self._packets.image(str(finger)) + REST_COUNTS for finger in range(tsf85.FINGERS))
+            images = (self._stream.image(str(finger)) + REST_COUNTS for finger in range(tsf85.FINGERS))
             counts = [np.clip(np.rint(image), 0, _FULL_SCALE) for image in images]
             self._arrays = b"".join(encode_block(tsf85.STATIC, finger, each) for finger, each in enumerate(counts))
         blocks = self._arrays
@@ -92,6 +79,4 @@ class Fingertips:
         return tsf85.encode_packet(tsf85.AUTOSEND, blocks)
 
 
-def make(seed: int, timestamp_unit_ns: int = 1000) -> Fingertips:
-    """Return the emulator with seeded noise."""
-    return Fingertips(seed, timestamp_unit_ns)
+make = Fingertips

@@ -7,12 +7,11 @@ it. A part is rigid. A clamped part ends a motion with "axis blocked", as driver
 
 from __future__ import annotations
 
-from typing import Any
-
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Limits
+from slipd.tools.sim.emulators import EmulatedDevice
 
 SERIAL = 4711
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
@@ -25,7 +24,7 @@ LONGEST_PAYLOAD = 64
 _TYPICAL_BYTES = 12
 
 
-class Gripper:
+class Gripper(EmulatedDevice):
     """The gripper on its line; its caller passes the time.
 
     Attributes:
@@ -38,8 +37,7 @@ class Gripper:
     """
 
     def __init__(self) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = UPDATE_HZ
+        super().__init__(UPDATE_HZ)
         self.part_mm = 0.0
         self.words: set[str] = set()
         self.width_mm = STARTS_AT_MM

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 
 from slipd.devices import xela
-from slipd.tools.sim.tactile_stream import TactileStream
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 SENSORS = ("1", "2")
 TAXELS = 16
@@ -25,7 +23,7 @@ BEGAN_S = 1_700_000_000.0
 _FULL_SCALE = (1 << 16) - 1
 
 
-class Server:
+class Server(EmulatedTactile):
     """The server on its connection; its caller passes the time.
 
     Args:
@@ -34,9 +32,7 @@ class Server:
     """
 
     def __init__(self, seed: int, taxels: int = TAXELS) -> None:
-        self.options: dict[str, Any] = {}
-        self.rate_hz = RATE_HZ
-        self._stream = TactileStream(seed, RATE_HZ, (taxels, 3), NOISE_COUNTS)
+        super().__init__(TactileStream(seed, RATE_HZ, (taxels, 3), NOISE_COUNTS), RATE_HZ)
         self._stream.start(0)
         self._number = 0
         self._welcome: list[bytes] = []
@@ -45,18 +41,10 @@ class Server:
         """Send a welcome to the new client."""
         self._welcome = [json.dumps({"message": "Welcome"}).encode()]
 
-    def press(self, values: Array, sensor: str | None = None) -> None:
-        """Set the load on each taxel of one pad or both from now on, counts relative to rest, shape (taxels, 3)."""
-        self._stream.press(values, sensor)
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Ignore all bytes."""
-        return []
-
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the messages due by then."""
         output, self._welcome = self._welcome, []
-        return output + [self._message(taken_ns) for taken_ns in self._stream.due(t_ns)]
+        return output + [self._message(taken_ns) for taken_ns in self._stream.times(t_ns)]
 
     def _message(self, taken_ns: int) -> bytes:
         self._number += 1
@@ -66,6 +54,4 @@ class Server:
         return xela.encode_message(self._number, raw, BEGAN_S + taken_ns * 1e-9, forces)
 
 
-def make(seed: int, taxels: int = TAXELS) -> Server:
-    """Return the emulator with seeded noise."""
-    return Server(seed, taxels)
+make = Server

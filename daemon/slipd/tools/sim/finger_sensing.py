@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
-from slipd.tools.sim.true_contact import Pad
+from slipd.tools.sim.scene_parts import Pad
 from slipd.types.arrays import Array
 
 Triple = tuple[float, float, float]
@@ -56,7 +56,7 @@ class ForceSensing:
 
 @dataclass(frozen=True)
 class PadSensing:
-    """A multiplexed PVDF pad; its taxels are counted as those of `slipd.tools.sim.true_contact.Pad`.
+    """A multiplexed PVDF pad; its taxels are counted as those of `slipd.tools.sim.scene_parts.Pad`.
 
     Attributes:
         rows: Rows, along y.

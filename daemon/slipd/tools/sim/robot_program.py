@@ -1,21 +1,105 @@
-"""The robot program of the demo: grip the box, react to warnings, and keep a report.
-
-It is written like a user program: one thread with a subscriber and a grip client of ``slipd_client``.
-"""
+"""What the robot program of the demo did and received."""
 
 from __future__ import annotations
 
 import contextlib
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from slipd.tools.sim.robot_report import ALARMING, Change, Raise, Report
 from slipd_client.errors import ClientError, LeaseLost, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.subscriber import Message, Subscriber
+
+ALARMING = ("warning", "slipping")
+"""Levels that call for more grip force."""
+
+
+@dataclass
+class Change:
+    """A change of level that the program received.
+
+    Attributes:
+        t_ns: Time of the reading that changed the level, CLOCK_MONOTONIC.
+        received_ns: When the program received the message, CLOCK_MONOTONIC.
+        finger: Name of the finger.
+        level: The new level.
+        rising: Whether the new level is more alarming than the one before.
+        reasons: Reasons of the new level.
+        utilisation: Utilisation of that reading; None if unknown.
+    """
+
+    t_ns: int
+    received_ns: int
+    finger: str
+    level: str
+    rising: bool
+    reasons: list[str]
+    utilisation: float | None
+
+    @property
+    def warns_of_rotation(self) -> bool:
+        """Whether it calls for more grip force because the object may turn."""
+        return self.rising and self.level in ALARMING and "rotation" in self.reasons
+
+
+@dataclass
+class Raise:
+    """A request for more grip force, one step of a raise.
+
+    Attributes:
+        requested_ns: When the request was sent, CLOCK_MONOTONIC.
+        requested_n: The requested force, N on one pad.
+        result: Result in the reply; None if the daemon refused.
+        refusal: Why the daemon refused; "" if it did not.
+        before_n: Measured grip force before the request, N; None if unknown.
+        after_n: Measured grip force shortly after it, N; None if unknown.
+    """
+
+    requested_ns: int
+    requested_n: float
+    result: dict[str, Any] | None
+    refusal: str
+    before_n: float | None
+    after_n: float | None = None
+
+
+@dataclass
+class Report:
+    """What the program did and received; times are CLOCK_MONOTONIC, None if it did not happen.
+
+    Attributes:
+        tares: Result of each tare, by finger.
+        activated_ns: When the program activated the gripper: about the start of the scene.
+        closed_ns: When the program closed the gripper.
+        opened_ns: When the program opened the gripper.
+        changes: Every change of level since the gripper closed.
+        raises: Every step that raised the grip force.
+        refusals: Every other refusal, as text.
+        error: What ended the program early; "" if nothing did.
+    """
+
+    tares: dict[str, dict[str, Any]] = field(default_factory=dict)
+    activated_ns: int | None = None
+    closed_ns: int | None = None
+    opened_ns: int | None = None
+    changes: list[Change] = field(default_factory=list)
+    raises: list[Raise] = field(default_factory=list)
+    refusals: list[str] = field(default_factory=list)
+    error: str = ""
+
+    @property
+    def rotation_warning(self) -> Change | None:
+        """The first warning of rotation."""
+        return next((change for change in self.changes if change.warns_of_rotation), None)
+
+    @property
+    def slip_report(self) -> Change | None:
+        """The first report of a slip."""
+        return next((change for change in self.changes if "slip_detected" in change.reasons), None)
+
 
 LISTEN_S = 0.05
 """Longest wait for a message before the program checks its plan again, s."""
@@ -166,17 +250,10 @@ class RobotProgram(threading.Thread):
             self._slips[body["finger"]] = body
             self._note_force(body)
             return
-        change = Change(
-            t_ns=body["t_ns"],
-            received_ns=time.monotonic_ns(),
-            finger=body["finger"],
-            level=body["level"],
-            rising=body["rising"],
-            reasons=body["reasons"],
-            utilisation=body["utilisation"],
-        )
+        own = {key: body[key] for key in ("t_ns", "finger", "level", "rising", "reasons", "utilisation")}
+        change = Change(received_ns=time.monotonic_ns(), **own)
         self.report.changes.append(change)
-        if change.rising and change.level in ALARMING and "rotation" in change.reasons:
+        if change.warns_of_rotation:
             self._alarm = change
 
     def _raise_grip(self, client: GripClient) -> None:
@@ -224,13 +301,9 @@ class RobotProgram(threading.Thread):
 def _faults(client: GripClient) -> str:
     """Return the streams that are not ok, and why, or that the machine was too busy to tell; "" if all are."""
     try:
-        return _not_ok(client.status()["streams"])
+        streams = client.status()["streams"]
     except RequestRefused as refusal:
         if refusal.code != "deadline_passed":
             raise
         return str(refusal)
-
-
-def _not_ok(streams: dict[str, dict[str, Any]]) -> str:
-    """Return the streams that are not ok, and why; "" if all are."""
     return ", ".join(f"{name} ({s['message']})" for name, s in streams.items() if s["health"] != Health.OK)

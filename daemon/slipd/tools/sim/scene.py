@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slipd.tools.sim.scene_script import Script
+from slipd.tools.sim.scene_parts import FrictionLimit, Load, Patch, Script
 from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
-from slipd.tools.sim.true_contact import FrictionLimit, Load, Patch
 from slipd.types.arrays import Array
 
 LARGEST_STEP_S = 0.002

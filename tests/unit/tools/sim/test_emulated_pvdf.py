@@ -7,7 +7,7 @@ import pytest
 from slipd.devices import pvdf
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.tools.sim.emulated_pvdf import FULL_SCALE, PvdfElectronics, PvdfPad
-from slipd.tools.sim.true_contact import Pad, Patch
+from slipd.tools.sim.scene_parts import Pad, Patch
 
 MS = 1_000_000
 IDEAL = PvdfElectronics(gain_spread=0.0, offset_counts=0.0, noise_counts=0.0, clock_ppm=0.0)

@@ -8,7 +8,7 @@ import pytest
 from slipd import config
 from slipd.signals.mounting import Mounting
 from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
-from slipd.tools.sim.true_contact import Pad
+from slipd.tools.sim.scene_parts import Pad
 
 WRENCH = np.array([[1.0, -2.0, -8.0, 0.01, 0.02, -0.03]])
 

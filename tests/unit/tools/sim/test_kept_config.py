@@ -6,7 +6,7 @@ from pathlib import Path
 
 from slipd import config
 from slipd.tools.commission.config_update import changed_text
-from slipd.tools.sim.kept_config import keep, with_changes
+from slipd.tools.sim.emulated_copy import keep, with_changes
 from slipd.tools.sim.touched_devices import TouchedDevices
 
 RIG = """# Two fingers.

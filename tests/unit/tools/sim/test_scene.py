@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from slipd.tools.sim.scene import GripCommand, Scene
-from slipd.tools.sim.scene_script import Script
+from slipd.tools.sim.scene_parts import Patch, Script
 from slipd.tools.sim.stickslip import FrictionLaw
-from slipd.tools.sim.true_contact import Patch
 
 CLOSE_S, OPEN_S, END_S, SPEED_MPS = 1.5, 16.0, 18.0, 0.05
 NEVER = math.inf

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from slipd.tools.sim.scene_script import Script
+from slipd.tools.sim.scene_parts import Script
 
 
 def test_the_weight_comes_on_after_the_lift_and_goes_to_the_table_again():

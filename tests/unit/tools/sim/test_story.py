@@ -8,10 +8,9 @@ from demo_story import Story
 
 from slipd import config
 from slipd.engine.engine import Engine
-from slipd.tools.sim.robot_program import Plan
-from slipd.tools.sim.robot_report import ALARMING
+from slipd.tools.sim.robot_program import ALARMING, Plan
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.virtual_rig import VirtualRig
+from slipd.tools.sim.virtual_gripper import VirtualRig
 
 READY_S, BEGIN_S, HELD_S = 2.0, 3.0, 6.9
 MU_GIVEN_OVER_TRUE = 0.55 / 0.6

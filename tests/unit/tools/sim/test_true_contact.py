@@ -5,8 +5,8 @@ import pytest
 from pad_wrenches import finger_load, pad_wrench
 
 from slipd.fusion import contact_from_wrench
+from slipd.tools.sim.scene_parts import FrictionLimit, Pad, Patch
 from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
-from slipd.tools.sim.true_contact import FrictionLimit, Pad, Patch
 
 MU = 0.6
 

@@ -12,7 +12,7 @@ from slipd.events import Tick
 from slipd.recording.entry_walk import Published
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.tools.sim.truth_log import TRUTH, TruthLog
+from slipd.tools.sim.offline_grasp import TRUTH, TruthLog
 from slipd_client.messages import decode
 
 BEGIN_NS = 5_000_000_000

@@ -7,8 +7,8 @@ from slipd.devices.shared import modbus
 from slipd.fusion import contact_from_wrench
 from slipd.signals.mounting import Mounting
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.true_contact import Patch
-from slipd.tools.sim.virtual_rig import LEFT_MOUNT, LINES, RIGHT_MOUNT, VirtualRig
+from slipd.tools.sim.scene_parts import Patch
+from slipd.tools.sim.virtual_gripper import LEFT_MOUNT, LINES, RIGHT_MOUNT, VirtualRig
 
 TICK_NS = 1_250_000
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.types.arrays import Array
 from slipd_paxini import HEADER, N_PER_COUNT, PREFIX, encode_request
 
 NOISE_N = 0.05
 
 
-class Module:
+class Module(EmulatedDevice):
     """The module as seen from its line.
 
     Args:
@@ -20,24 +19,16 @@ class Module:
         module: Its number.
     """
 
-    rate_hz = 100.0
-
-    def __init__(self, seed: int, module: int) -> None:
-        self.options: dict[str, Any] = {"module": module}
+    def __init__(self, seed: int, module: int = 0) -> None:
+        super().__init__(100.0, module=module)
         self._request = encode_request(module)
         self._rng = np.random.default_rng(seed)
         self._force_n = np.zeros(3)
-        self._received = b""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
         """Set the force on the module, N; torque is not measured."""
         del torque_nm
         self._force_n = np.asarray(force_n)
-
-    def opened(self, t_ns: int) -> None:
-        """Forget half a request of the host before."""
-        del t_ns
-        self._received = b""
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Answer every complete request."""
@@ -46,11 +37,6 @@ class Module:
         self._received = self._received[-len(self._request) :]
         return [self._reply() for _ in requests]
 
-    def advance(self, t_ns: int) -> list[bytes]:
-        """Return nothing: the module only answers."""
-        del t_ns
-        return []
-
     def _reply(self) -> bytes:
         counts = np.rint((self._force_n + NOISE_N * self._rng.standard_normal(3)) / N_PER_COUNT)
         x, y, z = (int(count) for count in np.clip(counts, (-128, -128, 0), (127, 127, 255)))
@@ -58,6 +44,4 @@ class Module:
         return frame + bytes((-sum(frame) & 0xFF,))
 
 
-def make(seed: int, module: int = 0) -> Module:
-    """Return a module."""
-    return Module(seed, module)
+make = Module

@@ -10,10 +10,8 @@ it sees the mirror image: y, the spin and the moment about y change sign, x does
 """
 
 from slipd.tools.sim.stickslip.contact_patch import ContactPatch
-from slipd.tools.sim.stickslip.friction_law import FrictionLaw, FrictionMap
-from slipd.tools.sim.stickslip.grasp_parts import GraspedObject, LoadHistory, PadCompliance
-from slipd.tools.sim.stickslip.grasp_simulation import simulate
-from slipd.tools.sim.stickslip.grasp_trace import GraspTrace
+from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, LoadHistory, PadCompliance
+from slipd.tools.sim.stickslip.grasp_trace import GraspTrace, simulate
 from slipd.tools.sim.stickslip.stepped_grasp import SteppedGrasp
 
 __all__ = [

@@ -7,10 +7,8 @@ import math
 import numpy as np
 
 from slipd.tools.sim.stickslip.bristle_kernels import STORED, Body, Law, slide, sliding_shares, stored_energy
-from slipd.tools.sim.stickslip.contact_patch import ContactPatch
-from slipd.tools.sim.stickslip.friction_law import FrictionLaw
-from slipd.tools.sim.stickslip.grasp_parts import GraspedObject, PadCompliance, Pair
-from slipd.tools.sim.stickslip.pressed_patch import FIELD, PressedPatch, Taxels
+from slipd.tools.sim.stickslip.contact_patch import FIELD, ContactPatch, PressedPatch, Taxels
+from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, GraspedObject, PadCompliance, Pair
 from slipd.types.arrays import Array
 
 TICK_S = 0.00125

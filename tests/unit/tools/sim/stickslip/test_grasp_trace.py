@@ -10,8 +10,8 @@ from pad_wrenches import finger_load, pad_wrench
 from stick_slip_scenes import GRIP_N, STEADY, history, ramp, simulate
 
 from slipd.fusion import contact_from_wrench
+from slipd.tools.sim.scene_parts import Pad
 from slipd.tools.sim.stickslip import ContactPatch, GraspedObject
-from slipd.tools.sim.true_contact import Pad
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, centre_m=(0.002, -0.001))
 LOAD = (1.0, 2.0, 0.01)

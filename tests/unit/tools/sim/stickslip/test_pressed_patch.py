@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from stick_slip_scenes import GRIP_N, PAD, STEADY, history, onset, ramp, simulate
 
+from slipd.tools.sim.scene_parts import Pad
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, LoadHistory, PadCompliance
-from slipd.tools.sim.stickslip.pressed_patch import FIELD, PressedPatch
-from slipd.tools.sim.true_contact import Pad
+from slipd.tools.sim.stickslip.contact_patch import FIELD, PressedPatch
 
 NOTHING = (0.0, 0.0, 0.0)
 PATCH = ContactPatch("rectangle", 0.018, 0.009)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from stick_slip_scenes import BOX, PAD, history, simulate
 
+from slipd.tools.sim.scene_parts import Pad
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, SteppedGrasp
-from slipd.tools.sim.true_contact import Pad
 
 NOTHING = (0.0, 0.0, 0.0)
 PATCH = ContactPatch("rounded", 0.018, 0.009, growth=1 / 3)
