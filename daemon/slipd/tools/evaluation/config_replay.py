@@ -16,7 +16,7 @@ from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import replay
 from slipd.tools.evaluation.config_run import ConfigRun, Interval, Largest, StreamHealth, with_status
 from slipd.tools.evaluation.level_spans import level_spans
-from slipd.tools.sim.truth_log import TRUTH
+from slipd.tools.sim.offline_grasp import TRUTH
 from slipd_client.messages import STATUS_TOPIC, MessageError, decode, slip_topic
 
 _SLIP = slip_topic("")

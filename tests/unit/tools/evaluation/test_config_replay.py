@@ -16,7 +16,7 @@ from slipd.recording.reader import open_recording
 from slipd.tools.evaluation.config_replay import outline, run_config
 from slipd.tools.evaluation.config_run import ConfigRun
 from slipd.tools.evaluation.level_spans import NOT_RECORDED
-from slipd.tools.sim.truth_log import TRUTH
+from slipd.tools.sim.offline_grasp import TRUTH
 from slipd_client.messages import encode
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
