@@ -46,12 +46,10 @@ PART = 10_000
 BEGIN_NS = 10_000_000_000
 """CLOCK_MONOTONIC at the first sample of the trace, ns."""
 
-PHASES_NS = {"wrench": 0, "pad": 250_000}
-RIGHT_PHASE_NS = 400_000
+PAD_PHASE_NS, RIGHT_PHASE_NS = 250_000, 400_000
 """Nothing keeps the devices in step, so they begin one after another."""
 
 BOOT = "offline"
-CLIENT = b"offline"
 DEADLINE_NS = 100_000_000
 
 
@@ -176,7 +174,7 @@ def _requests(asked: Iterable[Asked]) -> Iterator[tuple[int, Event]]:
     for number, request in enumerate(asked, start=1):
         t_ns = BEGIN_NS + round(request.t_s * 1e9)
         envelope = {"v": 1, "id": number, "op": request.op, "boot": BOOT, "deadline_ns": t_ns + DEADLINE_NS}
-        yield t_ns, Request(CLIENT, envelope | request.fields)
+        yield t_ns, Request(b"offline", envelope | request.fields)
 
 
 class _View:
@@ -198,7 +196,7 @@ class _View:
         self, force: ForceSensing, options: dict[str, Any], rng: np.random.Generator
     ) -> Iterator[tuple[int, bytes]]:
         """Yield the frames of the force sensor, and when each has come."""
-        begun_ns = self._start_ns + self._phase_ns + PHASES_NS["wrench"]
+        begun_ns = self._start_ns + self._phase_ns
         sensor = GaugeAmplifier(
             int(rng.integers(1 << 32)), force.rate_hz, noise_n=force.noise_n, noise_nm=force.noise_nm, **options
         )
@@ -213,7 +211,7 @@ class _View:
 
     def scans(self, pad: PadSensing, rng: np.random.Generator) -> Iterator[tuple[int, bytes]]:
         """Yield the scans of the pad, and when each has come."""
-        begun_ns = self._start_ns + self._phase_ns + PHASES_NS["pad"]
+        begun_ns = self._start_ns + self._phase_ns + PAD_PHASE_NS
         device = PvdfPad(pad.rows, pad.cols, pad.electronics, rng)
         knots_ns = np.arange(KNOT_NS, self._end_ns - begun_ns, KNOT_NS)
         for part_ns in np.split(knots_ns, range(PART, len(knots_ns), PART)):
@@ -255,8 +253,6 @@ without a contact). It holds until the next.
 EVERY_S = 0.01
 """Longest time from one entry to the next, s; a change of ``sliding`` is written at once."""
 
-ROUNDING_S = 1e-9
-
 
 class TruthLog:
     """Pass the entries of a run on to a recording, with the truth between them.
@@ -297,7 +293,7 @@ def _due(trace: GraspTrace, begin_ns: int) -> Iterator[tuple[int, bytes]]:
     last_s, was_sliding = float("-inf"), False
     times_s = (trace.t_s - trace.t_s[0]).tolist()
     for t_s, sliding, used in zip(times_s, trace.gross.tolist(), trace.utilisation.tolist(), strict=True):
-        if t_s - last_s < EVERY_S - ROUNDING_S and sliding == was_sliding:
+        if t_s - last_s < EVERY_S - 1e-9 and sliding == was_sliding:
             continue
         last_s, was_sliding = t_s, sliding
         t_ns = begin_ns + round(t_s * 1e9)

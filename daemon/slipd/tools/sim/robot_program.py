@@ -1,4 +1,7 @@
-"""What the robot program of the demo did and received."""
+"""The robot program of the demo: grip the box, react to warnings, and keep a report.
+
+It is written like a user program: one thread with a subscriber and a grip client of ``slipd_client``.
+"""
 
 from __future__ import annotations
 
@@ -122,7 +125,7 @@ class Plan:
     """What the program does, and when, in s since it activated the gripper.
 
     Attributes:
-        patience_s: Longest wait until the daemon reports all streams as ok.
+        patience_s: Longest wait until all streams are ok.
         tare_s: Averaging time of each tare before the grip.
         close_s: When the gripper closes.
         speed_mps: Closing speed.
@@ -188,7 +191,7 @@ class RobotProgram(threading.Thread):
             self.report.error = str(error)
 
     def _prepare(self, client: GripClient) -> None:
-        """Wait until every stream is ok, then tare both fingers."""
+        """Wait until every stream is ok, then tare both fingers; again if a stall of the machine ends a tare."""
         until_s = time.monotonic() + self._plan.patience_s
         while faults := _faults(client):
             if time.monotonic() > until_s:
@@ -196,14 +199,10 @@ class RobotProgram(threading.Thread):
             if self._ending.wait(LISTEN_S):
                 return
         for finger in client.hello()["fingers"]:
-            self.report.tares[finger] = self._tare(client, finger)
-
-    def _tare(self, client: GripClient, finger: str) -> dict[str, Any]:
-        """Tare a finger; try again if a stall of the machine damages the images and so ends a tare."""
-        for _ in range(TARES - 1):
-            with contextlib.suppress(RequestRefused):
-                return client.tare(finger, self._plan.tare_s)
-        return client.tare(finger, self._plan.tare_s)
+            for attempt in range(TARES):
+                with contextlib.suppress(*([RequestRefused] if attempt < TARES - 1 else [])):
+                    self.report.tares[finger] = client.tare(finger, self._plan.tare_s)
+                    break
 
     def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
         """Work under a lease; where a stall of the machine ends or delays it, the caller takes a new one."""
@@ -248,7 +247,9 @@ class RobotProgram(threading.Thread):
         body = message.raw
         if message.topic != "warning":
             self._slips[body["finger"]] = body
-            self._note_force(body)
+            for made in self.report.raises:  # the force after each raise, once it has settled
+                if made.after_n is None and body["t_ns"] >= made.requested_ns + SETTLE_S * 1e9:
+                    made.after_n = self._measured_n()
             return
         own = {key: body[key] for key in ("t_ns", "finger", "level", "rising", "reasons", "utilisation")}
         change = Change(received_ns=time.monotonic_ns(), **own)
@@ -265,32 +266,23 @@ class RobotProgram(threading.Thread):
             return
         requested_n = min(self._wanted_n, self._force_n + self._plan.step_n)
         requested_ns, before_n = time.monotonic_ns(), self._measured_n()
-        result, refusal = None, ""
+        made = Raise(requested_ns, requested_n, None, "", before_n)
         try:
-            result = client.grip_set(requested_n)
-            self._force_n, self._raised_s = result["applied_n"], now_s
+            made.result = client.grip_set(requested_n)
+            self._force_n, self._raised_s = made.result["applied_n"], now_s
         except RequestRefused as refused:
             if refused.code in NOT_DONE_IN_TIME:
                 raise
-            refusal, self._wanted_n = str(refused), 0.0
-        self.report.raises.append(Raise(requested_ns, requested_n, result, refusal, before_n))
+            made.refusal, self._wanted_n = str(refused), 0.0
+        self.report.raises.append(made)
 
     def _choose_force(self, alarm: Change) -> None:
         """Choose the force that holds the object, or the limit of the plan if no force is known to hold it."""
+        needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
         if "unsupportable" in alarm.reasons:
-            self._wanted_n = self._plan.limit_n
-        else:
-            needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
-            if not needed:
-                return  # a later verdict will know
-            self._wanted_n = min(max(needed), self._plan.limit_n)
-        self._alarm = None
-
-    def _note_force(self, slip: dict[str, Any]) -> None:
-        """Store the force after each raise, once it has settled."""
-        for made in self.report.raises:
-            if made.after_n is None and slip["t_ns"] >= made.requested_ns + SETTLE_S * 1e9:
-                made.after_n = self._measured_n()
+            needed = [self._plan.limit_n]
+        if needed:  # otherwise a later verdict will know
+            self._wanted_n, self._alarm = min(max(needed), self._plan.limit_n), None
 
     def _measured_n(self) -> float | None:
         """Return the newest grip force of the weaker finger, N; None if unknown."""
