@@ -261,12 +261,11 @@ class RobotProgram(threading.Thread):
         """After an alarm, request step by step the grip force that the newest verdicts need."""
         if self._alarm is not None and self.report.opened_ns is None:
             self._choose_force(self._alarm)
-        now_s = time.monotonic()
+        now_s, requested_ns = time.monotonic(), time.monotonic_ns()
         if self._wanted_n < self._force_n + LEAST_RAISE_N or now_s < self._raised_s + self._plan.step_s:
             return
         requested_n = min(self._wanted_n, self._force_n + self._plan.step_n)
-        requested_ns, before_n = time.monotonic_ns(), self._measured_n()
-        made = Raise(requested_ns, requested_n, None, "", before_n)
+        made = Raise(requested_ns, requested_n, None, "", self._measured_n())
         try:
             made.result = client.grip_set(requested_n)
             self._force_n, self._raised_s = made.result["applied_n"], now_s
