@@ -10,115 +10,76 @@ import subprocess
 import sys
 import termios
 import urllib.request
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from terminals import PseudoTerminal
 
-from slipd.events import Bytes, Request
+from slipd.events import Bytes
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import encode
 
 pytestmark = pytest.mark.timeout(400)
 
-RUNS = 3
+
+@dataclass
+class Demo:
+    """A whole demo that was run as a process."""
+
+    code: int
+    summary: str
+    errors: str
+    recording: Path
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """Output of the whole demo, and its recording; of the last run where the machine kept up with none."""
-    for _ in range(RUNS):
-        directory = tmp_path_factory.mktemp("demo")
-        recording = directory / "demo.mcap"
-        command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(recording)]
-        runtime = os.environ | {"SLIPD_RUNTIME_DIR": str(directory / "run")}
-        done = subprocess.run(command, env=runtime, capture_output=True, text=True, check=False, timeout=110)
-        if not dropped_bytes(done.stdout):
-            break
-    if done.returncode != 0 and dropped_bytes(done.stdout):
-        pytest.skip(f"this machine is too busy for the demo in each of {RUNS} runs")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout, recording
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
+    directory = tmp_path_factory.mktemp("demo")
+    command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(directory / "demo.mcap")]
+    runtime = os.environ | {"SLIPD_RUNTIME_DIR": str(directory / "run")}
+    done = subprocess.run(command, env=runtime, capture_output=True, text=True, check=False, timeout=300)
+    return Demo(done.returncode, done.stdout, done.stderr, directory / "demo.mcap")
 
 
-def dropped_bytes(summary: str) -> int:
-    """Return how many bytes of the sensors were lost because this machine did not read them for too long."""
-    found = "".join(re.findall(r"truth    end \(dropped_bytes \{(.*?)\}", summary))
-    return sum(map(int, re.findall(r": (\d+)", found)))
-
-
-@pytest.fixture
-def kept_up(demo: tuple[str, Path]) -> None:
-    """Without its bytes a finger is unknown, and no grip is raised: then nothing that follows in the scene can hold."""
-    if dropped_bytes(demo[0]):
-        pytest.skip(f"this machine lost bytes of the sensors in each of {RUNS} runs")
-
-
-def times(summary: str, line: str) -> list[float]:
-    """Return the times of a line of the summary, s of the scene."""
-    return [float(found) for found in re.findall(rf"^ *([\d.]+) s  {line}", summary, re.MULTILINE)]
+def figure(demo: Demo, pattern: str) -> int:
+    found = re.search(pattern, demo.summary, re.MULTILINE)
+    assert found is not None, demo.summary
+    return int(found[1])
 
 
 @pytest.mark.process
-@pytest.mark.usefixtures("kept_up")
-def test_the_warning_for_rotation_comes_before_the_rotation(demo: tuple[str, Path]) -> None:
-    lead = re.search(r"rotation: warned ([\d.]+) s before it would have begun", demo[0])
-    assert lead is not None, demo[0]
-    assert float(lead[1]) > 0.2
-    assert not times(demo[0], "truth    slide_begins.*load_spin_nm 0.[0-9]*[1-9]"), "the raised grip must hold"
+def test_the_exit_code_and_the_summary_are_honest_on_any_machine(demo: Demo) -> None:
+    """`tests/unit/tools/test_demo_story.py` holds what the scene must show, in simulated time."""
+    assert demo.code == ("ended early" in demo.errors), demo.errors
+    assert "Traceback" not in demo.errors
+    warned = re.search(r"slipd    \w+: (warning|slipping) \([^)]*rotation", demo.summary)
+    missing = {
+        "ended early": "ended early" in demo.errors,
+        "the rotation was not warned of": "truth    hold" in demo.summary and warned is None,
+        "the slip was not reported": "truth    slide_begins" in demo.summary and "(slip_detected" not in demo.summary,
+    }
+    said = re.search(r"^NOT AS EXPECTED: (.*)$", demo.summary, re.MULTILINE)
+    assert {what: what in (said[1] if said else "") for what in missing} == missing, demo.summary
 
 
 @pytest.mark.process
-@pytest.mark.usefixtures("kept_up")
-def test_the_grip_request_is_granted_and_visible_in_the_measured_force(demo: tuple[str, Path]) -> None:
-    granted = re.search(r"granted ([\d.]+) N; measured ([\d.]+) N → ([\d.]+) N", demo[0])
-    assert granted is not None, demo[0]
-    applied, before, after = map(float, granted.groups())
-    assert after > before + 1.0
-    assert after >= 0.95 * applied
-
-
-@pytest.mark.process
-@pytest.mark.usefixtures("kept_up")
-def test_the_slip_is_reported_when_it_happens(demo: tuple[str, Path]) -> None:
-    began = times(demo[0], "truth    slide_begins")
-    reported = times(demo[0], r"slipd    \w+: slipping \(slip_detected")
-    assert began, demo[0]
-    assert any(0.0 <= t - began[0] < 0.5 for t in reported), demo[0]
-
-
-@pytest.mark.process
-@pytest.mark.usefixtures("kept_up")
-def test_the_summary_counts(demo: tuple[str, Path]) -> None:
-    for pattern in (
-        r"^readings: \d{5}",
-        r"^messages: \d{4,} \(\d+ grasp, \d+ gripper, \d+ slip",
-        r"^warnings: [1-9]\d* ",
-        r"^median latency: \d+\.\d\d ms",
-    ):
-        assert re.search(pattern, demo[0], re.MULTILINE), (pattern, demo[0])
-
-
-@pytest.mark.process
-def test_each_message_is_received_or_counted_as_missed(demo: tuple[str, Path]) -> None:
+def test_readings_flow_and_each_message_is_received_or_counted_as_missed(demo: Demo) -> None:
     """On a machine that cannot keep up some are missed; the few of the beginning and of the end are not asked for."""
-    received, missed = (int(found) for found in re.findall(r"^(?:messages|gaps): (\d+)", demo[0], re.MULTILINE))
-    published = sum(1 for _ in open_recording(demo[1]).messages())
-    assert 0.9 * published < received + missed <= published
+    assert figure(demo, r"^readings: (\d+)") > 10_000
+    assert re.search(r"^median latency: \d+\.\d\d ms", demo.summary, re.MULTILINE)
+    published = sum(1 for _ in open_recording(demo.recording).messages())
+    assert 0.9 * published < figure(demo, r"^messages: (\d+)") + figure(demo, r"^gaps: (\d+)") <= published
 
 
 @pytest.mark.process
-def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: tuple[str, Path]) -> None:
-    recording = open_recording(demo[1])
-    entered = [event for _, event in recording.events()]
-    links = {event.link for event in entered if isinstance(event, Bytes)}
+def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: Demo) -> None:
+    recording = open_recording(demo.recording)
+    links = {event.link for _, event in recording.events() if isinstance(event, Bytes)}
     assert links == {"left.wrench", "left.pad", "right.wrench", "right.pad", "gripper"}
-    asked = {event.body["op"] for event in entered if isinstance(event, Request)}
-    assert asked >= {"tare", "gripper.close", "lease.renew"}
-    assert "grip.set" in asked or dropped_bytes(demo[0])
-    live = list(open_recording(demo[1]).messages())
-    again = [(topic, encode(body)) for topic, body in replay(open_recording(demo[1]))]
+    live = list(open_recording(demo.recording).messages())
+    again = [(topic, encode(body)) for topic, body in replay(open_recording(demo.recording))]
     assert recording.complete
     assert len(live) > 5000
     assert again == live
@@ -177,9 +138,7 @@ def test_on_a_terminal_the_demo_stays_open_until_a_key_plays_it_again_or_ends_it
 
 
 @pytest.mark.process
-def test_the_page_is_opened_where_there_is_a_display_and_never_without_a_live_view(
-    demo: tuple[str, Path], tmp_path: Path
-) -> None:
+def test_the_page_is_opened_where_there_is_a_display_and_never_without_a_live_view(demo: Demo, tmp_path: Path) -> None:
     opened, copy = tmp_path / "opened", tmp_path / "copy"
     browser = tmp_path / "browser"
     browser.write_text(f'#!/bin/sh\necho "$1" >> {opened}\ncp -p "${{1#file://}}" {copy}\n', encoding="utf-8")
@@ -199,4 +158,4 @@ def test_the_page_is_opened_where_there_is_a_display_and_never_without_a_live_vi
     assert f'content="0; url={url}"' in copy.read_text()
     assert copy.stat().st_mode & 0o077 == 0
     assert not Path(argument.removeprefix("file://")).exists(), "it is removed with the demo"
-    assert "view: " not in demo[0]
+    assert "view: " not in demo.summary
