@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from demo_story import RENEW_TICKS, Story
 from short_stories import BOOT, PAD_HZ, PLAN, RATES, SCRIPT, SEED, SLOW, WALL_NS
+from slipd.tools.sim.virtual_rig import LINES, VirtualRig
 
 from slipd import config
 from slipd.engine.engine import Engine
@@ -30,7 +31,6 @@ from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.robot_program import RobotProgram
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.virtual_gripper import TICK_NS
-from slipd.tools.sim.virtual_rig import LINES, VirtualRig
 from slipd_client.messages import encode
 from slipd_client.messages.reader import typed_message
 
