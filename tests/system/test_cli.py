@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from project import CONFIG, TRIAL
+from replays import RECORDINGS
 
 from slipd import __version__, config
 from slipd.cli import SLIPCTL, main
@@ -166,3 +168,36 @@ def test_a_file_for_the_system_is_no_config(capsys: pytest.CaptureFixture[str]) 
     assert f"ExecStart={SLIPD}" in capsys.readouterr().out
     assert main(["config", "list"]) == 0
     assert "service" not in capsys.readouterr().out.partition("\n")[2]
+
+
+@pytest.mark.parametrize(
+    ("call", "code", "key"),
+    [
+        (["check", str(CONFIG / "demo.toml")], 0, "streams"),
+        (["check", "bad.toml"], 1, "faults"),
+        (["config", "list"], 0, "files"),
+        (["docs"], 0, "files"),
+        (["devices", "bota"], 0, "options"),
+        (["info", str(RECORDINGS / "bota.mcap")], 0, "streams"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_json_is_one_document_and_nothing_else(
+    call: list[str],
+    code: int,
+    key: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bad.toml").write_text("[finger.left]\nmu = 9.0\n", encoding="utf-8")
+    assert main([*call, "--json"]) == code
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)[key]
+    assert shown.err == ""
+
+
+def test_the_list_of_devices_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["devices", "--json"]) == 0
+    assert {"bota", "xela"} <= {each["device"] for each in json.loads(capsys.readouterr().out)}

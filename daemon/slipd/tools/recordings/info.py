@@ -12,6 +12,7 @@ import msgpack
 
 from slipd import config
 from slipd.errors import ConfigError
+from slipd.events import Bytes
 from slipd.recording.entry_walk import Published
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.types.device_text import printable
@@ -39,13 +40,15 @@ def info_command(path: Path, *, as_json: bool) -> bool:
 
 def recording_info(recording: Recording) -> dict[str, Any]:
     """Return what a recording holds; lengths are in s, rates in Hz."""
-    gaps, times_ns = EventGaps(), [0, 0]
+    gaps = EventGaps()
+    times_ns: tuple[int, int] | None = None
     kinds: Counter[str] = Counter()
     topics: Counter[str] = Counter()
     levels: Counter[str] = Counter()
+    reads: Counter[str] = Counter()
     received: Counter[str] = Counter()
     for entry in recording.entries():
-        times_ns = [times_ns[0] or entry.t_ns, entry.t_ns]
+        times_ns = entry.t_ns if times_ns is None else times_ns[0], entry.t_ns
         if isinstance(entry, Published):
             topics[entry.topic] += 1
             if entry.topic == WARNING_TOPIC:
@@ -53,10 +56,16 @@ def recording_info(recording: Recording) -> dict[str, Any]:
             continue
         gaps.add(entry.t_ns)
         kinds[type(entry.event).__name__] += 1
-        if link := getattr(entry.event, "link", None):
-            received[link] += len(getattr(entry.event, "data", b""))
-    length_s = (times_ns[1] - times_ns[0]) * 1e-9
-    begun = datetime.fromtimestamp((times_ns[0] + recording.wall_minus_monotonic_ns) * 1e-9, UTC)
+        if isinstance(entry.event, Bytes):
+            reads[entry.event.link] += 1
+            received[entry.event.link] += len(entry.event.data)
+    begin_ns, end_ns = times_ns or (0, 0)
+    length_s = (end_ns - begin_ns) * 1e-9
+
+    def rate(count: int) -> float | None:
+        return count / length_s if length_s else None
+
+    begun = datetime.fromtimestamp((begin_ns + recording.wall_minus_monotonic_ns) * 1e-9, UTC)
     return {
         "recording": str(recording.path),
         "bytes": recording.size_bytes,
@@ -64,16 +73,16 @@ def recording_info(recording: Recording) -> dict[str, Any]:
         "fault": recording.gap,
         "begun": begun.isoformat(timespec="milliseconds"),
         "length_s": length_s,
-        "gaps": [[gap.begin_s - times_ns[0] * 1e-9, gap.end_s - times_ns[0] * 1e-9] for gap in gaps.found],
+        "gaps": [[each_s - begin_ns * 1e-9 for each_s in gap] for gap in gaps.found],
         "boot": recording.boot,
         **_rig(recording),
+        "links": {
+            link: {"reads": count, "reads_hz": rate(count), "bytes": received[link]}
+            for link, count in sorted(reads.items())
+        },
         "versions": recording.versions,
         "events": dict(sorted(kinds.items())),
-        "received_bytes": dict(sorted(received.items())),
-        "topics": {
-            topic: {"messages": count, "rate_hz": count / length_s if length_s else None}
-            for topic, count in sorted(topics.items())
-        },
+        "topics": {topic: {"messages": count, "rate_hz": rate(count)} for topic, count in sorted(topics.items())},
         "changes_to_level": dict(levels),
     }
 
@@ -90,29 +99,31 @@ def _rig(recording: Recording) -> dict[str, Any]:
 
 def _lines(found: dict[str, Any]) -> list[str]:
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
-    length = f"{found['length_s']:.3f} s from {found['begun']} on, {found['bytes'] / 1e6:.2f} MB"
     lines = [
         f"recording: {found['recording']}",
-        f"length:    {length}",
+        f"length:    {found['length_s']:.3f} s from {found['begun']} on, {found['bytes'] / 1e6:.2f} MB",
         f"complete:  {'yes' if found['complete'] else 'no: ' + found['fault']}",
         f"boot:      {found['boot']}",
         f"config:    {found['config_id'] or found['config_fault']}",
         f"versions:  {versions}",
-        *(f"gap:       nothing is known from {begin_s:.3f} to {end_s:.3f} s" for begin_s, end_s in found["gaps"]),
-        "streams:",
-        *(
-            f"    {name}: {stream['device']}, {stream['rate_hz']:g} Hz, {found['received_bytes'].get(name, 0)} bytes"
-            for name, stream in found["streams"].items()
-        ),
-        "events:",
-        *(f"    {name}: {count}" for name, count in found["events"].items()),
-        "messages:",
-        *(
-            f"    {topic}: {each['messages']}" + ("" if each["rate_hz"] is None else f", {each['rate_hz']:.1f} Hz")
-            for topic, each in found["topics"].items()
-        ),
     ]
+    for begin_s, end_s in found["gaps"]:
+        lines.append(f"gap:       nothing is known from {begin_s:.3f} to {end_s:.3f} s")
+    lines.append("streams:")
+    for name, each in found["streams"].items():
+        lines.append(f"    {name}: {each['device']}, {each['rate_hz']:g} Hz in the config")
+    lines.append("links:")
+    for name, each in found["links"].items():
+        lines.append(f"    {name}: {each['bytes']} bytes in {_rated(each['reads'], 'reads', each['reads_hz'])}")
+    lines.append("events:    " + ", ".join(f"{count} {name}" for name, count in found["events"].items()))
+    lines.append("messages:" if found["topics"] else "messages:  none; slipd replay and slipd plot make them of events")
+    for name, each in found["topics"].items():
+        lines.append(f"    {name}: {_rated(each['messages'], 'messages', each['rate_hz'])}")
     if found["changes_to_level"]:
         counts = ", ".join(f"{level} {count}" for level, count in found["changes_to_level"].items())
         lines.append(f"changes of level to: {counts}")
     return lines
+
+
+def _rated(count: int, what: str, rate_hz: float | None) -> str:
+    return f"{count} {what}" + ("" if rate_hz is None else f", {rate_hz:.1f} Hz")
