@@ -5,31 +5,35 @@ Knows no clock, socket or terminal: messages in, text out. An unknown value is s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from slipd_client.live_view_format import (
+from slipd_client.live_view_parts import (
+    FAULT_COLOUR,
+    LEVEL_COLOURS,
+    NAME_CELLS,
+    add_faults,
+    add_gripper,
+    add_incidents,
+    add_recording,
+    add_stream,
     as_map,
+    bar,
+    bounds,
     clock_time,
     either,
     evidence_of,
+    friction,
     in_newtons,
     margin,
     number,
+    place,
     plain,
     quantity,
     reasons_of,
 )
-from slipd_client.live_view_lines import (
-    add_faults_in_short,
-    add_finger,
-    add_gripper,
-    add_incidents,
-    add_rates_in_short,
-    add_recording,
-    add_stream,
-)
-from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, Health
-from slipd_client.pad_picture import PadImage, largest_scale, pad_image
+from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC
+from slipd_client.pad_picture import CENTROID, POLE, Mark, PadImage, largest_scale, pad_image, pad_picture
 from slipd_client.terminal import GAP, Line, Sheet, Terminal, paint, spelled
 
 SILENT_AFTER_S = 2.0
@@ -44,21 +48,30 @@ PAD_LINES = 16
 OTHER_LINES = 6
 """Lines kept for the header, the gripper, the streams in short and a note; the rest is for the fingers."""
 
-Pads = dict[str, tuple[PadImage, int] | None]
-"""Finger → image of its pad, and its scale; None: it does not fit."""
+_QUANTITIES = (
+    ("normal", "normal_n", "N", 2),
+    ("tangential", "tangential_n", "N", 2),
+    ("spin", "spin_nm", "N·m", 4),
+    ("needs", "grip_needed_n", "N", 1),
+)
 
 
-StreamForms = list[tuple[Sheet, list[str]]]
-"""Lines of the streams, each with what they leave out."""
+class Form(NamedTuple):
+    """How much is drawn.
+
+    Attributes:
+        scale: Most pixels along the side of a taxel; 0: no pictures of pads.
+        streams: Every stream with rates and counters; else only those with a fault.
+        forces: Forces of the fingers too, not only level, utilisation and reasons.
+    """
+
+    scale: int
+    streams: bool = False
+    forces: bool = True
 
 
-class _Made(NamedTuple):
-    """Lines of the streams, and what they were made of."""
-
-    status: dict[str, Any] | None
-    width: int
-    ascii_only: bool
-    forms: StreamForms
+FORMS = (Form(99, streams=True), Form(99), Form(1), Form(0), Form(0, forces=False))
+"""From the longest to the shortest; the first that fits the terminal is drawn."""
 
 
 class LiveView:
@@ -66,7 +79,6 @@ class LiveView:
 
     def __init__(self) -> None:
         self._newest: dict[str, dict[str, Any]] = {}
-        self._stream_forms: _Made | None = None
 
     def update(self, topic: str, body: dict[str, Any]) -> None:
         """Add a message; ``body`` is kept, not copied.
@@ -78,8 +90,8 @@ class LiveView:
             self._newest.clear()
         self._newest[topic] = body
         if topic == STATUS_TOPIC and isinstance(body.get("fingers"), dict):
-            for gone in [known for known in self._newest if _finger_of(known) not in (None, *body["fingers"])]:
-                del self._newest[gone]
+            exist = ("", *body["fingers"])
+            self._newest = {each: kept for each, kept in self._newest.items() if each.partition(".")[2] in exist}
             if body.get("gripper", "not stated") is None:
                 self._newest.pop(GRIPPER_TOPIC, None)
 
@@ -93,20 +105,14 @@ class LiveView:
         Returns:
             One string per line, without line ends.
         """
-        silent = silent_s > SILENT_AFTER_S
-        pads = {} if silent else self._pads(terminal)
-        smallest: Pads = {finger: pad and (pad[0], 1) for finger, pad in pads.items()}
-        none: Pads = dict.fromkeys(pads)
-        for form in (pads, smallest, none):
-            lines = self._lines(terminal, silent_s, form)
-            if len(lines) <= terminal.lines or not any(pads.values()):
+        for form in FORMS:
+            lines = self._lines(terminal, silent_s if silent_s > SILENT_AFTER_S else 0.0, form)
+            if len(lines) <= terminal.lines:
                 break
-        if len(lines) > terminal.lines:
-            lines = self._lines(terminal, silent_s, none, brief=True)
-        if len(lines) > terminal.lines:
+        else:
             note = f"{len(lines) - terminal.lines + 1} more lines do not fit in {_size(terminal)}"
-            lines = [*lines[: terminal.lines - 1], [(note, "2")]]
-        return [paint(line, terminal.columns, colour=terminal.colour) for line in lines[: terminal.lines]]
+            lines = [*lines[: max(terminal.lines - 1, 0)], [(note, "2")]][: terminal.lines]
+        return [paint(line, terminal.columns, colour=terminal.colour) for line in lines]
 
     def summary(self, *, ascii_only: bool = False) -> str:
         """Return every finger in one line, for a log: level, utilisation and normal force."""
@@ -115,113 +121,56 @@ class LiveView:
             f" {quantity(body, 'normal_n', 'N' if in_newtons(body) else '', 2)}"
             for finger, body in self._fingers()
         ]
-        line = f"{self._clock_time()}  {'  |  '.join(parts) or 'no verdict yet'}"
+        newest = max((number(body.get("timestamp")) or 0.0 for body in self._newest.values()), default=0.0)
+        line = f"{clock_time(newest)}  {'  |  '.join(parts) or 'no verdict yet'}"
         return spelled(line, ascii_only=ascii_only)
 
-    def _pads(self, terminal: Terminal) -> Pads:
-        """Return image and scale of each pad; None if it does not fit."""
-        fingers = self._fingers()
-        room = (terminal.lines - OTHER_LINES) // max(len(fingers), 1) - 1
-        found: Pads = {}
-        for finger, _ in fingers:
-            image = pad_image(self._newest.get(f"tactile.{finger}", {}))
-            if image is not None:
-                scale = largest_scale(image, terminal.columns - GAP - FACT_COLUMNS, min(room, PAD_LINES))
-                found[finger] = (image, scale) if scale > 0 else None
-        return found
-
-    def _lines(self, terminal: Terminal, silent_s: float, pads: Pads, *, brief: bool = False) -> list[Line]:
-        """Return all lines, those of the streams in the longest form that fits; ``brief``: without forces."""
-        silent = silent_s > SILENT_AFTER_S
+    def _lines(self, terminal: Terminal, silent_s: float, form: Form) -> list[Line]:
         sheet = Sheet(terminal.columns, ascii_only=terminal.ascii_only)
-        self._add_header(sheet, silent_s if silent else 0.0)
-        for finger, body in self._fingers():
-            add_finger(
-                sheet,
-                finger,
-                body,
-                {} if silent else self._newest.get(f"tactile.{finger}", {}),
-                silent=silent,
-                pad=pads.get(finger),
-                brief=brief,
-                colour=terminal.colour,
-            )
+        if silent_s:
+            sheet.paragraph(f"no message for {silent_s:.1f} s: the following is out of date", FAULT_COLOUR)
+        else:
+            _add_header(sheet, self._newest.get(STATUS_TOPIC, {}))
+        fingers = self._fingers()
+        room = min((terminal.lines - OTHER_LINES) // max(len(fingers), 1) - 1, PAD_LINES)
+        left_out = [] if form.forces else ["forces"]
+        for finger, body in fingers:
+            tactile = {} if silent_s else self._newest.get(f"tactile.{finger}", {})
+            image, scale = pad_image(tactile), 0
+            if image is not None:
+                scale = min(largest_scale(image, terminal.columns - GAP - FACT_COLUMNS, room), form.scale)
+                left_out += [f"pad of {plain(finger)}"] if scale <= 0 else []
+            picture = _picture(image, scale, body, terminal) if image is not None and scale > 0 else None
+            _add_finger(sheet, finger, body, tactile, picture, silent=silent_s > 0.0, forces=form.forces)
         if gripper := self._newest.get(GRIPPER_TOPIC) or self._status("gripper"):
             add_gripper(sheet, gripper)
         for key, what in (("run_recording", "of the whole run  "), ("recording", "")):
             add_recording(sheet, self._status(key), what)
         add_incidents(sheet, self._status("incidents"))
-        without = [f"pad of {plain(finger)}" for finger, pad in pads.items() if pad is None]
-        without += ["forces"] if brief else []
-        for streams, left_out in self._forms(sheet):
-            note = sheet.narrower(0)
-            if without or left_out:
-                note.paragraph(f"left out in {_size(terminal)}: {', '.join([*without, *left_out])}", "2")
-            lines = [*sheet.lines, *streams.lines, *note.lines]
-            if len(lines) <= terminal.lines:
-                break
-        return lines
-
-    def _forms(self, like: Sheet) -> StreamForms:
-        """Return the lines of the streams, made once for each ``status``: the view is drawn several times as often."""
-        made, status = self._stream_forms, self._newest.get(STATUS_TOPIC)
-        if made is None or made.status is not status or made.width != like.width or made.ascii_only != like.ascii_only:
-            made = self._stream_forms = _Made(status, like.width, like.ascii_only, self._new_forms(like))
-        return made.forms
-
-    def _new_forms(self, like: Sheet) -> StreamForms:
-        """Return the lines of the streams, from the longest form to the shortest, each with what it leaves out."""
         streams = {name: as_map(stream) for name, stream in self._status("streams").items()}
-        well = {
-            name: each for name, each in streams.items() if each.get("health") == Health.OK and not each.get("message")
-        }
-        ill = {name: each for name, each in streams.items() if name not in well}
-        whole, short, least = like.narrower(0), like.narrower(0), like.narrower(0)
-        for name, stream in streams.items():
-            add_stream(whole, name, stream)
-        add_faults_in_short(short, ill)
-        add_rates_in_short(short, well)
-        add_faults_in_short(least, ill)
-        faults = ["rates, age and counters of the streams"] if ill else []
-        count = f"{len(well)} streams without a fault"
-        if not well:
-            return [(whole, []), (least, faults)]
-        return [(whole, []), (short, ["age and counters of the streams"]), (least, [*faults, count])]
+        if form.streams:
+            for name, stream in streams.items():
+                add_stream(sheet, name, stream)
+        elif streams:
+            well = add_faults(sheet, streams)
+            left_out.append(f"{well} streams without a fault" if well else "rates and counters of the streams")
+        if left_out:
+            sheet.paragraph(f"left out in {_size(terminal)}: {', '.join(left_out)}", "2")
+        return sheet.lines
 
     def _fingers(self) -> list[tuple[str, dict[str, Any]]]:
         """Return each finger with its newest verdict, or else with its entry in ``status``."""
         verdicts = {finger: as_map(state) for finger, state in self._status("fingers").items()}
-        for topic, body in self._newest.items():
-            kind, _, finger = topic.partition(".")
-            if kind == "slip":
-                verdicts[finger] = body
+        verdicts |= {topic[5:]: body for topic, body in self._newest.items() if topic.startswith("slip.")}
         return sorted(verdicts.items())
 
     def _status(self, key: str) -> dict[str, Any]:
         return as_map(self._newest.get(STATUS_TOPIC, {}).get(key))
 
-    def _add_header(self, sheet: Sheet, silent_s: float) -> None:
-        if silent_s:
-            sheet.paragraph(f"no message for {silent_s:.1f} s: the following is out of date", "1;31")
-            return
-        status = self._newest.get(STATUS_TOPIC, {})
-        lease = either(self._status("lease").get("held"), "held", "free")
-        facts = [f"up {quantity(status, 'uptime_s', 's', 0)}"]
-        if "config_id" in status:  # the topic has it, and the reply to a request does not
-            facts.append(f"config {plain(status['config_id'])}")
-        facts.append(f"lease {lease}")
-        if named := status.get("object_name"):
-            facts.append(f"object {plain(named)}")
-        sheet.facts([(f"slipd {plain(status.get('version'))}", "1")], [(fact, "") for fact in facts])
-
-    def _clock_time(self) -> str:
-        newest = max((number(body.get("timestamp")) or 0.0 for body in self._newest.values()), default=0.0)
-        return clock_time(newest)
-
 
 def change_line(body: dict[str, Any], *, ascii_only: bool = False) -> str:
     """Return one line for a message of topic ``warning``: the level of a finger has changed."""
-    reasons = "; ".join(part for part in (reasons_of(body), evidence_of(body)) if part)
+    reasons = "; ".join(filter(None, (reasons_of(body), evidence_of(body))))
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
     line = f"{clock_time(number(body.get('timestamp')) or 0.0)}  {plain(body.get('finger'))} {change}"
     return spelled(line + (f"  ({reasons})" if reasons else ""), ascii_only=ascii_only)
@@ -231,7 +180,71 @@ def _size(terminal: Terminal) -> str:
     return f"{terminal.columns} x {terminal.lines}"
 
 
-def _finger_of(topic: str) -> str | None:
-    """Return the finger of a topic; None if it has none."""
-    _, separator, finger = topic.partition(".")
-    return finger if separator else None
+def _add_header(sheet: Sheet, status: dict[str, Any]) -> None:
+    facts = [f"up {quantity(status, 'uptime_s', 's', 0)}"]
+    facts += (
+        [f"config {plain(status['config_id'])}"] if "config_id" in status else []
+    )  # the reply to a request has none
+    facts.append(f"lease {either(as_map(status.get('lease')).get('held'), 'held', 'free')}")
+    facts += [f"object {plain(named)}"] if (named := status.get("object_name")) else []
+    sheet.facts([(f"slipd {plain(status.get('version'))}", "1")], [(fact, "") for fact in facts])
+
+
+class _Picture(NamedTuple):
+    lines: list[Line]
+    columns: int
+    peak: str
+
+
+def _picture(image: PadImage, scale: int, body: dict[str, Any], terminal: Terminal) -> _Picture:
+    marks = (Mark(CENTROID, body.get("centroid_m")), Mark(POLE, body.get("pole_m")))
+    drawn = pad_picture(image, scale, marks, colour=terminal.colour, ascii_only=terminal.ascii_only)
+    return _Picture(*drawn, f"largest taxel {image.peak:.3g} {image.unit}".rstrip())
+
+
+def _add_finger(
+    sheet: Sheet,
+    finger: str,
+    body: dict[str, Any],
+    tactile: dict[str, Any],
+    picture: _Picture | None,
+    *,
+    silent: bool,
+    forces: bool,
+) -> None:
+    """Add one finger; ``body`` is its verdict, or its entry in ``status``, which holds no quantities."""
+    level = "unknown" if silent else plain(body.get("level"))
+    colour = LEVEL_COLOURS.get(level, "")
+    why = "stale" if silent else "  ".join(filter(None, (reasons_of(body), evidence_of(body))))
+    head: Line = [(f"{plain(finger):<{NAME_CELLS}}", "1"), (f"{level.upper():<11}", colour)]
+    if "tare_busy" in body:
+        head.append((f"tare {quantity(body, 'tare_id', '', 0)}", ""))
+        used, facts = [(friction(body), "")], []
+    else:
+        head.append((margin(body), ""))
+        used = [(text, code) for text, code in ((bar(body), colour), (bounds(body), "")) if text]
+        facts = [(text, "") for text in _facts(body, tactile, picture) if text and forces]
+    if picture is None:
+        sheet.facts(head, [*used, *facts], NAME_CELLS)
+        sheet.paragraph(why, colour, NAME_CELLS)
+        return
+    sheet.facts(head, used, NAME_CELLS)
+    beside = sheet.narrower(picture.columns + GAP)
+    beside.paragraph(why, colour)
+    beside.facts([], facts)
+    sheet.beside(picture.lines, picture.columns, beside)
+
+
+def _facts(body: dict[str, Any], tactile: dict[str, Any], picture: _Picture | None) -> Iterator[str]:
+    unit_known = in_newtons(body)
+    facts = [
+        f"{word} {quantity(body, key, unit if unit_known else '', digits)}" for word, key, unit, digits in _QUANTITIES
+    ]
+    yield from (*facts[:3], friction(body), *facts[3:])
+    for key, name, sign in (("centroid_m", "centroid", CENTROID), ("pole_m", "pole", POLE)):
+        yield place(body, key, f"{name} {sign}" if picture else name)
+    reasons = tactile.get("image_reasons")
+    if tactile.get("image_ok") is False and isinstance(reasons, list):
+        yield f"no image: {', '.join(map(plain, reasons))}"
+    if picture:
+        yield picture.peak

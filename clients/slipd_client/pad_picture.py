@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from slipd_client.live_view_format import number
+from slipd_client.live_view_parts import number
 from slipd_client.terminal import Line
 
 CENTROID, POLE = "+", "o"

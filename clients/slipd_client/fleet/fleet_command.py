@@ -17,8 +17,7 @@ from slipd_client.errors import require
 from slipd_client.fleet.fleet_listener import FleetListener
 from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotRow
 from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
-from slipd_client.live_view_format import UNKNOWN, clock_time, plain
-from slipd_client.live_view_lines import HEALTH_COLOURS, LEVEL_COLOURS
+from slipd_client.live_view_parts import HEALTH_COLOURS, LEVEL_COLOURS, UNKNOWN, clock_time, plain
 from slipd_client.messages.names import SEVERITY
 from slipd_client.terminal import (
     UNCUT,

@@ -10,7 +10,7 @@ from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.change_log import MOST_CHANGES, Change, ChangeLog
 from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, Panel, StripGroup
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
-from slipd_client.live_view_format import UNKNOWN
+from slipd_client.live_view_parts import UNKNOWN
 from slipd_client.pad_picture import CENTROID, POLE
 
 GENERATOR = "slipd plot"

@@ -1,13 +1,29 @@
-"""Format the values of a message for the live view; an unknown value is "–", never 0."""
+"""Parts of the live view: values as text, and lines of gripper, recordings, streams; what is unknown is "–", never 0."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
+from slipd_client.messages import HEALTH, Health
+from slipd_client.terminal import Sheet
+
 UNKNOWN = "\N{EN DASH}"
 BAR_CELLS = 20
+NAME_CELLS = 10
+
+LEVEL_COLOURS = {
+    "no_contact": "2",
+    "stable": "32",
+    "caution": "33",
+    "warning": "1;31",
+    "slipping": "1;97;41",
+    "unknown": "1;35",
+}
+HEALTH_COLOURS = ("32", "33", "1;31", "1;35")
+FAULT_COLOUR = HEALTH_COLOURS[Health.ERROR]
 
 
 def clock_time(timestamp: float) -> str:
@@ -137,3 +153,90 @@ def plain(value: Any) -> str:
     if value and value.isprintable():
         return value
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN
+
+
+def add_gripper(sheet: Sheet, body: dict[str, Any]) -> None:
+    """Add the gripper, from a message ``gripper`` or its entry in ``status``."""
+    width_m = number(body.get("width_m"))
+    head = [(f"{'gripper':<{NAME_CELLS}}", "1"), (f"width {_scaled(width_m, 'mm', 1)}", "")]
+    facts = (
+        f"force {quantity(body, 'force_command_n', 'N', 1)} of at most {quantity(body, 'force_limit_n', 'N', 1)}",
+        either(body.get("moving"), "moving", "at rest"),
+        f"object {plain(body.get('object'))}",
+    )
+    sheet.facts(head, [(fact, "") for fact in facts], NAME_CELLS)
+    faults = [f"fault {plain(fault)}"] if (fault := body.get("fault")) else []
+    faults += [f"latched: {plain(latched)}"] if (latched := body.get("latched_fault")) else []
+    faults += ["does not repeat the command"] if body.get("echo_ok") is False else []
+    sheet.remark("  ".join(faults), FAULT_COLOUR, NAME_CELLS)
+
+
+def add_recording(sheet: Sheet, recording: dict[str, Any], what: str) -> None:
+    """Add a recording in progress, or one that ended by itself; one that was stopped on request is not shown."""
+    failure = recording.get("failure")
+    if recording.get("running") is not True and not failure:
+        return
+    limited = recording.get("state") == "limited"
+    word, colour = ("OK", "32") if not failure else ("ENDED", "33") if limited else ("FAILED", FAULT_COLOUR)
+    sheet.facts([(f"{'recording':<20}", "1"), (f"{word:<7}", colour)])
+    if failure:  # it contains the path
+        sheet.remark(plain(failure), colour, NAME_CELLS)
+        return
+    sheet.remark(f"{what}{plain(recording.get('path') or recording.get('name'))}", "", NAME_CELLS)
+    if recording.get("lost"):
+        sheet.remark(f"{quantity(recording, 'lost', '', 0)} entries lost", "33", NAME_CELLS)
+
+
+def add_incidents(sheet: Sheet, incidents: dict[str, Any]) -> None:
+    """Add the incidents of this run, if they are kept: files saved and not, and entries missing from the memory."""
+    if not incidents:
+        return
+    failure = incidents.get("failure")
+    head = [(f"{'incidents':<20}", "1"), ("FAILED ", FAULT_COLOUR) if failure else ("OK     ", "32")]
+    counts = (("saved", "saved"), ("not_saved", "not saved"))
+    sheet.facts(head, [(f"{quantity(incidents, key, '', 0)} {word}", "") for key, word in counts], NAME_CELLS)
+    sheet.remark(_said(failure or incidents.get("path")), FAULT_COLOUR if failure else "", NAME_CELLS)
+    missing = [f"{quantity(incidents, key, '', 0)} entries {key}" for key in ("lost", "dropped") if incidents.get(key)]
+    sheet.remark(", ".join(missing), "33", NAME_CELLS)
+
+
+def add_stream(sheet: Sheet, name: str, stream: dict[str, Any]) -> None:
+    """Add one stream with its health, rate, age and counters."""
+    health, colour = _health(stream)
+    rates = f"{quantity(stream, 'rate_hz', 'Hz', 0)} of {quantity(stream, 'expected_hz', 'Hz', 0)}"
+    facts = [f"age {_scaled(number(stream.get('age_s')), 'ms', 0)}"]
+    facts += [f"{word} {quantity(stream, word, '', 0)}" for word in ("bad", "lost", "reconnects")]
+    head = [(f"{plain(name):<20}", ""), (f"{health:<7}", colour), (rates, "")]
+    sheet.facts(head, [(fact, "") for fact in facts], NAME_CELLS)
+    sheet.remark(_said(stream.get("message")), colour, NAME_CELLS)
+
+
+def add_faults(sheet: Sheet, streams: Mapping[str, dict[str, Any]]) -> int:
+    """Add the streams with a fault or a hint, those with the same one together; return how many have none."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    well = 0
+    for name, stream in streams.items():
+        message = stream.get("message")
+        if stream.get("health") == Health.OK and not message:
+            well += 1
+        else:
+            alike.setdefault((*_health(stream), _said(message)), []).append(plain(name))
+    for (health, colour, message), names in alike.items():
+        sheet.facts([(f"{health:<{NAME_CELLS}}", colour), (", ".join(names), "")])
+        sheet.remark(message, colour, NAME_CELLS)
+    return well
+
+
+def _scaled(value: float | None, unit: str, digits: int) -> str:
+    """Return a quantity in m or s in a thousandth of that."""
+    return UNKNOWN if value is None else f"{1000 * value:.{digits}f} {unit}"
+
+
+def _health(stream: Mapping[str, Any]) -> tuple[str, str]:
+    code = stream.get("health")
+    known = isinstance(code, int) and 0 <= code < len(HEALTH)
+    return (HEALTH[code], HEALTH_COLOURS[code]) if known else (UNKNOWN, "")  # type: ignore[index]
+
+
+def _said(text: Any) -> str:
+    return plain(text) if text else ""
