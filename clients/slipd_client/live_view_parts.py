@@ -1,4 +1,4 @@
-"""Parts of the live view: values as text, and lines of gripper, recordings, streams; what is unknown is "–", never 0."""
+"""Parts of the live view: values as text, and lines of gripper, recordings and streams; unknown is "–", never 0."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -68,12 +69,11 @@ def read_config(path: Path) -> dict[str, Any]:
         CallError: The file cannot be read.
     """
     try:
-        import tomllib
+        config: dict[str, Any] = importlib.import_module("tomllib").loads(path.read_text(encoding="utf-8"))
     except ModuleNotFoundError as error:  # of Python 3.11
         raise CallError("--config needs Python 3.11 or newer") from error
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise CallError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise CallError(f"{path}: not a TOML file: {error}") from error
+    return config

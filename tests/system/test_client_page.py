@@ -26,7 +26,7 @@ from slipd_client.errors import RequestRefused
 pytestmark = pytest.mark.process
 
 PAGE = (DOCS / "clients.md").read_text(encoding="utf-8")
-(EXCHANGE,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+(EXCHANGE,) = re.findall(r"```python\n(import sys.*?)```", PAGE, re.DOTALL)
 
 RIG = """
 [finger.left]

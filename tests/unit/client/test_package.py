@@ -1,17 +1,10 @@
 from __future__ import annotations
 
-import ast
 import pkgutil
 import subprocess
 import sys
-from pathlib import Path
 
 import slipd_client
-
-
-def test_every_file_is_python_3_10() -> None:
-    for file in sorted(Path(slipd_client.__file__).parent.rglob("*.py")):
-        ast.parse(file.read_text(encoding="utf-8"), feature_version=(3, 10))
 
 
 def test_a_subscriber_loads_no_asyncio() -> None:

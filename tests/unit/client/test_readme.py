@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 EXAMPLES = {
     f"{place}-{number}": code
-    for place in ("README.md", "clients/README.md")
+    for place in ("README.md", "clients/README.md", "docs/clients.md")
     for number, code in enumerate(re.findall(r"```python\n(.*?)```", (ROOT / place).read_text("utf-8"), re.DOTALL))
+    if "slipd_client" in code
 }
 
 

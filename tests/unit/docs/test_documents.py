@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from project import DAEMON, DOCS, ROOT
+from wire_tables import filled
 
-from slipd_client import methods_table
 from slipd_client.client_base import GripClientBase, operation
 
 LEADING_IDS = re.compile(r"test_((?:[A-Z]\d+_)+)")
@@ -125,9 +125,9 @@ def test_the_readme_is_short() -> None:
 
 
 def test_the_table_of_methods_is_that_of_the_client() -> None:
-    """``python -m slipd_client.methods_table clients/README.md`` writes it."""
-    page = (ROOT / "clients" / "README.md").read_text(encoding="utf-8")
-    assert methods_table.filled(page) == page
+    """``python -m wire_tables docs/clients.md`` writes it."""
+    page = (DOCS / "clients.md").read_text(encoding="utf-8")
+    assert filled(page) == page
     methods = {name for name, each in vars(GripClientBase).items() if isinstance(each, operation)}
     assert {name for name in methods if f"`{name}(" not in page} == {"request"}, "any op by its name"
 
