@@ -228,7 +228,7 @@ def _add_batches(commands: Any) -> None:
         "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have "
         "done about that. The zero of a pad stays that of the recording too. Results are kept: what was replayed once "
         "with a config is not replayed again, and an interrupted evaluation goes on. Exit code 1: a config gives other "
-        "levels, or a recording is damaged or does not fit a config. docs/batches.md covers large batches and clusters.",
+        "levels, or a recording is damaged or does not fit a config. docs/batches.md covers large batches.",
     )
     evaluate.add_argument(
         "recordings",
