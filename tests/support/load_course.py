@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.fusion.levels import Assessment, ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.config import Levels, Slip
+from slipd.fusion.levels import Assessment, ContactWatch, Uncertainty
 from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
 from slipd.types.arrays import Array
 
@@ -45,8 +46,8 @@ def slips_at(found: Rows) -> list[int]:
 class Watch:
     """A contact whose readings come one by one, at 1 kHz."""
 
-    def __init__(self, settings: SlipSettings | None = None) -> None:
-        self.watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), settings or SlipSettings(), 0.001, 0.3)
+    def __init__(self, settings: Slip | None = None) -> None:
+        self.watch = ContactWatch(Levels(), settings or Slip(), 0.001, 0.3)
         self.k = 0
 
     def take(self, load_n: float, normal_n: float, used: float, *, phase: int = TOUCHING) -> Assessment:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Levels, Pad, Wrench
+from slipd.config import Levels, Pad, Slip, Wrench
 from slipd.finger.finger import Finger
 from slipd.fusion import (
     contact_from_wrench,
@@ -16,8 +16,9 @@ from slipd.fusion import (
     torque_limit,
     utilisation,
 )
+from slipd.fusion.levels import ContactWatch
 from slipd.fusion.load_noise import relative_noise
-from slipd.fusion.streaming import IDENTITY, move_to_pad, new_readings, spin_utilisation_1n
+from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
@@ -37,8 +38,7 @@ def warm_up() -> None:
     relative_noise((0.1, 0.0), 0.001, (0.0, 0.0), (1.0, 0.0, 0.0), 0.02, 0.001)
     tipping_margin(x, y, centre)
     contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
-    spin_utilisation_1n(x, y, loads, 0.5, 0.001)
-    move_to_pad(new_readings([(0.0,) * 6], [0.0]), IDENTITY)
+    move_to_pad(new_readings([(0.0,) * 6], [0.0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).conditions)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)

@@ -1,7 +1,7 @@
 """Estimate the contact of one finger, read by read: contact phase, utilisation, tipping margin, slip, and level.
 
 All readings of one read go through the compiled kernels of `slipd.fusion` at once. What the next read continues from
-is kept here: whether the pad is in contact, the last velocity of slip, and what the detection of slip remembers.
+is kept in rows of the `ContactWatch`; `ContactWatch.conditions` shows why a verdict came out as it did.
 """
 
 from __future__ import annotations
@@ -9,30 +9,28 @@ from __future__ import annotations
 import math
 from enum import Enum
 
+import numpy as np
+
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
 from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.load_distribution import LoadDistribution
-from slipd.finger.verdict import UNTARED
 from slipd.friction.friction_estimate import STEP_NS, FrictionEstimate
 from slipd.friction.friction_state import FrictionState
 from slipd.friction.learning import learn
-from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
-from slipd.fusion.rows import FREE, LATE, NO_CONTACT, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
-from slipd.fusion.streaming import contact_at, find_contacts, solve_readings, spin_utilisation_1n
+from slipd.fusion.levels import ContactWatch, Uncertainty
+from slipd.fusion.rows import FREE, NO_CONTACT, TOUCHING, UNKNOWN, Rows
+from slipd.fusion.streaming import contact_at, find_contacts, judge_readings
 from slipd.signals.force_image_agreement import CLEAR, STDS
 
-CONTACT_HYSTERESIS = 0.8
-"""A contact lasts down to this share of the normal force at which it begins."""
-DECISION_GAP = 1e-6
-"""Relative gap between the bounds of the utilisation; far below what a threshold or a message resolves."""
 SHAPE_ERROR = 0.7
 """Relative standard deviation of λ of a pure spin, times the number of active taxels: measured on simulated contacts of
 4 to 40 taxels (`tests/unit/finger/test_shape_error.py`)."""
 LARGEST_BIAS_N = 10.0
 """A force sensor may read this much without load before its first tare, N."""
+_NO_TAXELS = (np.empty(0),) * 5
 
 
 class Learning(Enum):
@@ -54,42 +52,43 @@ class ContactEstimator:
 
     Attributes:
         friction: Coefficients of friction in use.
-        in_contact: The newest reading that could be trusted touches.
+        watch: Conditions in force, and the memory of the kernels.
     """
 
     def __init__(self, config: FingerConfig, levels: Levels) -> None:
-        least_n, slip = config.min_normal_n, config.slip
+        slip = config.slip
         half_pitch_m = 0.5 * config.pad.pitch_m if config.pad is not None else math.nan
-        thresholds = Thresholds(levels.caution, levels.warning, levels.hysteresis)
         self.friction = FrictionEstimate(config.mu, config.mu_spread, config.most_mu, slip.drop, config.mu_rotation)
-        self.in_contact = False
+        self.watch = ContactWatch(levels, slip, half_pitch_m, config.min_normal_n)
         self._caution = levels.caution
-        self._contact_n = (least_n, CONTACT_HYSTERESIS * least_n)
         self._drift_n, self._bias_n = _most_zero_n(config)
-        settings = SlipSettings(slip.drop, slip.window_s, slip.hold_s, levels.false_alarms_per_hour)
-        self._watch = ContactWatch(thresholds, settings, half_pitch_m, least_n)
-        self._twist: tuple[float, float, float] | None = None
+        self._friction_in_force: FrictionState | None = None
+        self._uncertainty_in_force: tuple[Uncertainty, bool] | None = None
+
+    @property
+    def in_contact(self) -> bool:
+        """The newest reading that could be trusted touches."""
+        return bool(self.watch.memory["in_contact"][0])
 
     @property
     def least_normal_n(self) -> float:
         """Least normal force that counts as contact now, N."""
-        return self._contact_n[self.in_contact]
+        return float(self.watch.conditions["lasts_n" if self.in_contact else "begins_n"][0])
 
     def set_friction(self, mu_s: float, mu_d: float | None, by: str, t_ns: int | None) -> None:
         """Use the coefficients that a client states; see `FrictionEstimate.set`."""
         self.friction.set(mu_s, mu_d, by, t_ns)
         if mu_d is not None:
-            self._watch.set_drop(self.friction.drop)
+            self.watch.drop["least_drop"] = self.friction.drop
 
     def note_motion(self, until_ns: int, evidence: int) -> None:
         """Report slip until a time; see `ContactWatch.note_motion`."""
-        self._watch.note_motion(until_ns * 1e-9, evidence)
+        self.watch.note_motion(until_ns * 1e-9, evidence)
         self.friction.note_turn(until_ns * 1e-9)
 
     def end_contact(self) -> None:
         """Forget the contact: it ended, or is no longer known."""
-        self.in_contact, self._twist = False, None
-        self._watch.reset()
+        self.watch.reset()
         self.friction.end_contact()
 
     def estimate(
@@ -117,28 +116,16 @@ class ContactEstimator:
                 may hide a contact from the force sensor.
             zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
         """
-        rows, times_ns, friction = readings.rows, readings.times_ns, self.friction
-        pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
-        find_contacts(
-            rows,
-            readings.transform,
-            self._contact_n,
-            self.in_contact,
-            uncertainty.force_std_n + uncertainty.force_n,
-            uncertainty.torque_std_nm + uncertainty.torque_nm,
-            pulled_n if zero_known else pulled_n + self._bias_n,
-        )
-        if not zero_known:
-            _doubt_zero(readings)
+        rows, times_ns, friction, watch = readings.rows, readings.times_ns, self.friction, self.watch
+        if (uncertainty, zero_known) != self._uncertainty_in_force:
+            self._set_uncertainty(uncertainty, zero_known=zero_known)
+        ends_at = find_contacts(rows, watch.conditions, watch.memory, readings.moved)
         phases = rows["phase"].tolist()
         distribution, count = None, len(phases)
         if image is not None and TOUCHING in phases:
             distribution = image.load_distribution(lambda: contact_at(rows, phases.index(TOUCHING)))
-        if distribution is not None:
-            distribution.outline.fill_margins(rows)
-        ends_at = count if phases.count(TOUCHING) == count else _contact_end(phases, self.in_contact)
         if disagreement:
-            self._watch.forget_load()  # a wrong reading, and its end, look like a load that falls
+            watch.forget_load()  # a wrong reading, and its end, look like a load that falls
             friction.discard_grasp()
         frictions: list[FrictionState] = []
         begin, end = 0, count
@@ -148,9 +135,9 @@ class ContactEstimator:
             frictions += [friction.state] * (end - begin)
             agrees_at = min(max(ends_at, begin), end) if disagreement else begin
             if begin < agrees_at:
-                self._judge(rows[begin:agrees_at], phases[begin:agrees_at], distribution, uncertainty, Learning.NOTHING)
+                self._judge(rows[begin:agrees_at], distribution, Learning.NOTHING)
             if agrees_at < end:
-                self._judge(rows[agrees_at:end], phases[agrees_at:end], distribution, uncertainty, learning)
+                self._judge(rows[agrees_at:end], distribution, learning)
             begin, end = end, count
         levels = rows["assessment"]["level"].tolist()
         for k, phase in enumerate(phases if disagreement or image_free else ()):
@@ -162,51 +149,39 @@ class ContactEstimator:
             readings, phases, distribution, frictions, self._caution, image_fault, disagreement, ends_at, levels
         )
 
-    def _judge(
-        self,
-        rows: Rows,
-        phases: list[int],
-        distribution: LoadDistribution | None,
-        uncertainty: Uncertainty,
-        learning: Learning,
-    ) -> None:
+    def _judge(self, rows: Rows, distribution: LoadDistribution | None, learning: Learning) -> None:
         """Solve and assess readings with one friction, learn from them, and keep what the next read continues from."""
-        friction = self.friction
-        mu, spin_1n, shape_error = friction.state.mu, 0.0, math.nan
+        friction, watch, arrays = self.friction, self.watch, _NO_TAXELS
+        if friction.state is not self._friction_in_force:
+            self._friction_in_force = friction.state
+            watch.set_friction(math.nan if friction.state.mu is None else friction.state.mu, friction.state.spin_scale)
+        shape_error, teaches = math.nan, False
         if distribution is not None:
-            x, y, loads = distribution.x, distribution.y, distribution.loads.loads
-            solved_mu, shape_error = mu or 1.0, SHAPE_ERROR / len(x)  # λ at μ = 1 is the required friction
-            scale = 1.0 if friction.rotation.stated is None else friction.state.spin_scale
-            if scale != 1.0:
-                rows["contact"]["spin_nm"] *= scale
-            solve_readings(rows, x, y, loads, solved_mu, self._twist, DECISION_GAP)
-            if scale != 1.0:
-                rows["contact"]["spin_nm"] /= scale
-            if friction.rotation.stated is not None:
-                self._carry_spin(rows, phases, distribution)
-            if uncertainty.force_n > 0.0:
-                spin_1n = spin_utilisation_1n(x, y, loads, solved_mu, uncertainty.torque_nm)
-        self._watch.assess(rows, math.nan if mu is None else mu, uncertainty, spin_1n)
-        teaches = learning is not Learning.NOTHING and distribution is not None and uncertainty.force_n == 0.0
+            shape_error, outline = SHAPE_ERROR / len(distribution.x), distribution.outline
+            arrays = distribution.x, distribution.y, distribution.loads.loads, outline.x, outline.y
+            teaches = learning is not Learning.NOTHING and self._certain
+        judge_readings(rows, watch.conditions, watch.memory, watch.drop, watch.ring, *arrays)
         learn(rows, friction.learning, shape_error, teaches, learning is Learning.ALL)
-        k = len(phases) - 1
-        while k >= 0 and phases[k] == UNTRUSTED:
-            k -= 1
-        if k < 0:
-            return
-        self.in_contact, self._twist = phases[k] == TOUCHING, None
-        if self.in_contact and distribution is not None:
-            vx, vy, omega = rows["utilisation"]["twist"][k].tolist()
-            self._twist = vx, vy, omega
-        if not self.in_contact and friction.rotation.stated is not None:
-            friction.forget_turns()
+        if friction.rotation.stated is not None:
+            self._learn_rotation(rows, distribution)
 
-    def _carry_spin(self, rows: Rows, phases: list[int], distribution: LoadDistribution) -> None:
+    def _learn_rotation(self, rows: Rows, distribution: LoadDistribution | None) -> None:
         """Note which friction the spin of each reading requires: if the object turns now, it was that of the limit."""
-        for k, phase in enumerate(phases):
-            if phase == TOUCHING:
+        for k, phase in enumerate(rows["phase"].tolist()):
+            if phase == TOUCHING and distribution is not None:
                 required = abs(distribution.spin_required(contact_at(rows, k)))
                 self.friction.rotation.carry(float(rows["t_s"][k]), required)
+        if not self.in_contact:
+            self.friction.forget_turns()
+
+    def _set_uncertainty(self, uncertainty: Uncertainty, *, zero_known: bool) -> None:
+        """Put the uncertainty of the readings in force, and the negative normal force that it does not explain."""
+        self._uncertainty_in_force = uncertainty, zero_known
+        self._certain = uncertainty.force_n == 0.0
+        self.watch.set_uncertainty(uncertainty)
+        pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
+        self.watch.conditions["pulled_n"] = pulled_n if zero_known else pulled_n + self._bias_n
+        self.watch.conditions["zero_known"] = zero_known
 
 
 def _most_zero_n(config: FingerConfig) -> tuple[float, float]:
@@ -220,21 +195,3 @@ def _most_zero_n(config: FingerConfig) -> tuple[float, float]:
         return config.min_normal_n + wrench.drift_limit_n, LARGEST_BIAS_N
     taxels_n = 0.0 if pad is None else pad.rows * pad.cols * pad.threshold
     return CLEAR * config.min_normal_n + taxels_n, 0.0
-
-
-def _doubt_zero(readings: WrenchBatch) -> None:
-    """Mark readings whose zero is not known; a clear pull, and a reading that is too late, stay what they are."""
-    for k, phase in enumerate(readings.rows["phase"].tolist()):
-        if phase in (FREE, TOUCHING):
-            readings.rows["phase"][k] = UNTRUSTED
-            readings.untrusted[k] = UNTARED.reasons
-
-
-def _contact_end(phases: list[int], in_contact: bool) -> int:
-    """Return the index of the first reading with which a contact ends; the number of readings where none does."""
-    if FREE in phases or LATE in phases or PULLED in phases:
-        for k, phase in enumerate(phases):
-            if in_contact and phase in (FREE, LATE, PULLED):
-                return k
-            in_contact = in_contact or phase == TOUCHING
-    return len(phases)

@@ -39,7 +39,6 @@ from slipd_client.messages import LEVELS
 
 LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
 """Levels that need an image. Without it they become unknown; a worse level stays as it is."""
-NO_UNCERTAINTY = Uncertainty()
 
 
 class DelayedRead(NamedTuple):
@@ -84,15 +83,16 @@ class Finger:
         if stream is None:
             raise ValueError(f"finger {name} has no stream")
         self.name, self.config = name, config
-        self.force = ForceChannel(wrench, stale_after_ns(wrench)) if wrench is not None else None
+        self._estimator = ContactEstimator(config, levels)
+        self.friction, conditions = self._estimator.friction, self._estimator.watch.conditions
+        self.force = ForceChannel(wrench, stale_after_ns(wrench), conditions) if wrench is not None else None
         self.image = ImageChannel(pad, config) if pad is not None else None
         self.main, self.main_stream = self.channel(None), "pad" if wrench is None else "wrench"
         self.tare = self.main.tare
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
         self._freshness = Freshness(stale_after_ns(stream))
-        self._estimator = ContactEstimator(config, levels)
-        self.friction = self._estimator.friction
+        self._uncertainty = Uncertainty() if self.force is None else self.force.noise
         self._presence = ContactPresence(config, self.force, self.image, self._estimator, self._freshness)
         self._trust = RaiseTrust(stream, pad, self.force, self.image, self._freshness)
         self._guard = TareGuard(self.tare, self.image, self._freshness, self._presence)
@@ -213,7 +213,9 @@ class Finger:
         if readings.received_ns - min(times_ns) > self._freshness.stale_ns:
             self._mark_late(readings, arrival)
         self._freshness.update(readings.received_ns, times_ns[-1], arrival)
-        uncertainty = NO_UNCERTAINTY if force is None else force.uncertainty(times_ns[-1])
+        uncertainty = self._uncertainty
+        if force is not None and force.mass_kg > 0.0:
+            uncertainty = force.uncertainty(times_ns[-1])
         learning = Learning.NOTHING
         sure = force is None or force.watch.rests or not force.watch.suspect
         if sure and self._image_teaches and not arrival.waited_ns:

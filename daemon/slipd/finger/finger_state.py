@@ -16,6 +16,7 @@ from slipd.finger.verdict import (
     PAD_FREE,
     PAD_PULLED,
     STREAM_STALE,
+    UNTARED,
     WEIGHT_UNKNOWN,
     Verdict,
     contact_verdict,
@@ -153,7 +154,7 @@ class VerdictBatch:
         wrench, status, age_s = self.force_reading(k)
         state = FingerState(t_ns, STREAM_STALE, wrench, status=status, age_s=age_s)
         if phase == UNTRUSTED:
-            state.verdict = Verdict("unknown", self.readings.untrusted[k])
+            state.verdict = Verdict("unknown", self.readings.untrusted.get(k, UNTARED.reasons))
         elif phase == PULLED:
             state.verdict = PAD_PULLED
         elif phase == FREE:

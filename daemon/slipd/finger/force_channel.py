@@ -13,7 +13,7 @@ from slipd.config import Wrench
 from slipd.finger.freshness import Arrival
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import PENDING, READING, UNTRUSTED, Rows, new_rows
-from slipd.fusion.streaming import IDENTITY, WrenchTransform, move_to_pad
+from slipd.fusion.streaming import move_to_pad
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
@@ -25,7 +25,6 @@ from slipd.types.samples import WrenchSample
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 """Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""
 GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
-NO_WEIGHT = np.zeros(6)
 
 _numbers_of, _status_of, _has_torque = attrgetter("numbers"), attrgetter("status"), attrgetter("has_torque")
 
@@ -37,7 +36,7 @@ class WrenchBatch(NamedTuple):
         times_ns: When each was acquired, CLOCK_MONOTONIC.
         received_ns: When they were received.
         rows: Rows of READING, shape (n,).
-        transform: Moves their wrenches into the pad frame.
+        moved: Their wrenches are in the pad frame already, not in that of the sensor.
         untrusted: Reasons a reading is not trusted, by index.
         statuses: Conditions that the device reported with each.
     """
@@ -45,7 +44,7 @@ class WrenchBatch(NamedTuple):
     times_ns: Sequence[int]
     received_ns: int
     rows: Rows
-    transform: WrenchTransform
+    moved: bool
     untrusted: dict[int, tuple[str, ...]]
     statuses: Sequence[tuple[str, ...]]
 
@@ -58,28 +57,30 @@ class ForceChannel:
     Args:
         wrench: ``[finger.X.wrench]``.
         stale_ns: Longest silence of a stream that did not fail.
+        conditions: One row of CONDITIONS, in which mounting, offset and weight are kept up to date.
 
     Attributes:
         tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m.
         gravity: Weight of the finger beyond the sensor.
         drift: Drift of the zero that is subtracted; None where it is not followed.
-        noise_n: Standard deviation of a force component, N.
+        noise: Of the readings, without what the weight may add.
+        mass_kg: Of the finger beyond the sensor.
         watch: Repeated, impossible and missing readings; whether the newest reading is suspect.
         status: Conditions that the device reported with the newest reading.
         waited_undated: The readings of the newest read waited for the daemon, and have no time of their own.
         fault: Fault of the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
-    def __init__(self, wrench: Wrench, stale_ns: int) -> None:
+    def __init__(self, wrench: Wrench, stale_ns: int, conditions: Rows) -> None:
         noise = wrench.force_std_n, wrench.torque_std_nm
-        self.noise_n = wrench.force_std_n
         self.tare = Tare(np.zeros(6), np.repeat(noise, 3))
         self.tare.on_change.append(self._follow_tare)
-        self._mass_kg = wrench.mass_kg
-        self._noise_alone = Uncertainty(*noise)
+        self.mass_kg = wrench.mass_kg
+        self.noise = Uncertainty(*noise)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         pose = wrench.pad_from_sensor
-        self._matrix = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
+        self._conditions = conditions
+        conditions["matrix"] = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
         self.drift: DriftCompensation | None = None
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
@@ -91,7 +92,7 @@ class ForceChannel:
         self.fault = ""
         self.status: tuple[str, ...] = ()
         self.waited_undated = False
-        self._set_transform()
+        self._set_conditions()
 
     @property
     def zero_origin(self) -> str | None:
@@ -127,15 +128,13 @@ class ForceChannel:
             rows["phase"][list(untrusted)] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
             self.tare.apply(wrenches[0], times_ns[0])
-        transform = self._transform
         if self.drift is not None:
-            move_to_pad(rows, transform)
+            move_to_pad(rows, self._conditions)
             self._subtract_drift(self.drift, rows, times_ns, untouched())
-            transform = IDENTITY
         measured = list(map(_has_torque, samples))
         if not all(measured):
             wrenches[np.logical_not(measured), 3:] = math.nan
-        return WrenchBatch(times_ns, samples[-1].t_ns, rows, transform, untrusted, statuses)
+        return WrenchBatch(times_ns, samples[-1].t_ns, rows, self.drift is not None, untrusted, statuses)
 
     def begin_read(self, first_ns: int, arrival: Arrival) -> None:
         """Note how a read reached the daemon; ``first_ns``: when its first reading was acquired.
@@ -180,17 +179,15 @@ class ForceChannel:
         """Set the apparent gravity in the pad frame, m/s²; a finger that turns gives up its tare."""
         before = self.gravity.gravity(t_ns)
         self.gravity.set(gravity_mps2, t_ns)
-        self._set_transform()
+        self._set_conditions()
         if self.tare.busy and before is not None:
-            turned_n = self._mass_kg * math.dist(before, gravity_mps2)
-            if turned_n > self.noise_n:
+            turned_n = self.mass_kg * math.dist(before, gravity_mps2)
+            if turned_n > self.noise.force_std_n:
                 self.tare.abort("turned")
 
     def uncertainty(self, t_ns: int) -> Uncertainty:
         """Return how far a reading at ``t_ns`` may be off."""
-        if self._mass_kg == 0.0:
-            return self._noise_alone
-        return Uncertainty(*self._noise_alone[:2], *self.gravity.uncertainty(t_ns))
+        return Uncertainty(*self.noise[:2], *self.gravity.uncertainty(t_ns))
 
     def _follow_tare(self) -> None:
         """Use the offset of a tare, or that of its undo, which has a lower id."""
@@ -203,9 +200,9 @@ class ForceChannel:
             self.drift.reset()
         elif self.drift is not None:
             self.drift.restore()
-        self._set_transform()
+        self._set_conditions()
 
-    def _set_transform(self) -> None:
+    def _set_conditions(self) -> None:
         """Put the offset and the weight in force."""
         weight = self.gravity.correction
-        self._transform = WrenchTransform(self._matrix, self._offset.value, NO_WEIGHT if weight is None else weight)
+        self._conditions["offset"], self._conditions["weight"] = self._offset.value, 0.0 if weight is None else weight

@@ -34,7 +34,7 @@ class ForceImageCheck:
 
     def __init__(self, config: FingerConfig, pad: Pad, force: ForceChannel, image: ImageChannel) -> None:
         self._force, self._image = force, image
-        self.history = ForceHistory(force.noise_n)
+        self.history = ForceHistory(force.noise.force_std_n)
         self._agreement = Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)
         self._compared_ns = 0
         self.disagreement: tuple[str, ...] = ()

@@ -7,7 +7,7 @@ import math
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion.rows import UNTRUSTED
-from slipd.fusion.streaming import IDENTITY, new_readings
+from slipd.fusion.streaming import new_readings
 from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.types.samples import TactileSample
 
@@ -33,4 +33,4 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
     rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns * 1e-9])
     if reasons:
         rows["phase"] = UNTRUSTED
-    return WrenchBatch((t_ns,), sample.t_ns, rows, IDENTITY, {0: reasons} if reasons else {}, (sample.status,))
+    return WrenchBatch((t_ns,), sample.t_ns, rows, True, {0: reasons} if reasons else {}, (sample.status,))

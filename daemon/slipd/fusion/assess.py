@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.level_steps import DWELL_S, grows, held_step, settle
+from slipd.fusion.level_hysteresis import DWELL_S, held_step, settle
 from slipd.fusion.load_blocks import GAP_S, forget_load
 from slipd.fusion.load_drop import follow_load
+from slipd.fusion.load_growth import grows
 from slipd.fusion.rows import (
     CAUTION,
     FREE,
@@ -32,17 +33,22 @@ NOISE_WIDTH = 4.0
 
 
 @compiled
-def assess_readings(readings: Rows, watches: Rows, drops: Rows, ring: Rows) -> None:
-    """Do the work of `slipd.fusion.levels.ContactWatch.assess`.
+def assess_readings(
+    readings: Rows, conditions: Rows, watches: Rows, drops: Rows, ring: Rows, spin_utilisation_1n: float
+) -> None:
+    """Fill in the assessment of readings in sequence.
 
     Args:
-        readings: Rows of READING, shape (n,).
-        watches: Settings and memory: one row of WATCH.
-        drops: Those of its load: one row of DROP.
+        readings: Rows of READING with contacts and, where an image shows the rotation, margins and utilisations,
+            shape (n,); their times rise.
+        conditions: One row of CONDITIONS.
+        watches: Memory: one row of WATCH.
+        drops: Settings and memory of its load: one row of DROP.
         ring: Rows of BLOCK.
+        spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
     """
-    watch, drop = watches[0], drops[0]
-    mu, unknown_n = watch["mu"], watch["force_n"]
+    now, watch, drop = conditions[0], watches[0], drops[0]
+    mu, unknown_n = now["mu"], now["force_n"]
     for k in range(len(readings)):
         row = readings[k]
         contact, found = row["contact"], row["assessment"]
@@ -52,11 +58,11 @@ def assess_readings(readings: Rows, watches: Rows, drops: Rows, ring: Rows) -> N
             continue
         if phase != TOUCHING:
             _forget(watch, drop)
-            if phase == FREE and normal + unknown_n < watch["least_n"]:
+            if phase == FREE and normal + unknown_n < now["begins_n"]:
                 found["level"] = NO_CONTACT
             continue
         exact = row["utilisation"]["kind"] != UNSOLVED and not math.isnan(contact["spin_nm"])
-        slips = _find_motion(row, watch, drop, ring, exact)
+        slips = _find_motion(row, now, watch, drop, ring, exact)
         if math.isnan(mu):
             if slips:
                 found["level"] = SLIPPING
@@ -69,22 +75,17 @@ def assess_readings(readings: Rows, watches: Rows, drops: Rows, ring: Rows) -> N
             upper = measured
             if unknown_n > 0.0:  # the gauge of a sum is at most the sum of the gauges
                 free = normal - unknown_n
-                upper = (
-                    (measured * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free
-                    if free > 0.0
-                    else math.inf
-                )
-        width = max(watch["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
-        used = settle(row, watch, upper, measured, exact)
-        warning = watch["warning"]
-        sooner = warning - watch["hysteresis"]
+                upper = (measured * normal + unknown_n / mu + spin_utilisation_1n) / free if free > 0.0 else math.inf
+        width = max(now["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
+        used = settle(row, now, watch, upper, measured, exact)
+        warning = now["warning"]
+        sooner = warning - now["hysteresis"]
         if sooner <= used < warning and grows(drop, ring, mu, sooner):
             warning = sooner
-        step = held_step(used, watch["step"], watch, warning, width, t_s)
-        watch["step"] = step
+        step = held_step(used, now, watch, warning, width, t_s)
         found["friction_step"], found["utilisation_upper"] = step, upper
         if exact:
-            tipping = _find_tipping(row, watch)
+            tipping = _find_tipping(row, now, watch)
             found["level"] = SLIPPING if slips else max(step, tipping) + 1
         elif slips or step == WARNING:  # translation alone can prove a grip unsafe, never safe
             found["level"] = SLIPPING if slips else WARNING + 1
@@ -108,14 +109,14 @@ def _forget(watch: Row, drop: Row) -> None:
 
 
 @compiled
-def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bool:
+def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bool:
     """Fill in the required friction and what shows that the object moves; return whether it does.
 
     Without an image, the limit surface is taken for an ellipsoid with the arm SPIN_ARM_M. Where μ is unknown, λ was
     solved for μ = 1, so it is the required friction.
     """
     contact, found = row["contact"], row["assessment"]
-    normal, ratio, mu = contact["normal_n"], contact["friction_ratio"], watch["mu"]
+    normal, ratio, mu = contact["normal_n"], contact["friction_ratio"], now["mu"]
     if exact:
         q = row["utilisation"]["value"] * (1.0 if math.isnan(mu) else mu)
         found["required_friction"] = q
@@ -127,7 +128,7 @@ def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bo
     elif exact != drop["exact"]:  # q by an image and q by the force alone are not comparable
         forget_load(drop)
         drop["exact"] = exact
-    std = math.hypot(watch["force_std_n"] * math.hypot(1.0, ratio), watch["torque_std_nm"] / SPIN_ARM_M) / normal
+    std = math.hypot(now["force_std_n"] * math.hypot(1.0, ratio), now["torque_std_nm"] / SPIN_ARM_M) / normal
     dropped = follow_load(drop, ring, row["t_s"], q, normal, contact["fx_n"], contact["fy_n"], std, mu)
     if dropped:
         found["evidence"], found["drop_surprise"] = LOAD_DROP_BIT, drop["surprise"]
@@ -141,14 +142,14 @@ def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bo
 
 
 @compiled
-def _find_tipping(row: Row, watch: Row) -> int:
+def _find_tipping(row: Row, now: Row, watch: Row) -> int:
     """Fill in and return the step that the tipping margin asks for; a lower one is reached only after DWELL_S."""
-    contact, found, unknown_n, t_s = row["contact"], row["assessment"], watch["force_n"], row["t_s"]
+    contact, found, unknown_n, t_s = row["contact"], row["assessment"], now["force_n"], row["t_s"]
     normal = contact["normal_n"]
     reach = math.hypot(contact["cx_m"], contact["cy_m"])
-    std = math.hypot(watch["torque_std_nm"], reach * watch["force_std_n"]) / normal
-    shift = (watch["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
-    tipping, by_unknown = _tips(row["tipping_margin_m"], 2.0 * std, watch["half_pitch_m"], shift)
+    std = math.hypot(now["torque_std_nm"], reach * now["force_std_n"]) / normal
+    shift = (now["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
+    tipping, by_unknown = _tips(row["tipping_margin_m"], 2.0 * std, now["half_pitch_m"], shift)
     held_s = watch["tipping_held_s"]
     if tipping == STABLE or not by_unknown:
         for reached in range(tipping):

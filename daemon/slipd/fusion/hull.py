@@ -83,7 +83,13 @@ def largest_extent(x: Array, y: Array) -> float:
 
 @compiled
 def fill_margins(x: Array, y: Array, readings: Rows) -> None:
-    """Do the work of `Outline.fill_margins`."""
+    """Fill in ``tipping_margin_m`` of rows of READING where the centroid is finite.
+
+    Args:
+        x: Corners of the outline, counter-clockwise, shape (n,), m.
+        y: Likewise.
+        readings: Rows of READING.
+    """
     for k in range(len(readings)):
         contact = readings[k]["contact"]
         px, py = contact["cx_m"], contact["cy_m"]
@@ -100,25 +106,23 @@ class Outline:
 
     Attributes:
         taxels: Indices of the outline's corners, counter-clockwise.
+        x: Those corners along X, m.
+        y: Likewise along Y, m.
         extent_m: Its extent along X or Y, the larger one, m.
     """
 
     def __init__(self, x: Array, y: Array) -> None:
         self.taxels = convex_hull(x, y)
-        self._x, self._y = x[self.taxels], y[self.taxels]
-        self.extent_m = largest_extent(self._x, self._y)
+        self.x, self.y = x[self.taxels], y[self.taxels]
+        self.extent_m = largest_extent(self.x, self.y)
 
     def margin_m(self, px: float, py: float) -> float:
         """Return the signed distance of a point to the outline, m, positive inside; NaN where it is not finite."""
-        return nearest_on_outline(self._x, self._y, px, py)[0] if math.isfinite(px + py) else math.nan
-
-    def fill_margins(self, readings: Rows) -> None:
-        """Fill in ``tipping_margin_m`` of rows of READING where the centroid is finite."""
-        fill_margins(self._x, self._y, readings)
+        return nearest_on_outline(self.x, self.y, px, py)[0] if math.isfinite(px + py) else math.nan
 
     def nearest(self, px: float, py: float) -> tuple[float, float, float, int, int]:
         """Return a point's signed distance, the nearest point on the outline, and the taxels at its edge's ends."""
-        margin, qx, qy, a, b = nearest_on_outline(self._x, self._y, px, py)
+        margin, qx, qy, a, b = nearest_on_outline(self.x, self.y, px, py)
         return margin, qx, qy, int(self.taxels[a]), int(self.taxels[b])
 
 

@@ -2,45 +2,53 @@
 
 A level rises at once where noise allows, that of a growing load a little earlier, and falls only when the load stayed
 lower for a while by more than its noise, so that a vibration changes it once. `slipd.fusion.load_drop` has what the
-load shows of motion, `slipd.fusion.level_steps` how a level follows the load, `slipd.fusion.assess` both together.
+load shows of motion, `slipd.fusion.level_hysteresis` how a level follows the load, `slipd.fusion.assess` both together.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from slipd.fusion.assess import assess_readings
 from slipd.fusion.load_blocks import BLOCK_S, RING
 from slipd.fusion.load_drop import LOOKS
-from slipd.fusion.rows import BLOCK, DROP, STABLE, WATCH, Rows, new_rows
+from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, STABLE, WATCH, Rows, new_rows
+
+CONTACT_HYSTERESIS = 0.8
+"""A contact lasts down to this share of the normal force at which it begins."""
 
 
-@dataclass(frozen=True, slots=True)
-class SlipSettings:
-    """When a fall of the load counts as a slip, see `slipd.fusion.load_drop`.
+class SlipSettings(Protocol):
+    """When a fall of the load counts as a slip, see `slipd.fusion.load_drop`: ``[finger.X.slip]``.
 
     Attributes:
         drop: Least relative fall; noise may ask for more.
         window_s: Longest fall; setting an object down takes longer, s.
         hold_s: Longest time for which a slip is reported without new evidence, s.
-        false_alarms_per_hour: How often noise alone may look like a fall, 1/h.
     """
 
-    drop: float = 0.03
-    window_s: float = 0.04
-    hold_s: float = 3.0
-    false_alarms_per_hour: float = 1.0
+    drop: float
+    window_s: float
+    hold_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Thresholds:
-    """Utilisation at which the steps CAUTION and WARNING begin; each ends ``hysteresis`` below that."""
+class LevelSettings(Protocol):
+    """When levels change: ``[levels]``.
+
+    Attributes:
+        caution: Utilisation at which CAUTION begins.
+        warning: Likewise WARNING.
+        hysteresis: Each ends so far below.
+        false_alarms_per_hour: How often noise alone may look like a fall, 1/h.
+    """
 
     caution: float
     warning: float
     hysteresis: float
+    false_alarms_per_hour: float
 
 
 class Uncertainty(NamedTuple):
@@ -90,40 +98,45 @@ class Assessment(NamedTuple):
 
 
 class ContactWatch:
-    """Assesses the readings of one contact; keeps what hysteresis, dwell and the detection of slip need.
+    """The conditions in force for one contact, and what is kept of it from read to read.
 
     Args:
-        thresholds: Of the utilisation.
+        levels: Thresholds of the utilisation.
         slip: When a fall of the load counts as a slip.
         half_pitch_m: Half the distance between taxels, the uncertainty of an image's outline, m; NaN without image.
-        least_n: Normal force at which a contact begins, N.
+        begins_n: Normal force at which a contact begins, N.
+
+    Attributes:
+        conditions: Conditions in force: one row of CONDITIONS.
+        memory: Of the contact: one row of WATCH.
+        drop: Of its load: one row of DROP.
+        ring: The course of its load: rows of BLOCK.
     """
 
-    def __init__(self, thresholds: Thresholds, slip: SlipSettings, half_pitch_m: float, least_n: float) -> None:
-        self._watch, self._drop, self._ring = new_rows(WATCH, 1), new_rows(DROP, 1), new_rows(BLOCK, RING)
+    def __init__(self, levels: LevelSettings, slip: SlipSettings, half_pitch_m: float, begins_n: float) -> None:
+        self.conditions, self.memory = new_rows(CONDITIONS, 1), new_rows(WATCH, 1)
+        self.drop, self.ring = new_rows(DROP, 1), new_rows(BLOCK, RING)
+        now = self.conditions
         for name in ("caution", "warning", "hysteresis"):
-            self._watch[name] = getattr(thresholds, name)
-        for name in ("window_s", "hold_s"):
-            self._drop[name] = getattr(slip, name)
-        self._drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / slip.false_alarms_per_hour)
-        self._watch["half_pitch_m"], self._watch["least_n"] = half_pitch_m, least_n
-        self._in_force: tuple[float, Uncertainty, float] | None = None  # friction and uncertainty in the row
-        self.set_drop(slip.drop)
+            now[name] = getattr(levels, name)
+        now["matrix"], now["zero_known"], now["spin_scale"] = np.eye(6), True, 1.0
+        now["pulled_n"], now["mu"], now["half_pitch_m"] = math.inf, math.nan, half_pitch_m
+        now["begins_n"], now["lasts_n"] = begins_n, CONTACT_HYSTERESIS * begins_n
+        self.drop["least_drop"], self.drop["window_s"], self.drop["hold_s"] = slip.drop, slip.window_s, slip.hold_s
+        self.drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / levels.false_alarms_per_hour)
+        self._forget_steps()
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the contact ended."""
-        self._watch["step"], self._watch["tipping_step"], self._watch["moving_until_s"] = STABLE, STABLE, -math.inf
-        self._watch["settled"] = 0.0
+        memory = self.memory
+        memory["in_contact"], memory["twist"], memory["settled"] = False, math.nan, 0.0
+        memory["step"], memory["tipping_step"], memory["moving_until_s"] = STABLE, STABLE, -math.inf
         self.forget_load()
 
     def forget_load(self) -> None:
         """Forget the course of the load: what was before the next reading shows no fall."""
-        self._drop["last_s"], self._drop["sliding"] = -math.inf, False
-
-    def set_drop(self, drop: float) -> None:
-        """Set another least relative fall: the friction coefficients are known better now."""
-        self._drop["least_drop"] = drop
+        self.drop["last_s"], self.drop["sliding"] = -math.inf, False
 
     def note_motion(self, until_s: float, evidence: int) -> None:
         """Report slip until a time, because other evidence than the load shows motion.
@@ -132,23 +145,34 @@ class ContactWatch:
             until_s: Time of the readings until which the object is taken to move, s.
             evidence: Its kinds: bits of `slipd.motion.evidence.EVIDENCE`.
         """
-        self._watch["moving_until_s"], self._watch["moving_evidence"] = until_s, evidence
+        self.memory["moving_until_s"], self.memory["moving_evidence"] = until_s, evidence
 
-    def assess(self, readings: Rows, mu: float, uncertainty: Uncertainty, spin_utilisation_1n: float) -> None:
-        """Fill in the assessment of readings in sequence.
+    def set_friction(self, mu: float, spin_scale: float = 1.0) -> None:
+        """Put a coefficient of static friction in force, NaN if unknown; and how much more of it a spin uses."""
+        if mu != self.conditions["mu"][0]:
+            self._forget_steps()
+        self.conditions["mu"], self.conditions["spin_scale"] = mu, spin_scale
+
+    def set_uncertainty(self, uncertainty: Uncertainty) -> None:
+        """Put the uncertainty of the readings in force."""
+        if uncertainty.force_n < self.conditions["force_n"][0]:
+            self._forget_steps()
+        for name, value in zip(Uncertainty._fields, uncertainty, strict=True):
+            self.conditions[name] = value
+
+    def _forget_steps(self) -> None:
+        """Hold no step that was not reached by the load."""
+        self.memory["held_s"], self.memory["tipping_held_s"] = -math.inf, -math.inf
+
+    def assess(self, readings: Rows, mu: float, uncertainty: Uncertainty, spin_utilisation_1n: float = 0.0) -> None:
+        """Fill in the assessment of readings in sequence, with conditions that are put in force first.
 
         Args:
-            readings: Rows of READING with contacts and, where an image shows the rotation, margins and utilisations,
-                shape (n,); their times rise.
+            readings: As in `slipd.fusion.assess.assess_readings`.
             mu: Coefficient of static friction; NaN: unknown.
             uncertainty: Of all of them.
             spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
         """
-        if self._in_force != (mu, uncertainty, spin_utilisation_1n):
-            if self._in_force is None or mu != self._in_force[0] or uncertainty.force_n < self._in_force[1].force_n:
-                self._watch["held_s"], self._watch["tipping_held_s"] = -math.inf, -math.inf  # not by the load
-            self._in_force = mu, uncertainty, spin_utilisation_1n
-            self._watch["mu"], self._watch["spin_utilisation_1n"] = mu, spin_utilisation_1n
-            for name, value in zip(Uncertainty._fields, uncertainty, strict=True):
-                self._watch[name] = value
-        assess_readings(readings, self._watch, self._drop, self._ring)
+        self.set_friction(mu)
+        self.set_uncertainty(uncertainty)
+        assess_readings(readings, self.conditions, self.memory, self.drop, self.ring, spin_utilisation_1n)

@@ -90,14 +90,32 @@ READING = np.dtype(
     align=True,
 )
 """A force reading on its way to a verdict: the sensor's wrench goes in, each kernel fills its own part.
-``wrench`` is (F, M) in N and N·m, of the sensor until `slipd.fusion.streaming.move_to_pad` or ``find_contacts``
-moves it into the pad frame; M is NaN where the sensor measures none. ``tipping_margin_m`` is NaN without an image."""
+``wrench`` is (F, M) in N and N·m, of the sensor until `slipd.fusion.streaming.move_to_pad` moves it into the pad frame;
+M is NaN where the sensor measures none. ``tipping_margin_m`` is NaN without an image."""
+
+CONDITIONS = np.dtype(
+    [
+        ("matrix", _FLOAT, (6, 6)),
+        ("offset", _FLOAT, (6,)),
+        ("weight", _FLOAT, (6,)),
+        *_floats("begins_n", "lasts_n", "pulled_n", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
+        ("zero_known", _FLAG),
+        *_floats("mu", "spin_scale", "half_pitch_m", "caution", "warning", "hysteresis"),
+    ],
+    align=True,
+)
+"""Conditions in force for the readings of one contact: what changes rarely, written by the event that changes it.
+
+``matrix``, ``offset``, ``weight``: a wrench of the sensor is matrix · (wrench - offset) - weight in the pad frame.
+A contact begins at the normal force ``begins_n`` and lasts down to ``lasts_n``; below ``-pulled_n`` it is PULLED.
+``force_std_n`` and ``torque_std_nm`` are the noise of a component, ``force_n`` and ``torque_nm`` what the unknown
+weight of the finger may add. Without ``zero_known`` no reading shows a contact, or the want of one. ``mu``: NaN if
+unknown; ``spin_scale``: how many times as much friction a spin uses. The rest are thresholds of the level."""
 
 WATCH = np.dtype(
     [
-        *_floats("caution", "warning", "hysteresis"),
-        *_floats("half_pitch_m", "least_n", "mu", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
-        *_floats("spin_utilisation_1n"),
+        ("in_contact", _FLAG),
+        ("twist", _FLOAT, (3,)),
         *_floats("moving_until_s"),
         ("moving_evidence", _INTEGER),
         ("step", _INTEGER),
@@ -108,9 +126,10 @@ WATCH = np.dtype(
     ],
     align=True,
 )
-"""State of `slipd.fusion.levels.ContactWatch` without that of its load: settings, friction and uncertainty in force,
-memory. ``held_s`` is when the load was last within the hysteresis of CAUTION and of WARNING, ``tipping_held_s`` when
-the tipping margin asked for them. ``settled`` is the utilisation that counts."""
+"""What is kept of one contact from read to read, without the course of its load: whether the newest reading that could
+be trusted touches, and the twist of its utilisation (NaN: none). ``held_s`` is when the load was last within the
+hysteresis of CAUTION and of WARNING, ``tipping_held_s`` when the tipping margin asked for them. ``settled`` is the
+utilisation that counts."""
 
 DROP = np.dtype(
     [

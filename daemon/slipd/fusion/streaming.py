@@ -1,8 +1,8 @@
-"""Force readings in sequence: from the sensor's wrench to contact and utilisation, in rows of READING.
+"""Force readings in sequence: from the sensor's wrench to contact, utilisation and level, in rows of READING.
 
-One read of a sensor gives some readings. `new_readings` makes a row of each, then every step fills in its own fields:
-`find_contacts`, `slipd.fusion.hull.Outline.fill_margins`, `solve_readings` and
-`slipd.fusion.levels.ContactWatch.assess`. Nothing here checks its arguments.
+Two kernels take all readings of one read at once: `find_contacts` moves them into the pad frame and finds their
+contact phase, `judge_readings` solves and assesses them with the loads on the taxels, which may depend on the contact.
+Both read the conditions in force and keep what the next read continues from. Nothing here checks its arguments.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from slipd.fusion.assess import assess_readings
 from slipd.fusion.compiled import compiled
 from slipd.fusion.contact import Contact, contact_numbers
+from slipd.fusion.hull import fill_margins
 from slipd.fusion.levels import Assessment
-from slipd.fusion.limit import batch
-from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, NO_TWIST, solve_utilisation
-from slipd.fusion.limit_surface import Twist, Utilisation, pole_or_none
+from slipd.fusion.limit.batch import solve_readings
+from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, solve_utilisation
+from slipd.fusion.limit_surface import Utilisation, pole_or_none
 from slipd.fusion.rows import (
     FREE,
     PENDING,
@@ -27,29 +27,14 @@ from slipd.fusion.rows import (
     TOUCHING,
     UNSOLVED,
     UNTRUSTED,
+    Row,
     Rows,
     new_rows,
 )
 from slipd.types.arrays import Array
 
-
-class WrenchTransform(NamedTuple):
-    """Moves wrenches of a force sensor into the pad frame: matrix (wrench − offset) − weight.
-
-    Attributes:
-        matrix: Maps (F, M) to (F, M); F does not depend on M. Shape (6, 6).
-        offset: In the sensor's frame, N and N·m, shape (6,).
-        weight: In the pad frame, N and N·m, shape (6,).
-    """
-
-    matrix: Array
-    offset: Array
-    weight: Array
-
-
-IDENTITY = WrenchTransform(np.eye(6), np.zeros(6), np.zeros(6))
-IDENTITY.matrix.flags.writeable = False  # like the matrix of every mounting: kernels are compiled for one kind of array
-"""For wrenches that are in the pad frame already."""
+DECISION_GAP = 1e-6
+"""Relative gap between the bounds of the utilisation; far below what a threshold or a message resolves."""
 
 
 class Reading(NamedTuple):
@@ -62,7 +47,7 @@ class Reading(NamedTuple):
         contact: The contact; not valid unless TOUCHING.
         tipping_margin_m: Signed distance of the centroid to the outline of the contact, m; NaN without an image.
         utilisation: λ with its bounds; None where it was not solved.
-        assessment: What `slipd.fusion.levels.ContactWatch` found.
+        assessment: What `slipd.fusion.assess` found.
     """
 
     wrench: Array
@@ -108,66 +93,6 @@ def wrench_at(readings: Rows, index: int) -> tuple[float, ...]:
     return tuple(readings["wrench"][index].tolist())
 
 
-def move_to_pad(readings: Rows, transform: WrenchTransform) -> None:
-    """Move the wrenches of readings into the pad frame, in one order of arithmetic whatever their number.
-
-    Args:
-        readings: Rows of READING, shape (n,); their wrenches are replaced.
-        transform: How wrenches are moved.
-    """
-    _move(readings, *transform)
-
-
-def find_contacts(
-    readings: Rows,
-    transform: WrenchTransform,
-    contact_n: tuple[float, float],
-    in_contact: bool,
-    force_std_n: float,
-    torque_std_nm: float,
-    pulled_n: float = math.inf,
-) -> None:
-    """Find phase and contact of readings in sequence; a contact lasts down to a lower force than it begins at.
-
-    Without torque, the centroid and the spin of a contact are NaN.
-
-    Args:
-        readings: Rows of READING, shape (n,), PENDING, UNTRUSTED or LATE. Their wrenches are moved into the pad frame;
-            their contacts are filled in, and nothing is known yet of margin and utilisation.
-        transform: Moves wrenches into the pad frame.
-        contact_n: Normal force at which a contact begins, and down to which it lasts, N.
-        in_contact: The reading before was in contact.
-        force_std_n: Standard deviation of each force component, N.
-        torque_std_nm: Standard deviation of each torque component, N·m.
-        pulled_n: A normal force below minus this is clearly negative, N.
-
-    Source: paper eqs. (1) to (4), see `slipd.fusion.contact`.
-    """
-    _find(readings, *transform, *contact_n, in_contact, force_std_n, torque_std_nm, pulled_n)
-
-
-def solve_readings(
-    readings: Rows, x: Array, y: Array, shares: Array, mu: float, start: Twist | None, gap: float
-) -> None:
-    """Fill in the utilisation of readings in sequence, each started from the twist of the one before.
-
-    Args:
-        readings: Rows of READING with their contacts, shape (n,).
-        x: Centres of the active taxels, shape (k,), contiguous float64, m.
-        y: Likewise, shape (k,), m.
-        shares: Load on each for a normal force of 1 N, shape (k,).
-        mu: Coefficient of static friction.
-        start: Twist of the reading before; None where there is none.
-        gap: Relative gap of the bounds at which to stop.
-    """
-    batch.solve_readings(readings, x, y, shares, mu, *(start or NO_TWIST), gap, MAX_PASSES)
-
-
-def spin_utilisation_1n(x: Array, y: Array, shares: Array, mu: float, spin_nm: float) -> float:
-    """Return the upper bound of λ of a spin torque alone at a normal force of 1 N (see `solve_readings`)."""
-    return solve_utilisation(x, y, shares, mu, 0.0, 0.0, spin_nm, 0.0, 0.0, *NO_TWIST, GOAL, MAX_PASSES)[3]
-
-
 def _utilisation(
     value: float, lower: float, upper: float, pole_m: Array, twist: Array, kind: int
 ) -> Utilisation | None:
@@ -178,8 +103,15 @@ def _utilisation(
 
 
 @compiled
-def _move(readings: Rows, matrix: Array, offset: Array, weight: Array) -> None:
-    """Do the work of `move_to_pad`."""
+def move_to_pad(readings: Rows, conditions: Rows) -> None:
+    """Move the wrenches of readings into the pad frame, in one order of arithmetic whatever their number.
+
+    Args:
+        readings: Rows of READING, shape (n,); their wrenches are replaced.
+        conditions: One row of CONDITIONS.
+    """
+    now = conditions[0]
+    matrix, offset, weight = now["matrix"], now["offset"], now["weight"]
     for k in range(len(readings)):
         wrench = readings[k]["wrench"]
         given = (wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5])
@@ -191,20 +123,40 @@ def _move(readings: Rows, matrix: Array, offset: Array, weight: Array) -> None:
 
 
 @compiled
-def _find(
-    readings: Rows, matrix: Array, offset: Array, weight: Array, begins_n: float, lasts_n: float, in_contact: bool,
-    force_std: float, torque_std: float, pulled_n: float,
-) -> None:  # fmt: skip
-    """Do the work of `find_contacts`."""
-    _move(readings, matrix, offset, weight)
+def find_contacts(readings: Rows, conditions: Rows, watches: Rows, moved: bool) -> int:
+    """Find phase and contact of readings in sequence; a contact lasts down to a lower force than it begins at.
+
+    Without torque, the centroid and the spin of a contact are NaN.
+
+    Args:
+        readings: Rows of READING, shape (n,), PENDING, UNTRUSTED or LATE. Their contacts are filled in, and nothing is
+            known yet of margin and utilisation.
+        conditions: One row of CONDITIONS.
+        watches: One row of WATCH, as the reading before left it.
+        moved: The wrenches are in the pad frame already. Otherwise they are moved into it.
+
+    Returns:
+        Index of the first reading with which a contact ends; n where none does.
+
+    Source: paper eqs. (1) to (4), see `slipd.fusion.contact`.
+    """
+    if not moved:
+        move_to_pad(readings, conditions)
+    now, in_contact = conditions[0], watches[0]["in_contact"]
+    force_std, torque_std = now["force_std_n"] + now["force_n"], now["torque_std_nm"] + now["torque_nm"]
+    ends_at = len(readings)
     for k in range(len(readings)):
         row = readings[k]
         wrench, phase = row["wrench"], row["phase"]
         fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
         normal = -fz
         if phase == PENDING:
-            pressed = normal >= (lasts_n if in_contact else begins_n)
-            phase = TOUCHING if pressed and math.isfinite(fx + fy + fz) else PULLED if normal < -pulled_n else FREE
+            pressed = normal >= (now["lasts_n"] if in_contact else now["begins_n"])
+            phase = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
+            if phase == FREE and normal < -now["pulled_n"]:
+                phase = PULLED
+            elif not now["zero_known"]:
+                phase = UNTRUSTED
         contact = row["contact"]
         if phase == TOUCHING:
             numbers = contact_numbers(fx, fy, normal, mx, my, mz, force_std, torque_std)
@@ -216,5 +168,59 @@ def _find(
         contact["friction_ratio"], contact["friction_ratio_std"] = numbers[8:]
         contact["valid"] = phase == TOUCHING
         row["phase"], row["tipping_margin_m"], row["utilisation"]["kind"] = phase, math.nan, UNSOLVED
-        if phase != UNTRUSTED:
-            in_contact = phase == TOUCHING
+        if phase == UNTRUSTED:
+            continue
+        if in_contact and phase != TOUCHING and ends_at == len(readings):
+            ends_at = k
+        in_contact = phase == TOUCHING
+    return ends_at
+
+
+@compiled
+def judge_readings(
+    readings: Rows, conditions: Rows, watches: Rows, drops: Rows, ring: Rows, x: Array, y: Array, shares: Array,
+    outline_x: Array, outline_y: Array,
+) -> None:  # fmt: skip
+    """Fill in margin, utilisation and assessment of readings in sequence, and keep what the next read continues from.
+
+    Args:
+        readings: Rows of READING with their contacts, shape (n,).
+        conditions: One row of CONDITIONS. Where μ is unknown, λ is solved for μ = 1: it is the required friction.
+        watches: One row of WATCH.
+        drops: One row of DROP.
+        ring: Rows of BLOCK.
+        x: Centres of the active taxels, shape (k,), contiguous, m; k = 0 without an image.
+        y: Likewise, shape (k,), m.
+        shares: Load on each for a normal force of 1 N, shape (k,).
+        outline_x: Corners of the outline of the active taxels, counter-clockwise, m.
+        outline_y: Likewise, m.
+    """
+    now, watch, spin_1n = conditions[0], watches[0], 0.0
+    if x.size > 0:
+        mu = 1.0 if math.isnan(now["mu"]) else now["mu"]
+        twist, nan = watch["twist"], math.nan
+        fill_margins(outline_x, outline_y, readings)
+        solve_readings(
+            readings, x, y, shares, mu, now["spin_scale"], twist[0], twist[1], twist[2], DECISION_GAP, MAX_PASSES
+        )
+        if now["force_n"] > 0.0:
+            spin_nm = now["torque_nm"]
+            spin_1n = solve_utilisation(x, y, shares, mu, 0.0, 0.0, spin_nm, 0.0, 0.0, nan, nan, nan, GOAL, MAX_PASSES)[
+                3
+            ]
+    assess_readings(readings, conditions, watches, drops, ring, spin_1n)
+    _remember(readings, watch, x.size > 0)
+
+
+@compiled
+def _remember(readings: Rows, watch: Row, solved: bool) -> None:
+    """Keep contact and twist of the newest reading that could be trusted."""
+    for k in range(len(readings) - 1, -1, -1):
+        row = readings[k]
+        if row["phase"] != UNTRUSTED:
+            touches = row["phase"] == TOUCHING
+            watch["in_contact"] = touches
+            twist, found = watch["twist"], row["utilisation"]["twist"]
+            for i in range(3):
+                twist[i] = found[i] if touches and solved else math.nan
+            return

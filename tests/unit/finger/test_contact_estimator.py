@@ -20,6 +20,7 @@ from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.wall_clock import WallClock
 from slipd_client.messages import level_code
 
 FULL = np.full(16, 100.0)
@@ -53,7 +54,7 @@ class Split:
 
     def __init__(self, finger: Finger, sizes: Sequence[int]) -> None:
         self.finger = copy.deepcopy(finger)
-        self.publisher = FingerPublisher(self.finger, MessageSequencer("b00t", "rig", 0), Rates())
+        self.publisher = FingerPublisher(self.finger, MessageSequencer("b00t", "rig", WallClock(0)), Rates())
         self.out: list[Output] = []
         self.reported: list[str] = []
         self._sizes = list(sizes)

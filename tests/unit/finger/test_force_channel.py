@@ -10,6 +10,7 @@ from finger_bench import FULL, MS, T0, Image, Parse, make_finger, read_force
 
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.stream_health import force_conditions
+from slipd.fusion.rows import CONDITIONS, new_rows
 from slipd.fusion.streaming import move_to_pad, wrench_at
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
@@ -42,7 +43,7 @@ def heavy(left: str, parse: Parse) -> str:
 def side(text: str, parse: Parse) -> ForceChannel:
     wrench = parse(text).finger["left"].wrench
     assert wrench is not None
-    force = ForceChannel(wrench, 20 * MS)
+    force = ForceChannel(wrench, 20 * MS, new_rows(CONDITIONS, 1))
     force.tare.observe(T0)
     return force
 
@@ -52,7 +53,8 @@ def read(
 ) -> tuple[float, ...]:
     six = np.array(values, dtype=np.float64)
     taken = force.condition([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], lambda: untouched)
-    move_to_pad(taken.rows, taken.transform)
+    if not taken.moved:
+        move_to_pad(taken.rows, force._conditions)
     return wrench_at(taken.rows, 0)
 
 

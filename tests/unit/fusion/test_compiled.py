@@ -44,11 +44,13 @@ ASKS = """
 import warnings
 warnings.simplefilter("error")
 from slipd.fusion.limit import bounds, sweep
-from slipd.fusion import streaming
+from slipd import config
+from slipd.fusion import levels, streaming
 reading = streaming.new_readings([(0.0, 0.0, -8.0, 0.0, 0.008, 0.0)], [0.0])
-streaming.find_contacts(reading, streaming.IDENTITY, (0.5, 0.4), False, 0.0, 0.0)
+watch = levels.ContactWatch(config.Levels(), config.Slip(), 0.001, 0.5)
+streaming.find_contacts(reading, watch.conditions, watch.memory, False)
 bounds.spin_lower(sweep.Field(0.1, 0.0, 0.5, 0.1), 0.2, 0.0, 1e-15)
-hits = (sum(kernel.stats.cache_hits.values()) for kernel in (streaming._find, bounds.spin_lower))
+hits = (sum(kernel.stats.cache_hits.values()) for kernel in (streaming.find_contacts, bounds.spin_lower))
 print(round(streaming.contact_at(reading, 0).cx_m, 9), sum(hits))
 """
 

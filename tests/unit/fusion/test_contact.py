@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slipd.config import Levels, Slip
 from slipd.fusion import Contact, contact_from_wrench
 from slipd.fusion.contact import contact_of
+from slipd.fusion.levels import ContactWatch, Uncertainty
 from slipd.fusion.rows import FREE, LATE, PENDING, TOUCHING, UNTRUSTED
 from slipd.fusion.streaming import (
-    IDENTITY,
-    WrenchTransform,
     find_contacts,
     move_to_pad,
     new_readings,
@@ -107,8 +107,12 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
     )
     rows["phase"] = [phase for phase, *_ in readings]
     moved = rows.copy()
-    move_to_pad(moved, IDENTITY)
-    find_contacts(rows, IDENTITY, (0.5, 0.4), in_contact, 0.02, torque_std_nm)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
+    watch.set_uncertainty(Uncertainty(0.02, torque_std_nm))
+    watch.memory["in_contact"] = in_contact
+    move_to_pad(moved, watch.conditions)
+    ends_at = find_contacts(rows, watch.conditions, watch.memory, False)
+    ends = []
     for k, (phase, *_, torque) in enumerate(readings):
         found, wrench = reading_at(rows, k), wrench_at(moved, k)
         *force, fz = wrench[:3]
@@ -128,32 +132,37 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
         assert math.isnan(found.tipping_margin_m)
         assert np.array_equal(found.wrench, wrench, equal_nan=True)
         assert np.array_equal(found.contact, expected, equal_nan=True)
-        in_contact = in_contact if found_phase == UNTRUSTED else found.contact.valid
+        if found_phase != UNTRUSTED:
+            ends += [k] if in_contact and not found.contact.valid else []
+            in_contact = found.contact.valid
+    assert ends_at == min(ends, default=len(rows))
 
 
 def test_a_batch_of_any_size_is_transformed_like_single_readings() -> None:
     rng = np.random.default_rng(3)
-    transform = WrenchTransform(rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6))
-    transform.matrix[:3, 3:] = 0.0
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
+    matrix, offset, weight = rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6)
+    matrix[:3, 3:] = 0.0
+    watch.conditions["matrix"], watch.conditions["offset"], watch.conditions["weight"] = matrix, offset, weight
     wrenches, times_s = rng.normal(size=(50, 6)), np.arange(50.0).tolist()
     moved = new_readings(wrenches.tolist(), times_s)
-    move_to_pad(moved, transform)
-    expected = (wrenches - transform.offset) @ transform.matrix.T - transform.weight
+    move_to_pad(moved, watch.conditions)
+    expected = (wrenches - offset) @ matrix.T - weight
     assert moved["wrench"] == pytest.approx(expected)
     assert moved["t_s"].tolist() == times_s
     for k, wrench in enumerate(wrenches.tolist()):
         alone = new_readings([wrench], [0.0])
-        move_to_pad(alone, transform)
+        move_to_pad(alone, watch.conditions)
         assert wrench_at(alone, 0) == wrench_at(moved, k), "to the last bit"
     found = new_readings(wrenches.tolist(), times_s)
-    find_contacts(found, transform, (0.5, 0.4), False, 0.0, 0.0)
+    find_contacts(found, watch.conditions, watch.memory, False)
     assert np.array_equal(found["wrench"], moved["wrench"])
 
 
 def test_a_torque_that_is_not_measured_leaves_the_force_alone() -> None:
-    matrix = np.eye(6)
-    matrix[3:, :3] = 0.02
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
+    watch.conditions["matrix"][0, 3:, :3] = 0.02
     reading = new_readings([(1.0, 2.0, -3.0, *[math.nan] * 3)], [0.0])
-    move_to_pad(reading, WrenchTransform(matrix, np.zeros(6), np.zeros(6)))
+    move_to_pad(reading, watch.conditions)
     assert reading["wrench"][0, :3].tolist() == [1.0, 2.0, -3.0]
     assert np.isnan(reading["wrench"][0, 3:]).all()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from slipd.fusion import tipping_margin
-from slipd.fusion.hull import Outline
+from slipd.fusion.hull import Outline, fill_margins
 from slipd.fusion.rows import READING, new_rows
 
 
@@ -43,7 +43,7 @@ def test_the_margins_of_many_points_are_those_of_each(seed: int, taxels: int) ->
     outline, readings = Outline(x, y), new_rows(READING, 20)
     readings["contact"]["cx_m"], readings["contact"]["cy_m"] = points.T
     readings["tipping_margin_m"] = math.nan
-    outline.fill_margins(readings)
+    fill_margins(outline.x, outline.y, readings)
     found = readings["tipping_margin_m"]
     assert np.array_equal(found, [outline.margin_m(px, py) for px, py in points.tolist()], equal_nan=True)
     assert np.isnan(found[::7]).all()

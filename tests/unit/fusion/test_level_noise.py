@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows
 
-from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.config import Levels, Slip
+from slipd.fusion.levels import ContactWatch, Uncertainty
 
 
 @pytest.mark.parametrize("share", [0.60, 0.64, 0.67, 0.70, 0.75, 0.80, 0.84])
@@ -16,7 +17,7 @@ def test_noise_changes_the_level_of_a_steady_hold_at_most_once_a_minute(share: f
     noise = np.random.default_rng(5).normal(0.0, std_n, count)
     load = share * 10.0 * MU + noise
     rows = contact_rows(count, load, 10.0, load / 10.0 / MU, np.arange(count) * 1e-3)
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     watch.assess(rows, MU, Uncertainty(0.02), 0.0)
     changes = np.count_nonzero(np.diff(rows["assessment"]["level"][500:]))
     assert changes <= 1
@@ -29,7 +30,7 @@ def test_F5_a_vibration_changes_the_level_at_most_once_a_minute(share: float) ->
     load = (share + 0.08 * np.sin(2.0 * np.pi * 120.0 * t)) * 10.0 * MU
     load += np.random.default_rng(6).normal(0.0, 0.02, count)
     rows = contact_rows(count, load, 10.0, load / 10.0 / MU, t)
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     watch.assess(rows, MU, Uncertainty(0.02), 0.0)
     assert np.count_nonzero(np.diff(rows["assessment"]["level"][500:])) <= 1
     assert not rows["assessment"]["slips"].any()
@@ -39,6 +40,6 @@ def test_a_slow_load_passes_each_level_once_on_its_way_up() -> None:
     count = 4000
     load = np.linspace(0.4, 0.99, count) * 10.0 * MU + np.random.default_rng(7).normal(0.0, 0.02, count)
     rows = contact_rows(count, load, 10.0, load / 10.0 / MU, np.arange(count) * 1e-3)
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     watch.assess(rows, MU, Uncertainty(0.02), 0.0)
     assert np.count_nonzero(np.diff(rows["assessment"]["level"])) == 2

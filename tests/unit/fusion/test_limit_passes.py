@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from limit_contacts import MU, disc, gyration, random_contact
 
+from slipd.config import Levels, Slip
 from slipd.fusion import torque_limit, utilisation
+from slipd.fusion.levels import ContactWatch
+from slipd.fusion.limit.batch import solve_readings
 from slipd.fusion.rows import FREE, UNTRUSTED
-from slipd.fusion.streaming import IDENTITY, find_contacts, new_readings, reading_at, solve_readings
+from slipd.fusion.streaming import find_contacts, new_readings, reading_at
 
 
 @pytest.mark.parametrize("passes", [1, 2, 3])
@@ -64,14 +67,15 @@ def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed
     wrench[4, 2] = 1.0
     readings = new_readings(wrench.tolist(), np.arange(12.0).tolist())
     readings["phase"][8] = UNTRUSTED
-    find_contacts(readings, IDENTITY, (0.5, 0.4), False, 0.0, 0.0)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
+    find_contacts(readings, watch.conditions, watch.memory, False)
     assert readings["phase"][[4, 8]].tolist() == [FREE, UNTRUSTED]
     assert reading_at(readings, 0).utilisation is None, "not solved yet"
-    singly = readings.copy()
-    solve_readings(readings, x, y, shares, MU, None, 1e-9)
+    singly, unknown = readings.copy(), (math.nan,) * 3
+    solve_readings(readings, x, y, shares, MU, 1.0, *unknown, 1e-9, 40)
     twist = None
     for k in range(12):
-        solve_readings(singly[k : k + 1], x, y, shares, MU, twist, 1e-9)
+        solve_readings(singly[k : k + 1], x, y, shares, MU, 1.0, *(twist or unknown), 1e-9, 40)
         assert repr(singly[k]) == repr(readings[k]), "to the last bit"
         told, contact = reading_at(readings, k).utilisation, reading_at(readings, k).contact
         if not contact.valid:

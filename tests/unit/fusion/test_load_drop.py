@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from load_course import MU, Watch, contact_rows, line, slips_at
 
-from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.config import Levels, Slip
+from slipd.fusion.levels import ContactWatch, Uncertainty
 from slipd.fusion.rows import FREE, LOAD_DROP_BIT, Rows
 from slipd.motion.evidence import evidence_mask
 from slipd.types.arrays import Array
@@ -19,7 +20,7 @@ STD_N = 0.02
 
 def followed(
     load: Array, normal: Array | float = NORMAL_N, *, aside: Array | float = 0.0, hz: float = 1000.0,
-    std_n: float = STD_N, mu: float = MU, seed: int = 0, settings: SlipSettings | None = None,
+    std_n: float = STD_N, mu: float = MU, seed: int = 0, settings: Slip | None = None,
     noise: Array | None = None,
 ) -> Rows:  # fmt: skip
     """Return the assessments of a course of the load, N, with noise."""
@@ -28,7 +29,7 @@ def followed(
     pulled, across, pressed = load + noise[0], aside + noise[1], normal + noise[2]
     used = np.hypot(pulled, across) / pressed / (1.0 if math.isnan(mu) else mu)
     rows = contact_rows(n, pulled, pressed, used, 100.0 + np.arange(n) / hz, aside_n=across)
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), settings or SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), settings or Slip(), 0.001, 0.3)
     watch.assess(rows, mu, Uncertainty(STD_N), 0.0)
     return rows["assessment"]
 
@@ -141,7 +142,7 @@ def test_a_slip_ends_when_a_raised_grip_holds_the_object() -> None:
 
 
 def test_a_slip_without_new_evidence_ends_after_hold_s() -> None:
-    found = followed(line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 1500)), settings=SlipSettings(hold_s=0.5))
+    found = followed(line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 1500)), settings=Slip(hold_s=0.5))
     count = int(found["slips"].sum())
     assert 495 <= count <= 505
 
@@ -206,7 +207,7 @@ def test_a_gap_forgets_what_was_before() -> None:
     load = line(RISE, (4.5, 4.5, 300))
     rows = contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3)
     rows["t_s"][800:] += 0.2
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     watch.assess(rows, MU, Uncertainty(STD_N), 0.0)
     assert not rows["assessment"]["slips"].any()
 
@@ -219,7 +220,7 @@ def test_reads_of_any_length_give_the_same(size: int) -> None:
     pulled, pressed = load + noise[0], NORMAL_N + noise[2]
     used = np.hypot(pulled, noise[1]) / pressed / MU
     rows = contact_rows(len(load), pulled, pressed, used, 100.0 + np.arange(len(load)) * 1e-3, aside_n=noise[1])
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     for first in range(0, len(load), size):
         watch.assess(rows[first : first + size], MU, Uncertainty(STD_N), 0.0)
     for name in whole.dtype.names or ():

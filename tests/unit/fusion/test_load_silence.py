@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows, line, slips_at
 
-from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.config import Levels, Slip
+from slipd.fusion.levels import ContactWatch, Uncertainty
 from slipd.fusion.rows import UNSOLVED, Rows
 from slipd.types.arrays import Array
 
@@ -17,7 +18,7 @@ RISE = (2.0, 6.0, 800)
 
 def assessed(rows: Rows) -> list[int]:
     """Return the readings at which a slip begins."""
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     watch.assess(rows, MU, Uncertainty(STD_N), 0.0)
     return slips_at(rows["assessment"])
 

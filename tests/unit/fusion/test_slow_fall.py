@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows
 
-from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.config import Levels, Slip
+from slipd.fusion.levels import ContactWatch, Uncertainty
 from slipd.types.arrays import Array
 
 RISE_N, FALL_N, PLATEAU_N = 1000, 90, 200
@@ -39,7 +40,7 @@ def slips_at(
     rows = contact_rows(
         n, pulled, pressed, used, 100.0 + np.arange(n) / hz, aside_n=np.zeros(n) if aside_n is None else aside_n
     )
-    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Levels(), Slip(), 0.001, 0.3)
     watch.assess(rows, mu, Uncertainty(force_n), 0.0)
     slips = rows["assessment"]["slips"]
     return (np.flatnonzero(slips & ~np.concatenate(([False], slips[:-1])))).tolist()

@@ -102,8 +102,8 @@ def solve_utilisations(
 
 @compiled
 def solve_readings(
-    readings: Rows, x: Array, y: Array, shares: Array, mu: float, vx: float, vy: float, omega: float, gap: float,
-    passes: int,
+    readings: Rows, x: Array, y: Array, shares: Array, mu: float, spin_scale: float, vx: float, vy: float, omega: float,
+    gap: float, passes: int,
 ) -> None:  # fmt: skip
     """Fill in the utilisation of readings in sequence, each started from the twist of the one before.
 
@@ -115,6 +115,7 @@ def solve_readings(
         y: Likewise.
         shares: Load on each for a normal force of 1 N, shape (n,).
         mu: Coefficient of friction.
+        spin_scale: How many times as much friction a spin uses.
         vx: Twist of the reading before; NaN where there is none.
         vy: Likewise.
         omega: Likewise.
@@ -134,8 +135,8 @@ def solve_readings(
         contact = row["contact"]
         normal = contact["normal_n"]
         load = Load(
-            contact["fx_n"] / normal, contact["fy_n"] / normal, contact["spin_nm"] / normal, contact["cx_m"],
-            contact["cy_m"],
+            contact["fx_n"] / normal, contact["fy_n"] / normal, spin_scale * contact["spin_nm"] / normal,
+            contact["cx_m"], contact["cy_m"],
         )  # fmt: skip
         found = utilisation_of(x, y, shares, mu, load, start, stop, taxels)
         start = Twist(found.vx, found.vy, found.omega)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from load_course import MU, contact_rows
 
-from slipd.fusion.level_steps import GROWTH_S, GROWTH_STDS, grows
-from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.config import Levels, Slip
+from slipd.fusion.levels import ContactWatch, Uncertainty
+from slipd.fusion.load_growth import GROWTH_S, GROWTH_STDS, grows
 from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
 from slipd.types.arrays import Array
 
@@ -20,7 +21,7 @@ NOISE = Uncertainty(0.0, 2e-4)
 
 
 def watch() -> ContactWatch:
-    return ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    return ContactWatch(Levels(), Slip(), 0.001, 0.3)
 
 
 def course(used: Array, period_s: float = 1e-3, noise_n: float = 0.02) -> Rows:
@@ -125,10 +126,10 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
     growing.assess(contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE, 0.0)
     growth = 0.3 * GROWTH_S * MU
     for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
-        growing._drop["rough"] = growth / stds
-        assert grows(growing._drop[0], growing._ring, MU, 0.75) is found
-    growing._drop["rough"] = 0.0
-    assert not grows(growing._drop[0], growing._ring, MU, 0.85), "its mean has not reached that"
+        growing.drop["rough"] = growth / stds
+        assert grows(growing.drop[0], growing.ring, MU, 0.75) is found
+    growing.drop["rough"] = 0.0
+    assert not grows(growing.drop[0], growing.ring, MU, 0.85), "its mean has not reached that"
 
 
 def test_a_new_contact_begins_without_the_mean_of_the_one_before() -> None:
