@@ -1,10 +1,14 @@
 """Whether the tests notice a mistake: random mutants of the program, each against the tests of its room.
 
     PYTHONPATH=tests/support:tests/lab python -m mutate [--mutants N] [--seed N] [--room ROOM …] [--report FILE]
+    PYTHONPATH=tests/support:tests/lab python -m mutate --wire [DEVICE …] [--report FILE]
 
 A mutant changes one operator, constant or condition, or deletes one statement. The test file of the mutated file runs
 first, then the other tests of its room. A mutant that no test notices is either a hole of the tests or changes nothing
 that can be seen; the report lists them all. The draw depends on the seed and the sources alone.
+
+``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
+tests of its device, and then of all devices.
 """
 
 from __future__ import annotations
@@ -20,8 +24,9 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from bench.commit import measured_on
-from mutate.mutations import Mutation, mutations
+from mutate.mutations import Mutation, mutate, mutations
 from mutate.trial import Copy, Outcome
+from mutate.wire import SHARED, is_noticed, wire_changes, wire_mutations
 
 PROJECT = Path(__file__).parents[3]
 TRUNK = (
@@ -32,6 +37,9 @@ ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for nam
     "client": ("clients/slipd_client", "tests/unit/client")
 }
 """Room → folder of its sources and of its tests."""
+
+EVERY_DEVICE = ("tests/unit/devices/shared", "tests/unit/devices/test_every_decoder.py")
+"""Tests of what devices share."""
 
 LIMIT_S = 300.0
 """Longest run of the tests of one room, s; an endless loop is noticed."""
@@ -45,9 +53,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--room", action="append", choices=ROOMS, help="only this room; may be repeated")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="mutants tried at a time (default: 2)")
     parser.add_argument("--report", type=Path, metavar="FILE", help="also write the report as Markdown")
+    parser.add_argument("--wire", nargs="*", metavar="DEVICE", help="every number of these decoders (default: all)")
     options = parser.parse_args(argv)
-    drawn = draw(options.room or list(ROOMS), options.mutants, options.seed)
     outcomes = []
+    for outcome in _random(options) if options.wire is None else _wire(options.wire):
+        outcomes.append(outcome)
+        print(f"{outcome.verdict:9} {outcome.path}:{outcome.mutation.line}  {outcome.mutation.text}", flush=True)
+    counts = Counter(outcome.verdict for outcome in outcomes)
+    noticed = len(outcomes) - counts["survived"]
+    print(f"{noticed} of {len(outcomes)} mutants noticed ({noticed / max(len(outcomes), 1):.1%})")
+    if options.report:
+        options.report.parent.mkdir(exist_ok=True)
+        options.report.write_text(
+            "\n".join(_page(outcomes, noticed, options.seed if options.wire is None else None)) + "\n", encoding="utf-8"
+        )
+    return 0
+
+
+def _random(options: argparse.Namespace) -> Iterator[Outcome]:
+    """Try random mutants, each in a copy of the project."""
+    drawn = draw(options.room or list(ROOMS), options.mutants, options.seed)
     with tempfile.TemporaryDirectory(prefix="slipd-mutants-") as name, ThreadPoolExecutor(options.workers) as pool:
         free: SimpleQueue[Copy] = SimpleQueue()
         for number in range(options.workers):
@@ -61,16 +86,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             finally:
                 free.put(copy)
 
-        for outcome in pool.map(attempt, drawn):
-            outcomes.append(outcome)
-            print(f"{outcome.verdict:9} {outcome.path}:{outcome.mutation.line}  {outcome.mutation.text}", flush=True)
-    counts = Counter(outcome.verdict for outcome in outcomes)
-    noticed = len(outcomes) - counts["survived"]
-    print(f"{noticed} of {len(outcomes)} mutants noticed ({noticed / max(len(outcomes), 1):.1%})")
-    if options.report:
-        options.report.parent.mkdir(exist_ok=True)
-        options.report.write_text("\n".join(_page(outcomes, noticed, options.seed)) + "\n", encoding="utf-8")
-    return 0
+        yield from pool.map(attempt, drawn)
+
+
+def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
+    """Try every mutant of a number on the wire."""
+    for _, name, mutation in wire_draw(devices):
+        path = PROJECT / name
+        mutant = mutate(path.read_text(encoding="utf-8"), mutation, wire_changes)
+        groups = [group for group in _tests("devices", name) if group != ["tests/unit/devices"]] + [list(EVERY_DEVICE)]
+        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, int(LIMIT_S)) for group in groups)
+        yield Outcome(name, mutation, "killed" if noticed else "survived")
 
 
 def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mutation]]:
@@ -82,6 +108,21 @@ def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mu
         for mutation in mutations(path.read_text(encoding="utf-8"))
     ]
     return random.Random(seed).sample(places, min(count, len(places)))
+
+
+def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
+    """Yield ("devices", path, mutation) of every number on the wire of these devices, of all where none is named."""
+    room = PROJECT / ROOMS["devices"][0]
+    shared = [room / "shared" / name for name in SHARED]
+    seen = set()
+    for place in sorted(room.iterdir()):
+        name = place.stem
+        if name in ("shared", "__init__", "__pycache__") or (devices and name not in devices):
+            continue
+        for path, mutation in wire_mutations(([place] if place.is_file() else [*place.glob("*.py")]) + shared):
+            if (key := (path, mutation)) not in seen:
+                seen.add(key)
+                yield "devices", path.relative_to(PROJECT).as_posix(), mutation
 
 
 def _tests(room: str, path: str) -> list[list[str]]:
@@ -96,17 +137,19 @@ def _tests(room: str, path: str) -> list[list[str]]:
     return [group for group in ([nearest] if nearest else []) + near + [[tests]] if group]
 
 
-def _page(outcomes: Sequence[Outcome], noticed: int, seed: int) -> Iterator[str]:
+def _page(outcomes: Sequence[Outcome], noticed: int, seed: int | None) -> Iterator[str]:
     yield "# Mutants"
     yield ""
-    yield f"`python -m mutate --mutants {len(outcomes)} --seed {seed}`. {measured_on()}."
+    how = f"--mutants {len(outcomes)} --seed {seed}" if seed is not None else "--wire"
+    yield f"`python -m mutate {how}`. {measured_on()}."
     yield ""
     yield f"The tests notice {noticed} of {len(outcomes)} mutants ({noticed / max(len(outcomes), 1):.1%})."
     yield ""
-    yield "| room | mutants | noticed |"
+    place = _room if seed is not None else _device
+    yield f"| {'room' if seed is not None else 'device'} | mutants | noticed |"
     yield "| --- | ---: | ---: |"
-    rooms = Counter(_room(outcome) for outcome in outcomes)
-    survived = Counter(_room(outcome) for outcome in outcomes if outcome.verdict == "survived")
+    rooms = Counter(place(outcome) for outcome in outcomes)
+    survived = Counter(place(outcome) for outcome in outcomes if outcome.verdict == "survived")
     for room, number in sorted(rooms.items()):
         yield f"| {room} | {number} | {number - survived[room]} |"
     yield ""
@@ -120,6 +163,11 @@ def _page(outcomes: Sequence[Outcome], noticed: int, seed: int) -> Iterator[str]
 
 def _room(outcome: Outcome) -> str:
     return next(room for room, (sources, _) in ROOMS.items() if outcome.path.startswith(sources + "/"))
+
+
+def _device(outcome: Outcome) -> str:
+    parts = Path(outcome.path).relative_to(ROOMS["devices"][0]).parts
+    return Path(parts[0]).stem if parts[0] != "shared" else "/".join(parts)
 
 
 if __name__ == "__main__":

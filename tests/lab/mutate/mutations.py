@@ -17,6 +17,9 @@ _COMPUTED: dict[type[ast.operator], type[ast.operator]] = {
 }  # fmt: skip
 _BYTE_ORDERS = {"<": ">", ">": "<", "!": "<"}
 
+Changes = Callable[[ast.AST], Iterator[tuple[str, Callable[[ast.AST], None]]]]
+"""``changes(node)`` yields at most one change of each kind."""
+
 
 @dataclass(frozen=True)
 class Mutation:
@@ -25,7 +28,7 @@ class Mutation:
     Attributes:
         index: Place of the changed node in `ast.walk` order.
         line: Its line in the source.
-        kind: "operator", "constant", "condition" or "deleted".
+        kind: "operator", "constant", "condition" or "deleted"; others in `mutate.wire`.
         text: What changed, for people.
     """
 
@@ -38,22 +41,33 @@ class Mutation:
 def mutations(source: str) -> list[Mutation]:
     """Return every change that `mutate` can make of a source file."""
     tree = ast.parse(source)
-    skipped = _skipped(tree)
+    skipped = skipped_nodes(tree)
     found = []
     for index, node in enumerate(ast.walk(tree)):
         if id(node) in skipped or not hasattr(node, "lineno"):
             continue
         for kind, change in _changes(node):
-            changed = copy.deepcopy(node)
-            change(changed)
-            before, after = _short(node), "" if kind == "deleted" else _short(changed)
+            before, after = short(node), "" if kind == "deleted" else short(change_at(node, change))
             if before != after:
                 found.append(Mutation(index, node.lineno, kind, f"{before} → {after or 'pass'}"))
     return found
 
 
-def mutate(source: str, mutation: Mutation) -> str:
-    """Return the source with one change; layout and comments are lost."""
+def change_at(node: ast.AST, change: Callable[[ast.AST], None]) -> ast.AST:
+    """Return a copy of a node with a change."""
+    changed = copy.deepcopy(node)
+    change(changed)
+    return changed
+
+
+def mutate(source: str, mutation: Mutation, changes: Changes | None = None) -> str:
+    """Return the source with one change; layout and comments are lost.
+
+    Args:
+        source: The source.
+        mutation: The change.
+        changes: What yielded the change; None: `mutations`.
+    """
     tree = ast.parse(source)
     node = next(node for index, node in enumerate(ast.walk(tree)) if index == mutation.index)
     if mutation.kind == "deleted":
@@ -62,7 +76,7 @@ def mutate(source: str, mutation: Mutation) -> str:
                 if isinstance(body, list) and node in body:
                     body[body.index(node)] = ast.copy_location(ast.Pass(), node)
     else:
-        next(change for kind, change in _changes(node) if kind == mutation.kind)(node)
+        next(change for kind, change in (changes or _changes)(node) if kind == mutation.kind)(node)
     return ast.unparse(ast.fix_missing_locations(tree))
 
 
@@ -75,7 +89,7 @@ def _changes(node: ast.AST) -> Iterator[tuple[str, Callable[[ast.AST], None]]]:
             yield "operator", _swap_operator
         case ast.BoolOp():
             yield "operator", _swap_bool
-        case ast.Constant() if _other(node.value) is not None:
+        case ast.Constant() if other_value(node.value) is not None:
             yield "constant", _change_constant
         case ast.If() | ast.IfExp():
             yield "condition", _always
@@ -108,7 +122,7 @@ def _swap_bool(node: ast.AST) -> None:
 
 def _change_constant(node: ast.AST) -> None:
     assert isinstance(node, ast.Constant)
-    node.value = _other(node.value)
+    node.value = other_value(node.value)
 
 
 def _always(node: ast.AST) -> None:
@@ -117,7 +131,7 @@ def _always(node: ast.AST) -> None:
     node.test = ast.Constant(True)
 
 
-def _other(value: object) -> object:
+def other_value(value: object) -> object:
     """Return another value of the same type, None where there is nothing to change."""
     match value:
         case bool():
@@ -138,7 +152,7 @@ def _is_text(node: ast.BinOp) -> bool:
     )
 
 
-def _skipped(tree: ast.AST) -> set[int]:
+def skipped_nodes(tree: ast.AST) -> set[int]:
     """Return the nodes that do nothing at run time: annotations, type-checking blocks and their imports."""
     skipped: set[int] = set()
     for node in ast.walk(tree):
@@ -159,7 +173,7 @@ def _skipped(tree: ast.AST) -> set[int]:
     return skipped
 
 
-def _short(node: ast.AST) -> str:
+def short(node: ast.AST) -> str:
     shown = node.test if isinstance(node, ast.If) else node
     text = " ".join(ast.unparse(ast.fix_missing_locations(copy.deepcopy(shown))).split())
     return text if len(text) <= 90 else text[:87] + "…"

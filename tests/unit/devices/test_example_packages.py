@@ -32,11 +32,6 @@ def test_anyskin_a_published_reading_is_decoded_to_the_last_bit() -> None:
     assert (sample.t_ns, sample.status) == (7, ("raw",))
 
 
-def test_anyskin_every_split_gives_the_same(same_for_every_split: SplitCheck) -> None:
-    cut = FRAME[:30]
-    assert len(same_for_every_split(slipd_anyskin.Decoder, cut + FRAME + FRAME + b"\xff" + 3 * FRAME)) == 3
-
-
 def test_anyskin_damage_is_counted_and_noise_gives_nothing() -> None:
     decoder = slipd_anyskin.Decoder()
     assert decoder.receive(random.Random(1).randbytes(20_000), 0) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import re
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -139,24 +138,3 @@ def test_the_device_time_is_returned_as_sent_and_wraps() -> None:
     stream = b"".join(gauges.encode_frame(COUNTS, step, (1 << 32) - 1 + step) for step in range(3))
     times = [sample.device_time_ns for sample in gauges.Decoder().receive(stream, 0)]
     assert times == [((1 << 32) - 1) * 1000, 0, 1000]
-
-
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    stream = frame(1)[9:] + frame(2) + b"\xc3\x3c\x01\xc3" + frame(3) + frame(4)[:30] + frame(5) + frame(9)
-    assert len(same_for_every_split(gauges.Decoder, stream)) == 4
-
-
-def test_L2_a_damaged_frame_costs_itself_alone(damaged: Damage) -> None:
-    for hit in damaged(frame(2), 3000):
-        decoder = gauges.Decoder()
-        samples = decoder.receive(frame(1) + hit + frame(3), 0)
-        assert numbers(samples) == ([1, 2, 3] if frame(2) in hit else [1, 3])
-        assert decoder.health.bad >= 1
-
-
-def test_L3_noise_full_of_syncs_yields_nothing_and_is_not_kept() -> None:
-    rng = random.Random(1)
-    decoder = gauges.Decoder()
-    for _ in range(200):
-        assert decoder.receive(b"\xc3\x3c\x01" * 20 + rng.randbytes(500), 0) == []
-        assert len(decoder._frames._tail) < gauges.FRAME_LENGTH

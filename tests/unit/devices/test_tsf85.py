@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slipd.devices import tsf85
 from slipd.devices.tsf85 import encode_block, encode_packet
@@ -103,12 +100,6 @@ def test_an_impossible_unit_is_refused(unit: Any) -> None:
         tsf85.Decoder(timestamp_unit_ns=unit)
 
 
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    version = encode_packet(tsf85.VERSION, b"1.1.8\0")
-    stream = packet(0)[9:] + packet(1) + packet(2) + version + SMALL + b"\x9a\x9a\0" + packet(3) + packet(4, both=True)
-    assert len(same_for_every_split(tsf85.Decoder, stream)) == 5
-
-
 def test_the_firmware_is_read_from_its_answer() -> None:
     assert decode(encode_packet(tsf85.VERSION, b"Master 1.1.8\r\n\0"))[1].firmware == "Master 1.1.8"
     assert decode(b"\0" + encode_packet(tsf85.VERSION, b"1.1.8"))[1].firmware == ""
@@ -181,30 +172,6 @@ def test_T2_a_packet_that_misses_a_part_is_dropped_whole() -> None:
         found, _ = decode(packet(0) + packet(1)[:cut] + packet(2) + packet(3) + packet(4))
         # cut behind its array, the packet may pass with bytes of the next in its last block, at the cost of that one
         assert found in (images(0, 2, 3, 4), images(0, 1, 3, 4)), cut
-
-
-def test_L2_a_damaged_packet_costs_at_most_the_next_one(damaged: Damage) -> None:
-    for hit in damaged(packet(1), 1500):
-        found, _ = decode(packet(0) + hit + packet(2) + packet(3) + packet(4))
-        assert found[0] == image(0).tolist()
-        assert found[-2:] == images(3, 4), hit.hex()
-
-
-@given(st.lists(st.one_of(st.just(SMALL), st.just(packet(1)), st.binary(max_size=60)), max_size=10))
-def test_nothing_raises_and_a_packet_after_anything_is_read(parts: list[bytes]) -> None:
-    stream = b"".join(parts)
-    found, decoder = decode(stream + SMALL * 27 + packet(2))  # SMALL * 27 is longer than any partial packet
-    assert found[-1] == image(2).tolist()
-    assert decoder.health.good == len(found)
-
-
-def test_L3_noise_gives_no_sample_and_is_not_kept() -> None:
-    rng = random.Random(8)
-    decoder = tsf85.Decoder()
-    for _ in range(200):
-        assert decoder.receive(rng.randbytes(5000) + b"\x9a\0\x58\xff\x10" * 500, 0) == []
-        assert len(decoder._frames._tail) < 4 + 255
-    assert decoder.health.bad > 1000
 
 
 def test_L3_a_wrong_length_delays_nothing_beyond_its_first_wrong_tag() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable
 from typing import Any
 
@@ -48,34 +47,6 @@ def test_an_image_with_a_cell_at_full_scale_is_saturated() -> None:
     assert decoder.receive(wts.encode_frame([4094], 0), 0)[0].status == ()
     decoder.set_matrix(wts.Matrix(1, 1, 1000))
     assert decoder.receive(wts.encode_frame([1000], 0), 0)[0].status == ("saturated",)
-
-
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    first, second, third, *rest = frames(8)
-    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x10", SEED_WITH_PREAMBLE)
-    stream = first[9:] + wts.encode_system(3) + first + second + weiss.PREAMBLE + bytes(2) + third[:60] + flagged
-    samples = same_for_every_split(wts.Decoder, stream + b"".join(rest))
-    assert [sample[1] for sample in samples] == [number * 10_000_000 for number in range(8) if number != 2]
-
-
-def test_L2_no_flipped_bit_costs_more_than_its_own_image() -> None:
-    before, hit, after = frames(3, cells=8)
-    for bit in range(8 * len(hit)):
-        damaged = bytearray(hit)
-        damaged[bit // 8] ^= 1 << bit % 8
-        decoder = wts.Decoder()
-        decoder.set_matrix(wts.Matrix(4, 2))
-        assert times_ms(decoder, before, bytes(damaged), after) == [0, 20]
-        assert decoder.health.bad >= 1
-
-
-def test_L3_noise_yields_no_image() -> None:
-    rng = random.Random(12)
-    decoder = wts.Decoder()
-    for _ in range(64):
-        assert decoder.receive(rng.randbytes(8192), 0) == []
-        assert decoder.receive(weiss.PREAMBLE + bytes(3) + rng.randbytes(100), 0) == []
-    assert decoder.health.bad_bytes > 64 * 8192
 
 
 @pytest.mark.parametrize("cells", [1, 31, 33, 64])

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import random
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slipd.devices import xela
 from slipd.types.samples import TactileSample
@@ -202,78 +199,9 @@ def test_an_object_without_a_number_is_bad(body: bytes) -> None:
     assert decoder.health.bad == 1
 
 
-def test_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    small = [xela.encode_message(number, {"1": pad(number, 2)}, 1.0) for number in range(4)]
-    stream = WELCOME + b"\n" + small[0] + WORKED + b'x{"y" ' + small[1] + "é".encode() + small[2][:60] + small[3]
-    assert len(same_for_every_split(xela.Decoder, stream)) == 4
-
-
-@pytest.mark.parametrize(
-    "junk",
-    [
-        b"{",
-        b'{"',
-        b'{"a',
-        b'{"a":',
-        b'{"a":[',
-        b"}",
-        b"]}",
-        b'{"a":1e',
-        b"{x",
-        b'{"a":' + b"9" * 5000 + b"}",
-        b'"',
-        b"\\",
-        b'{"\\u12',
-        b'{"a\n":1}',
-        b"\xff{",
-    ],
-)
-def test_garbage_between_messages_costs_no_message(junk: bytes) -> None:
-    samples, decoder = receive(message(1) + junk + message(2) + message(3))
-    assert [sample.values.tolist() for sample in samples] == [pad(number).tolist() for number in (1, 2, 3)]
-    assert (decoder.health.bad, decoder.health.bad_bytes) == (1, len(b"".join(junk.split())))
-
-
 def test_each_stretch_of_garbage_counts_once() -> None:
     _, decoder = receive(b"xy" + message(1) + b"z" + message(2) + b" \r\n" + message(3))
     assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (3, 2, 3)
-
-
-@given(
-    st.lists(st.one_of(st.sampled_from([message(1), WELCOME, b'{"', b"{", b"}"]), st.binary(max_size=40)), max_size=9)
-)
-def test_nothing_raises_and_a_message_after_anything_is_read_at_the_latest_with_the_next(parts: list[bytes]) -> None:
-    decoder = xela.Decoder()
-    for part in parts:
-        decoder.receive(part, 0)
-    before = decoder.health.good
-    decoder.receive(message(2), 0)
-    decoder.receive(message(3), 0)
-    assert decoder.health.good - before >= 1
-
-
-def test_a_mutated_message_never_raises_and_the_next_is_read() -> None:
-    rng = random.Random(2)
-    whole = message(1)
-    for _ in range(3000):
-        hit = bytearray(whole)
-        for _ in range(rng.randrange(1, 4)):
-            hit[rng.randrange(len(hit))] = rng.randrange(256)
-        decoder = xela.Decoder()
-        decoder.receive(bytes(hit) + message(2) + message(3), 0)
-        assert decoder.health.good >= 1
-
-
-@pytest.mark.parametrize("junk", [b'{"a":', b"{", b"{ ", b'{"a', b'{"a}', b"[", b'{"a":[', b"\xff", b'{"a":9', b"9"])
-def test_endless_garbage_is_not_kept(junk: bytes) -> None:
-    decoder = xela.Decoder()
-    for _ in range(40):
-        decoder.receive(junk * 1000, 0)
-        assert len(decoder._text) <= xela.MAX_MESSAGE
-    for number in range(3):
-        decoder.receive(message(number), 0)
-    assert decoder.health.good >= 1
-    assert decoder.health.bad_bytes > 0
 
 
 def test_a_number_with_two_dots_is_garbage_and_delays_nothing() -> None:

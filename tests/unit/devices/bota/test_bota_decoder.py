@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import random
 import struct
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slipd.devices import bota
-from slipd.devices.bota import FRAME_LENGTH
 from slipd.devices.shared import checksums
 
 WORKED = bytes.fromhex(
@@ -83,15 +79,6 @@ def test_device_time_is_returned_as_sent_and_wraps() -> None:
     assert times_us(bota.Decoder().receive(stream, 0)) == [(1 << 32) - 1, 0, 1]
 
 
-def test_every_split_of_a_stream_with_text_and_noise_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    first, second, third, *rest = frames(12)
-    ack = bota.encode_ack("R")
-    stream = first[20:] + bota.encode_banner() + ack + first + ack + second + b"\xaa\0" + third[:30]
-    samples = same_for_every_split(bota.Decoder, stream + b"".join(rest))
-    assert len(samples) == 11
-    assert [sample[1] for sample in samples] == [number * 1_000_000 for number in range(12) if number != 2]
-
-
 def test_text_between_frames_is_no_damage() -> None:
     decoder = bota.Decoder()
     stream = bota.encode_banner() + bota.encode_ack("C").join(frames(3))
@@ -114,48 +101,12 @@ def test_a_frame_full_of_false_headers_is_found_from_any_start() -> None:
         assert len(decoder.receive((one * 4)[start:], 0)) == (4 if start == 0 else 3)
 
 
-def test_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage) -> None:
-    before, whole, behind = frames(3)
-    for hit in damaged(whole, 15_000, bursts=True):
-        decoder = bota.Decoder()
-        seen = times_us(decoder.receive(before + hit + behind, 0))
-        if whole in hit:
-            continue
-        assert seen == [0, 2000], hit.hex()
-        assert decoder.health.bad >= 1
-        # damage that happens to begin with printable characters looks like text there
-        assert len(hit) - 4 <= decoder.health.bad_bytes <= len(hit)
-
-
-@given(st.lists(st.one_of(st.sampled_from(frames(5)), st.binary(max_size=60)), max_size=12))
-def test_every_good_frame_of_any_stream_is_found_or_overlaps_another(parts: list[bytes]) -> None:
-    decoder = bota.Decoder()
-    samples = decoder.receive(b"".join(parts), 0)
-    assert len(samples) == sum(part in frames(5) for part in parts)
-    assert decoder.health.good == len(samples)
-
-
-def test_noise_yields_no_reading() -> None:
-    rng = random.Random(11)
-    decoder = bota.Decoder()
-    for _ in range(512):
-        assert decoder.receive(rng.randbytes(8192), 0) == []
-    assert decoder.health.bad_bytes > 512 * 8192 - 37
-
-
 def test_out_of_sync_a_frame_with_reserved_bits_is_accepted_only_by_its_successor() -> None:
     strange = [bota.encode_frame((0, 0, 0), (0, 0, 0), time, status=0x1000) for time in range(3)]
     decoder = bota.Decoder()
     assert times_us(decoder.receive(b"\0" * 5 + b"".join(strange), 0)) == [1, 2]
     assert decoder.health.bad == 2
     assert times_us(bota.Decoder().receive(strange[0], 0)) == [0]
-
-
-def test_endless_garbage_is_not_kept() -> None:
-    decoder = bota.Decoder()
-    for _ in range(20):
-        decoder.receive(b"\xaa" * 4096, 0)
-        assert len(decoder._frames._tail) < FRAME_LENGTH
 
 
 def test_readings_own_their_memory() -> None:

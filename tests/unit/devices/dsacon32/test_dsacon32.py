@@ -86,43 +86,6 @@ def test_a_run_of_zero_cells_adds_nothing() -> None:
     assert sample.values.tolist() == [5]
 
 
-@pytest.mark.parametrize("rle", [False, True])
-@pytest.mark.parametrize("matrices", [None, FORMS])
-def test_L1_every_split_reads_the_same(
-    rle: bool, matrices: list[list[float]] | None, same_for_every_split: SplitCheck
-) -> None:
-    first, second, third, *rest = frames(8, rle=rle)
-    strange = frames(1, rle=rle, cells=13)[0] + payload_frame("00 00 00 00 00 FF FF")
-    answer = dsacon32.encode_controller(7)
-    stream = first[15:] + BOOT_TEXT + first + answer + second + b"\xaa\xaa\xaa\0\x1d\0" + third[:-3] + strange
-    samples = same_for_every_split(lambda: dsacon32.Decoder(matrices), stream + b"".join(rest))
-    assert {sample[1] // 33_000_000 for sample in samples} == {0, 1, 3, 4, 5, 6, 7}
-    assert len(samples) == (8 if matrices is None else 14)
-
-
-def test_L2_no_damage_costs_more_than_its_own_image(damaged: Damage) -> None:
-    before, whole, behind = frames(3, rle=True)
-    missed = 0
-    for hit in damaged(whole, 3000, bursts=True):
-        seen, _ = decode(before, hit, behind, matrices=FORMS)
-        if whole in hit:
-            continue
-        assert seen[:2] == [0, 0]
-        assert seen[-2:] == [66, 66]
-        missed += len(seen) > 4
-    assert missed <= 3  # one in 2^13 of damage to several bytes
-
-
-def test_L3_noise_yields_no_image() -> None:
-    rng = random.Random(11)
-    decoder = dsacon32.Decoder()
-    for _ in range(128):
-        assert decoder.receive(rng.randbytes(8192), 0) == []
-        assert decoder.receive(weiss.PREAMBLE + bytes(3) + rng.randbytes(100), 0) == []
-    assert decoder.health.good == 0
-    assert decoder.health.bad_bytes > 128 * 8192
-
-
 def test_L3_the_buffer_is_bounded_by_the_longest_image() -> None:
     decoder = dsacon32.Decoder()
     longest = dsacon32.encode_frame([9] * weiss_tactile.MAX_CELLS, 0)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 from external_messages import IMAGE, WRENCH, decode, pack, times, wrench
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slipd.devices import external
-from slipd.devices.external import encode_reading
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -119,40 +114,6 @@ def test_T2_a_message_cut_anywhere_is_dropped_whole_and_delays_nothing() -> None
         assert (decoder.health.bad, decoder.health.bad_bytes) == (1, cut)
 
 
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    long_name = encode_reading("n" * 40, 1 << 40, values=np.ones((3, 3)), seq=1 << 33, status=("hot", "x" * 32))
-    stream = wrench(1)[9:] + wrench(2) + long_name + b"\x85\xa6strea" + wrench(3)[:-1] + wrench(4) + b"\xc1" + wrench(5)
-    stream += pack(WRENCH, stream="n" * 65) + long_name + b"\x84"
-    # the fourth lost its last byte and took one of the fifth; the second is repeated
-    assert len(same_for_every_split(external.Decoder, stream)) == 4
-
-
-def test_L2_a_damaged_message_costs_at_most_itself() -> None:
-    rng = random.Random(3)
-    whole = encode_reading("left.pad", 10**12, values=np.ones(16), seq=7)
-    for _ in range(3000):
-        hit = bytearray(whole)
-        at, kind = rng.randrange(len(hit)), rng.randrange(3)
-        if kind == 0:
-            hit[at] ^= 1 << rng.randrange(8)
-        elif kind == 1:
-            del hit[at]
-        else:
-            hit.insert(at, rng.randrange(256))
-        samples, _ = decode(wrench(1), bytes(hit), wrench(2), wrench(3))
-        assert times(samples)[0] == 1
-        assert times(samples)[-1] == 3
-
-
-def test_L3_noise_gives_no_reading_and_is_not_kept() -> None:
-    rng = random.Random(9)
-    decoder = external.Decoder()
-    for _ in range(100):
-        assert decoder.receive(rng.randbytes(4000) + b"\x85\xa6stream\xd9\x40" * 100, 0) == []
-        assert len(decoder._scanner._tail) < external.MAX_MESSAGE
-    assert decoder.health.bad_bytes > 400_000
-
-
 BOMBS = [
     b"\x91" * 60_000,
     b"\xdd\xff\xff\xff\xff" * 10_000,
@@ -172,10 +133,3 @@ def test_a_hostile_message_is_rejected_at_its_first_wrong_byte(bomb: bytes) -> N
     samples, decoder = decode(bomb, wrench(1), wrench(2))
     assert times(samples) == [1, 2]
     assert decoder._scanner._tail == b""
-
-
-@given(st.lists(st.one_of(st.just(wrench(1)), st.just(pack(IMAGE)), st.binary(max_size=40)), max_size=9))
-def test_nothing_raises_and_a_reading_after_anything_is_read(parts: list[bytes]) -> None:
-    samples, decoder = decode(*parts, wrench(8), wrench(9))
-    assert times(samples)[-1] == 9
-    assert decoder.health.good == len(samples)

@@ -12,8 +12,7 @@ from external_gripper_bench import Bench
 from permits import activate, halt, move, set_force
 from project import DOCS
 
-from slipd.devices.external_gripper import Decoder, Session
-from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper import Session
 from slipd.devices.external_gripper.external_gripper_message import (
     Registration,
     Report,
@@ -289,34 +288,6 @@ def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(bench: Bench
 def test_an_impossible_answer_time_is_refused(answer_ms: Any) -> None:
     with pytest.raises(ValueError, match="5 to 1000"):
         Session(answer_ms)
-
-
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    reports = [encode_report(Report(width_m, id=7, applied_n=3.0)) for width_m in (0.04, 0.05, 0.06)]
-    nan = msgpack.packb({"v": 1, "width_m": math.nan})
-    stream = b"\x00\x82" + reports[0] + nan + reports[1] + encode_registration(DRIVER) + reports[1][:30] + reports[2]
-    assert [sample[3] for sample in same_for_every_split(Decoder, stream)] == [0.04, 0.05, 0.06]
-    decoder = Decoder()
-    decoder.receive(stream, 0)
-    assert (decoder.health.good, decoder.health.bad) == (3, 3)
-    assert decoder.health.bad_bytes == 2 + len(nan) + 30
-
-
-def test_L5_a_message_that_a_hang_up_tore_is_not_completed_by_the_next() -> None:
-    decoder = Decoder()
-    data = encode_report(Report(0.05))
-    decoder.receive(data[:-3], 0)
-    decoder.forget()
-    assert decoder.receive(data[-3:], 0) == []
-    assert decoder.health.bad_bytes == len(data)
-    assert decoder.receive(data, 0)[0].width_m == 0.05
-
-
-def test_the_bytes_kept_are_bounded_by_the_longest_message() -> None:
-    decoder = Decoder()
-    for _ in range(100):
-        decoder.receive(b"\x8a\xa5fault\xd9\x78" + bytes(60), 0)
-        assert len(decoder._scanner._tail) < wire.MAX_MESSAGE
 
 
 def test_a_force_is_sent_as_requested() -> None:

@@ -119,12 +119,6 @@ def test_N3_a_count_at_the_end_of_its_range_is_overload() -> None:
     assert sample.status == ("overload",)
 
 
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    damaged = record(3)[:20] + b"\xff" * 5
-    stream = record(17) + record(18) + record(20) + record(21) + damaged + b"".join(record(n) for n in range(30, 36))
-    assert len(same_for_every_split(netft.Decoder, stream)) == 10
-
-
 def test_D3_gap_duplicate_and_restart_are_distinguished() -> None:
     decoder = netft.Decoder()
     for number in (1, 2, 5, 6, 6, 7, 8, 1, 2):

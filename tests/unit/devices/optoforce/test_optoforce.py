@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -163,35 +162,6 @@ def test_an_untrusted_counter_is_not_used() -> None:
     for counter in (10, 20, 20, 30):
         decoder.receive(reading(counter), 0)
     assert decoder.health == DecoderHealth(good=4)
-
-
-def test_L1_every_split_reads_the_same_on_both_wirings(same_for_every_split: SplitCheck) -> None:
-    stream = reading(1)[7:] + ACK + reading(2) + PUBLISHED[:9] + SERIAL + reading(3) + b"\xaa\x07" + reading(7)
-    assert len(same_for_every_split(optoforce.Decoder, stream)) == 3
-    records = [udp(number) for number in (1, 2, 4, 5, 6)]
-    assert len(same_for_every_split(lambda: optoforce.Decoder("udp"), b"".join(records))) == 5
-
-
-def test_L2_a_damaged_frame_costs_itself_alone_and_the_sum_misses_few(damaged: Damage) -> None:
-    missed = 0
-    for hit in damaged(reading(2), 3000):
-        decoder = optoforce.Decoder()
-        first, *middle, last = decoder.receive(reading(1) + hit + reading(3), 0)
-        assert (first.force_n[0], last.force_n[0]) == (1, 3)
-        assert decoder.health.bad >= 1
-        assert not (middle and len(hit) == len(reading(2))), hit.hex()
-        missed += len(middle) and reading(2) not in hit
-    assert missed <= 6  # a plain sum of the bytes misses one in about a thousand that grew or shrank by a byte
-
-
-def test_L3_noise_full_of_headers_yields_nothing_and_is_not_kept() -> None:
-    rng = random.Random(5)
-    decoder = optoforce.Decoder()
-    for header in (frames.FOUR_3_AXIS, frames.ONE_3_AXIS, frames.ACK, b""):
-        for _ in range(60):
-            assert decoder.receive(header + rng.randbytes(400), 0) == []
-            assert len(decoder._frames._tail) < 34
-    assert decoder.health.bad > 1000
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import random
 import struct
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pillar_frames import decode, forces, frame, make, pillars, resum
 
 from slipd.devices import papillarray
@@ -186,40 +183,10 @@ def test_an_end_marker_inside_the_data_does_not_end_the_frame() -> None:
     np.testing.assert_array_equal(sample.values[3], marker)
 
 
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    small = [make(number, [forces(number, 1)], slip=True) for number in range(6)]
-    stream = small[0][30:] + small[1] + small[2][:40] + small[3] + frames.START + small[4] + small[5]
-    undefined = frames.encode_blocks([frames.encode_hub(6, 0), (frames.UNDEFINED, frames.END * 2)])
-    assert len(same_for_every_split(papillarray.Decoder, stream + undefined, tail=bytes(frames.LONGEST))) == 4
-
-
-def test_L2_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage) -> None:
-    before, whole, after = (frame(number, sensors=2) for number in (3, 4, 5))
-    for hit in damaged(whole, 600):
-        numbers, decoder = decode(before + hit + after + bytes(frames.LONGEST))
-        assert numbers == ([3, 3, 4, 4, 5, 5] if whole in hit else [3, 3, 5, 5]), hit.hex()
-        assert decoder.health.bad >= 1
-
-
 def test_T2_two_frames_mixed_or_one_that_misses_a_part_are_dropped_whole() -> None:
     for cut in range(1, len(frame(1)), 3):
         numbers, _ = decode(frame(0) + frame(1)[:cut] + frame(2) + bytes(frames.LONGEST))
         assert numbers == [0, 2]
-
-
-def test_L3_noise_gives_no_sample_and_is_not_kept() -> None:
-    rng = random.Random(2)
-    decoder = papillarray.Decoder()
-    for _ in range(100):
-        noise = rng.randbytes(5000) + frames.START + rng.randbytes(20) + frames.END * 3
-        assert decoder.receive(noise, 0) == []
-        assert len(decoder._frames._tail) < frames.LONGEST
-    assert decoder.health.bad > 100
-
-
-@given(st.lists(st.one_of(st.just(frame(1)), st.just(frames.START), st.binary(max_size=60)), max_size=8))
-def test_nothing_raises_and_a_frame_after_anything_is_read(parts: list[bytes]) -> None:
-    assert decode(b"".join(parts) + frame(2) + bytes(frames.LONGEST))[0][-1] == 2
 
 
 def test_D3_gaps_duplicates_and_restarts_are_distinguished() -> None:

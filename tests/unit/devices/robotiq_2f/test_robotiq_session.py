@@ -191,15 +191,6 @@ def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
     assert active.session.health.bad_bytes == 24
 
 
-def test_endless_garbage_is_neither_kept_nor_mistaken_for_a_reply(active: Bench) -> None:
-    active.now_ns += 20 * MS
-    active.session.on_time(active.now_ns)
-    for _ in range(100):
-        assert active.session.receive(b"\x09\x04\x06" * 1000, active.now_ns) == []
-        assert len(active.session._line.received) <= modbus.MAX_FRAME
-    assert active.session.receive(active.gripper.respond(POLL), active.now_ns) != []
-
-
 @pytest.mark.parametrize("period", [0.0, 0.004, -1, float("nan")])
 def test_a_poll_period_below_the_grippers_pause_is_refused(period: float) -> None:
     with pytest.raises(ValueError, match=r"0\.005"):

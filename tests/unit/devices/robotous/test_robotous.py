@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -60,33 +59,11 @@ def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int) -> None:
     assert sample.status == ("overload",)
 
 
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    answer = robotous.encode_response(robotous.SET_RATE, b"\1\0")
-    stream = reading(1)[4:] + reading(2) + answer + reading(3) + b"\x55\x0b" + reading(4)[:12] + reading(5) + b"\x55"
-    assert len(same_for_every_split(robotous.Decoder, stream)) == 3
-
-
-def test_L2_a_damaged_reading_costs_itself_alone(damaged: Damage) -> None:
-    for hit in damaged(reading(2), 3000):
-        decoder = robotous.Decoder()
-        samples = decoder.receive(reading(1) + hit + reading(3) + reading(4), 0)
-        assert [number for number in numbers(samples) if number != 2] == [1, 3, 4], hit.hex()
-        assert decoder.health.bad >= 1
-
-
 def test_L3_out_of_sync_unused_bytes_must_be_zero_and_in_sync_they_need_not() -> None:
     odd = robotous.encode_response(robotous.START, bytes(13) + b"\1\2")
     decoder = robotous.Decoder()
     assert len(decoder.receive(b"\0" + odd + odd, 0)) == 1
     assert decoder.health == DecoderHealth(good=1, bad=2, bad_bytes=1)
-
-
-def test_L3_noise_full_of_starts_yields_nothing_and_is_not_kept() -> None:
-    rng = random.Random(4)
-    decoder = robotous.Decoder()
-    for _ in range(300):
-        assert decoder.receive(b"\x55\x0b" + rng.randbytes(300), 0) == []
-        assert len(decoder._frames._tail) < robotous.RESPONSE_LENGTH
 
 
 @pytest.mark.parametrize(

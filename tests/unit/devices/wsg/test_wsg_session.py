@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from permits import activate, halt, move, set_force
-from wsg_bench import GO, Bench, SplitCheck, updates
+from wsg_bench import GO, Bench, updates
 
 from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
@@ -227,13 +227,6 @@ def test_a_period_that_no_gripper_keeps_is_refused(period: Any) -> None:
         Session(period)
 
 
-def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    rounds = [updates(width) for width in (40.0, 41.0, 42.0)]
-    stream = b"".join([*rounds[0], b"\xaa\xaa", *rounds[1][:2], wire.encode_reply(wire.HOME), *rounds[2], *rounds[1]])
-    samples = same_for_every_split(Decoder, stream)
-    assert [sample[3] for sample in samples] == [pytest.approx(0.04), pytest.approx(0.042), pytest.approx(0.041)]
-
-
 def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> None:
     """Ids may repeat before the next state: the Robotics Library keeps the newest of each (`Decoder`)."""
     rng = random.Random(5)
@@ -280,14 +273,6 @@ def test_D4_the_state_bits_determine_the_sample() -> None:
     for word in wire.STATE_BITS.values():
         assert read(word).fault == (word if word in wire.FAULTS else "")
     assert (read().force_n, read().width_m, read().t_ns, read().echo_ok) == (10.0, pytest.approx(0.04), 5, None)
-
-
-def test_L5_a_round_cut_by_a_closed_line_is_not_completed_by_the_next() -> None:
-    decoder = Decoder()
-    parts = updates()
-    decoder.receive(b"".join(parts[:3]), 0)
-    decoder.forget()
-    assert decoder.receive(parts[3], 0) == []
 
 
 def test_a_force_is_sent_as_requested() -> None:
