@@ -38,8 +38,7 @@ ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for nam
 }
 """Room → folder of its sources and of its tests."""
 
-EVERY_DEVICE = ("tests/unit/devices/shared", "tests/unit/devices/test_every_decoder.py")
-"""Tests of what devices share."""
+EVERY_DECODER = "tests/unit/devices/test_every_decoder.py"
 
 LIMIT_S = 300.0
 """Longest run of the tests of one room, s; an endless loop is noticed."""
@@ -91,10 +90,17 @@ def _random(options: argparse.Namespace) -> Iterator[Outcome]:
 
 def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
     """Try every mutant of a number on the wire."""
-    for _, name, mutation in wire_draw(devices):
+    sound: set[tuple[str, ...]] = set()
+    for device, name, mutation in wire_draw(devices):
         path = PROJECT / name
-        mutant = mutate(path.read_text(encoding="utf-8"), mutation, wire_changes)
-        groups = [group for group in _tests("devices", name) if group != ["tests/unit/devices"]] + [list(EVERY_DEVICE)]
+        source = path.read_text(encoding="utf-8")
+        mutant = mutate(source, mutation, wire_changes)
+        groups = [group for group in _tests("devices", name) if group != ["tests/unit/devices"]]
+        groups.append([EVERY_DECODER, "-k", device])
+        for group in groups:
+            if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, int(LIMIT_S)):
+                raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
+            sound.add(tuple(group))
         noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, int(LIMIT_S)) for group in groups)
         yield Outcome(name, mutation, "killed" if noticed else "survived")
 
@@ -111,7 +117,7 @@ def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mu
 
 
 def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
-    """Yield ("devices", path, mutation) of every number on the wire of these devices, of all where none is named."""
+    """Yield (device, path, mutation) of every number on the wire of these devices, of all where none is named."""
     room = PROJECT / ROOMS["devices"][0]
     shared = [room / "shared" / name for name in SHARED]
     seen = set()
@@ -122,7 +128,7 @@ def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
         for path, mutation in wire_mutations(([place] if place.is_file() else [*place.glob("*.py")]) + shared):
             if (key := (path, mutation)) not in seen:
                 seen.add(key)
-                yield "devices", path.relative_to(PROJECT).as_posix(), mutation
+                yield name, path.relative_to(PROJECT).as_posix(), mutation
 
 
 def _tests(room: str, path: str) -> list[list[str]]:

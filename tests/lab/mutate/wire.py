@@ -25,6 +25,11 @@ from mutate.mutations import Mutation, change_at, other_value, short, skipped_no
 SHARED = ("rdt_records.py", "weiss_packets.py", "weiss_tactile.py", "checksums.py", "modbus.py")
 """Shared parts with layouts of their own."""
 
+OPTIONS = (
+    *("-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not process"),
+    *("-W", "ignore::pytest.PytestAssertRewriteWarning"),
+)
+
 _FORMAT = re.compile(r"[<>]?(\d*[bBhHiIqQfsx])+|[<>][ui]\d")
 _SIGNS = str.maketrans("bBhHiIqQ", "BbHhIiQq")
 _ORDERS = {"big": "little", "little": "big"}
@@ -49,7 +54,7 @@ def wire_mutations(files: list[Path]) -> list[tuple[Path, Mutation]]:
         for path, tree in trees.items()
         for part in tree.body
         if id(part) in reached
-        for mutation in _of_part(tree, part)
+        for mutation in _of_part(tree, part, is_shared=path.parent.name == "shared")
     ]
 
 
@@ -60,11 +65,13 @@ def _names(node: ast.stmt) -> list[str]:
     return [each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name)]
 
 
-def _of_part(tree: ast.Module, part: ast.stmt) -> Iterator[Mutation]:
+def _of_part(tree: ast.Module, part: ast.stmt, *, is_shared: bool) -> Iterator[Mutation]:
     inside, skipped = {id(node) for node in ast.walk(part)}, skipped_nodes(tree)
     for index, node in enumerate(ast.walk(tree)):
         if id(node) in inside and id(node) not in skipped:
             for kind, change in wire_changes(node):
+                if kind == "number" and is_shared and not isinstance(part, ast.Assign):
+                    continue  # a bound of the search, not of the layout
                 changed = change_at(node, change)
                 if short(changed) != short(node):
                     yield Mutation(index, node.lineno, kind, f"{short(node)} → {short(changed)}")  # type: ignore[attr-defined]
@@ -115,12 +122,12 @@ class _Finder:
 
 
 def is_noticed(root: Path, path: Path, source: str, tests: list[str], limit_s: int) -> bool:
-    """Return whether tests notice a mutant of a file; a fork of this process runs them, so nothing is imported twice."""
+    """Return whether tests notice a mutant of a file; a fork runs them, so nothing is imported twice."""
     module = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
     if (child := os.fork()) == 0:
         signal.alarm(limit_s)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         os.dup2(1, 2)
         sys.meta_path.insert(0, _Finder(module, path, source))
-        os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not process", *tests])))
+        os._exit(int(pytest.main([*OPTIONS, *tests])))
     return os.waitpid(child, 0)[1] != 0

@@ -20,8 +20,8 @@ MS = 1_000_000
 ROUNDS = 16
 """Pieces of traffic that give readings, one after another."""
 
-UNCHECKED = {"external", "external_gripper", "tsf85", "xela"}
-"""Formats without a checksum: a flipped bit may be another reading."""
+UNCHECKED = {"external", "external_gripper", "netft", "tsf85", "xela"}
+"""Formats without a checksum of their own: a flipped bit may be another reading."""
 COSTS = {"tsf85": 2, "netft": 2, "wsg": 2}
 """Rounds that damage to one may cost; elsewhere itself alone."""
 LONGEST = {"xela": 140_000, "external": 70_000}
