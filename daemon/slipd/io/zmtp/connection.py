@@ -8,6 +8,7 @@ queue of messages are kept. Why this is not libzmq: docs/decisions/0010.
 from __future__ import annotations
 
 import enum
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -100,6 +101,7 @@ class Connection:
         self.state = State.GREETING
         self.kind = self.route = b""
         self._mechanism, self._rules = mechanism, rules
+        self._seal = mechanism.seal
         self._received = bytearray()
         self._most_bytes = MAX_HANDSHAKE_BYTES
         self._frames: list[bytes] = []
@@ -107,6 +109,7 @@ class Connection:
         self._out = encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE")
         # unencoded, so that all slow subscribers share one copy of each message
         self._queue: deque[Message] = deque(maxlen=rules.most_queued if rules.drops_oldest else None)
+        self._most_queued = math.inf if rules.drops_oldest else rules.most_queued
 
     @property
     def key(self) -> bytes:
@@ -146,7 +149,7 @@ class Connection:
 
     def send(self, message: Message) -> bool:
         """Queue a message; return False if the queue is full and keeps the messages that it has."""
-        if len(self._queue) >= self._rules.most_queued and not self._rules.drops_oldest:
+        if len(self._queue) >= self._most_queued:
             return False
         self._queue.append(message)
         return True
@@ -154,7 +157,7 @@ class Connection:
     def data_to_send(self) -> bytes:
         """Return bytes to send: the rest of those before, and about WRITE_BYTES of the queue at most."""
         while self._queue and len(self._out) < WRITE_BYTES:
-            self._out += self._mechanism.seal(self._queue.popleft())
+            self._out += self._seal(self._queue.popleft())
         return self._out
 
     def sent(self, count: int) -> bool:
@@ -216,7 +219,7 @@ class Connection:
         """Answer a PING, unless something waits: answers must not pile up for a peer that does not read."""
         if not self.waiting:
             pong = encode_command(b"PONG", data[_PING_HEAD : _PING_HEAD + _MAX_PING_CONTEXT])
-            self._out += self._mechanism.seal((pong,), COMMAND)
+            self._out += self._seal((pong,), COMMAND)
         return Event.COMMAND
 
     def _subscribe(self, prefix: bytes) -> list[bytes]:

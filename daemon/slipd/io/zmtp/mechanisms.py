@@ -101,9 +101,7 @@ class Null:
         """Return the frame as it is."""
         return flags, body
 
-    def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
-        """Frame a message or a command."""
-        return encode_message(frames, flags)
+    seal = staticmethod(encode_message)
 
 
 class Curve:

@@ -28,7 +28,10 @@ def encode_frame(body: bytes, flags: int = 0) -> bytes:
 
 def encode_message(frames: tuple[bytes, ...], flags: int = 0) -> bytes:
     """Return a message of one or more frames, or with ``COMMAND`` a command, as it goes on the wire."""
-    return b"".join(encode_frame(frame, MORE) for frame in frames[:-1]) + encode_frame(frames[-1], flags)
+    data = b""
+    for frame in frames[:-1]:
+        data += encode_frame(frame, MORE)
+    return data + encode_frame(frames[-1], flags)
 
 
 def encode_command(name: bytes, body: bytes = b"") -> bytes:
