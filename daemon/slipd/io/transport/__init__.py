@@ -1,7 +1,7 @@
 """Move bytes between devices and the engine, with asyncio.
 
-`Links` is all that other rooms use. `link` keeps one link open; the transports are `serial_port`, `tcp`, `udp`,
-`websocket`, `push_socket` (other programs push readings) and `driver_socket` (another driver connects).
+`Links` is all that other rooms use. `link` keeps one link open, over what `link_connection` describes: `serial_port`,
+`network` (TCP and UDP), `websocket`, and `local_sockets` (other programs push readings, or drive a gripper).
 """
 
 from __future__ import annotations
@@ -91,15 +91,15 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
             from slipd.io.transport.serial_port import open_serial as opener
             from slipd.io.transport.serial_port import probe
         case "tcp":
-            from slipd.io.transport.tcp import open_tcp as opener
+            from slipd.io.transport.network import open_tcp as opener
         case "udp":
-            from slipd.io.transport.udp import open_udp as opener
+            from slipd.io.transport.network import open_udp as opener
         case "websocket":
             from slipd.io.transport.websocket import open_websocket as opener
         case "external":
-            from slipd.io.transport.push_socket import open_push_socket as opener
+            from slipd.io.transport.local_sockets import open_push_socket as opener
         case "local":
-            from slipd.io.transport.driver_socket import open_driver_socket as opener
+            from slipd.io.transport.local_sockets import open_driver_socket as opener
         case _:
             raise ValueError(
                 f"transport must be serial, tcp, udp, websocket, external or local, got {spec.transport!r}"

@@ -12,11 +12,12 @@ import random
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable
-from typing import NoReturn, Protocol
+from typing import NoReturn
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport.tcp_inquiry import inquire
+from slipd.io.transport.link_connection import Connection, OnBytes
+from slipd.io.transport.network import inquire
 
 STEADY_S = 0.5
 """Time with bytes after which a connection counts as good, s: the next pause is then FIRST_DELAY_S again."""
@@ -37,52 +38,6 @@ LINES_HELD = 8
 """Most recent log lines of a link that are not repeated: a failing link alternates between two or three reasons."""
 
 _log = logging.getLogger(__name__)
-
-OnBytes = Callable[[bytes], None]
-
-
-class Connection(Protocol):
-    """An open port or server. Received bytes go to the ``OnBytes`` that its opener was given.
-
-    Attributes:
-        identity: What was opened: the address, and whatever else distinguishes the device.
-        overruns: Pieces that were lost before they could be read, because the daemon was late.
-        latency: What delays the bytes and cannot be changed from here, for people; "" for nothing.
-    """
-
-    @property
-    def identity(self) -> str: ...  # noqa: D102
-
-    @property
-    def latency(self) -> str: ...  # noqa: D102
-
-    @property
-    def overruns(self) -> int: ...  # noqa: D102
-
-    async def until_lost(self) -> str:
-        """Wait for the end of the connection and return the reason, for people.
-
-        Raises:
-            Exception: The exception of the consumer; no bytes are delivered after it.
-        """
-        ...
-
-    def write(self, data: bytes) -> bool:
-        """Send at once or not at all, without blocking.
-
-        Returns:
-            Whether the bytes were sent; they are dropped if the peer does not read.
-        """
-        ...
-
-    def unread(self) -> bool:
-        """Return whether bytes wait to be read."""
-        ...
-
-    async def close(self) -> None:
-        """Release the port or socket within a bounded time; written bytes are sent first if the peer reads."""
-        ...
-
 
 Opener = Callable[[LinkSpec, OnBytes], Awaitable[Connection]]
 """Opens a link by its LinkSpec, or raises LinkError."""

@@ -1,8 +1,4 @@
-"""A serial port as a connection: bytes are delivered in the callback that read them.
-
-pyserial-asyncio reads and closes. Writing is done here, because its writer reports an unplugged port as a fault of the
-whole loop, spins while the port is full, and queues commands, which would arrive late.
-"""
+"""A serial port as a connection. pyserial opens and configures it; no call here ever waits for the device."""
 
 from __future__ import annotations
 
@@ -17,20 +13,11 @@ import termios
 from pathlib import Path
 
 import serial
-import serial_asyncio
 from serial.tools.list_ports_linux import SysFS
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.io.transport.byte_delivery import ByteDelivery, is_readable
-from slipd.io.transport.link import OnBytes
-from slipd.io.transport.nonblocking_writer import NonblockingWriter
-
-DRAIN_TIMEOUT_S = 0.2
-"""Longest wait for unsent bytes when closing, s: enough for 2 kB at 115200 baud."""
-
-DRAIN_POLL_S = 0.005
-"""Period of the checks for unsent bytes when closing, s: the kernel reports their number, but sends no event."""
+from slipd.io.transport.link_connection import FileConnection, OnBytes
 
 _REMEDIES = {
     errno.ENOENT: "no such port; plug the device in, or correct the path (/dev/serial/by-id lists the ports)",
@@ -64,17 +51,15 @@ async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
     _warn_of_number(spec.address)
     opening = asyncio.get_running_loop().run_in_executor(None, _open_port, spec.address, spec.baud)
     try:
-        port = await asyncio.shield(opening)
+        port, identity, latency = await asyncio.shield(opening)
     except asyncio.CancelledError:
         opening.add_done_callback(_close_unclaimed)
         raise
     except (OSError, ValueError, termios.error) as error:
         raise LinkError(why_not_opened(spec.address, error)) from error
-    try:
-        return SerialConnection(port, on_bytes)
-    except (OSError, termios.error) as error:  # the transport configures the port again, which may be unplugged by now
-        port.close()
-        raise LinkError(why_not_opened(spec.address, error)) from error
+    connection = SerialConnection(spec.address, port, on_bytes)
+    connection.identity, connection.latency = identity, latency
+    return connection
 
 
 def why_not_opened(path: str, error: Exception) -> str:
@@ -103,98 +88,31 @@ def probe(path: str) -> object:
     return found.st_dev, found.st_ino, found.st_rdev, found.st_ctime_ns
 
 
-class SerialConnection(asyncio.Protocol):
-    """An open port; see `slipd.io.transport.link.Connection` for the contract of each method."""
+class SerialConnection(FileConnection):
+    """An open port."""
 
-    overruns = 0  # drivers count them, but few of them correctly
+    _opened: serial.Serial
+    _closed = "it is readable but empty"
 
-    def __init__(self, port: _Port, on_bytes: OnBytes) -> None:
-        self.identity = port.identity
-        self.latency = port.latency
-        self._loop = asyncio.get_running_loop()
-        self._port = port
-        self._delivery = ByteDelivery(on_bytes)
-        self._writer = NonblockingWriter(port.fileno(), self._lose)
-        self._closed = asyncio.Event()
-        self._transport = serial_asyncio.SerialTransport(self._loop, self, port)
-
-    async def until_lost(self) -> str:
-        """Wait until the port is gone and return the reason, or raise the exception of the consumer."""
-        return await self._delivery.until_lost()
-
-    def write(self, data: bytes) -> bool:
-        """Send at once or not at all; return False while the device does not read."""
-        return not self._delivery.ended and self._writer.write(data)
-
-    def unread(self) -> bool:
-        """Return whether bytes wait to be read."""
-        return not self._delivery.ended and is_readable(self._port.fileno())
-
-    async def close(self) -> None:
-        """Wait at most DRAIN_TIMEOUT_S for unsent bytes, then release the port."""
-        self._transport.pause_reading()
-        try:
-            if not self._delivery.ended:
-                await self._drain()
-        finally:
-            self._transport.close()
-        await self._closed.wait()
-
-    def data_received(self, data: bytes) -> None:
-        """Deliver bytes; called by the transport."""
-        if not self._delivery.deliver(data):
-            self._transport.pause_reading()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """End the connection; called by the transport, which closes the port after this returns."""
-        self._lose(exc)
-        self._closed.set()
-
-    def _lose(self, error: Exception | None) -> None:
-        self._writer.stop()
-        self._delivery.lose(f"{self._port.port}: the port is gone ({error}); it is opened again when it is back")
-
-    async def _drain(self) -> None:
-        deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
+    def _unsent(self) -> bool:
         with contextlib.suppress(OSError):  # unplugged by now
-            while (self._writer.under_way or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - there is no event
-                await asyncio.sleep(DRAIN_POLL_S)
+            return super()._unsent() or self._opened.out_waiting > 0
+        return False
 
-
-class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
-    """A port that never blocks: ``flush`` discards unsent bytes, ``read`` returns the bytes that are there.
-
-    The transport flushes on the loop before it closes, and the flush of pyserial waits until the device has read
-    everything, which may be for ever. The transport reads when the loop reports bytes; pyserial would check again
-    before each read.
-
-    Attributes:
-        identity: Path of the port, and the USB device that it belongs to.
-        latency: What `shorten_latency` returned.
-    """
-
-    identity: str
-    latency: str
-
-    def read(self, size: int = 1) -> bytes:
-        try:
-            data = os.read(self.fd, size)
-        except BlockingIOError:
-            return b""
-        except OSError as error:
-            raise serial.SerialException(f"read failed: {error}") from error
-        if not data:
-            raise serial.SerialException("the device is gone: its port is readable but empty")
-        return data
-
-    def flush(self) -> None:
+    def _release(self) -> None:
+        """Discard what the device has not read, because closing would wait for it, and close the port."""
         with contextlib.suppress(OSError, termios.error):  # unplugged
-            if self.out_waiting:
-                self.reset_output_buffer()
+            if self._opened.out_waiting:
+                self._opened.reset_output_buffer()
+        self._opened.close()
+
+    def _fail(self, error: object) -> None:
+        self.lose(f"{self._address}: the port is gone ({error}); it is opened again when it is back")
 
 
-def _open_port(path: str, baud: int) -> _Port:
-    port = _Port(path, baud, exclusive=True)
+def _open_port(path: str, baud: int) -> tuple[serial.Serial, str, str]:
+    """Return a port, its identity, and what `shorten_latency` returned."""
+    port = serial.Serial(path, baud, exclusive=True, timeout=0)
     with contextlib.suppress(
         ValueError, OSError, NotImplementedError
     ):  # pseudo-terminals and some drivers have no such mode
@@ -203,9 +121,7 @@ def _open_port(path: str, baud: int) -> _Port:
         attributes = termios.tcgetattr(port.fd)
         attributes[2] &= ~termios.HUPCL  # closing must not reset boards that treat a falling DTR as a reset
         termios.tcsetattr(port.fd, termios.TCSANOW, attributes)
-    port.identity = identity_of(path)
-    port.latency = shorten_latency(path)
-    return port
+    return port, identity_of(path), shorten_latency(path)
 
 
 def shorten_latency(path: str) -> str:
@@ -246,7 +162,7 @@ def _warn_of_number(path: str) -> None:
         _log.warning("%s: belongs to whichever device is plugged in first; use a path below /dev/serial/by-id", path)
 
 
-def _close_unclaimed(opening: asyncio.Future[_Port]) -> None:
+def _close_unclaimed(opening: asyncio.Future[tuple[serial.Serial, str, str]]) -> None:
     """Close a port whose opening was cancelled before the driver finished."""
     if not opening.cancelled() and opening.exception() is None:
-        opening.result().close()
+        opening.result()[0].close()

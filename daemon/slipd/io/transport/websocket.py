@@ -7,6 +7,7 @@ at a time, deliver queued messages without a pause, and queue pongs for a peer t
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
 
 from websockets.client import ClientProtocol
@@ -17,10 +18,8 @@ from websockets.uri import WebSocketURI, parse_uri
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.io.transport.address import connected
-from slipd.io.transport.byte_delivery import READ_BYTES, ByteDelivery, is_readable
-from slipd.io.transport.link import OnBytes
-from slipd.io.transport.nonblocking_writer import NonblockingWriter
+from slipd.io.transport.link_connection import READ_BYTES, FileConnection, OnBytes
+from slipd.io.transport.network import connected
 
 MAX_MESSAGE_BYTES = 1 << 17
 """Largest message accepted: twice one image of the largest hand as JSON text."""
@@ -67,20 +66,18 @@ async def open_websocket(spec: LinkSpec, on_bytes: OnBytes) -> WebsocketConnecti
         opened = await connected(f"ws://{host}:{uri.port}", socket.SOCK_STREAM)
     except LinkError as error:
         raise LinkError(f"{error}; start the server of the sensor there") from error
-    try:
-        async with asyncio.timeout(OPEN_TIMEOUT_S):
-            protocol = await _shake_hands(opened, uri)
-    except TimeoutError as error:
-        opened.close()
-        raise LinkError(
-            f"{spec.address}: no WebSocket handshake within {OPEN_TIMEOUT_S:g} s; restart the server of the sensor"
-        ) from error
-    except (OSError, ValueError) as error:
-        opened.close()
-        raise LinkError(f"{spec.address}: not a WebSocket server ({error}); correct host and port") from error
-    except BaseException:  # cancelled
-        opened.close()
-        raise
+    with contextlib.ExitStack() as on_failure:
+        on_failure.enter_context(opened)
+        try:
+            async with asyncio.timeout(OPEN_TIMEOUT_S):
+                protocol = await _shake_hands(opened, uri)
+        except TimeoutError as error:
+            raise LinkError(
+                f"{spec.address}: no WebSocket handshake within {OPEN_TIMEOUT_S:g} s; restart the server of the sensor"
+            ) from error
+        except (OSError, ValueError) as error:
+            raise LinkError(f"{spec.address}: not a WebSocket server ({error}); correct host and port") from error
+        on_failure.pop_all()
     return WebsocketConnection(spec.address, opened, protocol, on_bytes)
 
 
@@ -111,33 +108,19 @@ async def _shake_hands(opened: socket.socket, uri: WebSocketURI) -> ClientProtoc
     return protocol
 
 
-class WebsocketConnection:
-    """An open connection; see `slipd.io.transport.link.Connection` for the contract of each method.
-
-    A pong that the server does not read is dropped.
-    """
-
-    overruns = 0
-    latency = ""
+class WebsocketConnection(FileConnection):
+    """A server that sends and is sent nothing but what the protocol needs; a pong that it does not read is dropped."""
 
     def __init__(self, address: str, opened: socket.socket, protocol: ClientProtocol, on_bytes: OnBytes) -> None:
-        self.identity = address
-        self._loop = asyncio.get_running_loop()
-        self._socket = opened
         self._protocol = protocol
-        self._delivery = ByteDelivery(on_bytes)
-        self._writer = NonblockingWriter(opened.fileno(), self._fail)
-        self._rest = b""
-        self._reading = False
+        self._undelivered = b""
+        self._reading = True
         self._read_bytes = READ_BYTES
+        super().__init__(address, opened, on_bytes)
         self._received_s = self._loop.time()
         self._unanswered = 0
         self._next_check = self._loop.call_later(PING_INTERVAL_S, self._check_alive)
         self._next_piece = self._loop.call_soon(self._handle_frames)  # frames that came with the handshake
-
-    async def until_lost(self) -> str:
-        """Wait for the end of the connection and return the reason, or raise the exception of the consumer."""
-        return await self._delivery.until_lost()
 
     def write(self, data: bytes) -> bool:
         """Refuse: sensors with a WebSocket server accept no commands."""
@@ -146,27 +129,22 @@ class WebsocketConnection:
 
     def unread(self) -> bool:
         """Return whether bytes wait that are not read at once; pings are read, but deliver nothing."""
-        late = self._loop.time() - self._received_s > UNREAD_S
-        return not self._delivery.ended and late and is_readable(self._socket.fileno())
+        return self._loop.time() - self._received_s > UNREAD_S and super().unread()
 
     async def close(self) -> None:
         """Send a close frame if the server reads, and close at once."""
-        if not self._delivery.ended and self._protocol.state is State.OPEN:
+        if not self.ended and self._protocol.state is State.OPEN:
             self._protocol.send_close(CloseCode.NORMAL_CLOSURE)
-            self._writer.write(b"".join(self._protocol.data_to_send()))
-        self._end()
-        self._socket.close()
+            self._send_answers()
+        self._stop()
+        self._release()
 
     def _read(self) -> None:
-        try:
-            data = self._socket.recv(self._read_bytes)
-        except BlockingIOError:
-            return
-        except OSError as error:
-            self._fail(error)
+        data = self._receive(self._read_bytes)
+        if data is None:
             return
         if not data:
-            self._lose("closed by the server")
+            self._fail("closed by the server")
             return
         self._received_s = self._loop.time()
         self._unanswered = 0
@@ -174,37 +152,44 @@ class WebsocketConnection:
             self._protocol.receive_data(data)
             self._handle_frames()
         except Exception as error:  # an error in the library ends only this connection
-            self._lose(f"{type(error).__name__}: {error}")
+            self._fail(f"{type(error).__name__}: {error}")
 
     def _handle_frames(self) -> None:
         """Handle the frames that the last read completed."""
         frames = [event for event in self._protocol.events_received() if isinstance(event, Frame)]
         self._read_bytes = READ_BYTES_OF_MANY if len(frames) > MANY_FRAMES else READ_BYTES
-        self._rest = b"".join(frame.data for frame in frames if frame.opcode in _DATA)
-        if answers := self._protocol.data_to_send():
-            self._writer.write(b"".join(answers))
+        self._undelivered = b"".join(frame.data for frame in frames if frame.opcode in _DATA)
+        self._send_answers()
         self._deliver_piece()
+
+    def _send_answers(self) -> None:
+        if answers := self._protocol.data_to_send():
+            super().write(b"".join(answers))
 
     def _deliver_piece(self) -> None:
         """Deliver the next piece of a message; read again once nothing is left."""
-        piece, self._rest = self._rest[:PIECE_BYTES], self._rest[PIECE_BYTES:]
-        if self._delivery.ended or (piece and not self._delivery.deliver(piece)):
-            self._end()
-        elif self._rest:
-            self._pause()
+        piece, self._undelivered = self._undelivered[:PIECE_BYTES], self._undelivered[PIECE_BYTES:]
+        if piece:
+            self.deliver(piece)
+        if self.ended:
+            return
+        if self._undelivered:
+            self._listen(on=False)
             self._next_piece = self._loop.call_soon(self._deliver_piece)
         elif self._protocol.close_rcvd is not None:
-            self._lose(f"the server closed it: {self._protocol.close_rcvd}")
+            self._fail(f"the server closed it: {self._protocol.close_rcvd}")
         elif self._protocol.parser_exc is not None:
-            self._lose(f"the server violates the protocol: {self._protocol.parser_exc}")
-        elif not self._reading:
-            self._loop.add_reader(self._socket, self._read)
-            self._reading = True
+            self._fail(f"the server violates the protocol: {self._protocol.parser_exc}")
+        else:
+            self._listen(on=True)
 
-    def _pause(self) -> None:
-        if self._reading:
-            self._loop.remove_reader(self._socket)
-            self._reading = False
+    def _listen(self, *, on: bool) -> None:
+        if on is not self._reading:
+            self._reading = on
+            if on:
+                self._loop.add_reader(self._fd, self._read)
+            else:
+                self._loop.remove_reader(self._fd)
 
     def _check_alive(self) -> None:
         """Ping a silent server, and end the connection if it does not answer.
@@ -213,25 +198,19 @@ class WebsocketConnection:
         """
         silent_s = self._loop.time() - self._received_s
         if self._unanswered * PING_INTERVAL_S >= PING_TIMEOUT_S:
-            self._lose(f"no answer for {silent_s:.1f} s")
+            self._fail(f"no answer for {silent_s:.1f} s")
             return
         if silent_s >= PING_INTERVAL_S:
             self._unanswered += 1
             self._protocol.send_ping(b"")
-            self._writer.write(b"".join(self._protocol.data_to_send()))
-        if self._delivery.ended:  # the ping failed
-            return
-        self._next_check = self._loop.call_later(PING_INTERVAL_S, self._check_alive)
+            self._send_answers()
+        if not self.ended:  # the ping may have failed
+            self._next_check = self._loop.call_later(PING_INTERVAL_S, self._check_alive)
 
-    def _fail(self, error: OSError) -> None:
-        self._lose(str(error))
+    def _fail(self, error: object) -> None:
+        self.lose(f"{self._address}: connection ended ({error}); it is opened again when the server is back")
 
-    def _lose(self, reason: str) -> None:
-        self._end()
-        self._delivery.lose(f"{self.identity}: connection ended ({reason}); it is opened again when the server is back")
-
-    def _end(self) -> None:
-        self._pause()
+    def _stop(self) -> None:
+        super()._stop()
         self._next_check.cancel()
         self._next_piece.cancel()
-        self._writer.stop()

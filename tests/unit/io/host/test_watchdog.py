@@ -70,7 +70,7 @@ async def test_P2_an_engine_without_ticks_is_stalled(daemon: Daemon) -> None:
 
 
 def _stop_reading(daemon: Daemon) -> None:
-    daemon.links._links["left.wrench"]._connection._transport.pause_reading()  # type: ignore[union-attr]
+    asyncio.get_running_loop().remove_reader(daemon.links._links["left.wrench"]._connection._fd)  # type: ignore[union-attr]
 
 
 def _stop_accepting(server: str) -> Callable[[Daemon], None]:

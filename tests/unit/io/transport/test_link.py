@@ -2,13 +2,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import subprocess
+import sys
 from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport.link import FIRST_DELAY_S, JITTER, MAX_DELAY_S, STEADY_S, Link, OnBytes
+from slipd.io.transport import Links
+from slipd.io.transport.link import FIRST_DELAY_S, JITTER, MAX_DELAY_S, STEADY_S, Link
+from slipd.io.transport.link_connection import OnBytes
+
+if TYPE_CHECKING:
+    from conftest import Serving
 
 SPEC = LinkSpec("left.wrench", "scripted", "somewhere")
 
@@ -247,3 +256,30 @@ async def test_a_link_error_of_the_consumer_ends_the_group() -> None:
 
     with pytest.raises(LinkError, match="of the consumer"):
         await Link(SPEC, opener([b"x"]), fail).run()
+
+
+PORT = LinkSpec("left.wrench", "serial", "/nowhere/at/all", 115200)
+
+
+async def test_an_unknown_transport_is_refused_before_anything_opens() -> None:
+    async with asyncio.TaskGroup() as tasks:
+        with pytest.raises(ValueError, match=r"transport must be serial, tcp, udp, .* got 'carrier pigeon'"):
+            Links(tasks, [PORT, LinkSpec("right.wrench", "carrier pigeon", "roof")], print)
+
+
+async def test_two_links_with_the_same_name_are_refused() -> None:
+    async with asyncio.TaskGroup() as tasks:
+        with pytest.raises(ValueError, match=r"link names must differ, got 'left.wrench' twice"):
+            Links(tasks, [PORT, PORT], print)
+
+
+async def test_a_write_to_an_unknown_link_is_refused_with_the_known_names(serving: Serving) -> None:
+    async with serving(PORT) as (links, _):
+        with pytest.raises(ValueError, match=r"link must be one of left.wrench, got 'left'"):
+            links.write("left", b"x")
+
+
+def test_no_library_is_loaded_for_a_transport_that_is_not_used() -> None:
+    code = "import sys, slipd.io.transport; print({'websockets', 'serial', 'zmq'} & set(sys.modules))"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path.cwd())
+    assert told.stdout.strip() == "set()"

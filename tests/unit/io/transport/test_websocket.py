@@ -14,7 +14,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.utils import accept_key
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport.byte_delivery import READ_BYTES
+from slipd.io.transport.link_connection import READ_BYTES, FileConnection
 from slipd.io.transport.websocket import (
     MAX_HANDSHAKE_BYTES,
     MAX_MESSAGE_BYTES,
@@ -189,7 +189,7 @@ async def test_a_flood_leaves_the_loop_its_turns_and_keeps_nothing(
         reads += 1
         taken += self._read_bytes
         real_read(self)
-        assert len(self._writer._rest) <= 8 * READ_BYTES  # of the pongs that nobody reads
+        assert len(self._rest) <= 8 * READ_BYTES  # of the pongs that nobody reads
 
     turn()
     with pytest.MonkeyPatch.context() as patch:
@@ -324,17 +324,17 @@ async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: 
     async with websocket_server(b"") as port:
         connection = await open_websocket(link_to(port), lambda _: None)
         await eventually(lambda: connection._reading)
-        connection._socket.shutdown(socket.SHUT_WR)
+        connection._opened.shutdown(socket.SHUT_WR)
         connection._received_s -= PING_INTERVAL_S
         connection._check_alive()
         assert "connection ended" in await connection.until_lost()
         assert connection._next_check.cancelled()
         with socket.socket() as heir:
-            descriptor = connection._socket.detach()
+            descriptor = connection._opened.detach()
             os.close(descriptor)
             os.dup2(heir.fileno(), descriptor)
             try:
-                assert not connection._writer.write(b"to another")
+                assert not FileConnection.write(connection, b"to another")
                 await connection.close()
             finally:
                 os.close(descriptor)
@@ -347,6 +347,6 @@ async def test_a_connection_that_the_server_ends_meanwhile_is_closed_all_the_sam
     async with websocket_server(message + b"\x88\x00") as port:
         connection = await open_websocket(link_to(port), pieces.put_nowait)
         await pieces.get()
-        assert connection._rest
+        assert connection._undelivered
         await connection.close()
-        assert connection._socket.fileno() == -1
+        assert connection._opened.fileno() == -1

@@ -21,7 +21,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
     encode_setpoint,
 )
 from slipd.events import LinkSpec
-from slipd.io.transport.driver_socket import open_driver_socket
+from slipd.io.transport.local_sockets import open_driver_socket
 from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, make
 from slipd.types.samples import GripperSample
 

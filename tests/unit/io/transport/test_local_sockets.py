@@ -1,18 +1,25 @@
+"""Sockets for other processes: readings that are pushed, and the driver of a gripper (see also test_streams)."""
+
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgpack
 import pytest
 import zmq
 
+from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport.push_socket import MAX_MESSAGE_BYTES
+from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_socket
 
 if TYPE_CHECKING:
     from conftest import Serving
     from loop_waits import Eventually
+
+PATIENCE_S = 30.0
 
 Pusher = Callable[[], zmq.Socket[bytes]]
 
@@ -122,21 +129,6 @@ async def test_a_missing_directory_is_reported(serving: Serving, eventually: Eve
         await eventually(lambda: isinstance(events[-1], LinkUp))
 
 
-@pytest.fixture
-def notes(spec: LinkSpec) -> Iterator[None]:
-    file = Path(spec.address.removeprefix("ipc://"))
-    file.write_text("not a socket")
-    yield
-    assert file.read_text() == "not a socket"
-
-
-@pytest.mark.usefixtures("notes")
-async def test_a_file_of_somebody_is_not_deleted(spec: LinkSpec, serving: Serving, eventually: Eventually) -> None:
-    async with serving(spec) as (_, events):
-        await eventually(lambda: events)
-    assert "binding would delete it" in events[0].reason
-
-
 async def test_a_write_is_refused_and_counted(spec: LinkSpec, serving: Serving, eventually: Eventually) -> None:
     async with serving(spec) as (links, events):
         await eventually(lambda: events)
@@ -159,3 +151,71 @@ async def test_an_exception_of_the_consumer_ends_the_group(
             await eventually(lambda: False)
     assert [str(error) for error in raised.value.exceptions] == ["a fault of ours"]
     assert received(events) == [b"0"]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "gripper"
+
+
+@pytest.fixture
+def driver_spec(path: Path) -> LinkSpec:
+    return LinkSpec("gripper", "local", f"unix://{path}")
+
+
+def lies_there(path: Path) -> bool:
+    return path.exists()
+
+
+def connect(path: Path) -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    made.settimeout(PATIENCE_S)
+    made.connect(str(path))
+    return made
+
+
+async def test_a_second_driver_is_turned_away_while_the_first_lives(
+    driver_spec: LinkSpec, path: Path, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    async with serving(driver_spec) as (links, events):
+        await eventually(path.exists)
+        with connect(path) as first:
+            await eventually(lambda: events)
+            for _ in range(3):
+                with connect(path) as second:
+                    second.setblocking(False)
+                    heard = bytearray()
+
+                    def hung_up(second: socket.socket = second, heard: bytearray = heard) -> bool:
+                        try:
+                            data = second.recv(1000)
+                        except BlockingIOError:
+                            return False
+                        heard.extend(data)
+                        return not data
+
+                    await eventually(hung_up)
+                    assert msgpack.unpackb(heard) == {"v": 1, "refused": "another driver is connected"}
+            first.send(b"still here")
+            await eventually(lambda: received(events) == [b"still here"])
+            assert links.write("gripper", b"go")
+        await eventually(lambda: type(events[-1]) is LinkDown)
+
+
+async def test_a_driver_is_waited_for_without_an_event_and_without_end(
+    driver_spec: LinkSpec, path: Path, serving: Serving, eventually: Eventually
+) -> None:
+    async with serving(driver_spec) as (_, events):
+        await eventually(path.exists)
+        assert events == []
+    assert not lies_there(path)
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [("unix://relative", "must be absolute, such as unix:///run"), ("unix:///nowhere/at/all", "there is no directory")],
+)
+async def test_an_address_that_cannot_be_served_is_refused_as_for_any_endpoint(address: str, words: str) -> None:
+    """The other rules are tested with `slipd.io.zmtp.endpoint`."""
+    with pytest.raises(LinkError, match=words):
+        await open_driver_socket(LinkSpec("gripper", "local", address), bytes)

@@ -1,0 +1,366 @@
+"""Datagrams, addresses, the inquiry before a link, and what is special of a TCP port (test_streams has the rest)."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from link_events import downs, received
+
+from slipd.devices import Inquiry
+from slipd.errors import LinkError
+from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.io.transport import network
+from slipd.io.transport.link_connection import READ_BYTES
+from slipd.io.transport.network import MAX_REPLY_BYTES, inquire
+
+if TYPE_CHECKING:
+    from conftest import Serving, TcpDevice
+    from loop_waits import Eventually
+
+TCP = pytest.mark.parametrize("far", ["tcp"], indirect=True)
+
+
+def pieces(events: list[Event]) -> list[bytes]:
+    return [event.data for event in events if isinstance(event, Bytes)]
+
+
+def kinds(events: list[Event]) -> list[type]:
+    return [type(event) for event in events]
+
+
+@TCP
+async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice, eventually: Eventually) -> None:
+    connection = await network.open_tcp(far.spec, print)
+    opened = connection._opened
+    assert isinstance(opened, socket.socket)
+    assert opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    assert opened.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    noticed_s = opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE)
+    probe_s = opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL)
+    assert noticed_s + probe_s * opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT) <= 3
+    assert opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) <= 3000
+    await connection.close()
+
+
+@TCP
+async def test_a_reset_is_an_ordinary_loss(far: TcpDevice, serving: Serving, eventually: Eventually) -> None:
+    async with serving(far.spec) as (_, events):
+        await eventually(far.plug)
+        await eventually(lambda: events)
+        assert far._socket is not None
+        far._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+        far.unplug()
+        await eventually(lambda: LinkDown in kinds(events))
+    assert "reset" in downs(events)[0]
+
+
+async def test_a_device_that_is_not_there_is_reported_once_and_found_later(
+    serving: Serving, eventually: Eventually, quick: None, unused_tcp_port: int
+) -> None:
+    async with serving(LinkSpec("left.pad", "tcp", f"tcp://127.0.0.1:{unused_tcp_port}")) as (_, events):
+        await eventually(lambda: events)
+        await asyncio.sleep(0.05)
+        assert kinds(events) == [LinkDown]
+        assert "switch the device on" in downs(events)[0]
+        with socket.create_server(("127.0.0.1", unused_tcp_port)):
+            await eventually(lambda: kinds(events)[-1] is LinkUp)
+
+
+async def test_a_device_that_does_not_answer_is_reported(
+    serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(network, "OPEN_TIMEOUT_S", 0.05)
+    with socket.socket() as server, socket.socket() as queued, socket.socket() as queued_too:
+        server.bind(("127.0.0.1", 0))
+        server.listen(0)  # one visitor fills the queue, and the next is not answered
+        queued.connect(server.getsockname())
+        queued_too.setblocking(False)
+        queued_too.connect_ex(server.getsockname())
+        spec = LinkSpec("left.pad", "tcp", f"tcp://127.0.0.1:{server.getsockname()[1]}")
+        async with serving(spec) as (_, events):
+            await eventually(lambda: events)
+    assert "no answer within" in downs(events)[0]
+
+
+class Sensor:
+    """A datagram socket that answers the last sender."""
+
+    def __init__(self, host: str) -> None:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self.socket = socket.socket(family, socket.SOCK_DGRAM)
+        self.socket.bind((host, 0))
+        self.socket.setblocking(False)
+        self.heard: list[bytes] = []
+        shown = f"[{host}]" if ":" in host else host
+        self.spec = LinkSpec("left.wrench", "udp", f"udp://{shown}:{self.socket.getsockname()[1]}")
+
+    def hears(self) -> list[bytes]:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                data, self.peer = self.socket.recvfrom(2000)
+                self.heard.append(data)
+        return self.heard
+
+    def send(self, data: bytes) -> None:
+        self.socket.sendto(data, self.peer)
+
+
+@pytest.fixture
+def sensor() -> Iterator[Sensor]:
+    sensor = Sensor("127.0.0.1")
+    yield sensor
+    sensor.socket.close()
+
+
+def start(event: Event, write: Callable[[str, bytes], bool]) -> None:
+    if isinstance(event, LinkUp):
+        write("left.wrench", b"start")
+
+
+async def test_each_datagram_is_one_piece_in_order_both_ways(
+    sensor: Sensor, serving: Serving, eventually: Eventually
+) -> None:
+    """Of a very long one only the beginning is delivered, and those of other senders are ignored."""
+    sent = [b"", b"x", *(bytes([n % 256]) * n for n in range(1, 300)), bytes(network.MAX_DATAGRAM_BYTES)]
+    stranger = Sensor("127.0.0.1")
+    async with serving(sensor.spec) as (links, events):
+        await eventually(lambda: events)
+        assert links.write("left.wrench", b"one")
+        assert links.write("left.wrench", b"two")
+        await eventually(lambda: sensor.hears() == [b"one", b"two"])
+        stranger.peer = sensor.peer
+        stranger.send(b"not yours")
+        for data in [*sent, bytes(65_000), b"end"]:
+            sensor.send(data)
+        await eventually(lambda: pieces(events)[-1:] == [b"end"])
+    stranger.socket.close()
+    assert events[0] == LinkUp("left.wrench", sensor.spec.address)
+    assert pieces(events) == [*sent, bytes(network.MAX_DATAGRAM_BYTES), b"end"]
+
+
+@pytest.mark.skipif(not socket.has_ipv6, reason="no IPv6 here")
+async def test_a_device_with_an_ipv6_address_is_read(serving: Serving, eventually: Eventually) -> None:
+    try:
+        sensor = Sensor("::1")
+    except OSError as error:
+        pytest.skip(f"no IPv6 here: {error}")
+    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
+        await eventually(sensor.hears)
+        sensor.send(b"six")
+        await eventually(lambda: pieces(events) == [b"six"])
+    sensor.socket.close()
+
+
+async def test_a_host_without_a_listener_is_reported_and_tried_again(
+    sensor: Sensor, serving: Serving, eventually: Eventually
+) -> None:
+    port = sensor.socket.getsockname()[1]
+    sensor.socket.close()
+    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
+        await eventually(lambda: LinkDown in kinds(events))
+        assert "nothing listens on this port" in downs(events)[0]
+        back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        back.bind(("127.0.0.1", port))
+        await eventually(lambda: kinds(events).count(LinkUp) > 1)
+        back.settimeout(10.0)
+        assert back.recv(100) == b"start"
+        back.close()
+
+
+async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reason(
+    sensor: Sensor, serving: Serving, eventually: Eventually
+) -> None:
+    async with serving(sensor.spec) as (links, events):
+        await eventually(lambda: events)
+        assert not links.write("left.wrench", bytes(70_000))
+        await eventually(lambda: LinkDown in kinds(events))
+        assert not links.write("left.wrench", b"down")
+    assert "too long" in downs(events)[0]
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("udp://", "has no host"),
+        ("udp://127.0.0.1", "has no port; a valid address is udp://127.0.0.1:49152"),
+        ("udp://127.0.0.1:70000", "not an address"),
+        ("udp://[::1:80", "not an address"),
+        ("udp://no-such-host.invalid:49152", "cannot be reached"),
+        ("udp://a..b:49152", "cannot be reached"),
+        (f"udp://{64 * 'a'}:49152", "cannot be reached"),
+    ],
+)
+async def test_an_address_that_cannot_be_reached_is_reported(
+    address: str, words: str, serving: Serving, eventually: Eventually
+) -> None:
+    async with serving(LinkSpec("left.wrench", "udp", address)) as (_, events):
+        await eventually(lambda: events)
+    assert kinds(events) == [LinkDown]
+    assert downs(events)[0].startswith(f"{address}: ")
+    assert words in downs(events)[0]
+
+
+async def test_L9_what_the_kernel_drops_is_counted_over_all_connections(
+    sensor: Sensor, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
+        await eventually(sensor.hears)
+        sent = 20_000
+        for _ in range(sent):  # the loop does not read meanwhile
+            sensor.send(b"flood")
+        await eventually(lambda: len(pieces(events)) + links.overruns["left.wrench"] == sent)
+        dropped = links.overruns["left.wrench"]
+        assert dropped > 0
+        assert not links.write("left.wrench", bytes(70_000))
+        await eventually(lambda: kinds(events)[-1] is LinkUp)
+        assert links.overruns["left.wrench"] == dropped
+
+
+async def test_L9_a_flood_leaves_the_loop_its_turn(sensor: Sensor, serving: Serving, eventually: Eventually) -> None:
+    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
+        await eventually(sensor.hears)
+        for size in (0, 100, 1500):
+            for _ in range(100):
+                sensor.send(bytes(size))
+            before, most = len(events), 0
+            while len(events) < before + 100:
+                now = len(events)
+                await asyncio.sleep(0)  # one turn of the loop
+                most = max(most, len(events) - now)
+            assert most <= min(network.DATAGRAMS_PER_WAKE, -(-READ_BYTES // max(size, 1)))
+
+
+async def test_a_failing_consumer_of_datagrams_gets_no_more_of_them(sensor: Sensor) -> None:
+    got = []
+
+    def fail(data: bytes) -> None:
+        got.append(data)
+        raise ArithmeticError("a fault of ours")
+
+    connection = await network.open_udp(sensor.spec, fail)
+    connection.write(b"start")
+    sensor.hears()
+    for data in (b"1", b"2"):
+        sensor.send(data)
+    with pytest.raises(ArithmeticError):
+        await connection.until_lost()
+    await connection.close()
+    assert got == [b"1"]
+
+
+async def test_a_kernel_that_does_not_count_drops_is_borne(sensor: Sensor, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(network, "SO_MEMINFO", 9999)
+    connection = await network.open_udp(sensor.spec, print)
+    assert connection.overruns == 0
+    await connection.close()
+
+
+QUESTION = b"how many counts are a newton?"
+
+
+@asynccontextmanager
+async def host(*answers: bytes, hangs_up: bool = True) -> AsyncIterator[tuple[int, list[bytes]]]:
+    """Answer each connection in turn, in two pieces; yield the port and what was asked."""
+    asked: list[bytes] = []
+    met: list[asyncio.Task[None] | None] = []
+    left = list(answers)
+
+    async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        met.append(asyncio.current_task())
+        with contextlib.suppress(ConnectionError):
+            asked.append(await reader.read(100))
+            answer = left.pop(0) if left else b""
+            for piece in (answer[:3], answer[3:]):
+                writer.write(piece)
+                await asyncio.sleep(0.001)
+            if not hangs_up:
+                await reader.read()
+        writer.close()
+
+    async with await asyncio.start_server(meet, "127.0.0.1", 0) as server:
+        yield server.sockets[0].getsockname()[1], asked
+    await asyncio.wait([task for task in met if task is not None])
+
+
+@pytest.mark.parametrize(
+    ("answer", "reply_bytes", "hangs_up"),
+    [
+        (b"one million", 11, False),
+        (b"<xml>1000000</xml>", 0, True),
+        (bytes(MAX_REPLY_BYTES), 0, True),
+    ],
+)
+async def test_an_answer_ends_at_its_length_or_with_the_connection(
+    answer: bytes, reply_bytes: int, hangs_up: bool
+) -> None:
+    async with host(answer, hangs_up=hangs_up) as (port, asked):
+        assert await inquire("udp://localhost:1", Inquiry(port, QUESTION, reply_bytes)) == answer
+    assert asked == [QUESTION]
+
+
+@pytest.mark.parametrize(
+    ("answer", "reply_bytes", "words"),
+    [
+        (b"one", 11, "the answer must have 11 bytes, got 3"),
+        (b"", 0, "without an answer"),
+        (bytes(MAX_REPLY_BYTES + 1), 0, "more than 65536 bytes"),
+    ],
+)
+async def test_an_answer_that_is_cut_off_or_too_long_is_refused(answer: bytes, reply_bytes: int, words: str) -> None:
+    async with host(answer) as (port, _):
+        with pytest.raises(LinkError, match=f"TCP port {port} failed: .*{words}; switch the device on"):
+            await inquire("udp://127.0.0.1:1", Inquiry(port, QUESTION, reply_bytes))
+
+
+async def test_a_host_that_never_answers_or_has_no_port_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, unused_tcp_port: int
+) -> None:
+    monkeypatch.setattr(network, "INQUIRY_TIMEOUT_S", 0.05)
+    async with host(b"on", hangs_up=False) as (port, _):
+        with pytest.raises(LinkError, match=r"no answer within 0.05 s"):
+            await inquire("udp://127.0.0.1:1", Inquiry(port, QUESTION, 11))
+    with pytest.raises(LinkError, match="inquiry on TCP port"):
+        await inquire("udp://127.0.0.1:1", Inquiry(unused_tcp_port, QUESTION, 11))
+
+
+async def test_a_link_stays_down_and_asks_again_until_the_answer_is_right_and_delivers_that_first(
+    serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    def check(answer: bytes) -> str:
+        return "" if answer == b"well" else f"{answer.decode()}, it says" if answer != b"boom" else [][1]
+
+    async with host(b"bus", b"busy", b"boom", b"well") as (port, asked):
+        spec = LinkSpec("left.wrench", "udp", "udp://127.0.0.1:9", inquiry=Inquiry(port, QUESTION, 4, check))
+        async with serving(spec) as (_, events):
+            await eventually(lambda: len(events) == 5)
+    assert kinds(events) == [LinkDown, LinkDown, LinkDown, LinkUp, Bytes]
+    assert "must have 4 bytes" in downs(events)[0]
+    assert "busy, it says; switch the device on" in downs(events)[1]
+    assert "IndexError" in downs(events)[2]
+    assert received(events) == b"well"
+    assert asked == [QUESTION] * 4
+
+
+@pytest.mark.parametrize(
+    ("answers", "newest"),
+    [
+        ([b"slow", b"ok", b"fast"], b"fast"),
+        ([b"slow", b"", b"fast"], b"fast"),
+        ([b"slow", b"refused", b"slow"], b"slow"),
+        ([b"slow", b"ok", b""], b"slow"),
+        ([b"fast"], b"fast"),
+    ],
+)
+async def test_a_change_is_made_before_the_link_is_up_and_the_newest_answer_counts(
+    answers: list[bytes], newest: bytes
+) -> None:
+    async with host(*answers) as (port, asked):
+        inquiry = Inquiry(port, QUESTION, 0, change=lambda answer: b"be fast" if answer == b"slow" else b"")
+        assert await inquire("udp://127.0.0.1:1", inquiry) == newest
+    assert asked == [QUESTION, b"be fast", QUESTION][: len(answers)]
