@@ -8,7 +8,7 @@ from replays import RECORDINGS
 
 from slipd.errors import SlipdError
 from slipd.tools.draft import draft
-from slipd.tools.export.exported import EXPORT
+from slipd.tools.export.export_command import EXPORT
 
 EXPORTED = "published_ns,v\n"
 

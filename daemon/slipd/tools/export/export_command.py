@@ -1,39 +1,43 @@
-"""The command ``slipd export``: a recording, replayed, as files that other programs open."""
+"""The command ``slipd export``: recordings, replayed, as files that other programs open."""
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
 from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
-from slipd.errors import SlipdError, UsageError
+from slipd.errors import RecordingError, SlipdError, UsageError
 from slipd.io.progress import Progress
-from slipd.recording.reader import Recording, open_recording
+from slipd.recording.reader import Recording, is_recording, open_recording
 from slipd.recording.replay import replay_dated
 from slipd.tools.cli_arguments import chosen
-from slipd.tools.draft import draft
-from slipd.tools.export.csv_files import CsvFiles
-from slipd.tools.export.exported import EXPORT
-from slipd.tools.export.lerobot_command import TASK, export_lerobot
-from slipd.tools.export.message_files import MessageFiles
-from slipd.tools.export.parquet_tables import ParquetTables
-from slipd.tools.export.ros2_bag import Ros2Bag
+from slipd.tools.draft import Kind, draft
+from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
+from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
+from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
+from slipd.tools.export.parquet_file import is_marked
+from slipd.tools.export.ros2_bag import ros2_bag
+from slipd.tools.parquet_library import storable
 from slipd.types.device_text import printable
-from slipd_client.ros.conversion import PadFrames
 
-Create = Callable[[Path, Config], MessageFiles]
-
-FORMATS: dict[str, Create] = {
-    "ros2": lambda path, settings: Ros2Bag(path, _pads(settings)),
-    "csv": lambda path, _: CsvFiles(path),
-    "parquet": lambda path, _: ParquetTables(path),
+FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
+    "ros2": ros2_bag,
+    "csv": csv_files,
+    "parquet": parquet_tables,
 }
 """What writes each format of one recording."""
+
+TASK = "grip an object and hold it"
+
+_MCAP_LIBRARY = b"\x05\0\0\0slipd"
+"""Name of the library in the header of an exported MCAP file, with its length."""
+
+Show = Callable[[int, int], None]
 
 
 class ExportOptions(NamedTuple):
@@ -53,73 +57,145 @@ class ExportOptions(NamedTuple):
 
 
 def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions) -> bool:
-    """Write recordings as files for other programs; errors are those of `export` and `export_lerobot`.
-
-    Returns:
-        Whether every recording is complete.
-    """
-    to, overwrite = options.to, options.overwrite
-    if to == "lerobot":
-        if options.rate_hz is None:
-            raise UsageError("--to lerobot needs --rate HZ, the frames per second")
-        return export_lerobot(chosen(recordings), out, options.rate_hz, options.task or TASK, overwrite=overwrite)
-    for option, value in (("--rate", options.rate_hz), ("--task", options.task)):
-        if value is not None:
-            raise UsageError(f"{option} is for --to lerobot; {to} has every message at its own time")
-    if len(recordings) > 1:
-        raise UsageError(f"--to {to} takes one recording, got {len(recordings)}; --to lerobot takes several")
-    return export(recordings[0], out, to, overwrite=overwrite)
-
-
-def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
-    """Write the messages that a recording gives with today's slipd.
+    """Write recordings as files for other programs.
 
     Args:
-        path: The recording.
-        out: The file or folder to create.
-        to: One of `FORMATS`.
-        overwrite: Replace an earlier export; nothing else is ever replaced.
+        recordings: The recordings; only a data set for learning takes several.
+        out: The folder to create.
+        options: What to write.
 
     Returns:
-        Whether the recording is complete; if not, the export ends where the recording does.
+        Whether every recording is complete; if not, the export of it ends where the recording does.
 
     Raises:
-        ConfigError: The recorded config has faults (for this version of slipd).
-        SlipdError: The recording cannot be read or holds no message, or ``out`` cannot be written.
+        ConfigError: A recorded config has faults (for this version of slipd).
+        SlipdError: A recording cannot be read, holds no message or is of another rig, pyarrow is not installed, or
+            ``out`` cannot be written.
     """
-    recording = open_recording(path)
-    settings = config.parse(recording.config_text, f"{path}: config")
-    create = FORMATS[to]
+    _check(recordings, options)
+    paths = chosen(recordings) if options.to == "lerobot" else recordings
+    opened = [open_recording(path) for path in paths]
+    layout = _common_layout(opened) if options.to == "lerobot" else None
     compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
-    try:
-        with (
-            draft(out, EXPORT, [path], overwrite=overwrite) as written,
-            contextlib.closing(create(written, settings)) as files,
-        ):
-            count = _write(recording, settings, files, progress.show)
-            if not count:
-                raise SlipdError(recording.fault or f"{path}: holds no event that causes a message")
-            files.finish()
-    finally:
-        progress.erase()
-    print(f"{out}: written, {count} messages of slipd")
-    if not recording.complete:
-        print(f"slipd: the export is incomplete: {printable(recording.gap)}", file=sys.stderr)
-    return recording.complete
+    with progress.shown() as show, draft(out, EXPORT, paths, overwrite=options.overwrite) as written:
+        if layout is None:
+            what = f"{_messages(opened[0], written, FORMATS[options.to], show)} messages of slipd"
+        else:
+            frames = _frames(opened, written, layout, options, show)
+            what = f"{frames} frames of {'1 episode' if len(opened) == 1 else f'{len(opened)} episodes'}"
+    print(f"{out}: written, {what}")
+    faults = [recording.gap for recording in opened if not recording.complete]
+    for fault in faults:
+        print(f"slipd: the export is incomplete: {printable(fault)}", file=sys.stderr)
+    return not faults
 
 
-def _write(recording: Recording, settings: Config, files: MessageFiles, progress: Callable[[int, int], None]) -> int:
-    """Write every message; return their number."""
+def _check(recordings: Sequence[Path], options: ExportOptions) -> None:
+    """Refuse options that do not go together."""
+    if options.to == "lerobot":
+        if options.rate_hz is None:
+            raise UsageError("--to lerobot needs --rate HZ, the frames per second")
+        return
+    for option, value in (("--rate", options.rate_hz), ("--task", options.task)):
+        if value is not None:
+            raise UsageError(f"{option} is for --to lerobot; {options.to} has every message at its own time")
+    if len(recordings) > 1:
+        raise UsageError(f"--to {options.to} takes one recording, got {len(recordings)}; --to lerobot takes several")
+
+
+def _messages(
+    recording: Recording, out: Path, create: Callable[[Path, Config], AbstractContextManager[Write]], show: Show
+) -> int:
+    """Write every message of a recording; return their number."""
+    settings = _settings(recording)
     count = 0
-    for t_ns, topic, body in replay_dated(recording, settings):
-        files.write(t_ns + recording.wall_minus_monotonic_ns, topic, body)
-        count += 1
-        progress(recording.read_bytes, recording.size_bytes)
+    with create(out, settings) as write:
+        for t_ns, topic, body in replay_dated(recording, settings):
+            write(t_ns + recording.wall_minus_monotonic_ns, topic, body)
+            count += 1
+            show(recording.read_bytes, recording.size_bytes)
+        if not count:
+            raise _silent(recording)
     return count
 
 
-def _pads(settings: Config) -> PadFrames | None:
-    if settings.grasp is None:
-        return None
-    return PadFrames({finger: pad.model_dump() for finger, pad in settings.grasp.pads.items()})
+def _frames(recordings: Sequence[Recording], out: Path, layout: FrameLayout, options: ExportOptions, show: Show) -> int:
+    """Write every recording as an episode; return the number of frames."""
+    task, of = options.task or TASK, sum(recording.path.stat().st_size for recording in recordings)
+    with lerobot_dataset(out, layout, options.rate_hz or 1, task) as dataset:
+        done = 0
+        for recording in recordings:
+            sampler = FrameSampler(layout, options.rate_hz or 1, dataset.add, str(recording.path))
+            for t_ns, topic, body in replay_dated(recording, on_event=sampler.event):
+                sampler.message(t_ns, topic, body)
+                show(done + recording.read_bytes, of)
+            sampler.finish()
+            if sampler.begin_ns is None:
+                raise _silent(recording)
+            begin_unix_ns = sampler.begin_ns + recording.wall_minus_monotonic_ns
+            dataset.end_episode(storable(recording.path.name), begin_unix_ns, task)
+            done += recording.size_bytes
+    return dataset.frames
+
+
+def _silent(recording: Recording) -> SlipdError:
+    return RecordingError(recording.fault or f"{recording.path}: holds no event that causes a message")
+
+
+def _common_layout(recordings: Sequence[Recording]) -> FrameLayout:
+    """Return the layout of the first recording, after a look at every other."""
+    first, *others = [(recording.path, frame_layout(_settings(recording))) for recording in recordings]
+    for path, layout in others:
+        if layout != first[1]:
+            raise UsageError(
+                f"{path}: its rig must have the features of {first[0]}, because one data set has one rig; "
+                f"it {_difference(first[1], layout)}"
+            )
+    return first[1]
+
+
+def _difference(first: FrameLayout, other: FrameLayout) -> str:
+    wanted, got = (
+        {f"{each.name} {name}" for each in layout.features for name in each.names} for layout in (first, other)
+    )
+    parts = [f"{word} {min(found)}" for word, found in (("lacks", wanted - got), ("adds", got - wanted)) if found]
+    return " and ".join(parts) or "has them in another order"
+
+
+def _settings(recording: Recording) -> Config:
+    return config.parse(recording.config_text, f"{recording.path}: config")
+
+
+def is_exported(path: Path) -> bool:
+    """Return whether a file is one of an export, by its first bytes; a bag's metadata by its name.
+
+    A folder is one if it belongs to a data set for learning and holds nothing else.
+    """
+    if path.is_dir():
+        return path.name in ("meta", "data") and _of_dataset(path)
+    if path.name == "metadata.yaml":
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(64)
+        if start.startswith(b"PAR1"):
+            return is_marked(path)
+    except OSError:
+        return False
+    return start.startswith(f"{LOG_TIME},".encode()) or (_MCAP_LIBRARY in start and not is_recording(path))
+
+
+def _of_dataset(folder: Path) -> bool:
+    """Return whether a folder of a data set holds only what slipd wrote there."""
+    info = folder.parent / "meta" / "info.json"
+    try:
+        ours = f'"robot_type": "{ROBOT}"' in info.read_text(encoding="utf-8")[:64]
+    except (OSError, ValueError):
+        return False
+    known = {info, info.with_name("stats.json")}
+    inside = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()]
+    return ours and all(path.is_file() and (path in known or is_exported(path)) for path in inside)
+
+
+EXPORT = Kind("an export of slipd", is_exported, folders=True)

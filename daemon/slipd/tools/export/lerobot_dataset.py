@@ -7,18 +7,20 @@ The format is that of `lerobot.datasets` (its ``CODEBASE_VERSION`` v3.0): ``meta
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from slipd.tools.export.dataset_tables import EpisodeTable, frame_schema, frame_table, write_tasks
-from slipd.tools.export.exported import ROBOT
-from slipd.tools.export.feature_stats import FeatureStats
-from slipd.tools.export.frame_layout import Feature, FrameLayout
-from slipd.tools.export.frame_sampler import Frame
-from slipd.tools.export.parquet_file import ParquetFile
+from slipd.tools.export.feature_stats import QUANTILES, FeatureStats
+from slipd.tools.export.frames import Feature, Frame, FrameLayout
+from slipd.tools.export.parquet_file import parquet_file, parquet_rows
+from slipd.tools.parquet_library import parquet_library
+
+ROBOT = "slipd"
+"""``robot_type`` of a data set, and the first key of its ``meta/info.json``."""
 
 VERSION = "v3.0"
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -31,10 +33,16 @@ BLOCK = 4096
 
 COUNTERS = tuple(Feature(name, (name,), whole=True) for name in ("frame_index", "episode_index", "index", "task_index"))
 TIMESTAMP = Feature("timestamp", ("timestamp",))
+STATS = ("min", "max", "mean", "std", "count", *QUANTILES)
 
 
-class LerobotDataset:
-    """Writes a data set.
+EPISODES = 50
+"""Episodes whose rows are written at once: with the statistics of two large pads, each takes some 100 kB."""
+
+
+@contextmanager
+def lerobot_dataset(folder: Path, layout: FrameLayout, rate_hz: int, task: str) -> Iterator[LerobotDataset]:
+    """Create a data set, and yield what writes its frames; it has at least one episode at the end.
 
     Args:
         folder: Folder to create.
@@ -45,141 +53,207 @@ class LerobotDataset:
     Raises:
         SlipdError: pyarrow is not installed.
     """
+    features = (*layout.features, TIMESTAMP, *COUNTERS)
+    episodes = folder / "meta" / "episodes" / "chunk-000"
+    episodes.mkdir(parents=True)
+    with (
+        parquet_rows(episodes / "file-000.parquet", _episode_schema(features), EPISODES) as add_episode,
+        ExitStack() as frames,
+    ):
+        dataset = LerobotDataset(folder, features, rate_hz, add_episode, frames)
+        yield dataset
+    with parquet_rows(folder / "meta" / "tasks.parquet", _task_schema(), 1) as add_task:
+        add_task({"task_index": 0, "task": task})
+    stats = {name: each.summary() for name, each in dataset.stats.items()}
+    for name, content in (("stats", stats), ("info", _info(dataset, layout, rate_hz))):
+        text = json.dumps(content, indent=4, allow_nan=False)
+        (folder / "meta" / f"{name}.json").write_text(f"{text}\n", encoding="utf-8")
 
-    def __init__(self, folder: Path, layout: FrameLayout, rate_hz: int, task: str) -> None:
-        self._features = (*layout.features, TIMESTAMP, *COUNTERS)
-        self._schema = frame_schema(self._features)
-        self._layout = layout
-        self._folder = folder
-        self._rate_hz = rate_hz
-        self._task = task
-        (folder / "meta").mkdir(parents=True)
-        self._file: ParquetFile | None = None
-        self._files = -1
-        self._block = {each.name: np.empty((BLOCK, len(each.names)), each.dtype) for each in self._features}
-        self._used = 0
-        self._frames = self._before = 0
-        self._stats = _stats(self._features)
-        self._of_episode = _stats(self._features)
-        self._episodes = EpisodeTable(folder / "meta" / "episodes" / "chunk-000" / "file-000.parquet", self._features)
+
+class LerobotDataset:
+    """Writes the frames and episodes of a data set.
+
+    Args:
+        folder: Its folder.
+        features: Features of every frame, with time and counters.
+        rate_hz: Frames per second.
+        add_episode: Writes the row of an episode.
+        files: Closes the last file of frames.
+
+    Attributes:
+        episodes: Number of episodes so far.
+        frames: Number of frames so far, in all episodes.
+        stats: Statistics of all frames, by feature.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        features: tuple[Feature, ...],
+        rate_hz: int,
+        add_episode: Callable[[dict[str, Any]], None],
+        files: ExitStack,
+    ) -> None:
+        self.episodes = self.frames = 0
+        self.stats = _stats(features)
+        self._folder, self._features, self._rate_hz = folder, features, rate_hz
+        self._add_episode, self._files = add_episode, files
+        self._schema = _frame_schema(features)
+        self._put: Callable[[Any], None] | None = None
+        self._file: Path | None = None
+        self._number = -1
+        self._block = {each.name: np.empty((BLOCK, len(each.names)), each.dtype) for each in features}
+        self._used = self._before = 0
+        self._of_episode = _stats(features)
 
     def add(self, frame: Frame) -> None:
         """Write the next frame of the present episode."""
-        if self._frames == self._before:
+        if self.frames == self._before:
             self._begin_episode()
-        at, in_episode = self._used, self._frames - self._before
-        for name, numbers in frame.items():
-            self._block[name][at] = numbers
-        self._block["timestamp"][at] = in_episode / self._rate_hz
-        for name, count in zip(
-            ("frame_index", "episode_index", "index", "task_index"),
-            (in_episode, self._episodes.count, self._frames, 0),
-            strict=True,
-        ):
-            self._block[name][at] = count
-        self._frames += 1
+        in_episode = self.frames - self._before
+        counters = {
+            "timestamp": in_episode / self._rate_hz,
+            "frame_index": in_episode,
+            "episode_index": self.episodes,
+            "index": self.frames,
+            "task_index": 0,
+        }
+        for name, numbers in (*frame.items(), *counters.items()):
+            self._block[name][self._used] = numbers
+        self.frames += 1
         self._used += 1
         if self._used == BLOCK:
             self._flush()
 
-    def end_episode(self, recording: str, begin_unix_ns: int) -> int:
+    def end_episode(self, recording: str, begin_unix_ns: int, task: str) -> int:
         """End the present episode; return the number of its frames.
 
         Args:
             recording: Name of the recording that it comes from.
             begin_unix_ns: Time of its first frame, ns since 1970.
+            task: What the robot does, in a sentence.
         """
-        frames = self._frames - self._before
+        frames = self.frames - self._before
         if not frames:
             return 0
         self._flush()
-        chunk, file = divmod(self._files, FILES_OF_CHUNK)
-        row = {
-            "tasks": [self._task],
-            "length": frames,
-            "data/chunk_index": chunk,
-            "data/file_index": file,
-            "dataset_from_index": self._before,
-            "dataset_to_index": self._frames,
-            "recording": recording,
-            "begin_unix_ns": begin_unix_ns,
-        }
-        self._episodes.add(row, {name: stats.summary() for name, stats in self._of_episode.items()})
-        self._before, self._of_episode = self._frames, _stats(self._features)
+        chunk, file = divmod(self._number, FILES_OF_CHUNK)
+        stats = {name: each.summary() for name, each in self._of_episode.items()}
+        self._add_episode(
+            {
+                "episode_index": self.episodes,
+                "tasks": [task],
+                "length": frames,
+                "data/chunk_index": chunk,
+                "data/file_index": file,
+                "dataset_from_index": self._before,
+                "dataset_to_index": self.frames,
+                "recording": recording,
+                "begin_unix_ns": begin_unix_ns,
+                **{f"stats/{name}/{key}": value for name, found in stats.items() for key, value in found.items()},
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+            }
+        )
+        self.episodes += 1
+        self._before, self._of_episode = self.frames, _stats(self._features)
         return frames
-
-    def finish(self) -> None:
-        """Complete the data set and close its files; it has at least one episode."""
-        if self._file is not None:
-            self._file.finish()
-        self._episodes.finish()
-        meta = self._folder / "meta"
-        write_tasks(meta / "tasks.parquet", [self._task])
-        _write_json(meta / "stats.json", {name: stats.summary() for name, stats in self._stats.items()})
-        _write_json(meta / "info.json", self._info())
-
-    def close(self) -> None:
-        """Close the files as they are; does nothing after `finish`."""
-        if self._file is not None:
-            self._file.close()
-        self._episodes.close()
 
     def _begin_episode(self) -> None:
         """Open the next file of frames where the present one is full."""
-        if self._file is not None:
-            if self._file.path.stat().st_size < FILE_MB * 1_000_000:
-                return
-            self._file.finish()
-        self._files += 1
-        chunk, file = divmod(self._files, FILES_OF_CHUNK)
-        path = self._folder / DATA_PATH.format(chunk_index=chunk, file_index=file)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = ParquetFile(path, self._schema)
+        if self._file is not None and self._file.stat().st_size < FILE_MB * 1_000_000:
+            return
+        self._files.close()
+        self._number += 1
+        chunk, file = divmod(self._number, FILES_OF_CHUNK)
+        self._file = self._folder / DATA_PATH.format(chunk_index=chunk, file_index=file)
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        self._put = self._files.enter_context(parquet_file(self._file, self._schema))
 
     def _flush(self) -> None:
-        if not self._used or self._file is None:
+        arrow, _ = parquet_library("--to lerobot")
+        if not self._used or self._put is None:
             return
-        block: dict[str, npt.NDArray[Any]] = {name: rows[: self._used] for name, rows in self._block.items()}
-        self._file.write(frame_table(self._schema, block))
-        for name, rows in block.items():
-            numbers = rows.astype(np.float64)
-            self._stats[name].add(numbers)
-            self._of_episode[name].add(numbers)
+        arrays = []
+        for field in self._schema:
+            rows = self._block[field.name][: self._used]
+            numbers = arrow.array(rows.ravel())
+            size = rows.shape[1]
+            arrays.append(numbers if size == 1 else arrow.FixedSizeListArray.from_arrays(numbers, size))
+            self.stats[field.name].add(rows.astype(np.float64))
+            self._of_episode[field.name].add(rows.astype(np.float64))
+        self._put(arrow.Table.from_arrays(arrays, schema=self._schema))
         self._used = 0
-
-    def _info(self) -> dict[str, Any]:
-        return {
-            "robot_type": ROBOT,
-            "codebase_version": VERSION,
-            "fps": self._rate_hz,
-            "total_episodes": self._episodes.count,
-            "total_frames": self._frames,
-            "total_tasks": 1,
-            "chunks_size": FILES_OF_CHUNK,
-            "data_files_size_in_mb": FILE_MB,
-            "video_files_size_in_mb": 200,
-            "data_path": DATA_PATH,
-            "video_path": None,
-            "splits": {"train": f"0:{self._episodes.count}"},
-            "features": {each.name: self._described(each) for each in self._features},
-        }
-
-    def _described(self, feature: Feature) -> dict[str, Any]:
-        ours = feature in self._layout.features
-        found: dict[str, Any] = {
-            "dtype": feature.dtype,
-            "shape": [len(feature.names)],
-            "names": list(feature.names) if ours else None,
-        }
-        if feature.name in self._layout.pads:
-            rows, cols = self._layout.pads[feature.name]
-            found["info"] = {"rows": rows, "cols": cols}
-        return found
 
 
 def _stats(features: tuple[Feature, ...]) -> dict[str, FeatureStats]:
     return {each.name: FeatureStats(len(each.names)) for each in features}
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=4, allow_nan=False) + "\n", encoding="utf-8")
+def _frame_schema(features: tuple[Feature, ...]) -> Any:
+    """Return the Arrow schema of the frames: a list of fixed length for each feature, a scalar for a single number."""
+    arrow, _ = parquet_library("--to lerobot")
+    types = {"float32": arrow.float32(), "int64": arrow.int64()}
+    sized = [(each.name, types[each.dtype], len(each.names)) for each in features]
+    return arrow.schema([(name, kind if size == 1 else arrow.list_(kind, size)) for name, kind, size in sized])
+
+
+def _episode_schema(features: tuple[Feature, ...]) -> Any:
+    arrow, _ = parquet_library("--to lerobot")
+    numbers, count = arrow.list_(arrow.float64()), arrow.int64()
+    places = ("length", "data/chunk_index", "data/file_index", "dataset_from_index", "dataset_to_index")
+    return arrow.schema(
+        {
+            "episode_index": count,
+            "tasks": arrow.list_(arrow.string()),
+            **dict.fromkeys(places, count),
+            "recording": arrow.string(),
+            "begin_unix_ns": count,
+            **{
+                f"stats/{each.name}/{stat}": arrow.list_(count) if stat == "count" else numbers
+                for each in features
+                for stat in STATS
+            },
+            "meta/episodes/chunk_index": count,
+            "meta/episodes/file_index": count,
+        }
+    )
+
+
+def _task_schema() -> Any:
+    """Return the schema of the tasks: pandas, with which LeRobot reads them, gets the tasks as the index."""
+    arrow, _ = parquet_library("--to lerobot")
+    columns = [("task_index", "int64", "int64"), ("task", "unicode", "object")]
+    described = [
+        {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+        for name, kind, numpy in columns
+    ]
+    pandas = {"index_columns": ["task"], "column_indexes": [], "columns": described, "pandas_version": "2.0.0"}
+    return arrow.schema({"task_index": arrow.int64(), "task": arrow.string()}, metadata={"pandas": json.dumps(pandas)})
+
+
+def _info(dataset: LerobotDataset, layout: FrameLayout, rate_hz: int) -> dict[str, Any]:
+    return {
+        "robot_type": ROBOT,
+        "codebase_version": VERSION,
+        "fps": rate_hz,
+        "total_episodes": dataset.episodes,
+        "total_frames": dataset.frames,
+        "total_tasks": 1,
+        "chunks_size": FILES_OF_CHUNK,
+        "data_files_size_in_mb": FILE_MB,
+        "video_files_size_in_mb": 200,
+        "data_path": DATA_PATH,
+        "video_path": None,
+        "splits": {"train": f"0:{dataset.episodes}"},
+        "features": {each.name: _described(each, layout) for each in (*layout.features, TIMESTAMP, *COUNTERS)},
+    }
+
+
+def _described(feature: Feature, layout: FrameLayout) -> dict[str, Any]:
+    names = list(feature.names) if feature in layout.features else None
+    found: dict[str, Any] = {"dtype": feature.dtype, "shape": [len(feature.names)], "names": names}
+    if feature.name in layout.pads:
+        rows, cols = layout.pads[feature.name]
+        found["info"] = {"rows": rows, "cols": cols}
+    return found

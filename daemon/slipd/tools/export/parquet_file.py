@@ -1,8 +1,9 @@
-"""One Parquet file of an export."""
+"""One Parquet file of an export, with a mark by which it is known again."""
 
 from __future__ import annotations
 
-import contextlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,40 +12,51 @@ from slipd.tools.parquet_library import parquet_library
 MARK = "slipd_export"
 """Key in the metadata that marks a file as part of an export of slipd."""
 
-COMPRESSION = "zstd"
+
+@contextmanager
+def parquet_file(path: Path, schema: Any) -> Iterator[Callable[[Any], None]]:
+    """Create a file, and yield what writes an Arrow table of this schema as one row group.
+
+    Raises:
+        SlipdError: pyarrow is not installed.
+        OSError: The file cannot be written.
+    """
+    _, parquet = parquet_library("--to parquet")
+    marked = schema.with_metadata({**(schema.metadata or {}), MARK: "1"})
+    with path.open("xb") as file:
+        writer = parquet.ParquetWriter(file, marked, compression="zstd")
+        try:
+            yield writer.write_table
+            writer.close()
+        finally:
+            writer.is_open = False  # after a failure its destructor would try again
 
 
-class ParquetFile:
-    """Writes the file.
+@contextmanager
+def parquet_rows(path: Path, schema: Any, at_once: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Create a file, and yield what writes a row, a value for each column that is known; errors are as above.
 
     Args:
         path: File to create.
-        schema: Arrow schema of its tables.
+        schema: Its Arrow schema.
+        at_once: Rows that are kept in memory until they are written as one row group.
     """
+    arrow, _ = parquet_library("--to parquet")
+    rows: list[dict[str, Any]] = []
+    with parquet_file(path, schema) as put:
 
-    def __init__(self, path: Path, schema: Any) -> None:
-        _, parquet = parquet_library("--to parquet")
-        self.path = path
-        metadata = {**(schema.metadata or {}), MARK: "1"}
-        self._file = path.open("xb")
-        self._writer = parquet.ParquetWriter(self._file, schema.with_metadata(metadata), compression=COMPRESSION)
+        def flush() -> None:
+            put(arrow.Table.from_pylist(rows, schema=schema))
+            rows.clear()
 
-    def write(self, table: Any) -> None:
-        """Write an Arrow table as one row group."""
-        self._writer.write_table(table)
+        def add(row: dict[str, Any]) -> None:
+            rows.append(row)
+            if len(rows) == at_once:
+                flush()
 
-    def finish(self) -> None:
-        """Complete the file and close it."""
-        self._writer.close()
-        self._file.close()
-
-    def close(self) -> None:
-        """Close the file as it is; does nothing after `finish`."""
-        with contextlib.suppress(Exception):
-            self._writer.close()
-        self._writer.is_open = False  # its destructor would try again
-        with contextlib.suppress(OSError):
-            self._file.close()
+        yield add
+        if rows:
+            flush()
 
 
 def is_marked(path: Path) -> bool:
@@ -54,8 +66,7 @@ def is_marked(path: Path) -> bool:
         OSError: It cannot be read.
     """
     with path.open("rb") as file:
-        file.seek(0, 2)
-        size = file.tell()
+        size = file.seek(0, 2)
         if size < 12:
             return False
         file.seek(size - 8)

@@ -7,14 +7,17 @@ is of version 5, which every ``rosbag2`` from Humble on reads.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from slipd.config import Config
 from slipd.errors import SlipdError
-from slipd.tools.export.message_files import Body
+from slipd.tools.export.message_tables import Body, Write
 from slipd_client.ros.conversion import TYPES, PadFrames, RosMessage, encode, ros_messages, schema
 from slipd_client.ros.slipd_types import TimeRangeError
 
@@ -28,6 +31,35 @@ QOS = (
 """Offered quality of service of every topic, in the numbers of rmw: the last 10, reliable, volatile, automatic."""
 
 
+@contextmanager
+def ros2_bag(folder: Path, settings: Config) -> Iterator[Write]:
+    """Create a bag, and yield what writes the ROS messages of one message of slipd.
+
+    Raises:
+        SlipdError: A time of a message does not fit ROS 2.
+    """
+    folder.mkdir()
+    pads = None
+    if settings.grasp is not None:
+        pads = PadFrames({finger: pad.model_dump() for finger, pad in settings.grasp.pads.items()})
+    name = f"{folder.name}_0.mcap"
+    with (folder / name).open("xb") as file:
+        bag = _Bag(Writer(file, compression=CompressionType.ZSTD))
+        bag.writer.start(profile=Profile.ROS2, library="slipd")
+
+        def write(log_ns: int, topic: str, body: Body) -> None:
+            try:
+                messages = list(ros_messages(topic, body, pads))
+            except TimeRangeError as error:
+                raise SlipdError(f"{topic}: {error}; --to parquet and csv have no such limit") from None
+            for message in messages:
+                bag.write(log_ns, message)
+
+        yield write
+        bag.writer.finish()  # type: ignore[no-untyped-call]
+    (folder / "metadata.yaml").write_text(_metadata(bag.topics, bag.times_ns, name), encoding="utf-8")
+
+
 @dataclass
 class _Topic:
     type: str
@@ -35,94 +67,59 @@ class _Topic:
     messages: int = 0
 
 
-class Ros2Bag:
-    """Writes a bag.
+@dataclass
+class _Bag:
+    """The MCAP file of a bag, its topics, and the times of its first and last message."""
 
-    Args:
-        folder: Folder to create.
-        pads: Places of the pads; None: they are not known.
-    """
+    writer: Writer
+    topics: dict[str, _Topic] = field(default_factory=dict)
+    schemas: dict[str, int] = field(default_factory=dict)
+    times_ns: tuple[int, int] = (0, 0)
 
-    def __init__(self, folder: Path, pads: PadFrames | None) -> None:
-        folder.mkdir()
-        self._folder = folder
-        self._pads = pads
-        self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, int] = {}
-        self._first_ns = self._last_ns = 0
-        self._name = f"{folder.name}_0.mcap"
-        self._file = (folder / self._name).open("xb")
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-        self._writer.start(profile=Profile.ROS2, library="slipd")
-
-    def write(self, log_ns: int, topic: str, body: Body) -> None:
-        """Write the ROS messages of one message of slipd that was published at ``log_ns``, ns since 1970.
-
-        Raises:
-            SlipdError: A time of the message does not fit ROS 2.
-        """
-        try:
-            messages = list(ros_messages(topic, body, self._pads))
-        except TimeRangeError as error:
-            raise SlipdError(f"{topic}: {error}; --to parquet and csv have no such limit") from None
-        for message in messages:
-            self._write(log_ns, message)
-
-    def finish(self) -> None:
-        """Complete the bag and close its files."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.close()
-        (self._folder / "metadata.yaml").write_text(self._metadata(), encoding="utf-8")
-
-    def close(self) -> None:
-        """Close the files as they are."""
-        self._file.close()
-
-    def _write(self, log_ns: int, message: RosMessage) -> None:
-        topic = self._topics.get(message.topic) or self._register(message)
-        if not self._first_ns:
-            self._first_ns = log_ns
-        self._last_ns = log_ns
-        self._writer.add_message(topic.channel, log_ns, encode(message), log_ns, topic.messages & 0xFFFF_FFFF)
+    def write(self, log_ns: int, message: RosMessage) -> None:
+        topic = self.topics.get(message.topic) or self._register(message)
+        self.times_ns = self.times_ns[0] or log_ns, log_ns
+        self.writer.add_message(topic.channel, log_ns, encode(message), log_ns, topic.messages & 0xFFFF_FFFF)
         topic.messages += 1
 
     def _register(self, message: RosMessage) -> _Topic:
         name = TYPES[message.type].full_name
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(name, SchemaEncoding.ROS2, schema(message.type).encode())
-        channel = self._writer.register_channel(
-            message.topic, MessageEncoding.CDR, self._schemas[name], {"offered_qos_profiles": QOS}
-        )
-        self._topics[message.topic] = _Topic(name, channel)
-        return self._topics[message.topic]
+        if name not in self.schemas:
+            self.schemas[name] = self.writer.register_schema(name, SchemaEncoding.ROS2, schema(message.type).encode())
+        qos = {"offered_qos_profiles": QOS}
+        channel = self.writer.register_channel(message.topic, MessageEncoding.CDR, self.schemas[name], qos)
+        self.topics[message.topic] = _Topic(name, channel)
+        return self.topics[message.topic]
 
-    def _metadata(self) -> str:
-        """Return ``metadata.yaml``; a string in JSON is one in YAML too."""
-        duration_ns = self._last_ns - self._first_ns
-        count = sum(topic.messages for topic in self._topics.values())
-        topics = "".join(
-            "    - topic_metadata:\n"
-            f"        name: {name}\n"
-            f"        type: {topic.type}\n"
-            "        serialization_format: cdr\n"
-            f"        offered_qos_profiles: {json.dumps(QOS)}\n"
-            f"      message_count: {topic.messages}\n"
-            for name, topic in self._topics.items()
-        )
-        return (
-            "rosbag2_bagfile_information:\n"
-            f"  version: {METADATA_VERSION}\n"
-            "  storage_identifier: mcap\n"
-            f"  duration:\n    nanoseconds: {duration_ns}\n"
-            f"  starting_time:\n    nanoseconds_since_epoch: {self._first_ns}\n"
-            f"  message_count: {count}\n"
-            f"  topics_with_message_count:\n{topics}"
-            '  compression_format: ""\n'
-            '  compression_mode: ""\n'
-            f"  relative_file_paths:\n    - {json.dumps(self._name)}\n"
-            "  files:\n"
-            f"    - path: {json.dumps(self._name)}\n"
-            f"      starting_time:\n        nanoseconds_since_epoch: {self._first_ns}\n"
-            f"      duration:\n        nanoseconds: {duration_ns}\n"
-            f"      message_count: {count}\n"
-        )
+
+def _metadata(topics: dict[str, _Topic], times_ns: tuple[int, int], name: str) -> str:
+    """Return ``metadata.yaml``; a string in JSON is one in YAML too."""
+    first_ns, last_ns = times_ns
+    duration_ns = last_ns - first_ns
+    count = sum(topic.messages for topic in topics.values())
+    listed = "".join(
+        "    - topic_metadata:\n"
+        f"        name: {topic_name}\n"
+        f"        type: {topic.type}\n"
+        "        serialization_format: cdr\n"
+        f"        offered_qos_profiles: {json.dumps(QOS)}\n"
+        f"      message_count: {topic.messages}\n"
+        for topic_name, topic in topics.items()
+    )
+    return (
+        "rosbag2_bagfile_information:\n"
+        f"  version: {METADATA_VERSION}\n"
+        "  storage_identifier: mcap\n"
+        f"  duration:\n    nanoseconds: {duration_ns}\n"
+        f"  starting_time:\n    nanoseconds_since_epoch: {first_ns}\n"
+        f"  message_count: {count}\n"
+        f"  topics_with_message_count:\n{listed}"
+        '  compression_format: ""\n'
+        '  compression_mode: ""\n'
+        f"  relative_file_paths:\n    - {json.dumps(name)}\n"
+        "  files:\n"
+        f"    - path: {json.dumps(name)}\n"
+        f"      starting_time:\n        nanoseconds_since_epoch: {first_ns}\n"
+        f"      duration:\n        nanoseconds: {duration_ns}\n"
+        f"      message_count: {count}\n"
+    )

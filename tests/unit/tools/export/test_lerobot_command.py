@@ -15,7 +15,7 @@ from slipd import cli
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
-from slipd.tools.export.frame_layout import ACTION, LEVEL, STATE
+from slipd.tools.export.frames import ACTION, LEVEL, STATE
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -107,7 +107,7 @@ def test_bytes_of_a_name_that_are_no_text_are_escaped(tmp_path: Path) -> None:
 
 def test_recordings_of_another_rig_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = RECORDINGS / "netft.mcap"
-    assert export(RUN, other, tmp_path / "out", "--rate", "20") == 1
+    assert export(RUN, other, tmp_path / "out", "--rate", "20") == 2
     error = capsys.readouterr().err
     assert error.startswith(
         f"slipd: {other}: its rig must have the features of {RUN}, because one data set has one rig; "

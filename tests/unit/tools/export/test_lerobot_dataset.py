@@ -9,13 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from replays import RECORDINGS
 
-from slipd import config
-from slipd.recording.reader import open_recording
-from slipd.tools.export import lerobot_dataset
-from slipd.tools.export.frame_layout import ACTION, AGE, LEVEL, STATE, TACTILE, Feature, FrameLayout, frame_layout
-from slipd.tools.export.lerobot_dataset import LerobotDataset
+from slipd.tools.export import lerobot_dataset as module
+from slipd.tools.export.frames import ACTION, LEVEL, STATE, Feature, FrameLayout
+from slipd.tools.export.lerobot_dataset import lerobot_dataset
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -26,15 +23,14 @@ LAYOUT = FrameLayout(
 
 def write(folder: Path, lengths: list[int]) -> None:
     """Write episodes of some lengths; the first number of the state counts the frames of all."""
-    dataset = LerobotDataset(folder, LAYOUT, 50, "hold a box")
-    number = 0
-    for episode, length in enumerate(lengths):
-        for _ in range(length):
-            dataset.add({STATE: np.array([number, math.nan]), LEVEL: np.array([episode]), ACTION: np.array([2.0])})
-            number += 1
-        assert dataset.end_episode(f"{episode}.mcap", 1000 + episode) == length
-    dataset.finish()
-    dataset.close()
+    with lerobot_dataset(folder, LAYOUT, 50, "hold a box") as dataset:
+        number = 0
+        for episode, length in enumerate(lengths):
+            for _ in range(length):
+                dataset.add({STATE: np.array([number, math.nan]), LEVEL: np.array([episode]), ACTION: np.array([2.0])})
+                number += 1
+            assert dataset.end_episode(f"{episode}.mcap", 1000 + episode, "hold a box") == length
+        assert dataset.end_episode("empty.mcap", 0, "hold a box") == 0, "an episode without a frame is none"
 
 
 def frames(folder: Path) -> dict[str, list[Any]]:
@@ -48,7 +44,7 @@ def read_json(folder: Path, name: str) -> dict[str, Any]:
 
 
 def test_frames_of_all_episodes_follow_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lerobot_dataset, "BLOCK", 4)
+    monkeypatch.setattr(module, "BLOCK", 4)
     write(tmp_path / "set", [3, 9, 1])
     found = frames(tmp_path / "set")
     assert [x for x, _ in found[STATE]] == found["index"] == list(range(13))
@@ -92,39 +88,18 @@ def test_the_meta_data_describe_every_feature(tmp_path: Path) -> None:
 def test_a_full_file_is_followed_by_another_and_full_folders_likewise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lerobot_dataset, "FILE_MB", 0)
-    monkeypatch.setattr(lerobot_dataset, "FILES_OF_CHUNK", 2)
+    monkeypatch.setattr(module, "FILE_MB", 0)
+    monkeypatch.setattr(module, "FILES_OF_CHUNK", 2)
     write(tmp_path / "set", [3, 9, 1])
     episodes = parquet.read_table(tmp_path / "set" / "meta" / "episodes").to_pylist()
     assert [(each["data/chunk_index"], each["data/file_index"]) for each in episodes] == [(0, 0), (0, 1), (1, 0)]
     for each in episodes:
-        path = lerobot_dataset.DATA_PATH.format(
-            chunk_index=each["data/chunk_index"], file_index=each["data/file_index"]
-        )
+        path = module.DATA_PATH.format(chunk_index=each["data/chunk_index"], file_index=each["data/file_index"])
         assert parquet.read_table(tmp_path / "set" / path).num_rows == each["length"]
 
 
 def test_many_episodes_are_written_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slipd.tools.export.dataset_tables.EPISODES", 2)
+    monkeypatch.setattr("slipd.tools.export.lerobot_dataset.EPISODES", 2)
     write(tmp_path / "set", [1, 2, 3, 4, 5])
     table = parquet.read_table(tmp_path / "set" / "meta" / "episodes")
     assert table["episode_index"].to_pylist() == [0, 1, 2, 3, 4]
-
-
-def test_an_episode_without_a_frame_is_none(tmp_path: Path) -> None:
-    dataset = LerobotDataset(tmp_path / "set", LAYOUT, 50, "wait")
-    assert dataset.end_episode("empty.mcap", 0) == 0
-    dataset.close()
-
-
-def layout_of(name: str) -> FrameLayout:
-    return frame_layout(config.parse(open_recording(RECORDINGS / f"{name}.mcap").config_text, name))
-
-
-def test_the_features_are_those_of_the_rig() -> None:
-    demo = layout_of("demo")
-    sizes = {each.name: len(each.names) for each in demo.features}
-    assert sizes == {STATE: 18, LEVEL: 2, f"{TACTILE}left": 128, f"{TACTILE}right": 128, ACTION: 1, AGE: 7}
-    assert demo.pads == {f"{TACTILE}left": (8, 16), f"{TACTILE}right": (8, 16)}
-    assert ACTION not in {each.name for each in layout_of("netft").features}
-    assert layout_of("netft").pads == {}

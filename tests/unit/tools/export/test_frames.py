@@ -7,10 +7,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from replays import RECORDINGS
 
+from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.export.frame_layout import AGE, LEVEL, STATE, UNKNOWN_LEVEL, Feature, FrameLayout, Tap
-from slipd.tools.export.frame_sampler import FrameSampler
+from slipd.recording.reader import open_recording
+from slipd.tools.export.frames import (
+    ACTION,
+    AGE,
+    LEVEL,
+    STATE,
+    TACTILE,
+    UNKNOWN_LEVEL,
+    Feature,
+    FrameLayout,
+    FrameSampler,
+    Tap,
+    frame_layout,
+)
 
 LAYOUT = FrameLayout(
     (
@@ -33,7 +47,7 @@ class Run:
 
     def __init__(self, rate_hz: int) -> None:
         self.frames: list[dict[str, list[float]]] = []
-        self.sampler = FrameSampler(LAYOUT, rate_hz, self._keep)
+        self.sampler = FrameSampler(LAYOUT, rate_hz, self._keep, "run.mcap")
 
     def _keep(self, frame: dict[str, np.ndarray[Any, Any]]) -> None:
         self.frames.append({name: numbers.tolist() for name, numbers in frame.items()})
@@ -73,6 +87,7 @@ def test_a_value_published_a_nanosecond_after_a_frame_is_not_in_it() -> None:
 def test_a_held_value_ages_and_what_was_never_published_is_missing() -> None:
     run = Run(100)
     run.slip(0, 1, 0.5)
+    run.wrench(0, None, age_ms=None)
     run.slip(30, 2, None)
     run.slip(50, 4, 1.0)
     run.sampler.finish()
@@ -97,13 +112,6 @@ def test_nothing_is_known_in_a_gap_of_the_recording() -> None:
     assert (forces[:2], forces[7]) == ([1.0, 1.0], 7.0)
     assert all(map(math.isnan, forces[2:7]))
     assert all(math.isnan(frame[AGE][0]) for frame in run.frames[2:7])
-
-
-def test_no_reading_has_no_age() -> None:
-    run = Run(10)
-    run.wrench(0, None, age_ms=None)
-    run.sampler.finish()
-    assert math.isnan(run.frames[0][AGE][0])
 
 
 def test_times_of_frames_do_not_drift() -> None:
@@ -132,6 +140,21 @@ def test_topics_without_a_place_are_left_out_and_events_without_messages_go_on()
 def test_a_jump_of_years_is_refused_at_once() -> None:
     run = Run(50)
     run.wrench(0.0, [1.0, 2.0, 3.0])
-    with pytest.raises(SlipdError, match=r"at most 3600 s, .*; 0\.0 s after the first message one of 94608000 s"):
+    with pytest.raises(
+        SlipdError, match=r"run\.mcap: a gap .* at most 3600 s, .*; 0\.0 s after the first message one of 94608000 s"
+    ):
         run.sampler.event(BEGIN + 3 * 365 * 86_400_000 * MS)
     assert len(run.frames) == 0
+
+
+def layout_of(name: str) -> FrameLayout:
+    return frame_layout(config.parse(open_recording(RECORDINGS / f"{name}.mcap").config_text, name))
+
+
+def test_the_features_are_those_of_the_rig() -> None:
+    demo = layout_of("demo")
+    sizes = {each.name: len(each.names) for each in demo.features}
+    assert sizes == {STATE: 18, LEVEL: 2, f"{TACTILE}left": 128, f"{TACTILE}right": 128, ACTION: 1, AGE: 7}
+    assert demo.pads == {f"{TACTILE}left": (8, 16), f"{TACTILE}right": (8, 16)}
+    assert ACTION not in {each.name for each in layout_of("netft").features}
+    assert layout_of("netft").pads == {}
