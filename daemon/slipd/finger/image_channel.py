@@ -25,7 +25,6 @@ STALE: tuple[str, ...] = ("stale",)
 """Reason why an image that is too old, or missing, cannot be used."""
 FROZEN_STDS = 6.0
 """An image must show a movement of the normal force beyond this many standard deviations of its noise."""
-_NO_ROWS: Array = np.empty((0, 6))
 
 
 class ImageChannel:
@@ -250,9 +249,9 @@ class ImageChannel:
         """Three-axis images are stuck, see `is_stuck`."""
         return self._watch.fault == "stuck"
 
-    def is_stuck(self, wrench: tuple[float, ...], t_ns: int) -> bool:
+    def is_stuck(self, wrenches: Array, t_ns: int) -> bool:
         """Return whether the wrench of three-axis taxels repeats (``stuck_after``); call it once for each image."""
-        self._watch.update((wrench,), (t_ns,), _NO_ROWS)
+        self._watch.update([tuple(row) for row in wrenches.tolist()], (t_ns,), wrenches)
         return self.repeats
 
     def shows_contact(self) -> bool | None:

@@ -28,9 +28,9 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
     wrench = image.wrench()
     if wrench is None:
         reasons = reasons or ("not_finite",)
-    elif image.is_stuck(wrench, t_ns):
-        reasons = ("stuck", *reasons)
     rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns * 1e-9])
+    if wrench is not None and image.is_stuck(rows["wrench"], t_ns):
+        reasons = ("stuck", *reasons)
     if reasons:
         rows["phase"] = UNTRUSTED
     return WrenchBatch((t_ns,), sample.t_ns, rows, True, {0: reasons} if reasons else {}, (sample.status,))

@@ -39,7 +39,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "utilisation": None if used is None else finite_or_none(used.value),
         "utilisation_lower": None if used is None else finite_or_none(used.lower),
         "utilisation_upper": None if used is None else finite_or_none(used.upper),
-        "torque_limit_nm": torque_limit_nm(finger, state),
+        "torque_limit_nm": torque_limit_nm(state),
         "grip_needed_n": needed_normal_n(finger, state),
         "pole_m": None if used is None else array(used.pole_m),
         "tipping_margin_m": finite_or_none(state.tipping_margin_m),

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from operator import mul
 
-from slipd.signals.reading_comparison import IMPOSSIBLE, JUMPS, NOT_FINITE, REPEATS, any_finding, compare
+from slipd.fusion.compiled import compiled
 from slipd.types.arrays import Array
 
 STUCK_NS = 20_000_000
@@ -36,6 +36,9 @@ FORGET = 0.05
 _NEVER = 1 << 63
 """More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
 
+REPEATS, JUMPS, IMPOSSIBLE, NOT_FINITE = 1, 2, 4, 8
+"""Findings about a reading, which `compare` adds up."""
+
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
 """A stream that failed this often within ``FLICKER_NS`` is intermittent until it has been good for as long."""
@@ -59,7 +62,7 @@ class WrenchWatch:
 
     Attributes:
         fault: Fault of the newest reading, or "".
-        lively: All of the newest readings are finite, in range, and differ from the one before.
+        lively: All of the newest readings are finite, in range, and differ from the one before, by no jump.
         suspect: The newest reading jumped, or repeats the one before for longer than usual. It is used, but no grip is
             raised on it.
         rests: It is suspect only because it repeats, and ``repeats`` states that readings of this sensor may rest.
@@ -100,79 +103,54 @@ class WrenchWatch:
         """Update with readings as the sensor sent them, before tare and mounting.
 
         Args:
-            readings: Force, N, and torque, N·m (zeros where the device has none) of each: six numbers; at least one.
+            readings: Force, N, and torque, N·m (zeros where the device has none) of each: a tuple of six; at least one.
             times_ns: Time of each.
-            rows: The same as an array, whose rows may be longer.
+            rows: The same as an array, shape (n, 6).
 
         Returns:
             "stuck", "garbage" or "intermittent" of each reading with a fault, by its index.
         """
-        if len(readings) > 1 and self._update_at_once(readings, times_ns[-1], rows):
+        limits = self._range_n, self._range_nm, self._jump_n
+        follows = not math.isnan(self._row[0]) and times_ns[-1] - self._last_ns <= self._gap_ns
+        self.lively = follows and not self._alert and not any_finding(self._row, rows, *limits)
+        if self.lively:
+            if self._equal:
+                self._end_run(honest=True)
+            self._row, self._last_ns, self._step, self.fault = readings[-1], times_ns[-1], None, ""
+            self.suspect = self.rests = False
             return {}
-        self.lively = True
-        if len(readings) == 1:
-            fault = self._update_one(readings[0], times_ns[0])
-            return {0: fault} if fault else {}
         found = {}
         for at, reading in enumerate(readings):
-            if self._update_one(reading, times_ns[at]):
+            findings = compare(self._row, rows[at], *limits)
+            self._check_closely(reading, times_ns[at], findings)
+            if self.fault:
                 found[at] = self.fault
         return found
 
-    def _update_at_once(self, readings: Sequence[Sequence[float]], last_ns: int, rows: Array) -> bool:
-        """Update with good readings at once; return False if one of them needs a closer look."""
-        is_first = math.isnan(self._row[0])
-        if is_first or self._alert or last_ns - self._last_ns > self._gap_ns:
-            return False
-        if any_finding(self._row, rows, self._range_n, self._range_nm, self._jump_n):
-            return False
-        if self._equal:
-            self._end_run(honest=True)
-        self._row, self._last_ns, self._step, self.fault = readings[-1], last_ns, None, ""
-        self.lively, self.suspect, self.rests = True, False, False
-        return True
-
-    def _update_one(self, row: Sequence[float], t_ns: int) -> str:
-        """Update with one reading; return its fault."""
+    def _check_closely(self, row: Sequence[float], t_ns: int, findings: int) -> None:
+        """Check a reading for faults; `compare` returned ``findings``."""
         before, self._row = self._row, row
-        gap = t_ns - self._last_ns > self._gap_ns
-        findings = compare(before, row, self._range_n, self._range_nm, self._jump_n)
-        if findings or gap or self._alert:
-            self._check_closely(before, t_ns, findings, gap=gap)
-        else:
-            if self._equal:
-                self._end_run(honest=True)
-            self._step, self.fault, self.suspect, self.rests = None, "", False, False
-        self._last_ns = t_ns
-        return self.fault
-
-    def _check_closely(self, before: Sequence[float], t_ns: int, findings: int, *, gap: bool) -> None:
-        """Check the newest reading for faults; `compare` returned ``findings``."""
-        self.lively = False
-        jumps, impossible = bool(findings & JUMPS), bool(findings & IMPOSSIBLE)
-        self._count(t_ns, alike=bool(findings & REPEATS), gap=gap)
+        gap, self._last_ns, last_ns = t_ns - self._last_ns > self._gap_ns, t_ns, self._last_ns
+        jumps, impossible, alike = bool(findings & JUMPS), bool(findings & IMPOSSIBLE), bool(findings & REPEATS)
+        if gap or not alike:
+            self._end_run(honest=not gap)
+        if alike:
+            if self._equal == 0:
+                self._since_ns = t_ns if gap else last_ns
+                self._habit.age(self._since_ns)
+            self._equal += 1
         if jumps or impossible:
-            self._count_impossible(self._row[:3], before[:3], beyond_range=impossible)
+            self._count_impossible(row[:3], before[:3], beyond_range=impossible)
         else:
             self._step = None
         stuck = self._is_stuck(t_ns)
         self.fault = self._find_fault(gap, stuck, t_ns) if gap or stuck or self._alert else ""
         if impossible and self.fault != "stuck" and not findings & NOT_FINITE:
             self.fault = "garbage"
-        repeats = self._is_suspect(t_ns)
+        rested = t_ns - self._since_ns > RESTED_NS
+        repeats = self._equal > 0 and (rested or self._equal > self._habit.repeats)
         self.suspect = jumps or repeats
         self.rests = repeats and not jumps and self._repeats == _NEVER
-
-    def _count(self, t_ns: int, *, alike: bool, gap: bool) -> None:
-        """Count readings that repeat the one before; a gap restarts the count."""
-        if gap or not alike:
-            self._end_run(honest=not gap)
-        if not alike:
-            return
-        if self._equal == 0:
-            self._since_ns = t_ns if gap else self._last_ns
-            self._habit.age(self._since_ns)
-        self._equal += 1
 
     def _end_run(self, *, honest: bool) -> None:
         """End a run of equal readings; one that was never reported as stuck is usual for this sensor."""
@@ -185,11 +163,6 @@ class WrenchWatch:
             return t_ns - self._since_ns >= STUCK_NS
         unusual = self._equal >= HABITS * (self._habit.repeats + 1)
         return unusual and self._repeats <= DEFAULT_REPEATS and t_ns - self._since_ns >= HANG_NS
-
-    def _is_suspect(self, t_ns: int) -> bool:
-        if self._equal == 0:
-            return False
-        return self._equal > self._habit.repeats or t_ns - self._since_ns > RESTED_NS
 
     def _count_impossible(self, force_n: Sequence[float], last_n: Sequence[float], *, beyond_range: bool) -> None:
         """Count a reading out of range or a jump back and forth; a single jump may be a blow."""
@@ -239,3 +212,42 @@ class Habit:
             self._before = self._longest[0] if age_ns <= 2 * HABIT_NS else 0
             self._longest, self._since_ns = [0, 0, 0], t_ns
         self.repeats = max(self._before, self._longest[0])
+
+
+@compiled
+def compare(before: Sequence[float], row: Sequence[float], range_n: float, range_nm: float, jump_n: float) -> int:
+    """Return the sum of the findings about a reading; 0 if it is in range, and differs from the last, by no jump.
+
+    Args:
+        before: Force and torque of the reading before; NaN if there is none.
+        row: Force and torque of the reading.
+        range_n: Largest possible force; NaN is impossible too.
+        range_nm: Largest possible torque; NaN is only not finite.
+        jump_n: Smallest change of the force that is a jump; a change from or to NaN is none.
+    """
+    repeats = finite = True
+    for i in range(6):
+        repeats = repeats and row[i] == before[i]
+        finite = finite and math.isfinite(row[i])
+    findings = 0
+    if repeats:
+        findings += REPEATS
+    if not finite:
+        findings += NOT_FINITE
+    if math.hypot(math.hypot(row[0] - before[0], row[1] - before[1]), row[2] - before[2]) >= jump_n:
+        findings += JUMPS
+    force_is_possible = math.hypot(math.hypot(row[0], row[1]), row[2]) <= range_n
+    if not force_is_possible or math.hypot(math.hypot(row[3], row[4]), row[5]) > range_nm:
+        findings += IMPOSSIBLE
+    return findings
+
+
+@compiled
+def any_finding(before: Sequence[float], rows: Array, range_n: float, range_nm: float, jump_n: float) -> bool:
+    """Return whether `compare` finds anything about one of several readings."""
+    if compare(before, rows[0], range_n, range_nm, jump_n):
+        return True
+    for k in range(1, len(rows)):  # noqa: SIM110 - Numba knows no generators
+        if compare(rows[k - 1], rows[k], range_n, range_nm, jump_n):
+            return True
+    return False

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from watched_wrench import MS
 
-from slipd.signals.frozen import WrenchWatch
-from slipd.signals.reading_comparison import any_finding, compare
+from slipd.signals.frozen import WrenchWatch, any_finding, compare
 from slipd.types.arrays import Array
 
 ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))
@@ -92,10 +91,11 @@ def test_N1_a_force_without_a_value_is_impossible_and_a_torque_without_one_is_no
     row: tuple[float, ...], fault: str, jumps: bool
 ) -> None:
     watch = WrenchWatch(100.0)
-    watch.update([(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)], [0], np.empty((0, 6)))
-    watch.update([row], [MS], np.empty((0, 6)))
+    good = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    watch.update([good], [0], np.array([good]))
+    watch.update([row], [MS], np.array([row]))
     assert not watch.lively
     assert watch.suspect is jumps
     for k in range(2, 6):
-        watch.update([row], [k * MS], np.empty((0, 6)))
+        watch.update([row], [k * MS], np.array([row]))
     assert watch.fault == fault
