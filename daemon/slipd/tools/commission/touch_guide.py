@@ -112,9 +112,10 @@ class TouchGuide:
     ) -> Steps[None]:
         """Ask for touches; add them to ``touches``, and the sensors that felt the first of all to ``streams``."""
         yield Say("Touch nothing.")
-        self._rest = yield from self._listener.collect(REST_S)
-        self._noise = self._noise or self._rest
         for step in steps:
+            # The image of a charge pad may keep some of the last touch where scans were lost; force sensors creep.
+            self._rest = yield from self._listener.collect(REST_S)
+            self._noise = self._noise or self._rest
             prompt = Prompt(step, TEXTS[step].format(finger=finger), finger)
             yield prompt
             held = yield from self._hold(prompt, touches.get(CENTRE), streams.get("wrench", ""))

@@ -33,6 +33,15 @@ LIMIT = """\
 # max_force_n = 40.0    # N on one pad, largest force that a request may ask for; without it nothing is ever moved
 """
 
+NO_GRIPPER = """
+# No gripper answered on a serial port. The table of one on a network, here a WSG:
+# [gripper]
+# device = "wsg"
+# port = "tcp://192.168.1.20:1000"
+# rate_hz = 50.0
+# max_force_n = 30.0      # N on one pad, largest force that a request may ask for; without it nothing is ever moved
+"""
+
 INCIDENTS = """
 [recording.incidents]   # the last minute is kept in memory, and saved when a finger warns: slipd view shows it
 enabled = true
@@ -66,8 +75,7 @@ def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> 
             lines += _wrench(name, *wrenches[number])
         if number < len(pads):
             lines += _pad(name, *pads[number])
-    if grippers:
-        lines += _gripper(*grippers[0][:2])
+    lines += _gripper(*grippers[0][:2]) if grippers else [NO_GRIPPER]
     lines.append(INCIDENTS)
     used = {id(each[1]) for each in [*wrenches[:2], *pads[:2], *grippers[:1]]}
     lines += [f"# not used: {found.device} on {port.path}" for port, found in found if id(found) not in used]

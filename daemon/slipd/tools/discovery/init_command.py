@@ -46,7 +46,8 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
     config.parse(text, str(file))
     with whole_file(file, CONFIG, overwrite=False) as out:
         out.write_text(text, encoding="utf-8")
-    print(f"{file}: written; next: slipd check {file}, then docs/first_day.md")
+    print(f"{file}: written. Fill in what is marked MEASURE and no touch shows (slipd docs first_day); then:")
+    print(f"  slipd check {file}\n  slipd run {file}\n  slipd commission {file}     # in another terminal")
 
 
 async def _identify_one(port: SerialPort) -> Found | OSError | None:

@@ -6,16 +6,18 @@ from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from commission_person import TOUCHES
 from commission_rig import FINGERS, PRESSES, commission_rig
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
 from slipd import config
-from slipd.tools.commission.dialogue import Event, Output, Prompt, follow
+from slipd.tools.commission.dialogue import Event, Output, Prompt, Say, follow
 from slipd.tools.commission.readings import ReadingListener
-from slipd.tools.commission.touch_guide import TouchGuide
+from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.tools.commission.zero_step import take_zero
+from slipd.types.arrays import Array
 from slipd_client.messages.schema.topics import Tactile
 
 LAG = 25
@@ -25,17 +27,24 @@ LAG = 25
 class LateImages(GuidedEngine):
     """Delivers old images with the time of the present, or none for a while after each question."""
 
-    lags = lost = False
+    lags = lost = keeps = False
     _asked = 0
+    _kept = np.zeros(1)
     _late: deque[Tactile]
+    _newest: Array
 
     def respond(self, output: Output) -> Event:
         if isinstance(output, Prompt):
             self._asked = 2 * LAG
+        if isinstance(output, Say) and "Let go" in output.text and self.keeps:
+            self._kept = 0.4 * self._newest
         event = super().respond(output)
         while self.lost and self._asked and isinstance(event, Tactile):
             self._asked -= 1
             event = super().respond(None)
+        if isinstance(event, Tactile) and event.finger == "left" and event.loads_n is not None:
+            self._newest = np.array(event.loads_n)
+            event = replace(event, loads_n=tuple(self._newest + self._kept))
         if not self.lags or not isinstance(event, Tactile):
             return event
         self._late.append(event)
@@ -43,26 +52,35 @@ class LateImages(GuidedEngine):
         return replace(event, loads_n=old.loads_n)
 
 
-def found(folder: Path, *, lags: bool = False, lost: bool = False) -> tuple[list[str], list[str]]:
-    """Return the problems of the touches, and the lines that say what disturbs."""
+def found(folder: Path, **disturbance: bool) -> tuple[FingerOutcome, list[str]]:
+    """Return what the touches show, and the lines that say what disturbs."""
     read = config.parse(commission_rig().text, "rig")
     host = LateImages(EmulatedEngine(read, read, folder), read.text, TOUCHES | PRESSES)
     host._late = deque()
     assert follow(take_zero("left", read.finger["left"]), host.respond)
-    host.lags, host.lost = lags, lost
+    for name, on in disturbance.items():
+        setattr(host, name, on)
     guide = TouchGuide(read, ReadingListener(FINGERS, read.config_id), 20.0)
     outcome = follow(guide.run("left"), host.respond)
-    return outcome.findings.problems, [line for line in host.printed if "hold it still" in line]
+    return outcome, [line for line in host.printed if "hold it still" in line]
 
 
 def test_an_image_that_lags_behind_the_force_is_waited_for(tmp_path: Path) -> None:
-    problems, waits = found(tmp_path, lags=True)
-    assert problems == []
+    outcome, waits = found(tmp_path, lags=True)
+    assert outcome.findings.problems == []
     assert waits
     assert set(waits) == {"  the image of finger left changed: hold it still"}
 
 
 def test_a_touch_without_images_is_held_until_they_are_back(tmp_path: Path) -> None:
-    problems, waits = found(tmp_path, lost=True)
-    assert problems == []
+    outcome, waits = found(tmp_path, lost=True)
+    assert outcome.findings.problems == []
     assert waits
+
+
+def test_what_an_image_keeps_of_the_last_touch_does_not_move_the_sensor(tmp_path: Path) -> None:
+    """A charge pad keeps some of a touch where scans are lost; pushes are a short lever for the depth of the sensor."""
+    mount, (clean, _) = found(tmp_path, keeps=True)[0].findings.mount, found(tmp_path)
+    assert mount is not None
+    assert clean.findings.mount is not None
+    assert np.allclose(mount.xyz_m, clean.findings.mount.xyz_m, atol=5e-4)

@@ -56,7 +56,7 @@ def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.Cap
     shown = capsys.readouterr().out
     assert f"{by_id}/bota: bota" in shown
     assert f"{by_id}/no-port: cannot be opened: " in shown
-    assert f"{file}: written; next: slipd check {file}" in shown
+    assert "\n".join(f"  slipd {command} {file}" for command in ("check", "run", "commission")) in shown
     [stream] = config.load(file).streams().values()
     assert (stream.device, stream.port) == ("bota", f"{by_id}/bota")
     with pytest.raises(SlipdError, match="exists, and is not replaced"):
