@@ -158,10 +158,11 @@ Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | Incident
 
 
 class Publish(NamedTuple):
-    """A message for every subscriber of ``topic``."""
+    """A message for every subscriber of ``topic``; ``frame`` is that of its vectors, one for each finger."""
 
     topic: str
     body: dict[str, Any]
+    frame: str = ""
 
 
 @dataclass(slots=True, frozen=True)

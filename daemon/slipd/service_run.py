@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from slipd.config import Config
 from slipd.engine.engine import Engine
@@ -45,6 +45,8 @@ from slipd.recording.writer import Recorder, Room
 from slipd_client.health.repairs import summary
 from slipd_client.messages import GRASP_TOPIC, STATUS_TOPIC, WARNING_TOPIC, encode
 from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, runtime_dir
+
+T = TypeVar("T")
 
 KEEP_NS = 100_000_000
 """Time between two looks at the state that is kept for the next run: what a kill may cost of it."""
@@ -195,17 +197,17 @@ class ServiceRun:
             check_room(folder, Room(sys.maxsize, limits.min_free_bytes), sys.maxsize)
 
         def create(path: Path, first: int) -> RecordingFile:
-            return RecordingFile(path, first=first, **self._about_run())
+            return self._of_run(RecordingFile)(path, first=first)
 
         return Incidents(files, limits.incidents, run_name(self.boot, self.engine.wall), create, prepare)
 
     def _make_recorder(self, path: Path, prepare: Callable[[], None] | None = None, **options: Any) -> Recorder:
-        return Recorder(path, **self._about_run(), prepare=prepare, **options)
+        return self._of_run(Recorder)(path, prepare=prepare, **options)
 
-    def _about_run(self) -> dict[str, Any]:
-        """Return what the head of a recording that begins now says of the run."""
+    def _of_run(self, make: Callable[..., T]) -> Callable[..., T]:
+        """Return what makes a recording that begins now, with what its head says of the run."""
         wall_ns = self.engine.wall.minus_monotonic_ns
-        return {"config_text": self._config.text, "boot": self.boot, "wall_minus_monotonic_ns": wall_ns}
+        return partial(make, config_text=self._config.text, boot=self.boot, wall_minus_monotonic_ns=wall_ns)
 
     def _close_recording(self, recording: RecorderWatch) -> None:
         if not self.ready:
@@ -276,7 +278,7 @@ class ServiceRun:
         for output in self.engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 payload = encode(output.body)
-                self._publisher.publish(output.topic, payload, output.body.get("finger", ""))
+                self._publisher.publish(output.topic, payload, output.frame)
                 if output.topic == STATUS_TOPIC:
                     self._show_status(summary(output.body))
                 for recorder in self._recorders:

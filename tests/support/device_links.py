@@ -1,19 +1,27 @@
-"""Links to the devices of a rig, and what they report of their streams."""
+"""Links to the devices of a rig, and what is reported of their streams."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from slipd.config import Config
 from slipd.devices import bota
-from slipd.engine.device_link import DeviceLink, make_links
-from slipd.engine.status_reader import _status_of
-from slipd.publish.status_publisher import StreamStatus
+from slipd.events import RecordingChanged
+from slipd.grasp.named_object import NamedObject
+from slipd.gripper.no_gripper import NoGripper
+from slipd.links.device_link import DeviceLink, make_links
+from slipd.links.lateness import Lateness
+from slipd.links.link_health import link_condition
+from slipd.publish.message_sequencer import MessageSequencer
+from slipd.publish.status_publisher import StatusPublisher
+from slipd.types.clocks import WallClock
 from slipd_client.messages import Health
 
 MS = 1_000_000
+S = 1_000_000_000
 T0 = 100_000_000_000
 Parse = Callable[[str], Config]
 
@@ -29,11 +37,17 @@ def frame(t_ns: int) -> bytes:
 
 
 def health(link: DeviceLink, t_ns: int, source: str = "") -> tuple[Health, str]:
-    return link.condition(link.streams[source], t_ns)
+    return link_condition(link, link.streams[source], t_ns)
 
 
-def status(link: DeviceLink, t_ns: int, source: str = "") -> StreamStatus:
-    return _status_of(link, link.streams[source], t_ns, [], None)
-
-
-S = 1_000_000_000
+def status(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
+    """What ``status`` says of a stream, beside what its finger knows."""
+    publisher = StatusPublisher(
+        {}, {}, NamedObject(), NoGripper(), Lateness(), lambda: (RecordingChanged("", "", "none"), None), {},
+        MessageSequencer("b", "c", WallClock(0)),
+    )  # fmt: skip
+    stream = link.streams[source]
+    name, stream.name = stream.name, "alone"
+    body = publisher._stream_body(link, stream, t_ns)
+    stream.name = name
+    return body

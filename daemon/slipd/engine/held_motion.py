@@ -9,6 +9,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.motion.evidence import Evidence, MotionRisk
 from slipd.motion.outside_motion import OutsideMotion
 from slipd.motion.width_change import WidthChange
@@ -29,14 +30,14 @@ class HeldMotion:
         fingers: All fingers by name.
         levels: ``[levels]``.
         grasp: ``[grasp]``; None: no other process observes the object.
-        gripper: The gripper; None where the config names none.
+        gripper: The gripper.
     """
 
     def __init__(
-        self, fingers: Mapping[str, Finger], levels: Levels, grasp: Grasp | None, gripper: GripperControl | None
+        self, fingers: Mapping[str, Finger], levels: Levels, grasp: Grasp | None, gripper: GripperControl | NoGripper
     ) -> None:
         self._gripper, self._pads = gripper, make_pad_motion(list(fingers.values()))
-        self._width = None if gripper is None else WidthChange(gripper.width_step_m)
+        self._width = WidthChange(gripper.width_step_m) if isinstance(gripper, GripperControl) else None
         observed = None if grasp is None else grasp.object
         self._outside = None if observed is None else OutsideMotion(observed.std_m, observed.rate_hz)
         self._risks: dict[str, MotionRisk] = {}
@@ -80,7 +81,7 @@ class HeldMotion:
     def update_grasp(self, sample: GripperSample | ObjectSample, acquired_ns: int) -> Found:
         """Judge a reading of the gripper, which has it already, or of the object, acquired at ``acquired_ns``."""
         gripper, width, outside, evidence = self._gripper, self._width, self._outside, None
-        if isinstance(sample, GripperSample) and gripper is not None and width is not None:
+        if isinstance(sample, GripperSample) and isinstance(gripper, GripperControl) and width is not None:
             evidence = width.update(sample.t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
         elif isinstance(sample, ObjectSample) and outside is not None and not sample.status:
             held = all(finger.is_pressed() for finger in self._fingers.values())

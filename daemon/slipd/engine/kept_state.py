@@ -8,8 +8,6 @@ from typing import Literal, cast
 import numpy as np
 
 from slipd.config import Config
-from slipd.engine.device_identity import Identity
-from slipd.engine.device_link import DeviceLink
 from slipd.errors import SlipdError
 from slipd.events import FirstEvents, HostNotice, LinkUp, StateRestored
 from slipd.finger.finger import Finger
@@ -18,8 +16,11 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.grasp.named_object import NamedObject
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
+from slipd.links.device_link import DeviceLink
+from slipd.links.link_guards import Identity
 from slipd.signals.tare import Offset
-from slipd.types.wall_clock import WallClock
+from slipd.types.clocks import WallClock
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS
@@ -39,7 +40,7 @@ class KeptState:
         wall: Wall clock of the run.
         links: The links by name.
         fingers: The fingers by name.
-        gripper: The gripper; None where the config names none.
+        gripper: The gripper.
         named: Keeps the name of the object.
 
     Attributes:
@@ -54,7 +55,7 @@ class KeptState:
         wall: WallClock,
         links: Mapping[str, DeviceLink],
         fingers: Mapping[str, Finger],
-        gripper: GripperControl | None,
+        gripper: GripperControl | NoGripper,
         named: NamedObject,
     ) -> None:
         self._config, self._boot, self._rig = config, boot, rig_of(config)
@@ -88,7 +89,7 @@ class KeptState:
                 self.problems[name] = f"{_TARE_NOT_USED}: {problem}"
             else:
                 self.waiting[name] = tare if same_run else tare.model_copy(update={"origin": "stored"})
-        if state.grip is not None and self._gripper is not None and not gap:
+        if state.grip is not None and not gap:
             self._grip = grip = state.grip
             self._gripper.restore(grip, lambda: self._resume(grip))
         return HostNotice(_TOPIC, "")
@@ -145,7 +146,7 @@ class KeptState:
 
     def first_events(self, t_ns: int) -> FirstEvents:
         """Return what precedes a recording that begins now: the zeros and the grip in force, and the open links."""
-        links = (LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
+        links = (LinkUp(name, link.guard.opened) for name, link in self._links.items() if link.up)
         return StateRestored(self.text(t_ns)), *links
 
     def text(self, t_ns: int) -> str:
@@ -155,7 +156,7 @@ class KeptState:
             offset = channel.tare.current
             if channel.tare.known:
                 tares[name] = self._stored(name, offset, self._of_stream[name].identity)
-        grip = None if self._gripper is None else self._gripper.kept()
+        grip = self._gripper.kept()
         if grip is not None and grip is not self._grip:
             friction = {name: finger.friction.taught() for name, finger in self._fingers.items()}
             grip = grip.model_copy(update={"named": self._named.name, "friction": friction})

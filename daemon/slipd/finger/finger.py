@@ -316,6 +316,15 @@ class Finger:
             return None
         return None if self.image.is_fresh(t_ns, unread_ns) else self._lose_image()
 
+    @property
+    def quiet_until_ns(self) -> int:
+        """Until when `check_silence` and `expire_image` find no change, unless a sample comes; -1: not known."""
+        came_ns, image = self._freshness.came_ns, self.image
+        if self._taring or self._delayed or came_ns is None:
+            return -1
+        force_ns = came_ns + self._freshness.stale_ns
+        return force_ns if image is None else min(force_ns, image.fresh_until_ns)
+
     def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""
         return self.image is not None and self.image.expire(t_ns, unread_ns)

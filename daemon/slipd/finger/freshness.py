@@ -1,7 +1,21 @@
 """Decide when a stream is stale: its readings are missing, not merely unread because the daemon stalled.
 
-Silence and age count against a stream only for the time in which the daemon read its line. From a gap between the
-daemon's ticks until its lines are read empty (see `slipd.engine.lateness`), that time is taken off both.
+The instants of one reading, and what lies between them::
+
+    acquired        came              received            now (t_ns)
+       |-- the line --|---- waited -----|------ silent -----|
+       |                                                    |
+       |------------------------ age -----------------------|
+
+``acquired``: the sensor measured. ``came``: the reading reached this host. ``received``: the daemon read it, which is
+later than ``came`` only after a stall. A stall is a gap between the daemon's ticks; from its begin until the lines are
+read empty, bytes may wait and a line that brought nothing is *unread* (see `slipd.links.lateness`)::
+
+    tick      stall       tick        lines read empty
+     |---- late ---------->|                 |
+     |---------------- unread --------------->|
+
+Silence and age count against a stream only for the time in which the daemon read its line.
 """
 
 from __future__ import annotations
@@ -16,11 +30,13 @@ class Arrival(NamedTuple):
         waited_ns: How long they may have waited to be read; 0 without a stall.
         unread_ns: How long another line that brought nothing counts as unread by then; None: it is empty.
         dated: Their times are those of a device clock, not of their receipt.
+        late_ns: The longest stall since the lines were last read empty; 0 without one.
     """
 
     waited_ns: int = 0
     unread_ns: int | None = None
     dated: bool = True
+    late_ns: int = 0
 
 
 PROMPT = Arrival()

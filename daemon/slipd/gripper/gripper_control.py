@@ -68,12 +68,12 @@ class GripperControl:
         self._seen_moving = False  # since the last motion was sent
         self._moves = False  # the fingers, as far as is known
         self._moved_ns = 0  # when they were sent somewhere
-        self._last_call_ns = self._silent_ns = 0
+        self._last_call_ns = self._heard_ns = 0  # later by the time in which the daemon stalled
         self._reported_fault = ""
 
     def update(self, sample: GripperSample) -> None:
         """Update with a status reading."""
-        self.sample, self._silent_ns = sample, 0
+        self.sample, self._heard_ns = sample, self._last_call_ns
         self._latch(self._faults.update(sample))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
@@ -87,12 +87,16 @@ class GripperControl:
         """Return the grip in force for the next run; None without one, or where its force is not known."""
         return self._grip.kept()
 
-    def drop_after_stall(self, t_ns: int) -> None:
-        """Drop unsent commands if the daemon stalled since the last call; call it before anything is written."""
+    def drop_after_stall(self, t_ns: int) -> bool:
+        """Drop unsent commands if the daemon stalled since the last call, and return whether it did.
+
+        Call it before anything is written.
+        """
         passed_ns, self._last_call_ns = t_ns - self._last_call_ns, t_ns
-        self._silent_ns += min(passed_ns, LONGEST_PAUSE_NS)
         if passed_ns > LONGEST_PAUSE_NS:
+            self._heard_ns += passed_ns - LONGEST_PAUSE_NS
             self._drop()
+        return passed_ns > LONGEST_PAUSE_NS
 
     def wake(self) -> None:
         """Handle the end of a suspend: unsent commands are dropped, the lease ends, and all readings are old."""
@@ -100,11 +104,18 @@ class GripperControl:
         self.policy.lease.end()
         self._lose_sight()
 
+    @property
+    def deadline_ns(self) -> int:
+        """When `on_time` may find a change, unless something else comes before."""
+        lease_ns = self.policy.lease.deadline_ns
+        return lease_ns if self.sample is None else min(lease_ns, self._heard_ns + self._silence_ns + 1)
+
     def on_time(self, t_ns: int) -> bool:
         """Update with the time; return True if the latched fault changed or a lease expired."""
-        self.drop_after_stall(t_ns)
+        if t_ns > self._last_call_ns:
+            self.drop_after_stall(t_ns)
         self._latch(self._faults.update_command(lost=self._session.command_lost))
-        if self.sample is not None and self._silent_ns > self._silence_ns:
+        if self.sample is not None and t_ns - self._heard_ns > self._silence_ns:
             self._forget(NO_ANSWER)
         lapsed = self.policy.lease.lapsed(t_ns)
         if lapsed:

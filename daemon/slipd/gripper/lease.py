@@ -5,6 +5,7 @@ A client that dies stops renewing its lease, which then ends within its own time
 
 from __future__ import annotations
 
+from slipd.types.clocks import NEVER_NS
 from slipd.types.refusal import Refusal
 
 _MS = 1_000_000
@@ -36,6 +37,13 @@ class Lease:
         if self._holder is not None and now_ns >= self._expires_ns:
             self.end()
         return self._holder
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `lapsed` may be True: the end of the lease, unless it is renewed, or at once if it ended."""
+        if self._lapsed:
+            return 0
+        return NEVER_NS if self._holder is None else self._expires_ns
 
     def expires_in_s(self, t_ns: int) -> float | None:
         """Return the remaining time of the lease, s; None if nobody holds it."""

@@ -6,6 +6,7 @@ from slipd.config import Config
 from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.gripper.reflex import PERIOD_NS, Reflex, ReflexAct, ReflexSettings
 
 ALARMS = frozenset({"warning", "slipping"})
@@ -20,6 +21,9 @@ class ReflexController:
         view: The two fingers as one grasp.
         fingers: The two fingers.
         gripper: The gripper that holds with them.
+
+    Attributes:
+        due_ns: Time of the next decision, unless a finger begins to warn before.
     """
 
     def __init__(
@@ -28,7 +32,7 @@ class ReflexController:
         self._view, self._fingers, self._gripper = view, fingers, gripper
         self._reflex = Reflex(settings, gripper.policy)
         self._alarmed = False
-        self._due_ns = 0
+        self.due_ns = 0
 
     def react(self, t_ns: int) -> ReflexAct | None:
         """Let the reflex decide: at once when a finger begins to warn, else once in a control period.
@@ -37,9 +41,9 @@ class ReflexController:
             The act whose command the gripper's session has accepted; None where there was none.
         """
         before, self._alarmed = self._alarmed, self._view.level() in ALARMS
-        if t_ns < self._due_ns and (before or not self._alarmed):
+        if t_ns < self.due_ns and (before or not self._alarmed):
             return None
-        self._due_ns = t_ns + PERIOD_NS
+        self.due_ns = t_ns + PERIOD_NS
         state = self._view.update(self._gripper.width_m)
         trusted = all(finger.is_trusted_for_raise(t_ns) for finger in self._fingers)
         needed_n = state.grip_kept_n if state.level == "stable" else state.grip_needed_n
@@ -51,10 +55,15 @@ class ReflexController:
 
 
 def make_reflex_controller(
-    config: Config, view: GraspView | None, fingers: dict[str, Finger], gripper: GripperControl | None
+    config: Config, view: GraspView | None, fingers: dict[str, Finger], gripper: GripperControl | NoGripper
 ) -> ReflexController | None:
     """Return the reflex of a config; None where it has none, or no force limit."""
-    if gripper is None or view is None or not config.reflex.enabled or gripper.policy.limits.max_n is None:
+    if (
+        isinstance(gripper, NoGripper)
+        or view is None
+        or not config.reflex.enabled
+        or gripper.policy.limits.max_n is None
+    ):
         return None
     wanted = config.reflex
     settings = ReflexSettings(

@@ -10,8 +10,8 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from slipd.engine.lateness import LATE_NS
 from slipd.events import Tick
+from slipd.links.lateness import LATE_NS
 
 TICK_S = 0.005
 """Period of the ticks, s; sessions and staleness (20 ms or more by default) are checked at each."""

@@ -10,9 +10,8 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED
-from slipd.publish.friction_messages import friction_body, required_friction_body
-from slipd.publish.wire_values import Body, array, numbers, pair
-from slipd.types.finite import finite_or_none
+from slipd.friction.friction_state import FrictionState
+from slipd.publish.wire_values import Body, array, finite
 from slipd_client.messages import SEVERITY, level_code
 
 NEWTON, UNCALIBRATED = "N", "uncalibrated"
@@ -23,59 +22,62 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
     """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
     contact = state.contact if state.contact is not None and state.contact.valid else None
     used, distribution = state.utilisation, state.load_distribution
-    return {
+    body = {
         **_verdict(finger, state),
         "force_unit": _force_unit(finger, state.status),
         "normal_n": _normal_n(state),
-        "tangential_n": None if contact is None else pair(contact.fx_n, contact.fy_n),
-        "spin_nm": None if contact is None else finite_or_none(contact.spin_nm),
-        "centroid_m": None if contact is None else pair(contact.cx_m, contact.cy_m),
-        "centroid_std_m": None if contact is None else pair(contact.cx_std_m, contact.cy_std_m),
-        "friction_ratio": None if contact is None else finite_or_none(contact.friction_ratio),
-        "friction_ratio_std": None if contact is None else finite_or_none(contact.friction_ratio_std),
+        "tangential_n": None if contact is None else [contact.fx_n, contact.fy_n],
+        "spin_nm": None if contact is None else contact.spin_nm,
+        "centroid_m": None if contact is None else [contact.cx_m, contact.cy_m],
+        "centroid_std_m": None if contact is None else [contact.cx_std_m, contact.cy_std_m],
+        "friction_ratio": None if contact is None else contact.friction_ratio,
+        "friction_ratio_std": None if contact is None else contact.friction_ratio_std,
         "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
         **friction_body(state.friction or finger.friction.state),
-        **required_friction_body(state),
-        "utilisation": None if used is None else finite_or_none(used.value),
-        "utilisation_lower": None if used is None else finite_or_none(used.lower),
-        "utilisation_upper": None if used is None else finite_or_none(used.upper),
+        **_required_friction(state),
+        "utilisation": None if used is None else used.value,
+        "utilisation_lower": None if used is None else used.lower,
+        "utilisation_upper": None if used is None else used.upper,
         "torque_limit_nm": torque_limit_nm(state),
         "grip_needed_n": needed_normal_n(finger, state),
         "pole_m": None if used is None else array(used.pole_m),
-        "tipping_margin_m": finite_or_none(state.tipping_margin_m),
+        "tipping_margin_m": state.tipping_margin_m,
         "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
-        "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
+        "centroid_residual_m": None if distribution is None else distribution.loads.centroid_residual_m,
         "model": state.model,
         "tare_id": finger.tare.current.id,
         **tare_body(finger.main, state.t_ns),
         "age_s": state.age_s,
     }
+    return finite(body)
 
 
 def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
     """Return ``warning``: the level of a finger is no longer ``previous``."""
-    return {
+    body = {
         **_verdict(finger, state),
         "previous": previous,
         "rising": SEVERITY[state.verdict.level] > SEVERITY[previous],
-        "utilisation": None if state.utilisation is None else finite_or_none(state.utilisation.value),
+        "utilisation": None if state.utilisation is None else state.utilisation.value,
     }
+    return finite(body)
 
 
 def wrench_body(finger: Finger, reading: ForceReading) -> Body:
     """Return ``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
     wrench = reading.wrench
-    return {
+    body = {
         "finger": finger.name,
         "force_unit": _force_unit(finger, reading.status),
-        "force_n": None if wrench is None else numbers(wrench[:3]),
-        "torque_nm": None if wrench is None else numbers(wrench[3:]),
-        "normal_n": None if wrench is None else finite_or_none(-wrench[2]),
-        "tangential_n": None if wrench is None else numbers(wrench[:2]),
+        "force_n": None if wrench is None else list(wrench[:3]),
+        "torque_nm": None if wrench is None else list(wrench[3:]),
+        "normal_n": None if wrench is None else -wrench[2],
+        "tangential_n": None if wrench is None else list(wrench[:2]),
         "status": list(reading.status),
         "tare_id": finger.tare.current.id,
         "age_s": reading.age_s,
     }
+    return finite(body)
 
 
 def tactile_body(finger: Finger, image: ImageChannel) -> Body:
@@ -83,7 +85,7 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
     known = not image.reasons
     shape = image.shape() if known else None
     geometry = image.geometry
-    return {
+    body = {
         "finger": finger.name,
         "rows": geometry.rows,
         "cols": geometry.cols,
@@ -99,18 +101,46 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
         "active": None if shape is None else shape.active,
         "area_m2": None if shape is None else shape.area_m2,
         "centroid_m": None if shape is None else array(shape.centroid_m),
-        "axis_rad": None if shape is None else finite_or_none(shape.axis_rad),
-        "elongation": None if shape is None else finite_or_none(shape.elongation),
+        "axis_rad": None if shape is None else shape.axis_rad,
+        "elongation": None if shape is None else shape.elongation,
         "holes": None if shape is None else shape.holes,
         "corners_m": None if shape is None else shape.corners_m.tolist(),
         "status": list(image.status),
     }
+    return finite(body)
 
 
 def tare_body(channel: ForceChannel | ImageChannel, t_ns: int | None) -> Body:
     """Return where the zero of a channel comes from, and its age at ``t_ns``; nil where it is not known."""
     age_s = None if t_ns is None else channel.tare.current.age_s(t_ns)
     return {"tare_origin": channel.zero_origin, "tare_age_s": age_s}
+
+
+def friction_body(friction: FrictionState) -> Body:
+    """Return the friction of one finger, its source and its interval."""
+    return {
+        "mu": friction.mu,
+        "mu_source": friction.source,
+        "mu_low": friction.mu_low,
+        "mu_high": friction.mu_high,
+        "mu_d": friction.mu_d,
+    }
+
+
+def friction_setter_body(finger: Finger) -> Body:
+    """Return the friction in use of one finger, and which client set it."""
+    friction = finger.friction
+    return {**friction_body(friction.state), "mu_by": friction.set_by, "mu_t_ns": friction.set_t_ns}
+
+
+def _required_friction(state: FingerState) -> Body:
+    """Return what friction the load requires, beside what this grasp has carried."""
+    required, carried = state.required_friction, None if state.friction is None else state.friction.carried
+    return {
+        "required_friction": required,
+        "carried_friction": carried,
+        "relative_utilisation": None if carried is None else required / carried,
+    }
 
 
 def _verdict(finger: Finger, state: FingerState) -> Body:
@@ -131,5 +161,5 @@ def _force_unit(finger: Finger, status: Sequence[str]) -> str:
 def _normal_n(state: FingerState) -> float | None:
     """Return the normal force, N; also the negative one for which nothing else is known."""
     if state.contact is not None:
-        return finite_or_none(state.contact.normal_n)
-    return finite_or_none(-state.wrench[2]) if state.verdict is PAD_PULLED and state.wrench is not None else None
+        return state.contact.normal_n
+    return -state.wrench[2] if state.verdict is PAD_PULLED and state.wrench is not None else None

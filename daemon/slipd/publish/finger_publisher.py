@@ -21,6 +21,9 @@ class FingerPublisher:
         finger: The finger.
         sequencer: Numbers and dates the messages.
         rates: ``[rates]``.
+
+    Attributes:
+        level: Level that was published last.
     """
 
     def __init__(self, finger: Finger, sequencer: MessageSequencer, rates: Rates) -> None:
@@ -29,7 +32,7 @@ class FingerPublisher:
         self._frame = f"{finger.name}_pad"
         self._slip_topic, self._wrench_topic = slip_topic(finger.name), wrench_topic(finger.name)
         self._tactile_topic = tactile_topic(finger.name)
-        self._level: Level = "unknown"
+        self.level: Level = "unknown"
         self._slip, self._wrench = Pace(rates.slip_hz), Pace(rates.wrench_hz)
         self._tactile = Pace(rates.tactile_hz)
         self._image_reasons = STALE
@@ -37,7 +40,7 @@ class FingerPublisher:
     def publish_state(self, state: FingerState, out: list[Output]) -> None:
         """Append the messages about a new state of the finger."""
         t_ns = state.t_ns
-        changed = state.verdict.level != self._level
+        changed = state.verdict.level != self.level
         if changed:
             self._publish_warning(state, out)
         if self._slip.passes(t_ns, now=changed):
@@ -50,9 +53,10 @@ class FingerPublisher:
         slip, wrench, times_ns = self._slip, self._wrench, batch.readings.times_ns
         for at, level in enumerate(batch.levels):
             t_ns = times_ns[at]
-            if t_ns >= slip.due_ns or LEVELS[level] != self._level:
+            if t_ns >= slip.due_ns or LEVELS[level] != self.level:
                 self.publish_state(batch[at], out)
-            elif wrench.passes(t_ns):
+            elif t_ns >= wrench.due_ns:
+                wrench.passes(t_ns)
                 self._publish_wrench(t_ns, batch.force_reading(at), out)
 
     def publish_image(self, t_ns: int, out: list[Output]) -> None:
@@ -71,6 +75,6 @@ class FingerPublisher:
         out.append(self._sequencer.message(self._wrench_topic, t_ns, self._frame, body))
 
     def _publish_warning(self, state: FingerState, out: list[Output]) -> None:
-        previous, self._level = self._level, cast("Level", state.verdict.level)
+        previous, self.level = self.level, cast("Level", state.verdict.level)
         body = warning_body(self._finger, state, previous)
         out.append(self._sequencer.message(WARNING_TOPIC, state.t_ns, self._frame, body))

@@ -6,8 +6,9 @@ from slipd.events import Output
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.hold_state import HoldState
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.publish.message_sequencer import MessageSequencer, Pace
-from slipd.publish.wire_values import Body, array
+from slipd.publish.wire_values import Body, array, finite
 from slipd_client.messages import GRASP_TOPIC, level_code
 
 GRASP_FRAME = "gripper"
@@ -18,30 +19,33 @@ class GraspPublisher:
 
     Args:
         view: The two fingers as one grasp.
-        gripper: Measures the width between the pads, and is commanded to open; None where the config has no gripper.
+        gripper: Measures the width between the pads, and is commanded to open.
         sequencer: Numbers and dates the messages.
         rate_hz: ``rates.grasp_hz``.
+
+    Attributes:
+        pace: Limits the rate of messages without a change.
     """
 
     def __init__(
-        self, view: GraspView, gripper: GripperControl | None, sequencer: MessageSequencer, rate_hz: float
+        self, view: GraspView, gripper: GripperControl | NoGripper, sequencer: MessageSequencer, rate_hz: float
     ) -> None:
         self._view = view
         self._gripper = gripper
         self._sequencer = sequencer
-        self._pace = Pace(rate_hz)
+        self.pace = Pace(rate_hz)
         self._level = "unknown"
         self._hold = HoldState()
 
     def publish(self, t_ns: int, out: list[Output]) -> None:
         """Append the message at ``t_ns`` where it is due."""
         level = self._view.level()
-        releasing = self._gripper is not None and self._gripper.policy.releasing
+        releasing = self._gripper.policy.releasing
         changed = self._hold.update(self._view.levels(), releasing=releasing, t_ns=t_ns) or level != self._level
-        if not self._pace.passes(t_ns, now=changed):
+        if not self.pace.passes(t_ns, now=changed):
             return
         self._level = level
-        self._view.update(None if self._gripper is None else self._gripper.width_m)
+        self._view.update(self._gripper.width_m)
         out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, self._hold, t_ns)))
 
 
@@ -50,7 +54,7 @@ def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
     state, load = view.state, view.load(t_ns)
     first, second = view.names
     share = load.first_share
-    return {
+    body = {
         "fingers": [first, second],
         "state": hold.word,
         "state_t_ns": hold.since_ns,
@@ -68,3 +72,4 @@ def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
         "width_m": state.width_m,
         "age_s": load.age_s,
     }
+    return finite(body)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from slipd.events import Publish
-from slipd.types.wall_clock import WallClock
+from slipd.types.clocks import WallClock
 from slipd_client.messages import PROTOCOL_VERSION
 
 NO_FRAME = ""
@@ -53,7 +53,7 @@ class MessageSequencer:
             "config_id": self._config_id,
         }
         head.update(body)
-        return Publish(topic, head)
+        return Publish(topic, head, frame)
 
 
 class Pace:

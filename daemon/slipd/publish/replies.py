@@ -10,7 +10,7 @@ from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
 from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl
-from slipd.publish.friction_messages import friction_body, friction_setter_body
+from slipd.publish.finger_messages import friction_body, friction_setter_body
 from slipd.publish.wire_values import Body
 from slipd.types.finite import finite_or_none
 from slipd.types.refusal import Refusal

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from slipd import __version__
-from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.events import IncidentsChanged, Output, RecordingChanged
+from slipd.events import HostNotice, IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.grasp.named_object import NamedObject
-from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
-from slipd.publish.finger_messages import tare_body
-from slipd.publish.friction_messages import friction_setter_body
+from slipd.gripper.no_gripper import NoGripper
+from slipd.links.device_link import DeviceLink
+from slipd.links.lateness import Lateness
+from slipd.links.link_health import Condition, link_condition
+from slipd.links.stream_meter import StreamMeter
+from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.gripper_publisher import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.wire_values import Body
@@ -26,118 +27,114 @@ from slipd.types.finite import finite_or_none
 from slipd_client.messages import STATUS_TOPIC, Health
 
 
-@dataclass(frozen=True, slots=True)
-class StreamStatus:
-    """State of one stream: of its line, its device, its readings and their times.
-
-    Attributes:
-        name: Name of the stream, e.g. ``left.wrench``.
-        conditions: Everything that is wrong, or worth a hint; at least one.
-        hardware_id: Identity that the device reports, else what was opened; "" before that.
-        address: Port or server of the config.
-        state: State of the conversation with the device; None for a device that sends unasked.
-        expected_hz: Rate of the config.
-        rate_hz: Measured rate; None: not known.
-        age_s: Time since the newest reading was received, s; None before the first.
-        samples: Number of readings.
-        clock: Source of the times.
-        clock_uncertainty_s: Bound of the error of the times, s; None: not known.
-        clock_drift_ppm: How much too fast the device's clock runs; None: not known.
-        counters: Counters of the decoder.
-        dropped: Readings dropped because the device floods.
-        reconnects: Times that the link came up again.
-        channel: Conditioning of the readings; None for the gripper.
-    """
-
-    name: str
-    conditions: Sequence[tuple[Health, str]]
-    hardware_id: str
-    address: str
-    state: str | None
-    expected_hz: float
-    rate_hz: float | None
-    age_s: float | None
-    samples: int
-    clock: str
-    clock_uncertainty_s: float | None
-    clock_drift_ppm: float | None
-    counters: DecoderHealth
-    dropped: int
-    reconnects: int
-    channel: ForceChannel | ImageChannel | None
-
-
-@dataclass(frozen=True, slots=True)
-class DaemonStatus:
-    """State of the daemon beside its fingers and gripper.
-
-    Attributes:
-        uptime_s: Time since the first event of the run, s.
-        late_s: Longest stall of the daemon within the last second, s.
-        streams: State of every stream.
-        recording: The newest recording on request.
-        run_recording: The recording of the whole run; None where there is none.
-        incidents: What was saved of incidents; None where none are kept.
-        notices: Notices of the host by topic.
-    """
-
-    uptime_s: float
-    late_s: float
-    streams: Sequence[StreamStatus]
-    recording: RecordingChanged
-    run_recording: RecordingChanged | None
-    incidents: IncidentsChanged | None
-    notices: Mapping[str, str]
-
-
 class StatusPublisher:
     """Publish the state of the daemon.
 
     Args:
+        links: The links by name.
         fingers: The fingers by name.
         named: The object that clients named.
-        gripper: The gripper; None where the config names none.
-        policy: Keeps the lease.
+        gripper: The gripper.
+        lateness: How late the daemon is.
+        recordings: Returns the newest recording on request, and that of the whole run; None where there is none.
+        not_restored: Why tares of the run before are not used, by stream.
         sequencer: Numbers and dates the messages.
     """
 
     def __init__(
         self,
+        links: Mapping[str, DeviceLink],
         fingers: Mapping[str, Finger],
         named: NamedObject,
-        gripper: GripperControl | None,
-        policy: GripPolicy,
+        gripper: GripperControl | NoGripper,
+        lateness: Lateness,
+        recordings: Callable[[], tuple[RecordingChanged, RecordingChanged | None]],
+        not_restored: Mapping[str, str],
         sequencer: MessageSequencer,
     ) -> None:
-        self._fingers = fingers
-        self._object = named
-        self._gripper = gripper
-        self._policy = policy
+        self._streams = [(link, stream) for link in links.values() for stream in link.streams.values()]
+        self._fingers, self._object, self._gripper = fingers, named, gripper
+        self._lateness, self._recordings, self._not_restored = lateness, recordings, not_restored
         self._sequencer = sequencer
+        self._notices: dict[str, str] = {}
+        self._incidents: IncidentsChanged | None = None
 
-    def publish(self, daemon: DaemonStatus, t_ns: int, out: list[Output]) -> None:
+    def note(self, event: HostNotice | IncidentsChanged) -> None:
+        """Keep what the host reports; a notice with the text "" ends that of its topic."""
+        if isinstance(event, IncidentsChanged):
+            self._incidents = event
+            return
+        self._notices.pop(event.topic, None)
+        if event.text:
+            self._notices[event.topic] = event.text
+
+    def publish(self, t_ns: int, out: list[Output]) -> None:
         """Append the state at ``t_ns``."""
-        out.append(self._sequencer.message(STATUS_TOPIC, t_ns, NO_FRAME, self.body(daemon, t_ns)))
+        out.append(self._sequencer.message(STATUS_TOPIC, t_ns, NO_FRAME, self.body(t_ns)))
 
-    def body(self, daemon: DaemonStatus, t_ns: int) -> Body:
+    def body(self, t_ns: int) -> Body:
         """Return ``status``: the state at ``t_ns``; also the result of the request of that name."""
+        recording, run_recording = self._recordings()
+        gripper = self._gripper
         return {
             "version": __version__,
-            "uptime_s": daemon.uptime_s,
+            "uptime_s": (t_ns - (self._lateness.first_ns or t_ns)) * 1e-9,
             "fingers": {name: _finger_body(finger) for name, finger in self._fingers.items()},
             "object_name": self._object.name,
             "object_by": self._object.set_by,
             "object_t_ns": self._object.set_t_ns,
-            "streams": {stream.name: _stream_body(stream, t_ns) for stream in daemon.streams},
+            "streams": {stream.name: self._stream_body(link, stream, t_ns) for link, stream in self._streams},
             "publisher": {"messages": self._sequencer.published},
-            "late_s": daemon.late_s,
-            "lease": lease_body(self._policy, t_ns),
-            "gripper": None if self._gripper is None else gripper_body(self._gripper, t_ns),
-            "recording": _recording_body(daemon.recording),
-            "run_recording": None if daemon.run_recording is None else _recording_body(daemon.run_recording),
-            **({} if daemon.incidents is None else {"incidents": _incidents_body(daemon.incidents)}),
-            "notices": {topic: one_line(text) for topic, text in daemon.notices.items()},
+            "late_s": self._lateness.worst_ns(t_ns) * 1e-9,
+            "lease": lease_body(gripper.policy.lease, t_ns),
+            "gripper": gripper_body(gripper, t_ns) if isinstance(gripper, GripperControl) else None,
+            "recording": _recording_body(recording),
+            "run_recording": None if run_recording is None else _recording_body(run_recording),
+            **({} if self._incidents is None else {"incidents": _incidents_body(self._incidents)}),
+            "notices": {topic: one_line(text) for topic, text in self._notices.items()},
         }
+
+    def _stream_body(self, link: DeviceLink, stream: StreamMeter, t_ns: int) -> Body:
+        counters, clock = link.counters, stream.clock
+        owner, _, kind = stream.name.partition(".")
+        channel = self._fingers[owner].channel(kind) if kind else None
+        worst_first = sorted(self._conditions(link, stream, t_ns), key=lambda condition: -condition[0])
+        return {
+            "health": int(worst_first[0][0]),
+            "message": one_line("; ".join(text for _, text in worst_first if text)),
+            "hardware_id": one_line(link.identity.reported or link.identity.opened) or None,
+            "address": one_line(link.spec.address),
+            "state": None if link.session is None else one_line(link.session.state),
+            "expected_hz": stream.expected_hz,
+            "rate_hz": finite_or_none(stream.rate_hz),
+            "age_s": None if stream.last_ns is None else (t_ns - stream.last_ns) * 1e-9,
+            "samples": stream.count,
+            "clock": "host" if stream.host_clock else clock.state,
+            "clock_uncertainty_s": None if clock.uncertainty_ns is None else clock.uncertainty_ns * 1e-9,
+            "clock_drift_ppm": finite_or_none(clock.drift_ppm),
+            "good": counters.good,
+            "bad": counters.bad,
+            "lost": counters.lost,
+            "duplicates": counters.duplicates,
+            "restarts": counters.restarts,
+            "bad_bytes": counters.bad_bytes,
+            "dropped": link.flood.dropped,
+            "reconnects": link.reconnects,
+            **_channel_body(channel, t_ns),
+        }
+
+    def _conditions(self, link: DeviceLink, stream: StreamMeter, t_ns: int) -> list[Condition]:
+        """Return everything that is wrong with a stream, or worth a hint; at least one."""
+        lateness = self._lateness
+        found = [link_condition(link, stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
+        owner, _, kind = stream.name.partition(".")
+        if kind:
+            found += self._fingers[owner].conditions(kind, t_ns)
+        elif owner == "gripper":
+            found += self._gripper.conditions()
+        if problem := self._not_restored.get(stream.name):
+            found.append((Health.OK, problem))
+        return found
 
 
 def _finger_body(finger: Finger) -> Body:
@@ -148,34 +145,6 @@ def _finger_body(finger: Finger) -> Body:
         "tare_id": finger.tare.current.id,
         "tare_busy": finger.tare.busy,
         **friction_setter_body(finger),
-    }
-
-
-def _stream_body(stream: StreamStatus, t_ns: int) -> Body:
-    counters = stream.counters
-    worst_first = sorted(stream.conditions, key=lambda condition: -condition[0])
-    return {
-        "health": int(worst_first[0][0]),
-        "message": one_line("; ".join(text for _, text in worst_first if text)),
-        "hardware_id": one_line(stream.hardware_id) or None,
-        "address": one_line(stream.address),
-        "state": None if stream.state is None else one_line(stream.state),
-        "expected_hz": stream.expected_hz,
-        "rate_hz": finite_or_none(stream.rate_hz),
-        "age_s": stream.age_s,
-        "samples": stream.samples,
-        "clock": stream.clock,
-        "clock_uncertainty_s": stream.clock_uncertainty_s,
-        "clock_drift_ppm": finite_or_none(stream.clock_drift_ppm),
-        "good": counters.good,
-        "bad": counters.bad,
-        "lost": counters.lost,
-        "duplicates": counters.duplicates,
-        "restarts": counters.restarts,
-        "bad_bytes": counters.bad_bytes,
-        "dropped": stream.dropped,
-        "reconnects": stream.reconnects,
-        **_channel_body(stream.channel, t_ns),
     }
 
 

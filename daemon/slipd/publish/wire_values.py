@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from math import isfinite
 from typing import Any
 
 from slipd.types.arrays import Array
@@ -12,16 +11,17 @@ Body = dict[str, Any]
 """A map on the wire: a message, the result of a reply, or a part of either."""
 
 
+def finite(body: Body) -> Body:
+    """Set every number of a body that is not finite to None, and every list of numbers that has such a number."""
+    for key, value in body.items():
+        if isinstance(value, float):
+            if not isfinite(value):
+                body[key] = None
+        elif type(value) is list and value and isinstance(value[0], float) and not all(map(isfinite, value)):
+            body[key] = None
+    return body
+
+
 def array(values: Array | None) -> list[float] | None:
-    """Return an array as a list of finite floats; None where one of them is not known."""
-    return None if values is None else numbers(values.tolist())
-
-
-def numbers(values: Sequence[float]) -> list[float] | None:
-    """Return a list of finite floats; None where one of them is not known."""
-    return list(values) if all(map(math.isfinite, values)) else None
-
-
-def pair(x: float, y: float) -> list[float] | None:
-    """Return two finite floats; None where one of them is not known."""
-    return [x, y] if math.isfinite(x) and math.isfinite(y) else None
+    """Return an array as a list; None where there is none."""
+    return None if values is None else values.tolist()

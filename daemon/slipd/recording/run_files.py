@@ -20,7 +20,7 @@ from slipd.config import Continuous
 from slipd.events import Event, FirstEvents, Record, RecordingChanged
 from slipd.recording.requested_recordings import RequestedRecordings
 from slipd.requests.recording_state import utc_stamp
-from slipd.types.wall_clock import WallClock
+from slipd.types.clocks import WallClock
 
 _NAME = re.compile(r"(?P<kind>[a-z]+)-(?:(?P<number>\d{6,})-)?\d{8}T\d{6}Z-(?P<rest>.+)\.mcap")
 """Recordings of this daemon; those of slipd 0.1 have no number, and are older than all that have one."""

@@ -7,6 +7,7 @@ from functools import partial
 
 from slipd.events import Request
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.types.refusal import Refusal
@@ -15,9 +16,9 @@ Handler = Callable[[Request, int], Result]
 """Carries out a checked request at a time, or refuses it."""
 
 
-def gripper_handlers(gripper: GripperControl | None) -> dict[str, Handler]:
+def gripper_handlers(gripper: GripperControl | NoGripper) -> dict[str, Handler]:
     """Return the handler of each op about the gripper; without a gripper each of them is refused."""
-    if gripper is None:
+    if isinstance(gripper, NoGripper):
         return dict.fromkeys(_HANDLERS, _refuse)
     return {op: partial(handler, gripper) for op, handler in _HANDLERS.items()}
 

@@ -8,8 +8,8 @@ from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
 from slipd.grasp.named_object import NamedObject
-from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.publish.wire_values import Body
@@ -38,8 +38,7 @@ class RequestHandlers:
         boot: Id of this run.
         fingers: The fingers by name.
         named: The object that clients name.
-        gripper: The gripper; None where the config names none.
-        policy: Keeps the lease.
+        gripper: The gripper; keeps the lease.
         requests: ``[requests]``.
         reflex: The rig has a reflex, which acts on what some requests state.
         recordings: The recordings on request.
@@ -51,8 +50,7 @@ class RequestHandlers:
         boot: str,
         fingers: dict[str, Finger],
         named: NamedObject,
-        gripper: GripperControl | None,
-        policy: GripPolicy,
+        gripper: GripperControl | NoGripper,
         requests: Requests,
         reflex: bool,
         recordings: RecordingState,
@@ -60,7 +58,7 @@ class RequestHandlers:
     ) -> None:
         self._boot = boot
         self._fingers = fingers
-        self._policy = policy
+        self._policy = policy = gripper.policy
         free = {name for name, key in _FREED_BY.items() if getattr(requests, key)}
         self._steering = {name: op.steers for name, op in OPS.items() if reflex and name not in free}
         self._recordings = recordings

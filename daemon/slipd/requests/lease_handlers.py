@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from slipd.events import Request
-from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.grip_policy import GripPolicy
 from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.requests.gripper_handlers import Handler
-
-LONGEST_LEASE_MS = 200
-"""Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``."""
 
 
 class LeaseHandlers:
@@ -39,8 +36,3 @@ class LeaseHandlers:
 
     def _release(self, request: Request, t_ns: int) -> Result:
         return self._policy.lease.release(request.client, t_ns) or replies.done()
-
-
-def policy_without_gripper() -> GripPolicy:
-    """Return the policy that keeps the lease of a rig without a gripper; it permits no force."""
-    return GripPolicy(GripLimits(0.0, None, 0.0, 0.0, 0.0, 0.0), LONGEST_LEASE_MS)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from slipd.events import Record, RecordingChanged, Request
+from slipd.types.clocks import WallClock
 from slipd.types.refusal import Refusal
-from slipd.types.wall_clock import WallClock
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11

@@ -19,8 +19,8 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
+from slipd.types.clocks import WallClock
 from slipd.types.samples import TactileSample, WrenchSample
-from slipd.types.wall_clock import WallClock
 from slipd_client.messages import level_code
 
 FULL = np.full(16, 100.0)

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import pytest
 
-from slipd.engine.lateness import LATE_NS
 from slipd.events import Tick
 from slipd.io.ticker import Ticker
+from slipd.links.lateness import LATE_NS
 
 WAITING = 200
 PATIENCE_S = 30.0

@@ -14,6 +14,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
+from slipd.types.clocks import WallClock
 from slipd.types.samples import TactileSample, WrenchSample
 
 MS = 1_000_000
@@ -53,8 +54,8 @@ def test_a_batch_is_published_like_its_readings_one_by_one(
 ) -> None:
     rates = Rates(slip_hz=slip_hz, wrench_hz=wrench_hz)
     outs: list[list[Output]] = [[], []]
-    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates).publish_batch(batch, outs[0])
-    singly = FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates)
+    FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), rates).publish_batch(batch, outs[0])
+    singly = FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), rates)
     for state in batch:
         singly.publish_state(state, outs[1])
     assert outs[0] == outs[1]
@@ -63,9 +64,9 @@ def test_a_batch_is_published_like_its_readings_one_by_one(
 
 def test_each_topic_keeps_its_own_rate_and_a_change_is_published_beside_it(finger: Finger, batch: VerdictBatch) -> None:
     out: list[Output] = []
-    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), Rates(slip_hz=250.0, wrench_hz=500.0)).publish_batch(
-        batch, out
-    )
+    FingerPublisher(
+        finger, MessageSequencer("b00t", "rig", WallClock(0)), Rates(slip_hz=250.0, wrench_hz=500.0)
+    ).publish_batch(batch, out)
     changes = times(out, "warning")
     assert changes == [0, 3, 4], "stable, caution, warning"
     assert times(out, "slip.left") == [0, 3, 4, 8]

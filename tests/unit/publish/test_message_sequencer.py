@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.publish.message_sequencer import MessageSequencer, Pace
+from slipd.types.clocks import WallClock
 
 MS = 1_000_000
 T0 = 77_000_000_000
 
 
 def test_each_topic_is_numbered_without_gaps() -> None:
-    sequencer = MessageSequencer("b00t", "c0ffee", 0)
+    sequencer = MessageSequencer("b00t", "c0ffee", WallClock(0))
     topics = ["slip.left", "warning", "slip.left", "slip.right", "slip.left", "warning"]
     numbers = [sequencer.message(topic, T0, "", {}).body["seq"] for topic in topics]
     assert numbers == [0, 0, 1, 0, 2, 1]
@@ -21,7 +22,7 @@ def test_each_topic_is_numbered_without_gaps() -> None:
 
 
 def test_every_message_has_the_head() -> None:
-    made = MessageSequencer("b00t", "c0ffee", 1_700_000_000_000_000_000).message(
+    made = MessageSequencer("b00t", "c0ffee", WallClock(1_700_000_000_000_000_000)).message(
         "warning", 1_500_000_000, "left_pad", {"x": 1}
     )
     assert made.topic == "warning"

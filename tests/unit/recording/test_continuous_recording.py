@@ -13,7 +13,7 @@ from slipd.recording.reader import open_recording
 from slipd.recording.requested_recordings import RequestedRecordings
 from slipd.recording.run_files import RETRY_NS, ContinuousRecording, run_name
 from slipd.recording.writer import Recorder, RecordingLimitError
-from slipd.types.wall_clock import WallClock
+from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
 OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)

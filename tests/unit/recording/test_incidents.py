@@ -20,7 +20,7 @@ from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.run_files import RunFiles, run_name
-from slipd.types.wall_clock import WallClock
+from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}

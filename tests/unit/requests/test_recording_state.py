@@ -8,6 +8,7 @@ import pytest
 
 from slipd.events import LinkUp, Output, Record, RecordingChanged, Reply, Request
 from slipd.requests.recording_state import RecordingState
+from slipd.types.clocks import WallClock
 
 Run = Any
 NAME = "slipd-20231114T221500Z-b00t-1.mcap"  # the wall clock of the tests and their first 100 s
@@ -147,7 +148,7 @@ def test_a_recording_without_events_of_the_disk_replays(run: Run) -> None:
 
 @pytest.mark.parametrize("wall_ns", [0, -(10**30), 2**63 - 1, 10**30])
 def test_every_wall_clock_gives_a_valid_name(wall_ns: int) -> None:
-    recordings = RecordingState("b", wall_ns)
+    recordings = RecordingState("b", WallClock(wall_ns))
     assert recordings.start(Request(b"ann", {}), 0) is None
     (record,) = recordings.due()
     assert record.name.startswith("slipd-")

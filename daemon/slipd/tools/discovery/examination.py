@@ -11,8 +11,8 @@ import numpy as np
 
 from slipd.devices import DEVICES, Device
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.engine.silence import LinkActivity, why_silent
 from slipd.events import LinkSpec
+from slipd.links.link_health import why_silent
 from slipd.tools.discovery.capture import Capture
 from slipd.tools.discovery.port_probe import recognise
 from slipd.types.arrays import Array
@@ -119,8 +119,9 @@ def examine(capture: Capture, rate_hz: float | None = None) -> list[Finding]:
 
 def _why_nothing(capture: Capture, device: Device, decoded: Decoded, total: int) -> Iterator[Finding]:
     spec = LinkSpec("", capture.transport, "the given address", capture.baud)
-    activity = LinkActivity(total > 0, decoded.health.bad_bytes > 0, others=False, state=decoded.state)
-    yield Finding("wrong", decoded.health.note or why_silent(device, spec, "", activity))
+    garbled = decoded.health.bad_bytes > 0
+    why = why_silent(device, spec, "", bytes_come=total > 0, garbled=garbled, state=decoded.state)
+    yield Finding("wrong", decoded.health.note or why)
     if decoded.state:
         yield Finding("look", f"the conversation stands at: {decoded.state}")
     if total and capture.transport == "serial":

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from device_links import health
 
 from slipd.config import Config, transport_of
 from slipd.devices import DEVICES, xela
-from slipd.engine.device_link import make_links
-from slipd.engine.silence import LinkActivity, why_silent
 from slipd.events import LinkSpec
+from slipd.links.device_link import make_links
+from slipd.links.link_health import why_silent
 from slipd_client.messages import Health
 
 T0 = 100_000_000_000
@@ -64,7 +64,7 @@ def test_a_silent_link_reports_what_arrives_and_what_to_check(
     link.open("port", T0)
     if junk:
         link.receive(junk, LATER)
-    assert link.condition(link.streams[source], LATER) == (Health.STALE, message)
+    assert health(link, LATER, source) == (Health.STALE, message)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,6 @@ def test_a_silent_link_reports_what_arrives_and_what_to_check(
 )
 def test_silence_of_a_program_is_explained_as_such(device: str, port: str, words: str) -> None:
     spec = LinkSpec("left.wrench", transport_of(port), port)
-    activity = LinkActivity(bytes_come=False, garbled=False, others=False, state="")
-    assert words in why_silent(DEVICES[device], spec, "", activity)
-    garbled = why_silent(DEVICES[device], spec, "", replace(activity, bytes_come=True, garbled=True))
+    assert words in why_silent(DEVICES[device], spec, "", bytes_come=False, garbled=False, state="")
+    garbled = why_silent(DEVICES[device], spec, "", bytes_come=True, garbled=True, state="")
     assert garbled.endswith("does the driver pack them as docs/devices.md says?")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slipd.events import Event, Tick
-from slipd.finger.freshness import Arrival
+from slipd.finger.freshness import PROMPT, Arrival
 
 LATE_NS = 10_000_000
 """Least gap between ticks that counts as a stall. Ticks come every 5 ms; no stream is stale before twice this gap."""
@@ -62,9 +62,9 @@ class Lateness:
             return None
         return t_ns - self._unread_since_ns if t_ns <= self._unread_until_ns else 0
 
-    def arrival(self, t_ns: int, *, dated: bool) -> Arrival:
-        """Return how bytes that are read at ``t_ns`` reached a late daemon; ``dated``: their times are the device's."""
-        return Arrival(self.waited_ns(t_ns), self.unread_ns(t_ns), dated)
+    def arrival(self, t_ns: int) -> Arrival:
+        """Return how bytes that are read at ``t_ns`` reached the daemon."""
+        return Arrival(self.waited_ns(t_ns), self.unread_ns(t_ns), late_ns=self.late_ns) if self.late_ns else PROMPT
 
     def worst_ns(self, t_ns: int) -> int:
         """Return the longest stall of the last second, ns."""

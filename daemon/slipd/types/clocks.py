@@ -1,6 +1,9 @@
-"""Wall clock of a run, as the ticks report it."""
+"""Wall clock of a run, and the time of what never happens."""
 
 from __future__ import annotations
+
+NEVER_NS = 2**63 - 1
+"""Deadline of what waits for no time."""
 
 
 class WallClock:

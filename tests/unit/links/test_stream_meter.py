@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from slipd.config import Config
-from slipd.engine.stream_meter import BAD_TIME_SHOWN_NS, StreamMeter, make_stream
+from slipd.finger.freshness import PROMPT, Arrival
+from slipd.links.link_health import SHOWN_NS, Condition, _stream_condition
+from slipd.links.stream_meter import StreamMeter, make_stream
 from slipd.types.samples import Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -19,9 +21,15 @@ Parse = Callable[[str], Config]
 
 def date(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:
     """Time at which a single reading was acquired; None where it does not fit the stream."""
-    kept, times_ns = stream.update([sample], late_ns)
-    assert kept == [sample] * len(times_ns)
-    return times_ns[0] if times_ns else None
+    read = stream.update([sample], Arrival(late_ns, late_ns=late_ns))
+    if read is None:
+        return None
+    assert read.samples == [sample]
+    return read.times_ns[0]
+
+
+def condition(stream: StreamMeter, t_ns: int) -> Condition:
+    return _stream_condition(stream, t_ns, None, 0)
 
 
 def reading(t_ns: int, device_ns: int | None) -> WrenchSample:
@@ -61,7 +69,7 @@ def test_a_configured_delay_is_subtracted(left: str, parse: Parse) -> None:
 def test_an_unusable_clock_is_reported(stream: StreamMeter) -> None:
     for k in range(20_000):
         date(stream, reading(T0 + k * MS, k * 2 * MS))
-    assert stream.condition(T0 + k * MS) == (
+    assert condition(stream, T0 + k * MS) == (
         Health.WARN,
         "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used",
     )
@@ -72,7 +80,7 @@ def test_F1_readings_that_come_later_than_before_make_the_stream_stale(stream: S
         date(stream, reading(T0 + k * MS, k * MS))
     for k in range(2000, 3500):
         date(stream, reading(T0 + (k + 60) * MS, k * MS))
-    health, message = stream.condition(T0 + (k + 60) * MS)
+    health, message = condition(stream, T0 + (k + 60) * MS)
     assert health is Health.STALE
     assert message.startswith("its readings are 0.06 s older than before when they come: does a driver")
 
@@ -84,7 +92,7 @@ def test_the_clock_of_a_scan_is_read_at_its_end(left: str, parse: Parse) -> None
         acquired = date(stream, image)
     assert acquired == pytest.approx(T0 + k * 10 * MS, abs=0.1 * MS)
     assert date(stream, TactileSample(T0, 0, np.zeros(9))) is None
-    assert stream.condition(T0) == (
+    assert condition(stream, T0) == (
         Health.ERROR,
         "images of 9 taxels of one axis, where the config says 16 taxels of one axis",
     )
@@ -104,28 +112,28 @@ def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert date(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
     assert stream.host_clock
-    assert stream.condition(T0) == (Health.OK, "")
+    assert condition(stream, T0) == (Health.OK, "")
     assert date(stream, reading(T0, None)) == T0
     assert date(stream, reading(T0, T0 - 2 * MS)) == T0, "times never go back"
-    assert stream.condition(T0) == (Health.OK, "")
+    assert condition(stream, T0) == (Health.OK, "")
     assert date(stream, reading(T0, T0 + MS)) == T0, "a time in the future is not used"
-    assert stream.condition(T0)[0] == Health.WARN
-    assert date(stream, reading(T0 + BAD_TIME_SHOWN_NS, T0 + BAD_TIME_SHOWN_NS)) == T0 + BAD_TIME_SHOWN_NS
-    assert stream.condition(T0 + BAD_TIME_SHOWN_NS) == (Health.OK, "")
+    assert condition(stream, T0)[0] == Health.WARN
+    assert date(stream, reading(T0 + SHOWN_NS, T0 + SHOWN_NS)) == T0 + SHOWN_NS
+    assert condition(stream, T0 + SHOWN_NS) == (Health.OK, "")
 
 
 def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert date(stream, TactileSample(T0, T0, np.zeros(16))) is None
-    assert stream.condition(T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
+    assert condition(stream, T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
     pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
     pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
     pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
-    assert pad.update(mixed, 0) == ([mixed[0], mixed[2]], [T0, T0]), "those that fit are kept"
-    assert pad.condition(T0) == (Health.OK, ""), "the newest fits"
+    assert pad.update(mixed) == ("left.pad", [mixed[0], mixed[2]], [T0, T0], PROMPT), "those that fit are kept"
+    assert condition(pad, T0) == (Health.OK, ""), "the newest fits"
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
-    assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.condition(T0)[1]
+    assert "4 taxels of three axes, where the config says 4 taxels of one axis" in condition(pad, T0)[1]
     assert date(pad, TactileSample(T0, T0, np.zeros(4))) == T0

@@ -1,11 +1,11 @@
-"""One stream of a link: the times of its readings, their count and rate, and its health."""
+"""One stream of a link: the times of its readings, their count and their rate."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
-from typing import cast
+from typing import NamedTuple
 
 from slipd.config import ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
@@ -14,8 +14,6 @@ from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.signals.clock import DeviceClock
 from slipd.signals.host_time import host_time
 from slipd.types.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
-from slipd_client.messages import Health
-from slipd_client.messages.names import DAEMON_LATE
 
 RATE_TOLERANCE = 0.2
 """Relative deviation from the expected rate that is reported."""
@@ -23,8 +21,21 @@ RATE_TOLERANCE = 0.2
 RATE_WINDOW_NS = 500_000_000
 """Least time over which the rate is counted; a shorter one counts jitter."""
 
-BAD_TIME_SHOWN_NS = 1_000_000_000
-"""Times that are not of this host's clock are reported for this long after the last one."""
+
+class Read(NamedTuple):
+    """Readings of one stream that came in one read.
+
+    Attributes:
+        stream: Its name.
+        samples: The readings that fit the config, at least one.
+        times_ns: When each was acquired, CLOCK_MONOTONIC.
+        arrival: How they reached the daemon.
+    """
+
+    stream: str
+    samples: Sequence[Sample]
+    times_ns: list[int]
+    arrival: Arrival = PROMPT
 
 
 @dataclass(slots=True)
@@ -45,6 +56,7 @@ class StreamMeter:
         rate_hz: Measured rate; None: not known yet.
         damage: Bytes that belong to no frame, within the newest count of the rate.
         misfit: Why the newest reading does not fit the config; "" where it does.
+        bad_time_ns: When a reading last had a time that is not of this host's clock; None: never.
     """
 
     name: str
@@ -60,62 +72,50 @@ class StreamMeter:
     rate_hz: float | None = None
     damage: int = 0
     misfit: str = ""
-    _bad_time_ns: int | None = field(default=None, repr=False)
+    bad_time_ns: int | None = None
     _since_ns: int | None = field(default=None, repr=False)
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
 
-    def update(self, samples: Sequence[Sample], late_ns: int) -> tuple[Sequence[Sample], list[int]]:
-        """Count and date the readings of one read.
-
-        Args:
-            samples: The readings, at least one.
-            late_ns: How long they may have waited for the daemon: their possible age where the device has no clock.
-
-        Returns:
-            The readings that fit the config, and when each was acquired, CLOCK_MONOTONIC.
-        """
-        self.misfit = self._misfit(samples[-1])
-        if self.misfit or (len(samples) > 1 and not self._are_wrenches(samples)):
+    def update(self, samples: Sequence[Sample], arrival: Arrival = PROMPT) -> Read | None:
+        """Count and date the readings of one read, at least one; None where none of them fits the config."""
+        if self.shape or set(map(type, samples)) != {self.kind}:
+            self.misfit = self._misfit(samples[-1])
             samples = [sample for sample in samples if not self._misfit(sample)]
             if not samples:
-                return samples, []
-        self.last_ns = received_ns = samples[-1].t_ns
+                return None
+        else:
+            self.misfit = ""
+        self.last_ns = samples[-1].t_ns
         self.count += len(samples)
-        times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
+        times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, arrival.late_ns)
         if self.host_clock or times_ns[0] < self.freshness.acquired_ns:
             # charge and drift are integrated: their times must never go back
             times_ns = list(accumulate(times_ns, max, initial=self.freshness.acquired_ns))[1:]
-        self.freshness.update(received_ns, times_ns[-1], Arrival(late_ns, dated=self.dated) if late_ns else PROMPT)
-        return samples, times_ns
-
-    @property
-    def dated(self) -> bool:
-        """The newest times come from a clock, not from receipts."""
-        return self.host_clock or self.clock.locked
+        if arrival is not PROMPT:
+            arrival = arrival._replace(dated=self.host_clock or self.clock.locked)
+        self.freshness.update(self.last_ns, times_ns[-1], arrival)
+        return Read(self.name, samples, times_ns, arrival)
 
     def _host_times(self, samples: Sequence[Sample]) -> list[int]:
         times_ns = []
         for sample in samples:
             acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
             if not believed and sample.device_time_ns is not None:
-                self._bad_time_ns = sample.t_ns
+                self.bad_time_ns = sample.t_ns
             times_ns.append(acquired_ns)
         return times_ns
 
     def _device_times(self, samples: Sequence[Sample], late_ns: int) -> list[int]:
-        map_time = self.clock.map
-        if self.kind is TactileSample:
-            times_ns = [map_time(_scanned_ns(cast("TactileSample", sample)), sample.t_ns) for sample in samples]
-        else:
-            times_ns = [map_time(sample.device_time_ns, sample.t_ns) for sample in samples]
+        times_ns, map_time = [], self.clock.map
+        for sample in samples:
+            device_ns = sample.device_time_ns
+            if device_ns is not None and isinstance(sample, TactileSample):  # a scan is sent at its end
+                device_ns += (len(sample.values) - 1) * sample.dwell_ns
+            times_ns.append(map_time(device_ns, sample.t_ns))
         if late_ns and not self.clock.locked:
             return [t_ns - late_ns for t_ns in times_ns]
         return times_ns
-
-    def forget(self) -> None:
-        """Forget the model of the device's clock: the link was opened anew, or the host slept."""
-        self.clock.forget()
 
     def _misfit(self, sample: Sample) -> str:
         if not isinstance(sample, self.kind):
@@ -123,10 +123,6 @@ class StreamMeter:
         if isinstance(sample, TactileSample) and sample.values.shape != self.shape:
             return f"images of {_shape(sample.values.shape)}, where the config says {_shape(self.shape)}"
         return ""
-
-    def _are_wrenches(self, samples: Sequence[Sample]) -> bool:
-        """Return whether every reading is a wrench, in a stream of wrenches: then all fit the config."""
-        return self.kind is WrenchSample and set(map(type, samples)) == {WrenchSample}
 
     def measure(self, t_ns: int, bad_bytes: int, late_ns: int = 0) -> None:
         """Update rate and damage, counted since the last update.
@@ -144,37 +140,6 @@ class StreamMeter:
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
         elif self._since_ns is None and self.last_ns is not None:
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
-
-    def condition(self, t_ns: int, unread_ns: int | None = None, late_ns: int = 0) -> tuple[Health, str]:
-        """Return the health of the stream of an open link, and a message for people; see `DeviceLink.condition`."""
-        if self.misfit:
-            return Health.ERROR, self.misfit
-        if self.last_ns is None:
-            return Health.STALE, "open, but no reading yet"
-        if self.freshness.is_stale(t_ns, unread_ns):
-            return Health.STALE, f"no reading for {self.freshness.silent_ns(t_ns, unread_ns) * 1e-9:.2f} s"
-        if self.clock.late_ns > self.freshness.stale_ns:
-            return (
-                Health.STALE,
-                f"its readings are {self.clock.late_ns * 1e-9:.2f} s older than before when they come:"
-                " does a driver, gateway or adapter buffer them? restart it",
-            )
-        if late_ns > self.freshness.stale_ns:
-            return Health.WARN, f"{DAEMON_LATE} {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
-        if self.damage > 0:
-            return Health.WARN, f"{self.damage} recent bytes belong to no frame"
-        if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_SHOWN_NS:
-            return Health.WARN, "its times are not of this host's CLOCK_MONOTONIC: receipt times are used"
-        if self.clock.state == "not_a_clock":
-            return (
-                Health.WARN,
-                "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used",
-            )
-        rate = self.rate_hz
-        if rate is not None and abs(rate - self.expected_hz) > RATE_TOLERANCE * self.expected_hz:
-            hint = self.rate_hint and f": {self.rate_hint}"
-            return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz{hint}"
-        return Health.OK, ""
 
 
 def make_stream(name: str, config: StreamConfig) -> StreamMeter:
@@ -194,12 +159,6 @@ def make_stream(name: str, config: StreamConfig) -> StreamMeter:
     return StreamMeter(
         name, config.rate_hz, Freshness(stale_after_ns(config)), device.host_clock, clock, kind, shape, device.rate_hint
     )
-
-
-def _scanned_ns(sample: TactileSample) -> int | None:
-    """Return the device time at the end of a scan: its values are sent together then."""
-    start_ns = sample.device_time_ns
-    return None if start_ns is None else start_ns + (len(sample.values) - 1) * sample.dwell_ns
 
 
 def _shape(shape: tuple[int, ...]) -> str:

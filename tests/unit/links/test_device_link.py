@@ -8,8 +8,8 @@ from device_links import MS, T0, Parse, S, frame, health, status
 
 from slipd.devices import bota, pvdf, xela
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.engine.device_link import DeviceLink, make_links
 from slipd.events import LinkSpec
+from slipd.links.device_link import DeviceLink, make_links
 from slipd.types.samples import TactileSample
 from slipd_client.messages import Health
 
@@ -36,7 +36,7 @@ def test_the_baud_rate_of_the_config_overrides_the_default_of_the_device(left: s
 def test_options_of_the_config_reach_the_decoder(left: str, parse: Parse) -> None:
     links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
     scan = pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0)
-    ((name, (sample,), _),) = links["left.pad"].receive(scan, T0)
+    ((name, (sample,), _, _),) = links["left.pad"].receive(scan, T0)
     assert name == "left.pad"
     assert isinstance(sample, TactileSample)
     assert sample.values.shape == (6,)
@@ -66,7 +66,7 @@ def test_only_open_links_to_devices_with_commands_send_last_bytes(links: dict[st
 
 def test_readings_on_a_shared_port_are_assigned_by_their_sensor(links: dict[str, DeviceLink]) -> None:
     found = links["right.pad"].receive(skin(1), T0)
-    sources = [(name, sample.source) for name, samples, _ in found for sample in samples]
+    sources = [(name, sample.source) for name, samples, _, _ in found for sample in samples]
     assert sorted(sources) == [("right.pad", "2"), ("third.pad", "1")]
 
 
@@ -90,20 +90,20 @@ def test_a_session_writes_only_while_its_link_is_up(links: dict[str, DeviceLink]
     link = links["gripper"]
     assert link.due(T0) == []
     assert link.open("port", T0) != b""
-    assert status(link, T0).state == "waiting"
+    assert status(link, T0)["state"] == "waiting"
     assert link.due(T0) == [], "one transaction at a time"
     assert link.due(T0 + 100 * MS - 1) == []
     assert link.due(T0 + 100 * MS) != [], "the reply is overdue"
     link.close("unplugged")
     assert link.due(T0 + 1000 * MS) == []
-    assert status(link, T0).state == "closed"
+    assert status(link, T0)["state"] == "closed"
 
 
 def test_a_device_that_sends_unasked_is_sent_nothing(links: dict[str, DeviceLink]) -> None:
     link = links["left.pad"]
     assert link.open("port", T0) == b""
     assert link.due(T0 + 10**12) == []
-    assert status(link, T0).state is None
+    assert status(link, T0)["state"] is None
 
 
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
@@ -118,7 +118,7 @@ def test_L6_another_device_on_the_same_port_is_refused_and_the_first_accepted_ag
 ) -> None:
     link = links["left.wrench"]
     assert boot(link, "1234", T0) == 1
-    assert "1234" in status(link, T0).hardware_id
+    assert "1234" in status(link, T0)["hardware_id"]
     assert boot(link, "777", T0 + MS) == 0
     level, message = health(link, T0 + MS)
     assert level == Health.ERROR

@@ -1,0 +1,214 @@
+"""One link: the device behind it, whether it is the right device, and the streams that it carries."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import groupby
+from operator import attrgetter
+from typing import cast
+
+from slipd.config import Config, device_options, transport_of
+from slipd.config import Stream as StreamConfig
+from slipd.devices import DEVICES, Decoder, Session
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.events import LinkSpec
+from slipd.finger.freshness import PROMPT, Arrival
+from slipd.links.link_guards import FloodGuard, Identity, IdentityGuard
+from slipd.links.stream_meter import Read, StreamMeter, make_stream
+from slipd.types.clocks import NEVER_NS
+
+RESTART_NS = 1_000_000_000
+"""A session that failed begins anew at once, but no more often than this."""
+_SOURCE = attrgetter("source")
+
+
+class DeviceLink:
+    """A port or server, the conversation on it, and the streams that it carries.
+
+    Readings of another device than before in this run, or than the config names, are refused: tare, calibration and
+    mounting belong to the device that was there.
+
+    Args:
+        spec: What to open.
+        config: Config of the first stream, which names the device and its options.
+
+    Attributes:
+        device: What is expected on the link.
+        streams: The streams by sensor.
+        session: The conversation with the device; None for a device that sends unasked.
+        due_ns: When `due` has bytes to write, as far as is known; the time may have moved on since.
+        up: The link is open.
+        message: Why it is not open, for people.
+        reconnects: Times that the link came up again.
+        failed: The session failed, and whoever relies on what it knew has not been told; reset it then.
+        fault: The newest failure, for people; "" before one.
+        fault_ns: When it came.
+        guard: Compares the device with the one that is expected.
+        flood: Limit of the readings that the link may bring.
+        opened_ns: When the link was opened.
+        received_ns: When bytes came last; None: none came since.
+        bad_bytes_before: Bad bytes of the decoder by then.
+    """
+
+    def __init__(self, spec: LinkSpec, config: StreamConfig) -> None:
+        self.spec, self.device = spec, DEVICES[config.device]
+        options = device_options(config)
+        self.session: Session | None = self.device.session(**options) if self.device.session is not None else None
+        self._decoder: Session | Decoder = self.session or self.device.decoder(**options)
+        self.streams: dict[str, StreamMeter] = {}
+        self.up = self.failed = False
+        self.message = "not opened yet"
+        self.reconnects = 0
+        self.guard = IdentityGuard(config.hardware_id)
+        self.flood = FloodGuard()
+        self.opened_ns = self.bad_bytes_before = self.fault_ns = 0
+        self.received_ns: int | None = None
+        self.fault = ""
+        self.due_ns = NEVER_NS
+        self._begun_ns = 0  # the session
+        self._begin_again_ns: int | None = None  # a session that failed
+
+    def add(self, sensor: str, stream: StreamMeter) -> None:
+        """Add a stream of the link."""
+        self.streams[sensor] = stream
+        self.flood.rate_hz += stream.expected_hz
+
+    def open(self, identity: str, t_ns: int) -> bytes:
+        """Begin anew on an opened link; return the first bytes for the device."""
+        self.reconnects += self.guard.open(identity)
+        self.up, self.message = True, ""
+        self.flood.open(t_ns)
+        self.opened_ns, self.received_ns = t_ns, None
+        self.bad_bytes_before, self.fault = self.counters.bad_bytes, ""
+        greeting = self._begin(t_ns)
+        self.guard.check(self.session)
+        return greeting
+
+    def _begin(self, t_ns: int) -> bytes:
+        """Begin the conversation; return the first bytes for the device."""
+        self.interrupt()
+        self._begun_ns, self._begin_again_ns = t_ns, None
+        if self.session is None:
+            cast("Decoder", self._decoder).forget()
+            return b""
+        self.due_ns = 0
+        try:
+            return self.session.start(t_ns)
+        except Exception as error:  # a device of another package ends no other stream
+            self._fail(error, t_ns)
+            return b""
+
+    @property
+    def counters(self) -> DecoderHealth:
+        """Counters of the decoder."""
+        return self._decoder.health
+
+    @property
+    def identity(self) -> Identity:
+        """What is known of the device."""
+        return Identity(self.session.identity if self.session is not None else "", self.guard.opened)
+
+    def interrupt(self) -> None:
+        """Forget the model of the device's clock after a gap in which time passed unseen."""
+        for stream in self.streams.values():
+            stream.clock.forget()
+
+    def set_slew(self, slewed_ns: int) -> None:
+        """Set how far the host's clock has been slewed: the delay of no stream grows by it."""
+        for stream in self.streams.values():
+            stream.clock.slewed_ns = slewed_ns
+
+    def close(self, reason: str) -> None:
+        """End the conversation on a link that went down or could not be opened."""
+        self.farewell()
+        self.up, self.message, self.due_ns = False, reason, NEVER_NS
+
+    def farewell(self) -> bytes:
+        """End the conversation on an open link; return the last bytes for the device, if any."""
+        if self.session is None or not self.up:
+            return b""
+        try:
+            return self.session.stop()
+        except Exception:  # the link closes in any case
+            return b""
+
+    def receive(self, data: bytes, t_ns: int, arrival: Arrival = PROMPT) -> list[Read]:
+        """Decode bytes that reached the daemon at ``t_ns`` into readings, in runs of one stream each."""
+        self.received_ns = t_ns
+        if self._begin_again_ns is not None:
+            return []
+        try:
+            samples = self._decoder.receive(data, t_ns)
+        except Exception as error:  # no bytes of a device may end the daemon or another stream
+            self._fail(error, t_ns)
+            return []
+        session, guard, flood = self.session, self.guard, self.flood
+        if session is not None:
+            self.due_ns = 0
+            if guard.mismatch or session.identity != guard.first:
+                guard.check(session)
+        if not samples or guard.mismatch:
+            return []
+        if len(samples) > flood.left:
+            samples = flood.limit(samples, t_ns)
+        flood.left -= len(samples)
+        reads = []
+        for source, run in groupby(samples, _SOURCE):
+            stream = self.streams.get(source)
+            if stream is not None and (read := stream.update(list(run), arrival)) is not None:
+                reads.append(read)
+        return reads
+
+    def due(self, t_ns: int) -> list[bytes]:
+        """Return what the session writes at ``t_ns``, one item for each datagram that a device expects."""
+        session = self.session
+        if session is None or not self.up:
+            return []
+        pieces: list[bytes] = []
+        try:
+            if self._begin_again_ns is None:
+                self.due_ns = _collect(session, t_ns, pieces)
+                return pieces
+        except Exception as error:  # the state of a conversation comes from bytes of the device
+            self._fail(error, t_ns)
+        if self._begin_again_ns is not None and self._begin_again_ns <= t_ns:
+            pieces = [greeting] if (greeting := self._begin(t_ns)) else []
+        return pieces
+
+    def _fail(self, error: Exception, t_ns: int) -> None:
+        """Report bytes that the decoder cannot handle, and begin anew after them."""
+        self.fault = f"its bytes cannot be read ({type(error).__name__}: {error}): they are dropped"
+        self.fault_ns = t_ns
+        if self.session is not None:
+            self.failed, self.due_ns = True, max(t_ns, self._begun_ns + RESTART_NS)
+            self._begin_again_ns = self.due_ns
+            return
+        with suppress(Exception):
+            cast("Decoder", self._decoder).forget()
+
+
+def _collect(session: Session, t_ns: int, pieces: list[bytes]) -> int:
+    """Append what a session writes at ``t_ns``, and return when more is due."""
+    while (deadline := session.next_deadline()) is not None and deadline <= t_ns:
+        piece = session.on_time(t_ns)
+        if piece:
+            pieces.append(piece)
+        elif session.next_deadline() == deadline:
+            return deadline
+    return NEVER_NS if deadline is None else deadline
+
+
+def make_links(config: Config) -> dict[str, DeviceLink]:
+    """Return one link for each address, by the name of the first stream that uses it."""
+    by_address: dict[str, DeviceLink] = {}
+    for name, stream in config.streams().items():
+        link = by_address.get(stream.port)
+        if link is None:
+            device = DEVICES[stream.device]
+            inquiry = device.inquiry(**device_options(stream)) if device.inquiry is not None else None
+            transport = transport_of(stream.port)
+            baud = (stream.baud or device.baud or 0) if transport == "serial" else 0
+            spec = LinkSpec(name, transport, stream.port, baud, inquiry)
+            link = by_address[stream.port] = DeviceLink(spec, stream)
+        link.add(stream.sensor, make_stream(name, stream))
+    return {link.spec.name: link for link in by_address.values()}

@@ -1,0 +1,135 @@
+"""What is wrong with a stream, for people: the state of its link, its rate and times, and why it is silent."""
+
+from __future__ import annotations
+
+from slipd.devices import Device
+from slipd.events import LinkSpec
+from slipd.links.device_link import DeviceLink
+from slipd.links.link_guards import FLOOD_FACTOR
+from slipd.links.stream_meter import RATE_TOLERANCE, StreamMeter
+from slipd_client.messages import Health
+from slipd_client.messages.names import DAEMON_LATE
+
+SHOWN_NS = 1_000_000_000
+"""A flood, an error in decoding, or a time of another clock is reported for this long after it came last."""
+SILENT_NS = 1_000_000_000
+"""A longer silence of a stream is explained; bytes count as arriving for this long."""
+
+Condition = tuple[Health, str]
+
+
+def link_condition(
+    link: DeviceLink, stream: StreamMeter, t_ns: int, unread_ns: int | None = None, late_ns: int = 0
+) -> Condition:
+    """Return the health of a stream of a link, and a message for people.
+
+    Args:
+        link: The link.
+        stream: One of its streams.
+        t_ns: Now.
+        unread_ns: For how long a line that brought nothing counts as unread; None: it is empty.
+        late_ns: The longest recent stall of the daemon.
+    """
+    counters, flooded_ns = link.counters, link.flood.dropped_ns
+    stream.measure(t_ns, counters.bad_bytes, late_ns)
+    if not link.up or link.guard.mismatch:
+        return Health.ERROR, link.guard.mismatch if link.up else link.message
+    if link.fault and t_ns - link.fault_ns < SHOWN_NS:
+        return Health.ERROR, link.fault
+    if flooded_ns is not None and t_ns - flooded_ns < SHOWN_NS:
+        return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
+    health, message = _stream_condition(stream, t_ns, unread_ns, late_ns)
+    if health is Health.OK and counters.warning:
+        return Health.WARN, counters.warning
+    if health is not Health.STALE:
+        return health, ": ".join(filter(None, (message, counters.warning, counters.note)))
+    if t_ns - max(link.opened_ns, stream.last_ns or 0) <= SILENT_NS:
+        return health, message
+    why = counters.note or _why_silent(link, stream, t_ns)
+    return health, why if stream.last_ns is None else f"{message}: {why}"
+
+
+def _stream_condition(stream: StreamMeter, t_ns: int, unread_ns: int | None, late_ns: int) -> Condition:
+    freshness, clock, rate_hz = stream.freshness, stream.clock, stream.rate_hz
+    if stream.misfit:
+        return Health.ERROR, stream.misfit
+    if stream.last_ns is None:
+        return Health.STALE, "open, but no reading yet"
+    if freshness.is_stale(t_ns, unread_ns):
+        return Health.STALE, f"no reading for {freshness.silent_ns(t_ns, unread_ns) * 1e-9:.2f} s"
+    if clock.late_ns > freshness.stale_ns:
+        return (
+            Health.STALE,
+            f"its readings are {clock.late_ns * 1e-9:.2f} s older than before when they come:"
+            " does a driver, gateway or adapter buffer them? restart it",
+        )
+    if late_ns > freshness.stale_ns:
+        return Health.WARN, f"{DAEMON_LATE} {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
+    if stream.damage > 0:
+        return Health.WARN, f"{stream.damage} recent bytes belong to no frame"
+    if stream.bad_time_ns is not None and t_ns - stream.bad_time_ns < SHOWN_NS:
+        return Health.WARN, "its times are not of this host's CLOCK_MONOTONIC: receipt times are used"
+    if clock.state == "not_a_clock":
+        why = "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used"
+        return Health.WARN, why
+    if rate_hz is not None and abs(rate_hz - stream.expected_hz) > RATE_TOLERANCE * stream.expected_hz:
+        hint = stream.rate_hint and f": {stream.rate_hint}"
+        return Health.WARN, f"{rate_hz:.0f} Hz instead of {stream.expected_hz:.0f} Hz{hint}"
+    return Health.OK, ""
+
+
+def _why_silent(link: DeviceLink, stream: StreamMeter, t_ns: int) -> str:
+    bad_bytes = link.counters.bad_bytes
+    newest_ns = max((each.last_ns for each in link.streams.values() if each.last_ns is not None), default=None)
+    return why_silent(
+        link.device,
+        link.spec,
+        next(name for name, each in link.streams.items() if each is stream),
+        bytes_come=link.received_ns is not None and t_ns - link.received_ns <= SILENT_NS,
+        garbled=bad_bytes > link.bad_bytes_before if stream.last_ns is None else stream.damage > 0,
+        others=newest_ns is not None and t_ns - newest_ns <= SILENT_NS,
+        state=link.session.state if link.session is not None else "",
+    )
+
+
+def why_silent(
+    device: Device, spec: LinkSpec, sensor: str, *, bytes_come: bool, garbled: bool, others: bool = False, state: str
+) -> str:
+    """Return why an open link may give no reading, and what to check at the device.
+
+    Args:
+        device: What is expected on the link.
+        spec: The link.
+        sensor: Which sensor of the port is silent; "" where it carries one.
+        bytes_come: Bytes arrive.
+        garbled: Some of them belong to no frame.
+        others: Readings of other sensors on the same port arrive.
+        state: State of the conversation with the device; "" where there is none.
+    """
+    if others:
+        return f"readings arrive, none of sensor {sensor!r}: is it plugged in? is `sensor` right?"
+    if not bytes_come:
+        return _no_bytes(spec)
+    if garbled and spec.transport in ("external", "local"):
+        return f"bytes arrive, none is {device.frame}: does the driver pack them as docs/devices.md says?"
+    if garbled:
+        return f"bytes arrive, none is {device.frame}: {_line(device, spec)} is it another device?"
+    doing = f" ({state})" if state else ""
+    return f"bytes arrive, but no reading{doing}"
+
+
+def _no_bytes(spec: LinkSpec) -> str:
+    if spec.transport == "external":
+        return f"open, but nobody pushes readings: does the driver run, and does it push to {spec.address}?"
+    if spec.transport == "local":
+        return "a driver is connected, but sends nothing: does it register the gripper?"
+    where = "this port" if spec.transport == "serial" else spec.address
+    return f"open, but no bytes arrive: is it powered? is it connected to {where}?"
+
+
+def _line(device: Device, spec: LinkSpec) -> str:
+    """Ask about the setting that makes a device unreadable, or selects another one."""
+    if spec.transport != "serial":
+        return f"is {spec.address} its address?"
+    default = f" (the default is {device.baud})" if spec.baud != device.baud else ""
+    return f"is the baud rate {spec.baud}{default}?"
