@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from slipd.config import Levels
@@ -162,9 +162,9 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         StripGroup("level and reasons", [Strip(name, list(_levels(one, extent))) for name, one, _ in fingers]),
         Panel("utilisation λ", "", list(_utilisation(fingers, extent)), limits, MOST_UTILISATION),
         StripGroup("evidence of motion", [strip for name, one, _ in fingers for strip in _evidence(name, one, extent)]),
-        Panel("normal force", force, list(_of_each(fingers, lambda one: one.normal, extent))),
-        Panel("tangential force", force, list(_of_each(fingers, lambda one: one.tangential, extent))),
-        Panel("spin", torque, list(_of_each(fingers, lambda one: one.spin, extent))),
+        Panel("normal force", force, list(_of_each(fingers, "normal_n", extent))),
+        Panel("tangential force", force, list(_of_each(fingers, "tangential", extent))),
+        Panel("spin", torque, list(_of_each(fingers, "spin_nm", extent))),
         Panel("grip force on one pad", force, list(_grip(tracks, fingers))),
         Panel("friction coefficient μ", "", list(_friction(fingers, extent)), most=2.0),
         StripGroup("source of μ", [Strip(name, list(_sources(one, extent))) for name, one, _ in fingers]),
@@ -189,39 +189,30 @@ def _curve(
 
 
 def _of_each(
-    fingers: Fingers,
-    track: Callable[[FingerTracks], BinnedTrack[Range]],
-    extent: Extent,
-    what: str = "",
-    kind: str = "line",
-    *,
-    steps: bool = False,
+    fingers: Fingers, key: str, extent: Extent, what: str = "", kind: str = "line", *, steps: bool = False
 ) -> Iterator[Curve]:
     """Yield the same quantity of every finger."""
     for name, one, colour in fingers:
-        yield from _curve(f"{name}: {what}" if what else name, colour, track(one), extent, kind, steps=steps)
+        yield from _curve(f"{name}: {what}" if what else name, colour, one.numbers[key], extent, kind, steps=steps)
 
 
 def _utilisation(fingers: Fingers, extent: Extent) -> Iterator[Curve]:
-    yield from _of_each(fingers, lambda one: one.bounds, extent, "bounds", "band")
-    yield from _of_each(fingers, lambda one: one.used, extent)
-    yield from _of_each(fingers, lambda one: one.relative, extent, "relative, without μ", "dashed")
+    yield from _of_each(fingers, "bounds", extent, "bounds", "band")
+    yield from _of_each(fingers, "utilisation", extent)
+    yield from _of_each(fingers, "relative", extent, "relative, without μ", "dashed")
 
 
 def _grip(tracks: RunTracks, fingers: Fingers) -> Iterator[Curve]:
     extent = tracks.extent
-    both = [
-        *_curve("now", "now", tracks.grip, extent),
-        *_curve("needed", "needed", tracks.grip_needed, extent),
-    ]
-    yield from both or _of_each(fingers, lambda one: one.needed, extent, "needed", "dashed")
-    yield from _curve("commanded", "commanded", tracks.command, extent, "dashed", steps=True)
+    both = [curve for name in ("now", "needed") for curve in _curve(name, name, tracks.grasp[name], extent)]
+    yield from both or _of_each(fingers, "grip_needed_n", extent, "needed", "dashed")
+    yield from _curve("commanded", "commanded", tracks.grasp["commanded"], extent, "dashed", steps=True)
 
 
 def _friction(fingers: Fingers, extent: Extent) -> Iterator[Curve]:
-    yield from _of_each(fingers, lambda one: one.mu_interval, extent, "interval", "band", steps=True)
-    yield from _of_each(fingers, lambda one: one.mu, extent, "in use", steps=True)
-    yield from _of_each(fingers, lambda one: one.required, extent, "required", "dashed")
+    yield from _of_each(fingers, "mu_interval", extent, "interval", "band", steps=True)
+    yield from _of_each(fingers, "mu", extent, "in use", steps=True)
+    yield from _of_each(fingers, "required_friction", extent, "required", "dashed")
 
 
 def _levels(finger: FingerTracks, extent: Extent) -> Iterator[Span]:

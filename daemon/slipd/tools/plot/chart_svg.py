@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
-from itertools import groupby
 
 from slipd.tools.plot.binned_track import Held, Range, Window
 from slipd.tools.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks, title_of
@@ -23,8 +22,8 @@ LETTER = 6.2
 MOST_LETTERS = 24
 """Longest name beside a strip."""
 
-TAXEL, SHADES = 12, 24
-"""Side of a taxel in a snapshot, px, and number of its colours."""
+TAXEL = 12
+"""Side of a taxel in a snapshot, px."""
 
 
 def chart_svg(parts: Sequence[Panel | StripGroup], window: Window) -> str:
@@ -160,36 +159,25 @@ def _time_axis(y: float, window: Window) -> Iterator[str]:
 
 
 def snapshot_svg(image: PadImage, marks: Sequence[tuple[str, list[float] | None]]) -> str:
-    """Return the image of a pad with the contact centroid and the pole, as they lie in the pad's frame."""
-    columns, rows = len(image.rows[0]), len(image.rows)
-    size = f'viewBox="0 0 {columns * TAXEL} {rows * TAXEL}" width="{columns * TAXEL}" height="{rows * TAXEL}"'
-    parts = [f'<svg class="pad" {size} role="img" aria-label="image of the pad">']
+    """Return the image of a pad with the contact centroid and the pole, as they lie in the pad's frame.
+
+    A load is a square that is the more opaque, the larger it is.
+    """
+    width, height = len(image.rows[0]) * TAXEL, len(image.rows) * TAXEL
+    size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
+    parts = [f'<svg class="pad" {size} role="img" aria-label="image of the pad"><rect class="rest" {_FULL}/>']
     for row, loads in enumerate(image.rows):
-        at = 0
-        for shade, alike in groupby(round(load * SHADES) for load in loads):
-            count = len(list(alike))
-            place = f'x="{at * TAXEL}" y="{row * TAXEL}" width="{count * TAXEL}" height="{TAXEL}"'
-            parts.append(f'<rect {place} fill="{heat(shade / SHADES)}"/>')
-            at += count
+        for column, load in enumerate(loads):
+            if load > 0.0:
+                place = f'x="{column * TAXEL}" y="{row * TAXEL}" width="{TAXEL}" height="{TAXEL}"'
+                parts.append(f'<rect class="load" {place} fill-opacity="{load:.2f}"/>')
     for sign, point_m in marks:
         if (place_taxels := image.place(point_m)) is not None:
             x, y = (taxels * TAXEL for taxels in place_taxels)
-            parts.append(_CROSS.format(x=x, y=y) if sign == CENTROID else _CIRCLE.format(x=x, y=y))
+            parts.append((_CROSS if sign == CENTROID else _CIRCLE).format(x=x, y=y))
     return "".join([*parts, "</svg>"])
 
 
+_FULL = 'width="100%" height="100%"'
 _CROSS = '<path class="mark" d="M{x:.1f} {y:.1f}m-6 0h12m-6 -6v12"/>'
 _CIRCLE = '<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="5"/>'
-
-_HEAT = ((0.27, 0.0, 0.33), (0.23, 0.32, 0.55), (0.13, 0.57, 0.55), (0.37, 0.79, 0.38), (0.99, 0.91, 0.14))
-"""Colours of increasing loads, red, green and blue from 0 to 1: brightness alone shows them too."""
-
-
-def heat(share: float) -> str:
-    """Return the colour of a load from 0 to 1; no load is grey."""
-    if share <= 0.0:
-        return "#8a8a8a"
-    at = min(share, 1.0) * (len(_HEAT) - 1)
-    left = min(int(at), len(_HEAT) - 2)
-    mixed = (a + (b - a) * (at - left) for a, b in zip(_HEAT[left], _HEAT[left + 1], strict=True))
-    return "#" + "".join(f"{round(255 * part):02x}" for part in mixed)

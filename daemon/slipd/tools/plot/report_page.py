@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from html import escape
 
 from slipd.tools.plot.binned_track import Window
-from slipd.tools.plot.change_log import MOST_CHANGES, Change, ChangeLog
 from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, Panel, StripGroup
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
+from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog
 from slipd_client.live_view_parts import UNKNOWN
 from slipd_client.pad_picture import CENTROID, POLE
 
@@ -68,33 +68,28 @@ def _snapshots(log: ChangeLog) -> Iterator[str]:
         yield "<h2>Alarms</h2><p>No finger rose to “warning” or “slipping”.</p>"
         return
     yield "<h2>Pads at each alarm</h2>"
-    if not log.snapshots:
-        yield f"<p>{count_of(log.alarms, 'alarm')}, of which none has an image of its pad.</p>"
+    count, shown = "1 alarm" if log.alarms == 1 else f"{log.alarms} alarms", len(log.snapshots)
+    if not shown:
+        yield f"<p>{count}, of which none has an image of its pad.</p>"
         return
-    note = snapshot_note(log, len(log.snapshots))
+    note = f"{count}." if shown == log.alarms else f"{count}; the first {shown} with an image are shown."
     yield f"<p>{note} X points right, Y up; + is the contact centroid, ○ the pole.</p>"
     yield '<div class="pads">'
     for change in log.snapshots:
         if change.image is not None:
-            marks = ((CENTROID, change.centroid_m), (POLE, change.pole_m))
-            text = "<br>".join(map(escape, change_lines(change)))
-            yield f"<figure>{snapshot_svg(change.image, marks)}<figcaption>{text}</figcaption></figure>"
+            marks = ((CENTROID, change.verdict.get("centroid_m")), (POLE, change.verdict.get("pole_m")))
+            yield f"<figure>{snapshot_svg(change.image, marks)}<figcaption>{_caption(change)}</figcaption></figure>"
     yield "</div>"
 
 
-def snapshot_note(log: ChangeLog, shown: int) -> str:
-    """Return how many alarms there are and how many are shown, in a sentence."""
-    if shown == log.alarms:
-        return f"{count_of(log.alarms, 'alarm')}."
-    return f"{count_of(log.alarms, 'alarm')}; the first {shown} with an image are shown."
-
-
-def change_lines(change: Change) -> tuple[str, str]:
+def _caption(change: Change) -> str:
     """Return a change of level in two lines: what changed, and why."""
-    used = "" if change.utilisation is None else f", λ {change.utilisation:.2f}"
-    why = ", ".join(change.reasons) or "no reasons"
-    moves = f"; moves by {', '.join(change.evidence)}" if change.evidence else ""
-    return f"{change.t_s:.3f} s {change.finger}: {change.level}{used}", why + moves
+    body = change.warning
+    used = "" if body["utilisation"] is None else f", λ {body['utilisation']:.2f}"
+    moves = f"; moves by {', '.join(body['evidence'])}" if body["evidence"] else ""
+    why = (", ".join(body["reasons"]) or "no reasons") + moves
+    what = f"{change.t_s:.3f} s {body['finger']}: {body['level']}{used}"
+    return f"{escape(what)}<br>{escape(why)}"
 
 
 def _changes(log: ChangeLog) -> Iterator[str]:
@@ -107,17 +102,14 @@ def _changes(log: ChangeLog) -> Iterator[str]:
     heads = ("time, s", "finger", "from", "to", "λ", "reasons", "evidence")
     yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
     for each in log.changes:
-        used = UNKNOWN if each.utilisation is None else f"{each.utilisation:.3f}"
-        cells = (each.finger, each.previous, each.level, used, ", ".join(each.reasons), ", ".join(each.evidence))
-        level = f'<td class="level" style="border-left-color:{SPAN_COLOURS[each.level]}">'
-        row = "".join(f"{level if at == 2 else '<td>'}{escape(cell)}</td>" for at, cell in enumerate(cells))
+        body = each.warning
+        used = UNKNOWN if body["utilisation"] is None else f"{body['utilisation']:.3f}"
+        words = ", ".join(body["reasons"]), ", ".join(body["evidence"])
+        cells = map(escape, (body["finger"], body["previous"], body["level"], used, *words))
+        level = f'<td class="level" style="border-left-color:{SPAN_COLOURS[body["level"]]}">'
+        row = "".join(f"{level if at == 2 else '<td>'}{cell}</td>" for at, cell in enumerate(cells))
         yield f'<tr><td class="number">{each.t_s:.3f}</td>{row}</tr>'
     yield "</table>"
-
-
-def count_of(count: int, what: str) -> str:
-    """Return a number with its noun."""
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _curve_styles() -> str:
@@ -156,6 +148,8 @@ svg .middle{text-anchor:middle}
 .dashed{stroke-dasharray:5 3}
 .band{stroke:none;opacity:.22}
 .mark{fill:none;stroke:#fff;stroke-width:2;filter:drop-shadow(0 0 1px #000)}
+.rest{fill:#3b2a55}
+.load{fill:#fde725}
 .pads{display:flex;flex-wrap:wrap;gap:1rem}
 figure{margin:0;max-width:260px}
 figure svg{max-width:100%;height:auto}

@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from slipd.recording.reader import EventGaps
 from slipd.tools.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
-from slipd.tools.plot.change_log import ChangeLog
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC
+from slipd_client.messages.names import SlipLevel
+from slipd_client.pad_picture import PadImage, pad_image
 
-Numbers = BinnedTrack[Range]
+MOST_CHANGES = 400
+"""Changes that are listed; a run may have any number."""
+
+MOST_SNAPSHOTS = 24
+"""Images that are kept."""
+
+SHOWN = ("finger", "previous", "level", "utilisation", "reasons", "evidence")
+"""What is shown of a change of level."""
+
+COUNTERS = ("lost", "bad", "duplicates", "dropped", "restarts", "reconnects")
+"""Counters of a stream that report a fault."""
 
 
-def _numbers() -> Numbers:
-    return BinnedTrack(widest)
+class Numbers(defaultdict[str, BinnedTrack[Range]]):
+    """Least and largest value of some quantities over time, by name."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: BinnedTrack(widest))
+
+    def note(self, name: str, t_s: float, low: float | None, high: float | None) -> None:
+        """Note the range from one value to another at a time; no value where either is not known."""
+        self[name].add(t_s, NO_VALUE if low is None or high is None else (low, high))
 
 
 class LevelState(NamedTuple):
@@ -33,10 +52,6 @@ def worse(one: LevelState, other: LevelState) -> LevelState:
     return LevelState(one.level, tuple(dict.fromkeys(one.reasons + other.reasons)))
 
 
-def _either(one: frozenset[str], other: frozenset[str]) -> frozenset[str]:
-    return one | other
-
-
 class HealthState(NamedTuple):
     """Health of a stream, a code of `slipd_client.messages.Health`, and why."""
 
@@ -51,33 +66,17 @@ class FingerTracks:
     Attributes:
         level: Its level and reasons.
         evidence: Kinds of evidence of motion.
-        used: Utilisation, and its bounds.
-        bounds: Lower and upper bound of the utilisation.
-        relative: Relative utilisation where the utilisation is not known.
-        normal: Normal force, N (or in the unit of the sensor).
-        tangential: Length of the tangential force, N.
-        spin: Spin, N·m.
-        needed: Grip force needed, N.
-        mu: Coefficient of static friction in use.
-        mu_interval: The interval in which it is expected; infinite where nothing limits it.
-        mu_source: Where it comes from.
-        required: Coefficient of friction at which the load would just slip.
+        mu_source: Where the coefficient of friction comes from.
+        numbers: Quantities of the message ``slip`` by key, N (or the unit of the sensor), N·m; and "bounds" of the
+            utilisation, "relative" where the utilisation is not known, "tangential" its length, and "mu_interval", in
+            which the coefficient is expected: infinite where nothing limits it.
         in_newtons: Whether all forces were in newtons.
     """
 
     level: BinnedTrack[LevelState] = field(default_factory=lambda: BinnedTrack(worse))
-    evidence: BinnedTrack[frozenset[str]] = field(default_factory=lambda: BinnedTrack(_either))
-    used: Numbers = field(default_factory=_numbers)
-    bounds: Numbers = field(default_factory=_numbers)
-    relative: Numbers = field(default_factory=_numbers)
-    normal: Numbers = field(default_factory=_numbers)
-    tangential: Numbers = field(default_factory=_numbers)
-    spin: Numbers = field(default_factory=_numbers)
-    needed: Numbers = field(default_factory=_numbers)
-    mu: Numbers = field(default_factory=_numbers)
-    mu_interval: Numbers = field(default_factory=_numbers)
+    evidence: BinnedTrack[frozenset[str]] = field(default_factory=lambda: BinnedTrack(lambda one, other: one | other))
     mu_source: BinnedTrack[str] = field(default_factory=lambda: BinnedTrack(later))
-    required: Numbers = field(default_factory=_numbers)
+    numbers: Numbers = field(default_factory=Numbers)
     in_newtons: bool = True
 
     def add(self, t_s: float, body: Mapping[str, Any]) -> None:
@@ -88,32 +87,19 @@ class FingerTracks:
         """
         if body["level"] not in SEVERITY:
             raise ValueError(f"level must be one of {', '.join(SEVERITY)}, got {body['level']!r:.40}")
-        used, lower, upper = body["utilisation"], body["utilisation_lower"], body["utilisation_upper"]
         self.level.add(t_s, LevelState(body["level"], tuple(body["reasons"])))
         self.evidence.add(t_s, frozenset(body["evidence"]))
-        self.used.add(t_s, between(used, used))
-        self.bounds.add(t_s, between(lower, upper))
-        relative = body["relative_utilisation"] if used is None else None
-        self.relative.add(t_s, between(relative, relative))
-        tangential = body["tangential_n"]
-        for track, value in (
-            (self.normal, body["normal_n"]),
-            (self.tangential, None if tangential is None else math.hypot(*tangential)),
-            (self.spin, body["spin_nm"]),
-            (self.needed, body["grip_needed_n"]),
-            (self.mu, body["mu"]),
-            (self.required, body["required_friction"]),
-        ):
-            track.add(t_s, between(value, value))
-        unlimited = math.inf if body["mu_high"] is None else body["mu_high"]
-        self.mu_interval.add(t_s, between(body["mu_low"], unlimited))
         self.mu_source.add(t_s, body["mu_source"])
         self.in_newtons = self.in_newtons and body["force_unit"] == "N"
-
-
-def between(low: float | None, high: float | None) -> Range:
-    """Return the range from one value to another; no value where either is not known."""
-    return NO_VALUE if low is None or high is None else (low, high)
+        note, known = self.numbers.note, body["utilisation"] is not None
+        for name in ("utilisation", "normal_n", "spin_nm", "grip_needed_n", "mu", "required_friction"):
+            note(name, t_s, body[name], body[name])
+        tangential = None if body["tangential_n"] is None else math.hypot(*body["tangential_n"])
+        note("tangential", t_s, tangential, tangential)
+        note("bounds", t_s, body["utilisation_lower"], body["utilisation_upper"])
+        relative = None if known else body["relative_utilisation"]
+        note("relative", t_s, relative, relative)
+        note("mu_interval", t_s, body["mu_low"], math.inf if body["mu_high"] is None else body["mu_high"])
 
 
 @dataclass(slots=True)
@@ -133,11 +119,77 @@ class StreamTracks:
     def add(self, t_s: float, body: Mapping[str, Any]) -> None:
         """Add an entry of ``status``."""
         self.health.add(t_s, HealthState(body["health"], body["message"]))
-        self.counters = {
-            name: body[name] for name in ("lost", "bad", "duplicates", "dropped", "restarts", "reconnects")
-        }
+        self.counters = {name: body[name] for name in COUNTERS}
         if "masked" in body:
             self.masked = max(self.masked or 0, len(body["masked"]))
+
+
+@dataclass(slots=True)
+class Change:
+    """One change of level.
+
+    Attributes:
+        t_s: When, s.
+        warning: What is `SHOWN` of the message ``warning``.
+        image: Image of the pad at a rise to an alarm; None for other changes, without an image, and for later alarms.
+        verdict: The first message ``slip`` after an image: it is about the same reading.
+    """
+
+    t_s: float
+    warning: Mapping[str, Any]
+    image: PadImage | None = None
+    verdict: Mapping[str, Any] = field(default_factory=dict)
+
+
+class ChangeLog:
+    """The changes of level of a run, and the image of the pad at each alarm: the first ones, and the count of all.
+
+    Attributes:
+        changes: The first ``MOST_CHANGES``, in order.
+        count: Number of all.
+        snapshots: Those of them with an image, the first ``MOST_SNAPSHOTS``.
+        alarms: Number of all rises to an alarm.
+    """
+
+    def __init__(self) -> None:
+        self.changes: list[Change] = []
+        self.snapshots: list[Change] = []
+        self.count = self.alarms = 0
+        self._newest_image: dict[str, Mapping[str, Any]] = {}
+        self._unfinished: dict[str, Change] = {}
+
+    def add_image(self, finger: str, body: Mapping[str, Any]) -> None:
+        """Add a message ``tactile``."""
+        self._newest_image[finger] = body
+
+    def forget_images(self) -> None:
+        """Forget the newest image of each pad: it does not show what follows."""
+        self._newest_image.clear()
+
+    def add_change(self, t_s: float, body: Mapping[str, Any]) -> None:
+        """Add a message ``warning``.
+
+        Raises:
+            KeyError, ValueError: It lacks a field that is drawn, or has one of another kind.
+        """
+        alarming = SlipLevel(body["level"]).alarming and body["rising"]
+        change, finger = Change(t_s, {key: body[key] for key in SHOWN}), body["finger"]
+        self.count += 1
+        if len(self.changes) < MOST_CHANGES:
+            self.changes.append(change)
+        if not alarming:
+            return
+        self.alarms += 1
+        if len(self.snapshots) < MOST_SNAPSHOTS and finger in self._newest_image:
+            change.image = pad_image(self._newest_image[finger])
+            if change.image is not None:
+                self.snapshots.append(change)
+                self._unfinished[finger] = change
+
+    def add_verdict(self, finger: str, body: Mapping[str, Any]) -> None:
+        """Add a message ``slip``."""
+        if change := self._unfinished.pop(finger, None):
+            change.verdict = body
 
 
 class RunTracks:
@@ -152,9 +204,8 @@ class RunTracks:
         gaps: Times of which nothing is known.
         fingers: By name.
         streams: By name.
-        grip: Grip force that both fingers share, N.
-        grip_needed: Least such force that would hold the load, N.
-        command: Grip force that was sent to the gripper last, N.
+        grasp: Grip force that both fingers share ("now"), the least such force that would hold the load ("needed"), and
+            that which was sent to the gripper last ("commanded"), N.
         changes: Changes of level, and the image of the pad at each alarm.
     """
 
@@ -162,9 +213,9 @@ class RunTracks:
         self._begin_ns = begin_ns
         self.window = Window(begin_s, begin_s)
         self.gaps = EventGaps(begin_ns)
-        self.fingers: dict[str, FingerTracks] = {}
-        self.streams: dict[str, StreamTracks] = {}
-        self.grip, self.grip_needed, self.command = _numbers(), _numbers(), _numbers()
+        self.fingers: defaultdict[str, FingerTracks] = defaultdict(FingerTracks)
+        self.streams: defaultdict[str, StreamTracks] = defaultdict(StreamTracks)
+        self.grasp = Numbers()
         self.changes = ChangeLog()
 
     def add_event(self, t_ns: int) -> None:
@@ -180,24 +231,19 @@ class RunTracks:
             self.changes.add_image(finger, body)
         if t_s < self.window.begin_s:
             return
-        if t_s > self.window.end_s:
-            self.window = Window(self.window.begin_s, t_s)
+        self.window = Window(self.window.begin_s, max(self.window.end_s, t_s))
         if kind == "slip":
-            if finger not in self.fingers:
-                self.fingers[finger] = FingerTracks()
             self.fingers[finger].add(t_s, body)
             self.changes.add_verdict(finger, body)
         elif topic == WARNING_TOPIC:
             self.changes.add_change(t_s, body)
         elif topic == GRASP_TOPIC:
-            self.grip.add(t_s, between(body["internal_n"], body["internal_n"]))
-            self.grip_needed.add(t_s, between(body["grip_needed_n"], body["grip_needed_n"]))
+            self.grasp.note("now", t_s, body["internal_n"], body["internal_n"])
+            self.grasp.note("needed", t_s, body["grip_needed_n"], body["grip_needed_n"])
         elif topic == GRIPPER_TOPIC:
-            self.command.add(t_s, between(body["force_command_n"], body["force_command_n"]))
+            self.grasp.note("commanded", t_s, body["force_command_n"], body["force_command_n"])
         elif topic == STATUS_TOPIC:
             for name, stream in body["streams"].items():
-                if name not in self.streams:
-                    self.streams[name] = StreamTracks()
                 self.streams[name].add(t_s, stream)
 
     def time_s(self, body: Mapping[str, Any]) -> float:

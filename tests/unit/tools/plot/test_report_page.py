@@ -5,9 +5,9 @@ from html.parser import HTMLParser
 from typing import Any
 
 from slipd.config import Levels
-from slipd.tools.plot.change_log import MOST_CHANGES, MOST_SNAPSHOTS
 from slipd.tools.plot.chart import COLOURS, chart
 from slipd.tools.plot.report_page import Report, page
+from slipd.tools.plot.run_tracks import MOST_CHANGES, MOST_SNAPSHOTS
 
 
 def page_of(tracks: Any, *, title: str = "a.mcap", faults: tuple[str, ...] = ()) -> str:

@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from slipd.tools.plot.binned_track import Extent, Range
-from slipd.tools.plot.run_tracks import LevelState, Numbers, RunTracks, worse
+from slipd.tools.plot.binned_track import BinnedTrack, Extent, Range
+from slipd.tools.plot.run_tracks import MOST_CHANGES, MOST_SNAPSHOTS, LevelState, RunTracks, worse
 
 Demo = tuple[RunTracks, list[tuple[str, dict[str, Any]]]]
 
 
-def whole(track: Numbers) -> Range:
+def whole(track: BinnedTrack[Range]) -> Range:
     values = [each.value for each in track.held(Extent(1e9))]
     return min(low for low, _ in values), max(high for _, high in values)
 
@@ -20,14 +20,14 @@ def test_the_tracks_of_a_real_run_reach_as_far_as_its_messages(demo: Demo) -> No
     tracks, found = demo
     assert tracks.finger_names == ["left", "right"]
     left = [body for topic, body in found if topic == "slip.left"]
-    finger = tracks.fingers["left"]
-    for track, key in ((finger.used, "utilisation"), (finger.normal, "normal_n"), (finger.spin, "spin_nm")):
+    numbers = tracks.fingers["left"].numbers
+    for key in ("utilisation", "normal_n", "spin_nm"):
         values = [body[key] for body in left if body[key] is not None]
-        assert whole(track) == (min(values), max(values))
+        assert whole(numbers[key]) == (min(values), max(values))
     forces = [math.hypot(*body["tangential_n"]) for body in left if body["tangential_n"] is not None]
-    assert whole(finger.tangential) == (min(forces), max(forces))
+    assert whole(numbers["tangential"]) == (min(forces), max(forces))
     grips = [body["internal_n"] for topic, body in found if topic == "grasp" and body["internal_n"] is not None]
-    assert whole(tracks.grip) == (min(grips), max(grips))
+    assert whole(tracks.grasp["now"]) == (min(grips), max(grips))
     assert tracks.window.end_s == max(body["t_ns"] - found[0][1]["t_ns"] for _, body in found) * 1e-9
     assert tracks.changes.count == sum(topic == "warning" for topic, _ in found)
 
@@ -40,23 +40,26 @@ def test_the_levels_of_a_real_run_are_those_of_its_warnings(demo: Demo) -> None:
     assert levels == told
 
 
-def test_what_is_not_known_is_no_value(run: Any) -> None:
-    unknown = dict.fromkeys(("utilisation", "utilisation_lower", "tangential_n", "mu", "mu_low", "mu_high"))
-    run.add("slip.left", 0.0, **unknown, relative_utilisation=0.7)
-    finger = run.tracks.fingers["left"]
-    for track in (finger.used, finger.bounds, finger.tangential, finger.mu, finger.mu_interval):
-        assert whole(track) == (math.inf, -math.inf)
-    assert whole(finger.relative) == (0.7, 0.7)
-
-
-def test_an_interval_that_nothing_limits_is_infinite(run: Any) -> None:
-    run.add("slip.left", 0.0, mu_high=None, mu_source="learned")
-    assert whole(run.tracks.fingers["left"].mu_interval) == (0.4, math.inf)
-
-
-def test_the_relative_utilisation_is_drawn_only_without_a_coefficient(run: Any) -> None:
-    run.add("slip.left", 0.0, relative_utilisation=0.9)
-    assert whole(run.tracks.fingers["left"].relative) == (math.inf, -math.inf)
+@pytest.mark.parametrize(
+    ("fields", "key", "range_"),
+    [
+        ({"utilisation": None}, "utilisation", None),
+        ({"utilisation_lower": None}, "bounds", None),
+        ({"tangential_n": None}, "tangential", None),
+        ({"mu": None}, "mu", None),
+        ({"mu_low": None}, "mu_interval", None),
+        ({"mu_high": None}, "mu_interval", (0.4, math.inf)),
+        ({"utilisation": None, "relative_utilisation": 0.7}, "relative", (0.7, 0.7)),
+        ({"relative_utilisation": 0.7}, "relative", None),
+        ({}, "tangential", (5.0, 5.0)),
+        ({}, "bounds", (0.58, 0.62)),
+    ],
+)
+def test_what_is_not_known_is_no_value_and_what_nothing_limits_is_infinite(
+    run: Any, fields: dict[str, Any], key: str, range_: Range | None
+) -> None:
+    run.add("slip.left", 0.0, **fields)
+    assert whole(run.tracks.fingers["left"].numbers[key]) == (range_ or (math.inf, -math.inf))
 
 
 @pytest.mark.parametrize(
@@ -114,3 +117,43 @@ def test_an_alarm_after_a_gap_has_no_image_of_before(run: Any) -> None:
     run.add_event(3.0)
     run.add_change(3.0, "left", "stable", "warning", "rotation")
     assert run.tracks.changes.snapshots == []
+
+
+def test_an_alarm_has_the_image_centroid_and_pole_of_its_reading(run: Any) -> None:
+    run.add_image(0.9, "left", 0.0, 1.0, 2.0, 4.0)
+    run.add_image(0.9, "right", 9.0, 9.0, 9.0, 9.0)
+    run.add_change(1.0, "left", "stable", "warning", "rotation")
+    run.add("slip.left", 1.1, centroid_m=[0.009, 0.0], pole_m=None)
+    log = run.tracks.changes
+    (change,) = log.snapshots
+    assert (change.t_s, change.warning["finger"], change.warning["reasons"]) == (1.0, "left", ["rotation"])
+    assert change.image is not None
+    assert change.image.peak == 4.0
+    assert (change.verdict["centroid_m"], change.verdict["pole_m"]) == ([0.001, 0.002], [0.003, 0.004])
+    assert (log.count, log.alarms) == (1, 1)
+
+
+def test_a_fall_and_a_caution_are_no_alarms(run: Any) -> None:
+    run.add_image(0.0, "left", 0.0, 1.0, 2.0, 4.0)
+    run.add_change(1.0, "left", "stable", "caution")
+    run.add_change(2.0, "left", "slipping", "warning", rising=False)
+    log = run.tracks.changes
+    assert (log.count, log.alarms, log.snapshots) == (2, 0, [])
+
+
+def test_an_alarm_without_an_image_is_counted(run: Any) -> None:
+    run.add_change(1.0, "left", "stable", "warning")
+    run.add("tactile.left", 1.5, rows=2, cols=2, loads_n=None)
+    run.add_change(2.0, "left", "warning", "slipping")
+    log = run.tracks.changes
+    assert (log.alarms, log.snapshots) == (2, [])
+
+
+def test_a_run_of_any_length_keeps_the_first_changes_and_counts_all(run: Any) -> None:
+    run.add_image(0.0, "left", 0.0, 1.0, 2.0, 4.0)
+    for n in range(MOST_CHANGES + 10):
+        run.add_change(n, "left", "stable", "warning")
+    log = run.tracks.changes
+    assert (len(log.changes), log.count) == (MOST_CHANGES, MOST_CHANGES + 10)
+    assert (len(log.snapshots), log.alarms) == (MOST_SNAPSHOTS, MOST_CHANGES + 10)
+    assert log.snapshots[-1].t_s == MOST_SNAPSHOTS - 1
