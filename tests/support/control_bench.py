@@ -42,6 +42,7 @@ class Recorded:
         self.force_range_n = (3.0, 28.5)
         self.force_sent_n: float | None = None
         self.has: float | None = None  # the part of it that was sent
+        self.force_acknowledged_n: float | None = None
 
     def start(self, now_ns: int) -> bytes:
         return b""

@@ -44,6 +44,7 @@ class Walk:
         self.goal_m: float | None = None  # of the last move, unless it was halted, dropped or replaced
         self.may_activate = False
         self.sent: set[SentCommand] = set()
+        self.obeyed_n: set[float] = set()  # forces that the gripper received
 
     def run(self) -> Counter[tuple[Enum, Enum, bool]]:
         self.open()
@@ -61,6 +62,7 @@ class Walk:
     def open(self) -> None:
         self.replies.clear()
         self.sent.clear()
+        self.obeyed_n.clear()
         self.goal_m, self.may_activate = None, False
         self.peer.opened(self.now_ns)
         self.write(self.session.start(self.now_ns))
@@ -86,14 +88,22 @@ class Walk:
         for data in due:
             if self.now_ns >= self.mute_until_ns:
                 self.session.receive(data, self.now_ns)
+        acknowledged_n = self.session.force_acknowledged_n
+        if acknowledged_n is not None:
+            assert min(abs(acknowledged_n - force_n) for force_n in self.obeyed_n) < 1e-6, "no such force was received"
 
     def write(self, data: bytes) -> None:
-        for command in self.peer.commands(data):
+        commands = self.peer.commands(data)
+        for command in commands:
             self.judge(command)
         chance = self.rng.random()
         if chance < self.loss:
             return
-        answers = self.peer.refuse(data) if chance < self.loss + self.refusal else self.peer.hear(data, self.now_ns)
+        if chance < self.loss + self.refusal:
+            answers = self.peer.refuse(data)
+        else:
+            answers = self.peer.hear(data, self.now_ns)
+            self.obeyed_n |= {command.force_n for command in commands if command.force_n is not None}
         late_ns = self.rng.choice((0, 1, 6, 6, 30)) * MS
         self.replies += [(self.now_ns + late_ns, answer) for answer in answers if answer]
 

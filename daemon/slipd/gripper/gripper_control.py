@@ -239,6 +239,7 @@ class GripperControl:
             width_range_m=session.width_range_m,
             speed_range_mps=session.speed_range_mps,
             force_range_n=session.force_range_n,
+            force_acknowledged_n=session.force_acknowledged_n,
             stops_at_lease_end=self._config.lease_end == "stop",
         )
         fingers, policy = self._fingers, self.policy

@@ -55,6 +55,7 @@ class GripperState:
         width_range_m: Widths between the pads, m; (0, inf) while it has not reported them.
         speed_range_mps: Speeds, m/s; None: the gripper accepts no speed.
         force_range_n: Forces on one pad, N; (0, inf) while it has not reported them.
+        force_acknowledged_n: Force on one pad that the gripper acknowledged last, N; None: none since the activation.
         stops_at_lease_end: The config wants moving fingers stopped at the end of a lease.
     """
 
@@ -68,6 +69,7 @@ class GripperState:
     width_range_m: Range
     speed_range_mps: Range | None
     force_range_n: Range
+    force_acknowledged_n: float | None = None
     stops_at_lease_end: bool = False
 
 

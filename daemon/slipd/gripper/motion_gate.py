@@ -41,6 +41,7 @@ TABLE = _rows(
     (rules.change_is_within_a_step,            ".        .    x     x   x      x      .    .    ."),
     (rules.raises_stay_within_the_budget,      ".        .    x     x   x      x      .    .    ."),
     (rules.change_is_slow_enough,              ".        .    x     x   x      x      .    .    ."),
+    (rules.change_is_within_a_step_of_what_acts, ".       .    x     x   x      x      .    .    ."),
     (rules.raise_needs_trusted_sensors,        ".        .    x     x   x      .      .    .    ."),
     (rules.reflex_needs_trusted_sensors,       ".        .    .     .   .      x      .    .    ."),
     (rules.reflex_keeps_the_requested_force,   ".        .    .     .   .      x      .    .    ."),

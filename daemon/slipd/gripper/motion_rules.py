@@ -135,6 +135,20 @@ def change_is_within_a_step(intent: Intent, situation: Situation) -> Refusal | N
     return _force("out_of_range", f"{allowed}, {got}", intent)
 
 
+def change_is_within_a_step_of_what_acts(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a force more than a step from the one that the gripper acknowledged last.
+
+    Commands that the gripper has not acknowledged may be lost. The next one would then act with them, all at once.
+    """
+    acts_n, applied_n, step_n = situation.gripper.force_acknowledged_n, intent.force_applied_n, situation.limits.step_n
+    if acts_n is None or applied_n is None or intent.force_in_force_n is None:
+        return None
+    if abs(applied_n - acts_n) <= step_n + ROUNDING_N:
+        return None
+    allowed = f"must be within {step_n:g} N of the {acts_n:g} N that the gripper acknowledged last"
+    return _force("too_fast", f"{allowed}, got {applied_n:g} N: ask again when it has acknowledged the rest", intent)
+
+
 def raises_stay_within_the_budget(intent: Intent, situation: Situation) -> Refusal | None:
     """Refuse a raise beyond what is left of the budget of this grasp; the reflex has one of its own."""
     left_n = situation.grip.reflex_left_n if intent.kind == "reflex" else situation.grip.budget_left_n

@@ -101,6 +101,18 @@ def test_a_gripper_that_is_not_ready_is_not_moved(kind: IntentKind, refused: str
     assert code(judge(of(kind), seen)) == ("" if allowed else refused)
 
 
+@pytest.mark.parametrize("kind", FORCING)
+@pytest.mark.parametrize(
+    ("acknowledged_n", "refused"), [(None, ""), (5.0, ""), (9.0, ""), (4.9, "too_fast"), (9.1, "too_fast")]
+)
+def test_A6_a_force_is_within_a_step_of_the_one_that_the_gripper_acknowledged(
+    kind: IntentKind, acknowledged_n: float | None, refused: str
+) -> None:
+    assert code(judge(of(kind), situation(HELD, force_acknowledged_n=acknowledged_n))) == refused
+    begins = replace(of("close"), force_in_force_n=None)
+    assert code(judge(begins, situation(force_acknowledged_n=acknowledged_n))) == ""
+
+
 @pytest.mark.parametrize("kind", ["hold", "stop", "lease_end"])
 def test_stopping_is_never_refused_for_what_is_wrong(kind: IntentKind) -> None:
     limits, grip = replace(LIMITS, max_n=None), replace(HELD, fault="E-stop")

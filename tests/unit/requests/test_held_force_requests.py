@@ -63,6 +63,21 @@ class TestForceOfAHeldObject:
         run.feel(7.0)
         assert run.refusal("grip.adjust", delta_n=1.0) is None
 
+    def test_A6_A8_raises_that_the_gripper_has_not_acknowledged_never_act_all_at_once(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.silent = True
+        assert run.refusal("grip.adjust", delta_n=2.0) is None
+        run.wait(20)
+        run.feel(5.0)
+        refused = run.ask("grip.adjust", delta_n=0.2)["error"]
+        assert (refused["code"], refused["field"]) == ("too_fast", "delta_n")
+        assert "within 2 N of the 5 N that the gripper acknowledged last" in refused["message"]
+        run.gripper.silent = False
+        run.serve_gripper(60)
+        run.feel(7.0)
+        assert run.refusal("grip.adjust", delta_n=0.2) is None
+
     def test_A8_the_force_falls_no_faster_than_the_limit_also_in_coarse_settings(
         self, make_run: Callable[[str], Run], rig: str
     ) -> None:

@@ -117,6 +117,11 @@ class Session(GripperSessionBase):
         """Force sent or queued last, N on one pad; None if there was none since the activation."""
         return self._queue.force
 
+    @property
+    def force_acknowledged_n(self) -> float | None:
+        """Force that the driver acknowledged last, N on one pad; None if none since the activation."""
+        return self._queue.acknowledged
+
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: a set-point has no steps."""
         return force_n

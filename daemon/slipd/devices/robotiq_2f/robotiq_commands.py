@@ -109,6 +109,7 @@ class WriteQueue:
     Attributes:
         waiting: Writes that are not sent yet.
         requested: Position byte sent last since the activation; None if none was sent.
+        acknowledged_force: Force byte acknowledged last since the activation; None if none was.
     """
 
     def __init__(self, unit: int) -> None:
@@ -124,6 +125,7 @@ class WriteQueue:
         self.requested: int | None = None
         self._sent_goal = Goal(0, 0)
         self._sent_force: int | None = None
+        self.acknowledged_force: int | None = None
 
     @property
     def force(self) -> int | None:
@@ -135,7 +137,7 @@ class WriteQueue:
 
     def forget_force(self) -> None:
         """Forget the force that was sent, because the gripper is not active and no longer has it."""
-        self._sent_force = None
+        self._sent_force = self.acknowledged_force = None
 
     def activate(self) -> None:
         """Queue an activation, and nothing else."""
@@ -178,6 +180,10 @@ class WriteQueue:
         elif write.goal is not None:
             self.requested, self._sent_goal = write.goal.position, write.goal
         return write
+
+    def acknowledge(self, write: RegisterWrite) -> None:
+        """Record that the gripper acknowledged a write."""
+        self.acknowledged_force = write.force_after(self.acknowledged_force)
 
     def repeat(self, write: RegisterWrite) -> bool:
         """Queue an unanswered write again; return False if a newer one supersedes it."""

@@ -97,6 +97,12 @@ class Session(GripperSessionBase):
         force = self._queue.force
         return None if force is None else self._units.newtons(force)
 
+    @property
+    def force_acknowledged_n(self) -> float | None:
+        """Force of the write that the gripper acknowledged last, N on one pad; None if none since the activation."""
+        force = self._queue.acknowledged_force
+        return None if force is None else self._units.newtons(force)
+
     def applied_n(self, force_n: float) -> float:
         """Return the force of the byte that would be sent for ``force_n``, N on one pad."""
         return self._units.newtons(self._units.force(force_n))
@@ -131,9 +137,11 @@ class Session(GripperSessionBase):
         reply = self._line.receive(data, now_ns)
         if request is None or reply is None:
             return []
-        self._unanswered = None
+        write, self._unanswered = self._unanswered, None
         if request.function == modbus.WRITE:
             self.command_lost = False
+            if write is not None and not reply.error:
+                self._queue.acknowledge(write)
             if reply.error:
                 self._give_up()
         elif not reply.error:

@@ -56,6 +56,7 @@ class CommandQueue:
         waiting: Commands that are not sent yet, in order.
         outstanding: The command that was sent and is not answered.
         failure: Why the last command was lost; "" if it was not.
+        acknowledged: The force that the gripper acknowledged last; None if none since it was made ready.
     """
 
     def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
@@ -69,6 +70,7 @@ class CommandQueue:
         self.outstanding: Command | None = None
         self.failure = ""
         self._force: float | None = None  # sent last
+        self.acknowledged: float | None = None
         self._attempts = 0
         self._due_ns = 0
 
@@ -87,7 +89,7 @@ class CommandQueue:
 
     def forget_force(self) -> None:
         """Record that the gripper no longer has the force that was sent."""
-        self._force = None
+        self._force = self.acknowledged = None
 
     def drop(self, keep: Sequence[int | str]) -> bool:
         """Drop waiting commands except these kinds, and repeat no other; return whether anything was dropped."""
@@ -130,6 +132,8 @@ class CommandQueue:
 
     def handle_answer(self, now_ns: int, failure: str = "") -> None:
         """Handle the answer to the outstanding command; drop waiting commands if it reports a failure."""
+        if self.outstanding is not None and not failure:
+            self.acknowledged = self.outstanding.force_after(self.acknowledged)
         self.outstanding, self.failure = None, ""
         self._attempts, self._due_ns = 0, now_ns
         if failure:

@@ -52,6 +52,10 @@ class GripperSession(Session, Protocol):
     def force_sent_n(self) -> float | None:
         """Force in effect after all queued commands, N on one pad; None if none was sent since the activation."""
 
+    @property
+    def force_acknowledged_n(self) -> float | None:
+        """Force that the gripper acknowledged last, N on one pad; None if none since the activation."""
+
     def applied_n(self, force_n: float) -> float:
         """Return the force that would be sent for ``force_n``; the gripper may only have discrete settings."""
 

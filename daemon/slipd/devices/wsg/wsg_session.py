@@ -137,6 +137,12 @@ class Session(GripperSessionBase):
         limit = self._queue.force
         return None if limit is None else limit / FINGERS
 
+    @property
+    def force_acknowledged_n(self) -> float | None:
+        """Force limit that the gripper acknowledged last, N on one pad; None if none since the activation."""
+        limit = self._queue.acknowledged
+        return None if limit is None else limit / FINGERS
+
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: the force limit has no steps."""
         return force_n
