@@ -107,7 +107,7 @@ def health(run: Run, stream: str) -> tuple[int, str]:
 
 
 @pytest.mark.no_cover
-def test_no_raise_from_the_first_repeated_reading_on_and_unknown_within_100_ms(
+def test_F1_no_raise_from_the_first_repeated_reading_on_and_unknown_within_100_ms(
     hold: Callable[..., Hand],
 ) -> None:
     hand = hold()
