@@ -24,7 +24,7 @@ _REGISTER = "the driver must register first"
 _ANOTHER = "another driver registered on this connection: reconnect"
 
 
-class Session(GripperSessionBase):
+class Session(GripperSessionBase[SetpointQueue]):
     """Handle the registration and reports of a driver, and carry out permits as set-points, one at a time.
 
     `state` is "closed", "waiting" (for the registration or the first report), "inactive", "activating", "active", a
@@ -112,16 +112,6 @@ class Session(GripperSessionBase):
         self._reset(State.CLOSED)
         return b""
 
-    @property
-    def force_sent_n(self) -> float | None:
-        """Force sent or queued last, N on one pad; None if there was none since the activation."""
-        return self._queue.force
-
-    @property
-    def force_acknowledged_n(self) -> float | None:
-        """Force that the driver acknowledged last, N on one pad; None if none since the activation."""
-        return self._queue.acknowledged
-
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: a set-point has no steps."""
         return force_n
@@ -174,6 +164,9 @@ class Session(GripperSessionBase):
         setpoint = self._queue.on_time(now_ns)
         self._follow_activation()
         return notice + setpoint
+
+    def _on_one_pad(self, force: float | None) -> float | None:
+        return force
 
     def _activate(self, now_ns: int) -> bool:
         """Queue the activation, whatever the driver does for it."""

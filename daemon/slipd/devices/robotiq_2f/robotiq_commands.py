@@ -109,7 +109,7 @@ class WriteQueue:
     Attributes:
         waiting: Writes that are not sent yet.
         requested: Position byte sent last since the activation; None if none was sent.
-        acknowledged_force: Force byte acknowledged last since the activation; None if none was.
+        acknowledged: Force byte acknowledged last since the activation; None if none was.
     """
 
     def __init__(self, unit: int) -> None:
@@ -125,7 +125,7 @@ class WriteQueue:
         self.requested: int | None = None
         self._sent_goal = Goal(0, 0)
         self._sent_force: int | None = None
-        self.acknowledged_force: int | None = None
+        self.acknowledged: int | None = None
 
     @property
     def force(self) -> int | None:
@@ -137,7 +137,7 @@ class WriteQueue:
 
     def forget_force(self) -> None:
         """Forget the force that was sent, because the gripper is not active and no longer has it."""
-        self._sent_force = self.acknowledged_force = None
+        self._sent_force = self.acknowledged = None
 
     def activate(self) -> None:
         """Queue an activation, and nothing else."""
@@ -183,7 +183,7 @@ class WriteQueue:
 
     def acknowledge(self, write: RegisterWrite) -> None:
         """Record that the gripper acknowledged a write."""
-        self.acknowledged_force = write.force_after(self.acknowledged_force)
+        self.acknowledged = write.force_after(self.acknowledged)
 
     def repeat(self, write: RegisterWrite) -> bool:
         """Queue an unanswered write again; return False if a newer one supersedes it."""

@@ -25,7 +25,7 @@ _SENT = {WriteKind.CLEAR: Event.CLEAR_SENT, WriteKind.ACTIVATE: Event.ACTIVATION
 _REPEATED = {WriteKind.CLEAR: Event.CLEAR_REPEATED, WriteKind.ACTIVATE: Event.ACTIVATION_REPEATED}
 
 
-class Session(GripperSessionBase):
+class Session(GripperSessionBase[WriteQueue]):
     """Poll the gripper and carry out permits, one transaction at a time.
 
     `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
@@ -90,18 +90,6 @@ class Session(GripperSessionBase):
         if self.command_lost:
             return "command lost"
         return "activating" if self.activating else state.value
-
-    @property
-    def force_sent_n(self) -> float | None:
-        """Force sent or queued last, N on one pad; None if there was none since the activation."""
-        force = self._queue.force
-        return None if force is None else self._units.newtons(force)
-
-    @property
-    def force_acknowledged_n(self) -> float | None:
-        """Force of the write that the gripper acknowledged last, N on one pad; None if none since the activation."""
-        force = self._queue.acknowledged_force
-        return None if force is None else self._units.newtons(force)
 
     def applied_n(self, force_n: float) -> float:
         """Return the force of the byte that would be sent for ``force_n``, N on one pad."""
@@ -168,6 +156,9 @@ class Session(GripperSessionBase):
             self._reported = None
             self._machine.handle(_SENT[write.kind])
         return self._line.send(write.request, now_ns)
+
+    def _on_one_pad(self, force: int | None) -> float | None:
+        return None if force is None else self._units.newtons(force)
 
     def _activate(self, now_ns: int) -> bool:
         if not self._machine.handle(Event.ACTIVATE):

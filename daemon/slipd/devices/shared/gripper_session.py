@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from enum import Enum
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 from slipd.devices.shared.device_interface import Session
 from slipd.types.permit import Permit
@@ -190,13 +190,29 @@ class StateMachine:
         return True
 
 
-class GripperSessionBase(ABC):
+class ForceQueue(Protocol):
+    """Commands of a session; its forces are in the gripper's own unit."""
+
+    @property
+    def force(self) -> float | None:
+        """The force in effect after all waiting commands; None if none was set."""
+
+    @property
+    def acknowledged(self) -> float | None:
+        """The force that the gripper acknowledged last; None if none since it was made ready."""
+
+
+Queue = TypeVar("Queue", bound=ForceQueue)
+
+
+class GripperSessionBase(ABC, Generic[Queue]):
     """Carry out permits, the only way to command a gripper; each device implements the motions.
 
     A subclass sets ``_machine``, its state machine, and ``_activation``, the states in which it activates the gripper.
     """
 
     _machine: StateMachine
+    _queue: Queue
     _activation: ClassVar[frozenset[State]]
     width_step_m = 0.0
     """Resolution of the reported width, m; 0: as fine as its numbers."""
@@ -205,6 +221,16 @@ class GripperSessionBase(ABC):
     def activating(self) -> bool:
         """Whether an activation is queued or in progress; until it is over no motion is accepted."""
         return self._machine.state in self._activation
+
+    @property
+    def force_sent_n(self) -> float | None:
+        """Force sent or queued last, N on one pad; None if there was none since the activation."""
+        return self._on_one_pad(self._queue.force)
+
+    @property
+    def force_acknowledged_n(self) -> float | None:
+        """Force that the gripper acknowledged last, N on one pad; None if none since the activation."""
+        return self._on_one_pad(self._queue.acknowledged)
 
     def execute(self, permit: Permit, now_ns: int) -> bool:
         """Carry out a permit; see `slipd.devices.GripperSession.execute`.
@@ -226,6 +252,10 @@ class GripperSessionBase(ABC):
         if permit.width_m is None:
             raise ValueError("a permit of kind 'move' must have a width")
         return self._move(permit.width_m, permit.speed_mps, force_n)
+
+    @abstractmethod
+    def _on_one_pad(self, force: Any) -> float | None:
+        """Return the force on one pad, N, of a force as this gripper counts it; None for None."""
 
     @abstractmethod
     def _activate(self, now_ns: int) -> bool:

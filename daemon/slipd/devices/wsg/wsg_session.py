@@ -40,7 +40,7 @@ _IDS = {
 }
 
 
-class Session(GripperSessionBase):
+class Session(GripperSessionBase[WsgCommandQueue]):
     """Request updates, and carry out permits, one command at a time.
 
     `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
@@ -131,18 +131,6 @@ class Session(GripperSessionBase):
             return 0.0, math.inf
         return self._limits.min_force / FINGERS, self._limits.most_force(overdrive=self._overdrive) / FINGERS
 
-    @property
-    def force_sent_n(self) -> float | None:
-        """Force limit sent or queued last, N on one pad; None if there was none since the activation."""
-        limit = self._queue.force
-        return None if limit is None else limit / FINGERS
-
-    @property
-    def force_acknowledged_n(self) -> float | None:
-        """Force limit that the gripper acknowledged last, N on one pad; None if none since the activation."""
-        limit = self._queue.acknowledged
-        return None if limit is None else limit / FINGERS
-
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: the force limit has no steps."""
         return force_n
@@ -201,6 +189,9 @@ class Session(GripperSessionBase):
         command = self._queue.on_time(now_ns)
         self._follow_homing()
         return request + command
+
+    def _on_one_pad(self, force: float | None) -> float | None:
+        return None if force is None else force / FINGERS
 
     def _activate(self, now_ns: int) -> bool:
         """Queue homing, after the acknowledgement of a fault if there is one."""
