@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,186 +12,145 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from slipd.signals.averaging import MOVING_FACTOR
-from slipd.signals.tare import MIN_READINGS, Tare
+from slipd.signals.tare import MIN_READINGS, Offset, Tare
 
 MS = 1_000_000
+STORED = Offset(7, np.array((2.0,)), -5, 10, "earlier", np.zeros(1), None, "stored")
 
 
-def feed(tare: Tare, values: list[list[float]], *, start_ns: int = 0) -> np.ndarray:
-    """A reading a millisecond; returns the last one tared."""
-    last = np.zeros(len(values[0]))
+def feed(tare: Tare, values: list[list[float]], *, start_ns: int = 0) -> None:
+    """Give a reading a millisecond."""
     for k, value in enumerate(values):
-        last = tare.apply(np.array(value), start_ns + k * MS)
-    return last
+        tare.apply(np.array(value), start_ns + k * MS)
 
 
-def test_the_offset_of_the_config_is_subtracted_from_the_beginning() -> None:
-    tare = Tare(np.array((1.0, 2.0)))
-    assert_allclose(tare.apply(np.array((1.5, 1.0)), 0), (0.5, -1.0))
-    assert (tare.current.id, tare.current.t_ns, tare.current.readings) == (0, None, 0)
+class Model:
+    """What a tare should do, of single numbers."""
+
+    def __init__(self) -> None:
+        self.now, self.before, self.newest = (0, 5.0, "config"), None, 0
+        self.run: list[float] | None = None
+        self.until_ns = 0
+
+    def read(self, value: float, t_ns: int) -> None:
+        if self.run is None:
+            return
+        self.run.append(value)
+        if t_ns >= self.until_ns and len(self.run) >= MIN_READINGS:
+            self.newest += 1
+            self.put((self.newest, float(np.mean(self.run)), "measured"))
+            self.run = None
+
+    def put(self, offset: tuple[int, float, str]) -> None:
+        self.before, self.now = self.now, offset
+
+    def undo(self) -> bool:
+        if self.run is not None:
+            self.run = None
+            return True
+        if self.before is None:
+            return False
+        self.now, self.before = self.before, None
+        return True
 
 
-def test_the_config_cannot_be_changed_through_what_it_was_made_of() -> None:
-    initial = np.zeros(2)
+READ = st.tuples(st.just("read"), st.floats(-3.0, 3.0), st.booleans())
+OTHER = st.tuples(
+    st.sampled_from(("begin", "begin", "abort", "undo", "restore", "observe", "reject")),
+    st.sampled_from((0.0, 0.004, 0.02)),
+    st.just(True),
+)
+
+
+@given(st.lists(st.one_of(READ, READ, READ, OTHER), max_size=80))
+def test_offset_follows_readings_and_requests(actions: list[tuple[str, float, bool]]) -> None:
+    tare, model, told = Tare(np.array((5.0,))), Model(), [0]
+    tare.on_change.append(lambda: told.append(tare.current.id))
+    for k, (action, number, trusted) in enumerate(actions):
+        t_ns, changes, before = k * MS, len(told), (tare.busy, tare.current)
+        if action == "read":
+            if trusted:
+                model.read(number, t_ns)
+            assert tare.apply(np.array((number,)), t_ns, trusted=trusted) == pytest.approx(number - model.now[1])
+        elif action == "begin":
+            model.run, model.until_ns = [], t_ns + round(number * 1e9)
+            tare.begin(t_ns, number)
+        elif action == "abort":
+            model.run = None
+            tare.abort("contact")
+        elif action == "undo":
+            assert tare.undo() is model.undo()
+        elif action == "restore":
+            model.put((7, 2.0, "stored"))
+            model.newest = 7
+            tare.restore(STORED)
+        elif action == "observe":
+            model.now = (*model.now[:2], "observed")
+            tare.observe(t_ns)
+        elif model.now[2] == "stored" and model.before is not None:
+            model.now, model.before = model.before, None
+            tare.reject("it reads a load")
+            assert tare.aborted_text == "the stored zero does not fit: it reads a load"
+        else:
+            tare.reject("it reads a load")
+        assert (tare.current.id, tare.current.origin, tare.busy) == (model.now[0], model.now[2], model.run is not None)
+        assert tare.current.value == pytest.approx(model.now[1])
+        assert tare.known is (model.now[2] != "config")
+        assert told[-1] == tare.current.id
+        if before != (tare.busy, tare.current):
+            assert len(told) > changes, "whoever depends on it is called"
+
+
+def test_a_tare_records_when_by_whom_from_what_with_which_noise_and_gravity() -> None:
+    initial = np.zeros((2, 2))
     tare = Tare(initial)
     initial += 7.0
-    assert_allclose(tare.apply(np.ones(2), 0), np.ones(2))
-
-
-def test_a_tare_is_the_mean_of_the_readings_of_its_time() -> None:
-    tare = Tare(np.zeros(2))
-    tare.begin(0, 0.010)
-    readings = [[1.0 + 0.1 * k, -k] for k in range(11)]
-    feed(tare, readings)
-    assert_allclose(tare.current.value, np.mean(readings, axis=0))
-    assert (tare.current.id, tare.current.t_ns, tare.current.readings) == (1, 10 * MS, 11)
-    assert not tare.busy
-
-
-def test_the_offset_in_force_stays_until_the_tare_is_taken() -> None:
-    tare = Tare(np.array((5.0,)))
-    tare.begin(0, 0.020)
-    assert_allclose(feed(tare, [[6.0]] * 20), (1.0,))
-    assert tare.busy
-    assert_allclose(tare.apply(np.array((6.0,)), 20 * MS), (0.0,))
-    assert not tare.busy
-
-
-def test_too_few_readings_make_no_tare_however_long_it_takes() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.001)
-    for k in range(MIN_READINGS - 1):
-        tare.apply(np.array((1.0,)), k * 1000 * MS)
-    assert tare.busy
-    assert tare.current.id == 0
-    tare.apply(np.array((1.0,)), MIN_READINGS * 1000 * MS)
-    assert tare.current.readings == MIN_READINGS
-
-
-@given(bad=st.sampled_from((math.nan, math.inf, -math.inf)), at=st.integers(0, 19), axis=st.integers(0, 1))
-def test_N1_readings_that_are_no_numbers_do_not_enter_the_mean(bad: float, at: int, axis: int) -> None:
-    tare = Tare(np.zeros(2))
-    tare.begin(0, 0.018)
-    readings = [[2.0, 3.0] for _ in range(20)]
-    readings[at][axis] = bad
-    feed(tare, readings)
-    assert_allclose(tare.current.value, (2.0, 3.0))
-    assert tare.current.readings in (18, 19)
-    assert not tare.busy
-
-
-def test_nothing_but_nan_never_becomes_a_tare() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.001)
-    feed(tare, [[math.nan]] * 100)
-    assert tare.busy
-    assert_array_equal(tare.current.value, (0.0,))
-
-
-def test_undo_puts_back_what_was_in_force_before() -> None:
-    tare = Tare(np.array((4.0,)))
-    assert not tare.undo()
-    tare.begin(0, 0.009)
-    feed(tare, [[6.0]] * 10)
-    assert tare.undo()
-    assert tare.current.id == 0
-    assert_allclose(tare.apply(np.array((6.0,)), 0), (2.0,))
-    assert not tare.undo(), "there is one step back, not two"
-
-
-def test_a_tare_after_an_undo_has_an_id_of_its_own() -> None:
-    tare = Tare(np.zeros(1))
-    for start_ns in (0, 20 * MS):
-        tare.begin(start_ns, 0.009)
-        feed(tare, [[1.0]] * 10, start_ns=start_ns)
-    tare.undo()
-    assert tare.current.id == 1
-    tare.begin(40 * MS, 0.009)
-    feed(tare, [[1.0]] * 10, start_ns=40 * MS)
-    assert tare.current.id == 3
-
-
-def test_a_second_beginning_forgets_the_first() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.050)
-    feed(tare, [[9.0]] * 10)
-    tare.begin(10 * MS, 0.009)
-    feed(tare, [[1.0]] * 10, start_ns=10 * MS)
-    assert_allclose(tare.current.value, (1.0,))
-
-
-def test_a_tare_that_is_given_up_leaves_the_old_one() -> None:
-    tare = Tare(np.array((3.0,)))
-    tare.begin(0, 0.005)
-    feed(tare, [[9.0]] * 5)
-    tare.abort("contact")
-    assert not tare.busy
-    feed(tare, [[9.0]] * 20, start_ns=5 * MS)
-    assert tare.current.id == 0
-    assert_allclose(tare.current.value, (3.0,))
-
-
-def test_a_returned_offset_is_not_changed_by_the_next_tare() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.009)
-    feed(tare, [[1.0]] * 10)
-    told = tare.current.value
-    tare.begin(10 * MS, 0.009)
-    feed(tare, [[5.0]] * 10, start_ns=10 * MS)
-    assert_allclose(told, (1.0,))
-
-
-def test_an_image_is_tared_taxel_by_taxel() -> None:
-    offset = np.arange(12.0).reshape(4, 3)
-    tare = Tare(np.zeros((4, 3)))
-    tare.begin(0, 0.0)
-    for k in range(MIN_READINGS):
-        tare.apply(offset + (-1) ** k, k)
-    assert_allclose(tare.current.value, offset)
-
-
-def test_a_tare_records_its_client_and_its_noise() -> None:
-    tare = Tare(np.zeros(2))
-    assert (tare.current.by, tare.current.std) == ("config", None)
-    readings = [[0.1 * (-1) ** k, 2.0] for k in range(10)]
-    tare.begin(0, 0.009, "00ff")
-    feed(tare, readings)
-    assert tare.current.by == "00ff"
-    assert_allclose(tare.current.std, np.std(readings, axis=0, ddof=1))
-
-
-def test_a_tare_keeps_the_gravity_in_which_it_was_taken() -> None:
-    tare = Tare(np.zeros(1))
+    assert (tare.current.by, tare.current.std, tare.current.t_ns, tare.current.readings) == ("config", None, None, 0)
+    assert_array_equal(tare.current.value, np.zeros((2, 2)), "it cannot be changed through what it was made of")
     assert_array_equal(tare.current.gravity_mps2, np.zeros(3), "the offset of the config holds no weight")
-    tare.begin(0, 0.009, gravity_mps2=np.array((0.0, 0.0, -9.8)))
-    feed(tare, [[1.0]] * 10)
-    assert_array_equal(tare.current.gravity_mps2, (0.0, 0.0, -9.8))
+    readings = [[[0.1 * (-1) ** k, 2.0], [k, -k]] for k in range(10)]
+    tare.begin(0, 0.009, "00ff", np.array((0.0, 0.0, -9.8)))
+    feed(tare, readings)
+    found = tare.current
+    assert (found.by, found.t_ns, found.readings, found.age_s(10 * MS)) == ("00ff", 9 * MS, 10, pytest.approx(0.001))
+    assert_allclose(found.std, np.std(readings, axis=0, ddof=1))
+    assert_array_equal(found.gravity_mps2, (0.0, 0.0, -9.8))
+    kept = replace(found, value=found.value.copy())
     tare.begin(10 * MS, 0.009)
-    feed(tare, [[1.0]] * 10, start_ns=10 * MS)
+    feed(tare, readings, start_ns=10 * MS)
     assert tare.current.gravity_mps2 is None
-    tare.undo()
-    assert_array_equal(tare.current.gravity_mps2, (0.0, 0.0, -9.8))
+    assert_array_equal(found.value, kept.value, "a returned offset is not changed by the next tare")
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e13])
+def test_N1_N3_a_reading_that_no_device_can_send_is_no_part_of_an_offset(value: float) -> None:
+    tare = Tare(np.zeros(2))
+    tare.begin(0, 0.019)
+    feed(tare, [[1.0, 2.0]] * 9 + [[value, 2.0]] + [[1.0, 2.0]] * 11)
+    assert_array_equal(tare.current.value, (1.0, 2.0))
+    assert tare.current.readings == 19
+    tare.begin(30 * MS, 0.001)
+    feed(tare, [[value, 2.0]] * 100, start_ns=30 * MS)
+    assert tare.busy, "nothing but such readings never becomes a tare"
+
+
+def test_N4_an_offset_is_never_denormal() -> None:
+    tare = Tare(np.zeros(1))
+    tare.begin(0, 0.009)
+    feed(tare, [[5e-324]] * 10)
+    assert (tare.current.id, tare.current.value[0]) == (1, 0.0)
 
 
 def test_readings_that_move_are_no_tare_and_the_reason_can_be_read() -> None:
-    tare = Tare(np.array((3.0, 0.0)), noise=np.array((0.02, 0.02)))
-    tare.begin(0, 0.019)
-    feed(tare, [[3.0, 0.1 * k] for k in range(20)])
-    assert not tare.busy
-    assert tare.current.id == 0
-    assert_array_equal(tare.current.value, (3.0, 0.0))
-    assert tare.aborted_text == "the readings moved: component 1 spreads by 0.592, its noise is 0.02; hold still"
-    tare.begin(20 * MS, 0.019)
-    assert tare.aborted_reason is None
-    feed(tare, [[3.0, 0.02 * (-1) ** k] for k in range(20)], start_ns=20 * MS)
-    assert tare.current.id == 1
-
-
-def test_a_component_without_a_stated_noise_may_move() -> None:
-    tare = Tare(np.zeros(2), noise=np.array((0.0, 0.02)))
-    tare.begin(0, 0.019)
-    feed(tare, [[float(k), 0.0] for k in range(20)])
-    assert tare.current.id == 1
+    tare = Tare(np.array((3.0, 0.0)), noise=np.array((0.0, 0.02)))  # the noise of the first is not stated
+    for slope, taken, text in (
+        (0.1, 0, "the readings moved: component 1 spreads by 0.592, its noise is 0.02; hold still"),
+        (0.001, 1, ""),
+    ):
+        tare.begin(0, 0.019)
+        assert tare.aborted_reason is None
+        feed(tare, [[float(k), slope * k] for k in range(20)])
+        assert (tare.busy, tare.current.id, tare.aborted_text) == (False, taken, text)
 
 
 @pytest.mark.parametrize("noise", [np.zeros(3), np.array((0.1, -0.1)), np.array((math.nan, 0.1)), np.full(2, math.inf)])
@@ -221,47 +181,6 @@ def test_F4_an_aborted_tare_gives_its_reason() -> None:
     tare.begin(0, 1.0)
     tare.abort("contact")
     assert (tare.aborted_reason, tare.aborted_text) == ("contact", "a contact began")
-
-
-def test_to_undo_a_tare_that_is_being_measured_is_to_give_it_up() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.009)
-    feed(tare, [[1.0]] * 10)
-    tare.begin(10 * MS, 1.0)
+    tare.begin(0, 1.0)
     assert tare.undo()
-    assert not tare.busy
     assert (tare.aborted_reason, tare.aborted_text) == ("undone", "undone before it was taken")
-    assert tare.current.id == 1, "the tare before it still holds"
-    assert tare.undo()
-    assert tare.current.id == 0
-
-
-def test_what_is_not_trusted_does_not_enter_the_mean() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.020)
-    for k in range(21):
-        tare.apply(np.array((1.0 if k % 2 == 0 else 50.0,)), k * MS, trusted=k % 2 == 0)
-    assert_allclose(tare.current.value, (1.0,))
-    assert tare.current.readings == 11
-
-
-@pytest.mark.parametrize("value", [1e308, -1e308, 1e13])
-def test_N3_a_reading_that_no_device_can_send_is_no_part_of_an_offset(value: float) -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.019)
-    feed(tare, [[1.0]] * 9 + [[value]] + [[1.0]] * 10)
-    assert_array_equal(tare.current.value, (1.0,))
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 5e-324])
-def test_N1_one_odd_reading_outside_a_tare_touches_nothing(value: float) -> None:
-    tare = Tare(np.array((1.0,)))
-    tare.apply(np.array((value,)), 0)
-    assert_array_equal(tare.apply(np.array((3.0,)), MS), (2.0,))
-
-
-def test_N4_an_offset_is_never_denormal() -> None:
-    tare = Tare(np.zeros(1))
-    tare.begin(0, 0.009)
-    feed(tare, [[5e-324]] * 10)
-    assert (tare.current.id, tare.current.value[0]) == (1, 0.0)
