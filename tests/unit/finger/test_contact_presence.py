@@ -29,7 +29,6 @@ class TestIsPressed:
         for normal_n in (0.0, 30.0):
             read_force(untared, wrench(T0, normal_n))
             assert untared.is_pressed() is None
-        assert untared.image is not None
         untared.image.tare.observe(T0)
         for counts, pressed in ((EMPTY, False), (FULL, True)):
             untared.update_image(image(T0, counts))
@@ -49,7 +48,6 @@ class TestIsPressed:
         assert finger.is_pressed() is True
 
     def test_old_image_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
-        assert untared.image is not None
         untared.image.tare.observe(T0)
         untared.update_image(image(T0, EMPTY))
         read_force(untared, wrench(T0 + 31 * MS, 0.0))
@@ -111,7 +109,6 @@ def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
     assert noisy.verdict == ("unknown", ("weight_unknown",))
     assert noisy.finger.is_pressed() is None
     force = noisy.finger.force
-    assert force is not None
     force.set_gravity([0.0, 0.0, -9.8], noisy.t_ns)
     force.begin_tare(noisy.t_ns, 0.01, "someone")
     for _ in range(20):
@@ -129,7 +126,6 @@ def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
     hidden = ("unknown", ("weight_unknown",))
     for pad, expected in (("", hidden), (f"tare = {[0.0] * 16}\n", ("no_contact", ()))):
         noisy = make_noisy("mass_kg = 0.1\n", pad)
-        assert noisy.finger.image is not None
         noisy.finger.image.tare.put(replace(noisy.finger.image.tare.current, origin="config"))
         noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
         for _ in range(20):
@@ -150,7 +146,6 @@ def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
 def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[..., NoisyFinger]) -> None:
     noisy = make_noisy("drift_tau_s = 20.0\n")
     force = noisy.finger.force
-    assert force is not None
     for _ in range(1200):
         noisy.t_ns += 99 * MS
         noisy.read(1.5)
@@ -165,12 +160,10 @@ def test_drift_is_learned_while_untouched_with_and_without_image(left: str, pars
     for ms in range(0, 200_000, 100):
         finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
         read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
-    assert finger.force is not None
     assert finger.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
     alone = make_finger(text, parse)
     for ms in range(0, 200_000, 100):
         read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
-    assert alone.force is not None
     assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
 
 

@@ -53,7 +53,6 @@ def test_stream_is_stale_after_three_periods_but_not_within_20_ms(
     read_force(finger, wrench(T0, 10.0))
     assert finger.check_silence(T0 + stale_ns) is None
     state = finger.check_silence(T0 + stale_ns + 1)
-    assert state is not None
     assert verdict(state) == ("unknown", ("stale",))
     assert state.wrench is None
     assert finger.check_silence(T0 + stale_ns + 2) is None, "it is reported once"
@@ -92,8 +91,6 @@ def test_reading_that_is_not_finite_is_unknown_and_affects_no_other(
     assert verdict(spoilt) == ("unknown", ("not_finite",))
     after = press(10.0, (1.0, 0.0), ms=2.0)
     assert verdict(after) == verdict(before)
-    assert after.utilisation is not None
-    assert before.utilisation is not None
     assert after.utilisation.value == pytest.approx(before.utilisation.value)
 
 
@@ -120,7 +117,6 @@ def test_verdict_on_an_old_image_ends_before_the_next_force_reading(noisy: Noisy
     assert noisy.read(8.0).verdict.level == "stable"
     assert noisy.finger.check_silence(noisy.t_ns + 3 * MS) is None
     state = noisy.finger.check_silence(noisy.t_ns + 5 * MS)
-    assert state is not None
     assert (state.verdict.level, state.verdict.reasons, state.model) == ("unknown", ("rotation_unobserved",), "none")
     assert noisy.finger.check_silence(noisy.t_ns + 6 * MS) is None
 
@@ -128,7 +124,6 @@ def test_verdict_on_an_old_image_ends_before_the_next_force_reading(noisy: Noisy
 def test_N1_three_axis_image_that_is_not_finite_is_unknown(right: str, parse: Parse) -> None:
     finger = make_finger(right, parse, "right")
     batch = finger.update_image(TactileSample(T0, None, np.full((4, 3), math.nan)))
-    assert batch is not None
     (state,) = batch
     assert (state.verdict.level, state.verdict.reasons, state.wrench) == ("unknown", ("not_finite",), None)
 

@@ -23,7 +23,6 @@ def test_mounting_moves_wrench_from_sensor_to_pad(left: str, parse: Parse, image
     finger.update_image(image(T0, FULL))
     # Half a turn about X, and the load by the finger: the pad's (2, 0, −10) is the sensor's (−2, 0, −10).
     state = read_force(finger, WrenchSample(T0, None, np.array((-2.0, 0.0, -10.0)), np.zeros(3)))
-    assert state.wrench is not None
     assert state.wrench[:3] == pytest.approx((2.0, 0.0, -10.0))
     assert state.wrench[3:] == pytest.approx((0.0, -0.04, 0.0)), "r × F with r 20 mm behind the pad"
 
@@ -42,7 +41,6 @@ def heavy(left: str, parse: Parse) -> str:
 
 def side(text: str, parse: Parse) -> ForceChannel:
     wrench = parse(text).finger["left"].wrench
-    assert wrench is not None
     force = ForceChannel(wrench, 20 * MS, new_rows(CONDITIONS, 1))
     force.tare.observe(T0)
     return force
@@ -123,7 +121,6 @@ def test_uncertain_weight_reduces_the_margin(heavy: str, left: str, parse: Parse
                 finger.force.set_gravity([0.0, 0.0, 0.0], T0)
             state = read_force(finger, WrenchSample(T0, None, np.array((2.0, 0.0, -8.0)), np.zeros(3)))
             reported[name, shown] = state.verdict.level, state.verdict.reasons
-            assert state.contact is not None
             assert (state.contact.friction_ratio_std > 0.0) == (name == "heavy" and not shown)
     assert reported["light", False] == reported["light", True] == reported["heavy", True] == ("stable", ())
     assert reported["heavy", False][0] in ("caution", "warning")

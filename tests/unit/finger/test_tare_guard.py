@@ -14,7 +14,6 @@ from slipd.types.samples import WrenchSample
 
 class TestTareOfTheForceSensor:
     def test_tare_removes_the_bias(self, finger: Finger, press: Press) -> None:
-        assert finger.force is not None
         finger.force.tare.put(replace(finger.force.tare.current, origin="config"))  # not known yet
         finger.begin_tare(T0, 0.1, "someone")
         for _ in range(12):
@@ -22,7 +21,6 @@ class TestTareOfTheForceSensor:
         assert finger.tare.current.id == 1
         assert verdict(press(2.0, (1.0, 0.0), counts=EMPTY)) == ("no_contact", ())
         state = press(12.0, (2.0, 0.0))
-        assert state.contact is not None
         assert state.contact.normal_n == pytest.approx(10.0)
         assert state.contact.tangential_n == pytest.approx((1.0, 0.0))
 

@@ -37,7 +37,6 @@ def test_whatever_comes_the_bound_is_explained_by_evidence_and_does_not_depend_o
     evidence = [q for q, what in parts if what != "lost"] + ([mu] if mu is not None else [])
     if state.mu is not None:
         assert state.mu <= min(max(evidence), 1.0) * (1.0 + 1e-12)
-        assert state.mu_low is not None
         assert state.mu_high is None or state.mu_low <= state.mu_high
     assert (state.mu is None) == (state.source == "none")
     if state.carried is not None:

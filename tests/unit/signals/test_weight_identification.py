@@ -100,7 +100,6 @@ def test_N3_poses_on_one_line_leave_the_centre_along_it_unseen_and_it_is_named(a
     with pytest.raises(ValueError, match=r"gravity changes along .* of the pad frame only") as refused:
         found_in(line)
     blind = re.search(r"along \((.*?)\)", str(refused.value))
-    assert blind is not None
     assert [abs(float(value)) for value in blind[1].split(",")] == [float(k == axis) for k in range(3)]
 
 
