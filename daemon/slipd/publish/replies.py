@@ -16,16 +16,15 @@ from slipd.types.finite import finite_or_none
 from slipd.types.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
-Result = Body | Refusal
-"""What a handler returns: the result of the request, or why it is refused."""
+
+def granted(number: object, result: Body, t_ns: int) -> Body:
+    """Return the reply to request ``number``, carried out at ``t_ns``."""
+    return {"v": PROTOCOL_VERSION, "id": number, "t_ns": t_ns, "ok": True, "result": result}
 
 
-def reply_body(number: object, result: Result, t_ns: int) -> Body:
-    """Return the reply to request ``number``, answered at ``t_ns``."""
-    head = {"v": PROTOCOL_VERSION, "id": number, "t_ns": t_ns}
-    if isinstance(result, Refusal):
-        return head | {"ok": False, "error": _error(result)}
-    return head | {"ok": True, "result": result}
+def refused(number: object, refusal: Refusal, t_ns: int) -> Body:
+    """Return the reply to request ``number``, refused at ``t_ns``."""
+    return {"v": PROTOCOL_VERSION, "id": number, "t_ns": t_ns, "ok": False, "error": _error(refusal)}
 
 
 def error_body(number: object, refusal: Refusal) -> Body:
@@ -38,7 +37,7 @@ def _error(refusal: Refusal) -> Body:
     return {"code": refusal.code, "message": refusal.message, "field": refusal.field}
 
 
-def done() -> Body:
+def done(_: object = None) -> Body:
     """Return the result of a request that has nothing to report."""
     return {}
 

@@ -1,4 +1,4 @@
-"""Handlers of the requests that change the basis of verdicts: tares, gravity and friction.
+"""Handlers of the requests that change the basis of verdicts: tares, gravity, friction and the name of the object.
 
 The lease holder moves the gripper on these verdicts. While a client holds the lease, no other may make them more
 lenient: a tare and its undo shift every force, and a larger μ makes a slipping grip look stable.
@@ -10,22 +10,26 @@ from slipd.config import Requests
 from slipd.events import Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
+from slipd.grasp.named_object import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
+from slipd.gripper.lease import Lease
 from slipd.publish import replies
-from slipd.publish.replies import Result
-from slipd.requests.gripper_handlers import Handler
+from slipd.publish.wire_values import Body
+from slipd.requests.grip_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
-from slipd.types.refusal import Refusal
+from slipd.types.refusal import Refusal, RefusalError, require
 from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
+_OTHER_NAME = "another name may make verdicts more lenient, as friction is learned for each"
 
 
 class FingerHandlers:
-    """Carry out the requests about a finger.
+    """Carry out the requests about a finger, and about the object.
 
     Args:
         fingers: The fingers by name.
+        named: Keeps the name of the object.
         policy: Keeps the lease.
         config: ``[requests]``.
 
@@ -33,10 +37,8 @@ class FingerHandlers:
         ops: Handler of each op.
     """
 
-    def __init__(self, fingers: dict[str, Finger], policy: GripPolicy, config: Requests) -> None:
-        self._fingers = fingers
-        self._policy = policy
-        self._config = config
+    def __init__(self, fingers: dict[str, Finger], named: NamedObject, policy: GripPolicy, config: Requests) -> None:
+        self._fingers, self._named, self._policy, self._config = fingers, named, policy, config
         self._gravity_from: dict[str, tuple[bytes, int]] = {}
         self.ops: dict[str, Handler] = {
             "tare": self._tare,
@@ -44,106 +46,99 @@ class FingerHandlers:
             "tare.undo": self._tare_undo,
             "gravity.set": self._gravity_set,
             "friction.set": self._friction_set,
+            "object.set": self._object_set,
         }
 
-    def _finger(self, request: Request) -> Finger | Refusal:
+    def _finger(self, request: Request) -> Finger:
         name = request.body["finger"]
-        finger = self._fingers.get(name)
-        if finger is None:
+        if name not in self._fingers:
             rule = f"finger must be one of {', '.join(self._fingers)}, got {name!r:.40}"
-            return Refusal("unknown_finger", rule, "finger")
-        return finger
+            raise RefusalError(Refusal("unknown_finger", rule, "finger"))
+        return self._fingers[name]
 
-    def _tares(self, request: Request, known: tuple[str, ...]) -> Tares | Refusal:
+    def _tares(self, request: Request, known: tuple[str, ...]) -> Tares:
         """Return the streams of a finger that a request names."""
-        finger = self._finger(request)
-        if isinstance(finger, Refusal):
-            return finger
-        stream = request.body.get("stream")
+        finger, stream = self._finger(request), request.body.get("stream")
         if stream not in (None, *known):
-            return Refusal("out_of_range", f"stream must be one of {', '.join(known)}, got {stream!r:.40}", "stream")
-        return Tares.of(finger, stream)
+            rule = f"stream must be one of {', '.join(known)}, got {stream!r:.40}"
+            raise RefusalError(Refusal("out_of_range", rule, "stream"))
+        found = Tares.of(finger, stream)
+        if isinstance(found, Refusal):
+            raise RefusalError(found)
+        return found
 
-    def _tare(self, request: Request, t_ns: int) -> Result:
+    def _tare(self, request: Request, t_ns: int) -> Body:
         tares = self._tares(request, STREAM_OR_ALL.words)
-        if isinstance(tares, Refusal):
-            return tares
-        seconds = request.body.get("seconds", TARE_S)
+        seconds, unloaded = request.body.get("seconds", TARE_S), request.body.get("unloaded", False)
         if not SECONDS.allows(seconds):
-            return Refusal("out_of_range", f"seconds must be {SECONDS.number_range}, got {seconds:g}", "seconds")
-        unloaded = request.body.get("unloaded", False)
-        refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
-        if refusal is not None:
-            return refusal
-        if (self._policy.grips or self._policy.releasing) and not tares.verified:
-            rule = f"{_GRIP_IN_FORCE}: finger {tares.finger.name} must be known to be free"
-            return Refusal("in_contact", rule, "finger")
+            rule = f"seconds must be {SECONDS.number_range}, got {seconds:g}"
+            raise RefusalError(Refusal("out_of_range", rule, "seconds"))
+        self._check_others_lease(request, t_ns, "tared")
+        require(tares.refuse(t_ns, unloaded=unloaded))
         verified = tares.verified
+        if (self._policy.grips or self._policy.releasing) and not verified:
+            rule = f"{_GRIP_IN_FORCE}: finger {tares.finger.name} must be known to be free"
+            raise RefusalError(Refusal("in_contact", rule, "finger"))
         tares.begin(t_ns, seconds, client_name(request.client), unloaded=unloaded)
         return replies.tare_begun(tares, seconds, verified=verified)
 
-    def _tare_get(self, request: Request, _: int) -> Result:
-        tares = self._tares(request, STREAM.words)
-        return tares if isinstance(tares, Refusal) else replies.tare_in_use(tares)
+    def _tare_get(self, request: Request, _: int) -> Body:
+        return replies.tare_in_use(self._tares(request, STREAM.words))
 
-    def _tare_undo(self, request: Request, t_ns: int) -> Result:
+    def _tare_undo(self, request: Request, t_ns: int) -> Body:
         tares = self._tares(request, STREAM.words)
-        if isinstance(tares, Refusal):
-            return tares
-        refusal = self._check_others_lease(request, t_ns, "changed")
-        if refusal is None and not tares.busy and tares.finger.is_pressed() is True:
-            refusal = self._policy.lease.check(request.client, t_ns)
-        return refusal or tares.undo() or replies.tare_in_use(tares)
+        self._check_others_lease(request, t_ns, "changed")
+        if not tares.busy and tares.finger.is_pressed() is True:
+            require(self._policy.lease.check(request.client, t_ns))
+        require(tares.undo())
+        return replies.tare_in_use(tares)
 
-    def _gravity_set(self, request: Request, t_ns: int) -> Result:
-        finger = self._finger(request)
-        if isinstance(finger, Refusal):
-            return finger
+    def _gravity_set(self, request: Request, t_ns: int) -> Body:
+        finger, gravity = self._finger(request), request.body["gravity_mps2"]
         if finger.force is None:
-            return Refusal(
-                "not_ready", f"finger {finger.name} has no force sensor, so that its weight is not measured", "finger"
-            )
-        fault = gravity_fault(request.body["gravity_mps2"])
-        if fault is not None:
-            return Refusal("out_of_range", fault, "gravity_mps2")
+            rule = f"finger {finger.name} has no force sensor, so that its weight is not measured"
+            raise RefusalError(Refusal("not_ready", rule, "finger"))
+        if fault := gravity_fault(gravity):
+            raise RefusalError(Refusal("out_of_range", fault, "gravity_mps2"))
         sender, sent_ns = self._gravity_from.get(finger.name, (request.client, t_ns))
         holder = self._policy.lease.holder(t_ns)
         if holder not in (None, request.client) and sender == holder and t_ns - sent_ns <= FRESH_NS:
             rule = f"the lease holder sends the gravity of finger {finger.name}: no other client may send it now"
-            return Refusal("lease_held", rule, "gravity_mps2")
+            raise RefusalError(Refusal("lease_held", rule, "gravity_mps2"))
         self._gravity_from[finger.name] = request.client, t_ns
-        finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
+        finger.force.set_gravity(gravity, t_ns)
         return replies.gravity_set(finger.force, t_ns)
 
-    def _friction_set(self, request: Request, t_ns: int) -> Result:
-        finger = self._finger(request)
-        if isinstance(finger, Refusal):
-            return finger
-        mu_s = float(request.body["mu_s"])
+    def _friction_set(self, request: Request, t_ns: int) -> Body:
+        finger, mu_s = self._finger(request), float(request.body["mu_s"])
         mu_d = float(request.body["mu_d"]) if "mu_d" in request.body else None
-        refusal = _check_friction(finger, mu_s, mu_d) or self._check_lenience(request, finger, mu_s, mu_d, t_ns)
-        if refusal is not None:
-            return refusal
+        require(_check_friction(finger, mu_s, mu_d))
+        if finger.friction.is_more_lenient(mu_s, mu_d):
+            change = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
+            self._check_lenience(request, change, t_ns)
         finger.set_friction(mu_s, mu_d, client_name(request.client), t_ns)
         return replies.friction_set(finger)
 
-    def _check_lenience(
-        self, request: Request, finger: Finger, mu_s: float, mu_d: float | None, t_ns: int
-    ) -> Refusal | None:
-        """Refuse coefficients that make a verdict more lenient, unless the client holds the lease."""
-        if self._config.friction_without_lease or not finger.friction.is_more_lenient(mu_s, mu_d):
-            return None
-        refusal = self._policy.lease.check(request.client, t_ns)
-        if refusal is None:
-            return None
-        why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
-        return Refusal(refusal.code, f"{why}: {lease_advice(self._policy, t_ns)}")
+    def _object_set(self, request: Request, t_ns: int) -> Body:
+        """Name the object; another name exchanges what was learned of friction for something else."""
+        name = request.body["name"]
+        if name != self._named.name:
+            self._check_lenience(request, _OTHER_NAME, t_ns)
+        self._named.set(name, client_name(request.client), t_ns)
+        for finger in self._fingers.values():
+            finger.friction.set_object(name)
+        return replies.object_named(self._named, self._fingers)
 
-    def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
+    def _check_lenience(self, request: Request, change: str, t_ns: int) -> None:
+        """Refuse a change that makes a verdict more lenient, unless the client holds the lease."""
+        if not self._config.friction_without_lease:
+            require_lease(self._policy.lease, request, t_ns, change)
+
+    def _check_others_lease(self, request: Request, t_ns: int, done: str) -> None:
         """Refuse to change the readings by which another client moves the gripper."""
-        if self._policy.lease.holder(t_ns) in (None, request.client):
-            return None
-        return Refusal("lease_held", f"another client holds the lease: only that client may have its sensors {done}")
+        if self._policy.lease.holder(t_ns) not in (None, request.client):
+            rule = f"another client holds the lease: only that client may have its sensors {done}"
+            raise RefusalError(Refusal("lease_held", rule))
 
 
 def _check_friction(finger: Finger, mu_s: float, mu_d: float | None) -> Refusal | None:
@@ -165,10 +160,17 @@ def _change(finger: Finger, mu_s: float) -> str:
     return f"mu_s {mu_s:g} over {strictest:.3g}" if mu_s > strictest else "a lower mu_d"
 
 
-def lease_advice(policy: GripPolicy, t_ns: int) -> str:
-    """Return what a client without the lease may do about it, for people."""
-    held = policy.lease.holder(t_ns) is not None
-    return "another client holds the lease" if held else "acquire the lease first (lease.acquire)"
+def require_lease(lease: Lease, request: Request, t_ns: int, why: str, free: str = "") -> None:
+    """Go on if a client holds the lease; say otherwise why it needs it, and what it may do about it.
+
+    Raises:
+        RefusalError: It does not.
+    """
+    refusal = lease.check(request.client, t_ns)
+    if refusal is not None:
+        held = lease.holder(t_ns) is not None
+        advice = "another client holds the lease" if held else "acquire the lease first (lease.acquire)"
+        raise RefusalError(Refusal(refusal.code, f"{why}: {advice}{free}"))
 
 
 def client_name(client: bytes) -> str:

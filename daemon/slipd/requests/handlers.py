@@ -11,16 +11,13 @@ from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
-from slipd.publish.replies import Result
 from slipd.publish.wire_values import Body
-from slipd.requests.finger_handlers import FingerHandlers, lease_advice
-from slipd.requests.gripper_handlers import gripper_handlers
+from slipd.requests.finger_handlers import FingerHandlers, require_lease
+from slipd.requests.grip_handlers import Handler, grip_handlers
 from slipd.requests.idempotency import IdempotencyCache
-from slipd.requests.lease_handlers import LeaseHandlers
-from slipd.requests.object_handlers import ObjectHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
-from slipd.types.refusal import Refusal
+from slipd.types.refusal import RefusalError, require
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
 
 _FREED_BY = {
@@ -56,24 +53,17 @@ class RequestHandlers:
         recordings: RecordingState,
         status: Callable[[int], Body],
     ) -> None:
-        self._boot = boot
-        self._fingers = fingers
-        self._policy = policy = gripper.policy
+        self._boot, self._policy, self._recordings = boot, gripper.policy, recordings
         free = {name for name, key in _FREED_BY.items() if getattr(requests, key)}
         self._steering = {name: op.steers for name, op in OPS.items() if reflex and name not in free}
-        self._recordings = recordings
-        self._status = status
         self._kept = IdempotencyCache()
         self._pending: dict[tuple[bytes, str | int], Body] = {}
-        self._ops: dict[str, Callable[[Request, int], Result | None]] = {
-            "hello": self._hello,
-            "status": self._status_now,
-            "record.start": self._record_start,
-            "record.stop": self._record_stop,
-            **LeaseHandlers(policy).ops,
-            **FingerHandlers(fingers, policy, requests).ops,
-            **ObjectHandlers(fingers, named, policy, requests).ops,
-            **gripper_handlers(gripper),
+        self._ops: dict[str, Handler] = {
+            "hello": lambda _, t_ns: replies.hello(boot, t_ns, fingers),
+            "status": lambda _, t_ns: status(t_ns),
+            "record.stop": lambda _, __: replies.recording_file(recordings.stop()),
+            **FingerHandlers(fingers, named, gripper.policy, requests).ops,
+            **grip_handlers(gripper),
         }
 
     def answer(self, request: Request, t_ns: int) -> Reply | None:
@@ -82,62 +72,51 @@ class RequestHandlers:
         Returns:
             The reply; None where it must wait for the disk (`note_recording`), also for a copy sent meanwhile.
         """
-        body = request.body
-        refusal = check_request(body, self._boot, t_ns)
-        if refusal is not None:
-            return Reply(request.client, replies.reply_body(body.get("id"), refusal, t_ns))
-        urgent = body["op"] in URGENT_OPS and self._policy.lease.holder(t_ns) == request.client
-        seen = self._kept.seen(request.client, body, t_ns, urgent=urgent)
-        if isinstance(seen, Refusal):
-            return Reply(request.client, replies.reply_body(body["id"], seen, t_ns))
-        reply = self._carry_out(request, t_ns) if seen is None else seen
-        return Reply(request.client, reply) if reply else None
+        client, body = request.client, request.body
+        try:
+            require(check_request(body, self._boot, t_ns))
+            urgent = body["op"] in URGENT_OPS and self._policy.lease.holder(t_ns) == client
+            reply = self._kept.seen(client, body, t_ns, urgent=urgent)
+        except RefusalError as error:
+            return Reply(client, replies.refused(body.get("id"), error.refusal, t_ns))
+        if reply is None:
+            reply = self._carry_out(request, t_ns)
+            self._kept.keep(client, body, reply, t_ns)
+        return Reply(client, reply) if reply else None
 
     def _carry_out(self, request: Request, t_ns: int) -> Body:
-        """Carry out a new request and keep its reply; an empty reply is completed by `note_recording`."""
-        client, number = request.client, request.body["id"]
-        result = self._check_steering(request, t_ns) or self._ops[request.body["op"]](request, t_ns)
-        reply: Body = {} if result is None else replies.reply_body(number, result, t_ns)
-        if result is None:
-            self._pending[client, number] = reply
-        self._kept.keep(client, request.body, reply, t_ns)
-        return reply
+        """Carry out a new request and return its reply; an empty reply is completed by `note_recording`."""
+        op, number = request.body["op"], request.body["id"]
+        try:
+            self._check_steering(request, t_ns)
+            if op == "record.start":
+                self._recordings.start(request, t_ns)
+                return self._pending.setdefault((request.client, number), {})
+            return replies.granted(number, self._ops[op](request, t_ns), t_ns)
+        except RefusalError as error:
+            return replies.refused(number, error.refusal, t_ns)
 
-    def _check_steering(self, request: Request, t_ns: int) -> Refusal | None:
+    def _check_steering(self, request: Request, t_ns: int) -> None:
         """Refuse what the reflex would act on to a client that may not move the gripper."""
         op = request.body["op"]
         rule = self._steering.get(op, "never")
         held = self._policy.grips or self._policy.releasing
         if rule == "never" or (rule == "in_grasp" and not held):
-            return None
-        refusal = self._policy.lease.check(request.client, t_ns)
-        if refusal is None:
-            return None
+            return
         why = f"the reflex acts on {op}, so that it may move the gripper"
         free = f"; {_FREED_BY[op]} = true in [requests] of the config frees it" if op in _FREED_BY else ""
-        return Refusal(refusal.code, f"{why}: {lease_advice(self._policy, t_ns)}{free}")
+        require_lease(self._policy.lease, request, t_ns, why, free)
 
     def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
         """Note the new state of a recording, and answer the request that waited for it."""
-        settled = self._recordings.settle(event)
-        if settled is None:
+        request = self._recordings.note(event)
+        if request is None:
             return None
-        request, outcome = settled
-        result = outcome if isinstance(outcome, Refusal) else replies.recording_file(outcome)
-        reply = self._pending.pop((request.client, request.body["id"]), {})
+        number = request.body["id"]
+        reply = self._pending.pop((request.client, number), {})
         # in place, so that a copy of the request gets the same reply
-        reply |= replies.reply_body(request.body["id"], result, t_ns)
+        if event.state == "running":
+            reply |= replies.granted(number, replies.recording_file(event), t_ns)
+        else:
+            reply |= replies.refused(number, self._recordings.why_not_begun(event), t_ns)
         return Reply(request.client, reply)
-
-    def _hello(self, _: Request, t_ns: int) -> Result:
-        return replies.hello(self._boot, t_ns, self._fingers)
-
-    def _status_now(self, _: Request, t_ns: int) -> Result:
-        return self._status(t_ns)
-
-    def _record_start(self, request: Request, t_ns: int) -> Refusal | None:
-        return self._recordings.start(request, t_ns)
-
-    def _record_stop(self, _: Request, __: int) -> Result:
-        ended = self._recordings.stop()
-        return ended if isinstance(ended, Refusal) else replies.recording_file(ended)

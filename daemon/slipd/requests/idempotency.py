@@ -8,7 +8,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
-from slipd.types.refusal import Refusal
+from slipd.types.refusal import Refusal, RefusalError
 from slipd_client.messages.schema.ops import OPEN_OPS
 
 PER_CLIENT = 64
@@ -39,35 +39,36 @@ class IdempotencyCache:
         self._deadlines: list[tuple[int, int, bytes, str | int]] = []
         self._numbers = itertools.count()
 
-    def seen(
-        self, client: bytes, body: dict[str, Any], t_ns: int, *, urgent: bool = False
-    ) -> dict[str, Any] | Refusal | None:
-        """Return the reply kept for a request, or why it is refused; None for a new one, which must be kept (`keep`).
+    def seen(self, client: bytes, body: dict[str, Any], t_ns: int, *, urgent: bool = False) -> dict[str, Any] | None:
+        """Return the reply kept for a request; None for a new one, which must be kept (`keep`).
 
         Args:
             client: The client.
             body: The request.
             t_ns: Now, CLOCK_MONOTONIC.
             urgent: The request is never refused as "busy".
+
+        Raises:
+            RefusalError: It is late, a copy of another client's, or one too many.
         """
         if body["op"] in OPEN_OPS:
             return None
         self._forget(t_ns)
         if body["deadline_ns"] <= self._now_ns:
-            return Refusal("deadline_passed", "the deadline has passed", "deadline_ns")
+            raise _refusal("deadline_passed", "the deadline has passed", "deadline_ns")
         content = _content(body)
         mine = self._clients.get(client, {})
         kept = mine.get(body["id"])
         if kept is not None:
             if kept.content == content:
                 return kept.reply
-            return Refusal(
-                "repeated_id", "id must be new for every request: this one was used for another request", "id"
-            )
+            rule = "id must be new for every request: this one was used for another request"
+            raise _refusal("repeated_id", rule, "id")
         if content in self._senders:
-            return Refusal("replayed", "another client has already sent this request")
+            raise _refusal("replayed", "another client has already sent this request")
         if not urgent and (len(mine) >= PER_CLIENT or (not mine and len(self._clients) >= MOST_CLIENTS)):
-            return Refusal("busy", "too many requests whose deadlines have not passed: wait, or use shorter deadlines")
+            rule = "too many requests whose deadlines have not passed: wait, or use shorter deadlines"
+            raise _refusal("busy", rule)
         return None
 
     def keep(self, client: bytes, body: dict[str, Any], reply: dict[str, Any], t_ns: int) -> None:
@@ -89,6 +90,10 @@ class IdempotencyCache:
             del self._senders[mine.pop(name).content]
             if not mine:
                 del self._clients[client]
+
+
+def _refusal(code: str, rule: str, field: str = "") -> RefusalError:
+    return RefusalError(Refusal(code, rule, field))
 
 
 def _content(value: Any) -> Hashable:

@@ -7,14 +7,11 @@ from datetime import UTC, datetime, timedelta
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.types.clocks import WallClock
-from slipd.types.refusal import Refusal
+from slipd.types.refusal import Refusal, RefusalError
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11
 """Largest wall time in a name, in the year 5138; a replayed file may contain any time."""
-
-_CODES = {"limited": "no_room", "failed": "record_failed"}
-"""Error code of a `record.start` whose recording did not begin, by the state that was reported instead."""
 
 
 def utc_stamp(wall_ns: int) -> str:
@@ -45,32 +42,37 @@ class RecordingState:
         self._waiting: dict[str, Request] = {}
         self._due: list[Record] = []
 
-    def start(self, request: Request, t_ns: int) -> Refusal | None:
-        """Start a recording; return None where the reply must wait for the disk (`settle`)."""
+    def start(self, request: Request, t_ns: int) -> None:
+        """Start a recording; the reply waits for the disk (`note`).
+
+        Raises:
+            RefusalError: One is running.
+        """
         if self._running:
-            return Refusal("not_ready", f"{self.requested.name} is being recorded: end it with record.stop")
+            rule = f"{self.requested.name} is being recorded: end it with record.stop"
+            raise RefusalError(Refusal("not_ready", rule))
         self._count += 1
         name = f"slipd-{utc_stamp(self._wall.at_ns(t_ns))}-{self._boot}-{self._count}.mcap"
         self.requested = RecordingChanged(name, "", "running")
         self._waiting[name] = request
         self._due.append(Record(name))
-        return None
 
-    def stop(self) -> RecordingChanged | Refusal:
-        """End the recording that runs, and return it."""
+    def stop(self) -> RecordingChanged:
+        """End the recording that runs, and return it.
+
+        Raises:
+            RefusalError: None is running.
+        """
         recording = self.requested
         if not self._running:
-            return Refusal("not_ready", recording.reason or "nothing is being recorded: begin with record.start")
+            rule = recording.reason or "nothing is being recorded: begin with record.start"
+            raise RefusalError(Refusal("not_ready", rule))
         self.requested = replace(recording, state="stopped")
         self._due.append(Record(""))
         return self.requested
 
-    def settle(self, event: RecordingChanged) -> tuple[Request, RecordingChanged | Refusal] | None:
-        """Note the new state of a recording.
-
-        Returns:
-            The request that waited for it, and the recording or why it did not begin; None where no request waited.
-        """
+    def note(self, event: RecordingChanged) -> Request | None:
+        """Note the new state of a recording; return the request that waited for it, if one did."""
         if not event.name:
             self.whole_run = event
             return None
@@ -79,12 +81,12 @@ class RecordingState:
                 self.requested = event
             elif event.state == "running":  # its file was created only after its record.stop
                 self.requested = replace(event, state="stopped")
-        waiting = self._waiting.pop(event.name, None)
-        if waiting is None:
-            return None
-        if event.state == "running":
-            return waiting, event
-        return waiting, Refusal(_CODES.get(event.state, "record_failed"), event.reason)
+        return self._waiting.pop(event.name, None)
+
+    @staticmethod
+    def why_not_begun(event: RecordingChanged) -> Refusal:
+        """Return why a recording did not begin, by the state that was reported instead."""
+        return Refusal("no_room" if event.state == "limited" else "record_failed", event.reason)
 
     def due(self) -> list[Record]:
         """Return the recordings to start or end since the last call."""

@@ -18,3 +18,21 @@ class Refusal:
     code: str
     message: str
     field: str = ""
+
+
+class RefusalError(Exception):
+    """Ends the handling of a request that is refused."""
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.message)
+        self.refusal = refusal
+
+
+def require(refusal: Refusal | None) -> None:
+    """Go on unless there is a refusal.
+
+    Raises:
+        RefusalError: There is one.
+    """
+    if refusal is not None:
+        raise RefusalError(refusal)

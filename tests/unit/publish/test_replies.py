@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from slipd.publish.replies import error_body, reply_body
+from slipd.publish.replies import error_body, granted, refused
 from slipd.types.refusal import Refusal
 from slipd_client.messages import decode, encode
 
@@ -26,5 +26,5 @@ def test_an_error_repeats_only_an_id_that_is_a_string_or_an_integer(number: Any,
 
 def test_a_reply_has_either_a_result_or_an_error() -> None:
     head = {"v": 1, "id": "a-1", "t_ns": 5}
-    assert reply_body("a-1", {"ttl_ms": 200}, 5) == head | {"ok": True, "result": {"ttl_ms": 200}}
-    assert reply_body("a-1", REFUSAL, 5) == head | {"ok": False, "error": ERROR}
+    assert granted("a-1", {"ttl_ms": 200}, 5) == head | {"ok": True, "result": {"ttl_ms": 200}}
+    assert refused("a-1", REFUSAL, 5) == head | {"ok": False, "error": ERROR}
