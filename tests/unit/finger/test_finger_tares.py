@@ -1,4 +1,4 @@
-"""Tares of pad and force sensor, each with a zero of its own. Through the engine."""
+"""Tares of pad and force sensor, each with a zero of its own, and what gives them up. Through the engine."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from engine_rig import NO_IMAGE
 
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
-
-EMPTY = np.zeros((4, 4), dtype=int)
 
 Run = Any
 
@@ -39,187 +38,174 @@ axis_scale = [1.0]
 """
 
 
-class TestTareOfPad:
-    """A pad beside a force sensor has a zero of its own."""
+def counts(number: float) -> np.ndarray:
+    """An image of the left pad."""
+    return np.full((4, 4), number, dtype=int)
 
-    def offset(self, counts: float, press: float = 0.0) -> np.ndarray:
-        """Counts of the left pad whose unloaded taxels read ``counts``."""
-        return np.full((4, 4), counts + press, dtype=int)
 
-    def show(self, run: Run, counts: np.ndarray) -> None:
-        """Images until one of them is published."""
-        for _ in range(20):
-            run.wait(10)
-            run.tick()
-            run.image(counts)
-
-    def test_pad_is_tared_and_undone_apart_from_the_force_sensor(self, run: Run) -> None:
-        run.bring_up()
-        run.image(self.offset(4))
-        reply = run.ask("tare", finger="left", stream="pad", seconds=0.1)["result"]
-        assert reply == {"finger": "left", "seconds": 0.1, "verified": True, "tare_id": 0, "tare_ids": {"pad": 0}}
-        assert run.ask("status")["result"]["streams"]["left.pad"]["tare_busy"] is True
-        for _ in range(14):
-            run.wrench(0.0, ms=10.0)
-            run.image(self.offset(4))
-        got = run.ask("tare.get", finger="left", stream="pad")["result"]
-        assert (got["stream"], got["tare_id"], got["busy"], got["by"]) == ("pad", 1, False, "ann")
-        assert got["offset"] == pytest.approx([4.0] * 16)
-        assert run.ask("tare.get", finger="left")["result"]["stream"] == "wrench", "the other tare is unchanged"
-        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
-        status = run.ask("status")["result"]
-        assert (status["streams"]["left.pad"]["tare_id"], status["fingers"]["left"]["tare_id"]) == (1, 1)
-        self.show(run, self.offset(4, press=100))
-        assert run.published("tactile.left")[-1]["tare_id"] == 1
-        assert run.published("tactile.left")[-1]["loads_n"] == pytest.approx([1.0] * 16)
-        run.lease()  # something presses
-        undone = run.ask("tare.undo", finger="left", stream="pad")["result"]
-        assert (undone["stream"], undone["tare_id"], undone["by"]) == ("pad", 0, "config")
-        self.show(run, self.offset(4, press=100))
-        assert run.published("tactile.left")[-1]["loads_n"] == pytest.approx([1.04] * 16)
-        run.lease()
-        assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
-        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
-
-    @pytest.fixture
-    def untared(self, make_run: Callable[..., Run], rig: str) -> Run:
-        run = make_run(rig, zeros=False)
-        run.up()
-        return run
-
-    def test_stream_all_tares_both(self, untared: Run) -> None:
-        run = untared
-        run.image(self.offset(300))
-        run.wrench(0.2)
-        reply = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
-        assert (reply["verified"], reply["tare_id"], reply["tare_ids"]) == (False, 0, {"wrench": 0, "pad": 0})
-        for _ in range(14):
-            run.wrench(0.2, ms=10.0)
-            run.image(self.offset(300))
-        for stream, offset in (("wrench", [0.0, 0.0, -0.2, 0.0, 0.0, 0.0]), ("pad", [300.0] * 16)):
-            got = run.ask("tare.get", finger="left", stream=stream)["result"]
-            assert (got["tare_id"], got["busy"]) == (1, False), "neither sensor vouches for the zero of the other"
-            assert got["offset"] == pytest.approx(offset, abs=1e-6)
-        run.image(self.offset(300))
-        again = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
-        assert again["verified"] is True, "now each shows that the finger is free"
-
-    def test_tare_of_a_charge_pad_keeps_its_loads(self, make_run: Callable[[str], Run], left: str) -> None:
-        loads = []
-        for tares in (False, True):
-            run = make_run(left + "charge_tau_s = 2.0\n")
-            run.up()
-            for k in range(60):
-                run.wait(5)
-                run.tick()
-                run.image(self.offset(40, press=100 if k > 40 else 0))
-                run.wrench(16.0 if k >= 40 else 0.0, ms=5.0)
-                if tares and k == 10:
-                    assert run.refusal("tare", finger="left", stream="pad", seconds=0.1) is None
-            got = run.ask("tare.get", finger="left", stream="pad")["result"]
-            assert got["offset"] == pytest.approx([40.0 if tares else 0.0] * 16)
-            loads.append(run.published("tactile.left")[-1]["loads_n"])
-        assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
-        assert loads[1] == pytest.approx(loads[0], abs=1e-9)
-
-    def test_image_of_a_tared_pad_refuses_a_tare_in_contact(self, untared: Run) -> None:
-        run = untared
-        self.test_stream_all_tares_both(run)
-        for stream in ("wrench", "pad", "wrench"):  # the two in progress, and the one before
-            assert run.refusal("tare.undo", finger="left", stream=stream) is None
-        run.wrench(0.2)
-        run.image(self.offset(300, press=100))
-        assert run.refusal("tare", finger="left", stream="all") == ("in_contact", "finger")
-        assert run.refusal("tare", finger="left", stream="wrench") == ("in_contact", "finger")
-
-    def test_contact_gives_up_the_tare(self, run: Run) -> None:
-        run.bring_up()
-        assert run.ask("tare", finger="left", stream="pad", seconds=0.2)["ok"]
-        run.wrench(5.0, ms=10.0)
-        got = run.ask("tare.get", finger="left", stream="pad")["result"]
-        assert (got["busy"], got["tare_id"], got["given_up"]) == (False, 0, "a contact began")
-        assert got["given_up_reason"] == "contact"
-        assert run.refusal("tare", finger="left", stream="pad") == ("in_contact", "finger")
-
-    def test_silent_pad_is_not_tared(self, run: Run) -> None:
-        run.wrench(0.0)
-        assert run.refusal("tare", finger="left", stream="pad") == ("not_ready", "finger")
-        run.image(EMPTY)
-        assert run.refusal("tare", finger="left", stream="pad", seconds=0.5) is None
-        for _ in range(60):
-            run.wrench(0.0, ms=10.0)
+def feed(run: Run, times: int, image: float, normal_n: float | None = None) -> None:
+    """Give an image of equal counts every 10 ms, and a force before each where one is named."""
+    for _ in range(times):
+        run.wait(5)
         run.tick()
-        got = run.ask("tare.get", finger="left", stream="pad")["result"]
-        assert (got["busy"], got["given_up"]) == (False, "the stream fell silent")
-        assert got["given_up_reason"] == "silent"
+        if normal_n is not None:
+            run.wrench(normal_n, ms=0.0)
+        run.wait(5)
+        run.image(counts(image))
 
-    def test_unplugged_pad_gives_up_its_tare(self, run: Run) -> None:
-        run.wrench(0.0)
-        run.image(EMPTY)
-        assert run.refusal("tare", finger="left", stream="pad") is None
-        run.down("left.pad")
-        got = run.ask("tare.get", finger="left", stream="pad")["result"]
-        assert (got["given_up"], got["given_up_reason"]) == ("the stream ended", "ended")
 
-    @pytest.mark.parametrize(
-        ("op", "fields", "refusal"),
-        [
-            ("tare", {"finger": "left", "stream": "both"}, ("out_of_range", "stream")),
-            ("tare.get", {"finger": "left", "stream": "all"}, ("out_of_range", "stream")),
-            ("tare.undo", {"finger": "left", "stream": "all"}, ("out_of_range", "stream")),
-            ("tare", {"finger": "right", "stream": "wrench"}, ("not_ready", "stream")),
-            ("tare", {"finger": "middle", "stream": "pad"}, ("unknown_finger", "finger")),
-            ("tare", {"finger": "left", "stream": 1}, ("bad_type", "stream")),
-        ],
-    )
-    def test_unknown_stream_is_refused(
-        self, run: Run, op: str, fields: dict[str, Any], refusal: tuple[str, str]
-    ) -> None:
-        run.wrench(0.0)
-        assert run.refusal(op, **fields) == refusal
+def tare_of(run: Run, stream: str) -> dict[str, Any]:
+    found: dict[str, Any] = run.ask("tare.get", finger="left", stream=stream)["result"]
+    return found
 
-    def test_pad_that_measures_the_force_may_be_named(self, run: Run) -> None:
-        run.skin(0.4)
-        for stream in ("pad", "all"):
-            reply = run.ask("tare", finger="right", stream=stream, seconds=0.1)["result"]
-            assert reply["tare_ids"] == {"pad": 0}
 
-    def test_readings_marked_invalid_are_left_out(self, make_run: Callable[..., Run]) -> None:
-        run = make_run(EXTERNAL, zeros=False)
+@pytest.fixture
+def untared(make_run: Callable[..., Run], rig: str) -> Run:
+    run = make_run(rig, zeros=False)
+    run.up()
+    return run
+
+
+def test_pad_is_tared_and_undone_apart_from_the_force_sensor(run: Run) -> None:
+    run.bring_up()
+    run.image(counts(4))
+    reply = run.ask("tare", finger="left", stream="pad", seconds=0.1)["result"]
+    assert reply == {"finger": "left", "seconds": 0.1, "verified": True, "tare_id": 0, "tare_ids": {"pad": 0}}
+    assert run.ask("status")["result"]["streams"]["left.pad"]["tare_busy"] is True
+    feed(run, 14, 4, 0.0)
+    got, other = tare_of(run, "pad"), run.ask("tare.get", finger="left")["result"]
+    assert (got["stream"], got["tare_id"], got["busy"], got["by"]) == ("pad", 1, False, "ann")
+    assert got["offset"] == pytest.approx([4.0] * 16)
+    assert (other["stream"], other["tare_id"]) == ("wrench", 1), "the other tare is unchanged"
+    status = run.ask("status")["result"]
+    assert (status["streams"]["left.pad"]["tare_id"], status["fingers"]["left"]["tare_id"]) == (1, 1)
+    for tare_id, load_n in ((1, 1.0), (0, 1.04)):
+        feed(run, 20, 104)
+        shown = run.published("tactile.left")[-1]
+        assert (shown["tare_id"], shown["loads_n"]) == (tare_id, pytest.approx([load_n] * 16))
+        run.lease()  # something presses
+        if tare_id == 1:
+            undone = run.ask("tare.undo", finger="left", stream="pad")["result"]
+            assert (undone["stream"], undone["tare_id"], undone["by"]) == ("pad", 0, "config")
+    assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
+    assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+
+
+def test_stream_all_tares_both_and_then_each_shows_whether_the_finger_is_free(untared: Run) -> None:
+    run = untared
+    run.image(counts(300))
+    run.wrench(0.2)
+    reply = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
+    assert (reply["verified"], reply["tare_id"], reply["tare_ids"]) == (False, 0, {"wrench": 0, "pad": 0})
+    feed(run, 14, 300, 0.2)
+    for stream, offset in (("wrench", [0.0, 0.0, -0.2, 0.0, 0.0, 0.0]), ("pad", [300.0] * 16)):
+        got = tare_of(run, stream)
+        assert (got["tare_id"], got["busy"]) == (1, False), "neither sensor vouches for the zero of the other"
+        assert got["offset"] == pytest.approx(offset, abs=1e-6)
+    assert run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]["verified"] is True
+    for stream in ("wrench", "pad", "wrench"):  # the two in progress, and the one before
+        assert run.refusal("tare.undo", finger="left", stream=stream) is None
+    run.wrench(0.2)
+    run.image(counts(400))
+    for stream in ("all", "wrench"):
+        assert run.refusal("tare", finger="left", stream=stream) == ("in_contact", "finger"), "the pad shows it"
+
+
+def test_tare_of_a_charge_pad_keeps_its_loads(make_run: Callable[[str], Run], left: str) -> None:
+    loads = []
+    for tares in (False, True):
+        run = make_run(left + "charge_tau_s = 2.0\n")
         run.up()
-        for k in range(40):
-            run.wait(10.0)
-            invalid = k % 3 > 0
-            counts = [500.0 if invalid else 40.0] * 4
-            status = ["invalid"] if invalid else []
-            force_n = [0.0, 0.0, 9.0 if invalid else 0.2]
-            for reading in (
-                encode_reading("pad", run.t_ns, values=counts, seq=k, status=status),
-                encode_reading("wrench", run.t_ns, force_n=force_n, torque_nm=[0.0] * 3, seq=k, status=status),
-            ):
-                run.feed(Bytes(next(iter(run.engine.links)), reading))
-            if k == 3:
-                assert run.refusal("tare", finger="left", stream="all", seconds=0.2) is None
-        for stream, offset in (("pad", [40.0] * 4), ("wrench", [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])):
-            got = run.ask("tare.get", finger="left", stream=stream)["result"]
-            assert (got["tare_id"], got["given_up"]) == (1, None)
-            assert got["offset"] == pytest.approx(offset, abs=1e-9)
+        feed(run, 10, 40, 0.0)
+        if tares:
+            assert run.refusal("tare", finger="left", stream="pad", seconds=0.1) is None
+        feed(run, 30, 40, 0.0)
+        run.wrench(16.0, ms=0.0)
+        feed(run, 20, 140, 16.0)
+        assert tare_of(run, "pad")["offset"] == pytest.approx([40.0 if tares else 0.0] * 16)
+        loads.append(run.published("tactile.left")[-1]["loads_n"])
+    assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
+    assert loads[1] == pytest.approx(loads[0], abs=1e-9)
 
-    def test_images_marked_invalid_are_left_out_of_the_tare_of_a_three_axis_pad(
-        self, make_run: Callable[[str], Run]
-    ) -> None:
-        alone = EXTERNAL.replace("axis_scale = [1.0]", "axis_scale = [1.0, 1.0, -1.0]")
-        run = make_run(alone.partition("[finger.left.wrench]")[0] + alone[alone.index("[finger.left.pad]") :])
-        run.up()
-        for k in range(40):
-            run.wait(10.0)
-            invalid = k % 3 > 0
-            counts = [[0.0, 0.0, 90.0 if invalid else 0.04]] * 4
-            status = ["invalid"] if invalid else []
-            image = encode_reading("pad", run.t_ns, values=counts, seq=k, status=status)
-            run.feed(Bytes(next(iter(run.engine.links)), image))
-            if k == 3:
-                assert run.refusal("tare", finger="left", seconds=0.2) is None
-        got = run.ask("tare.get", finger="left")["result"]
-        assert (got["tare_id"], got["given_up"]) == (1, None)
-        assert got["offset"] == pytest.approx([0.0, 0.0, 0.04] * 4, abs=1e-9)
+
+@pytest.mark.parametrize("stream", ["wrench", "pad"])
+@pytest.mark.parametrize(
+    ("event", "reason", "text"),
+    [
+        ("press", "contact", "a contact began"),
+        ("silence", "silent", "the stream fell silent"),
+        ("unplug", "ended", "the stream ended"),
+        ("undo", "undone", "undone before it was taken"),
+    ],
+)
+def test_a_tare_is_given_up(run: Run, stream: str, event: str, reason: str, text: str) -> None:
+    run.bring_up()
+    run.image(NO_IMAGE)
+    before = tare_of(run, stream)["tare_id"]
+    assert run.refusal("tare", finger="left", stream=stream, seconds=0.9) is None
+    if event == "press":
+        run.wrench(5.0, ms=10.0)
+    elif event == "unplug":
+        run.down(f"left.{stream}")
+    elif event == "undo":
+        assert run.refusal("tare.undo", finger="left", stream=stream) is None
+    for k in range(60 if event == "silence" else 0):
+        assert tare_of(run, stream)["busy"] is True or k > 48, "a short silence is survived"
+        run.wait(10)
+        run.tick()
+        if stream == "pad":
+            run.wrench(0.0, ms=0.0)
+        else:
+            run.image(NO_IMAGE)
+    got = tare_of(run, stream)
+    assert (got["busy"], got["tare_id"], got["given_up"]) == (False, before, text)
+    assert got["given_up_reason"] == reason
+    if event == "press":
+        assert run.refusal("tare", finger="left", stream=stream) == ("in_contact", "finger")
+
+
+@pytest.mark.parametrize(
+    ("op", "fields", "refusal"),
+    [
+        ("tare", {"finger": "left", "stream": "both"}, ("out_of_range", "stream")),
+        ("tare.get", {"finger": "left", "stream": "all"}, ("out_of_range", "stream")),
+        ("tare.undo", {"finger": "left", "stream": "all"}, ("out_of_range", "stream")),
+        ("tare", {"finger": "right", "stream": "wrench"}, ("not_ready", "stream")),
+        ("tare", {"finger": "middle", "stream": "pad"}, ("unknown_finger", "finger")),
+        ("tare", {"finger": "left", "stream": 1}, ("bad_type", "stream")),
+        ("tare", {"finger": "left", "stream": "pad"}, ("not_ready", "finger")),  # it is silent
+        ("tare", {"finger": "right", "stream": "all"}, None),
+    ],
+)
+def test_stream_that_is_unknown_or_silent_is_refused(
+    run: Run, op: str, fields: dict[str, Any], refusal: tuple[str, str] | None
+) -> None:
+    run.wrench(0.0)
+    run.skin(0.4)
+    assert run.refusal(op, **fields) == refusal
+
+
+@pytest.mark.parametrize("axes", [1, 3])
+def test_readings_marked_invalid_are_left_out(make_run: Callable[..., Run], axes: int) -> None:
+    """A pad with a force sensor behind it, and one of three-axis taxels."""
+    alone = EXTERNAL.replace("axis_scale = [1.0]", "axis_scale = [1.0, 1.0, -1.0]")
+    alone = alone.partition("[finger.left.wrench]")[0] + alone[alone.index("[finger.left.pad]") :]
+    run = make_run(EXTERNAL if axes == 1 else alone, zeros=False)
+    run.up()
+    for k in range(40):
+        run.wait(10.0)
+        wrong = k % 3 > 0
+        more = {"seq": k, "status": ["invalid"] if wrong else []}
+        values: list[Any] = [500.0 if wrong else 40.0] * 4 if axes == 1 else [[0.0, 0.0, 90.0 if wrong else 0.04]] * 4
+        readings = [encode_reading("pad", run.t_ns, values=values, **more)]
+        if axes == 1:
+            force_n = [0.0, 0.0, 9.0 if wrong else 0.2]
+            readings.append(encode_reading("wrench", run.t_ns, force_n=force_n, torque_nm=[0.0] * 3, **more))
+        for reading in readings:
+            run.feed(Bytes(next(iter(run.engine.links)), reading))
+        if k == 3:
+            assert run.refusal("tare", finger="left", stream="all", seconds=0.2) is None
+    offsets = {"pad": [40.0] * 4, "wrench": [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]}
+    for stream, offset in offsets.items() if axes == 1 else (("pad", [0.0, 0.0, 0.04] * 4),):
+        got = tare_of(run, stream)
+        assert (got["tare_id"], got["given_up"], got["offset"]) == (1, None, pytest.approx(offset, abs=1e-9))
