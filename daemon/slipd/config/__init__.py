@@ -1,23 +1,28 @@
 """The config of a rig: its keys with units and defaults, the checks, and the file that it is read from.
 
-The keys of a table and their defaults are in the file named after it: ``finger_model`` ([finger.X] with wrench, pad and
-slip), ``gripper_model`` ([gripper], [grasp], [reflex]), ``levels_model`` ([levels], [rates]), ``bus_model`` ([bus],
-[requests]), ``recording_model`` ([recording]), ``host_model`` ([realtime], [restart]), and ``stream_model`` for the
-keys that every device has. ``value_bounds`` has the range of each quantity.
+The keys of a table and their defaults are in ``stream_tables`` ([finger.X] with wrench, pad and slip, and the keys of
+every device), ``gripper_tables`` ([gripper], [grasp], [reflex]) and ``service_tables`` (all others). ``value_bounds``
+has the range of each quantity.
 """
 
-from slipd.config.bus_model import Bus, Requests
 from slipd.config.check_hints import hints
+from slipd.config.checks import missing_keys
 from slipd.config.config_file import load, parse
-from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
-from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
-from slipd.config.host_model import Realtime, Restart
-from slipd.config.levels_model import Levels, Rates
-from slipd.config.model import Config
-from slipd.config.recording_model import Continuous, Incidents, Recording
+from slipd.config.gripper_tables import Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.model import Config, axes_of, device_options, in_newtons, stale_after_ns, transport_of
+from slipd.config.service_tables import (
+    Bus,
+    Continuous,
+    Incidents,
+    Levels,
+    Rates,
+    Realtime,
+    Recording,
+    Requests,
+    Restart,
+)
 from slipd.config.shipped_files import config_file as shipped
-from slipd.config.stream_model import Stream
-from slipd.config.stream_settings import axes_of, device_options, in_newtons, stale_after_ns, transport_of
+from slipd.config.stream_tables import Finger, Pad, Pose, Slip, Stream, Wrench
 
 __all__ = [
     "Bus",
@@ -46,6 +51,7 @@ __all__ = [
     "hints",
     "in_newtons",
     "load",
+    "missing_keys",
     "parse",
     "shipped",
     "stale_after_ns",

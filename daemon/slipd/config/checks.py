@@ -1,77 +1,55 @@
-"""Faults of a config that no single value shows: names, ports, devices and tables that do not fit each other."""
+"""Faults of a config that no single value shows: names, ports, endpoints and tables that do not fit each other."""
 
 from __future__ import annotations
 
 import itertools
+import os
 import re
+from collections.abc import Iterator
+from pathlib import Path
 
-from slipd.config.bus_checks import bus_faults
-from slipd.config.finger_checks import finger_faults
 from slipd.config.gripper_checks import grasp_faults, gripper_faults, reflex_faults
-from slipd.config.model import Config
-from slipd.config.stream_checks import stream_faults
-from slipd.config.stream_model import Stream
-from slipd.config.stream_settings import key_path
+from slipd.config.model import Config, key_path
+from slipd.config.service_tables import Bus
+from slipd.config.stream_checks import finger_faults, stream_faults
+from slipd.config.stream_tables import Stream
 from slipd.config.value_bounds import Fault
 
 _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _PORT_KEYS = ("options", "baud", "hardware_id")
+_ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(\d{1,3}(\.\d{1,3}){3}|localhost|\*):(\d{1,5}|\*)")
+_LOCAL = re.compile(r"tcp://(127\.|localhost:)")
 
 
-def semantic_faults(config: Config) -> list[Fault]:
-    """Find the faults that no single value shows."""
-    faults = [*_name_faults(config), *_port_faults(config), *bus_faults(config)]
+def semantic_faults(config: Config) -> Iterator[Fault]:
+    """Yield the faults that no single value shows."""
+    yield from _name_faults(config)
+    yield from _port_faults(config)
+    yield from bus_faults(config.bus)
     for name, finger in config.finger.items():
-        faults += finger_faults(f"finger.{name}", finger)
+        yield from finger_faults(f"finger.{name}", finger)
     if config.gripper is not None:
-        faults += stream_faults("gripper", config.gripper, "gripper") + gripper_faults(config.gripper)
+        yield from stream_faults("gripper", config.gripper, "gripper")
+        yield from gripper_faults(config.gripper)
     if config.grasp is not None and config.grasp.object is not None:
-        faults += stream_faults("grasp.object", config.grasp.object, "object")
-    faults += grasp_faults(config) + reflex_faults(config) + _level_faults(config) + _recording_faults(config)
-    return faults + _realtime_faults(config)
+        yield from stream_faults("grasp.object", config.grasp.object, "object")
+    yield from grasp_faults(config)
+    yield from reflex_faults(config)
+    yield from _service_faults(config)
 
 
-def _name_faults(config: Config) -> list[Fault]:
-    faults = [
-        (f"finger.{name}", f"a finger name must consist of 1 to 32 characters a-z and 0-9, got {name!r}")
-        for name in config.finger
-        if not _FINGER_NAME.fullmatch(name)
-    ]
+def _name_faults(config: Config) -> Iterator[Fault]:
+    for name in config.finger:
+        if not _FINGER_NAME.fullmatch(name):
+            yield f"finger.{name}", f"a finger name must consist of 1 to 32 characters a-z and 0-9, got {name!r}"
     for a, b in itertools.permutations(config.finger, 2):
         if b.startswith(a):
             rule = f"must not begin with the name of finger {a!r}: a subscription to that finger would match both"
-            faults.append((f"finger.{b}", rule))
-    return faults
+            yield f"finger.{b}", rule
 
 
-def _realtime_faults(config: Config) -> list[Fault]:
-    if not (config.realtime.poll and config.realtime.priority):
-        return []
-    rule = "must be false where realtime.priority is set: the kernel stops a real-time program that never sleeps"
-    return [("realtime.poll", rule)]
-
-
-def _level_faults(config: Config) -> list[Fault]:
-    levels, faults = config.levels, []
-    if levels.caution >= levels.warning:
-        faults.append(("levels.caution", f"must be below levels.warning, {levels.warning:g}, got {levels.caution:g}"))
-    if levels.hysteresis >= levels.caution:
-        rule = f"must be below levels.caution, {levels.caution:g}, got {levels.hysteresis:g}"
-        faults.append(("levels.hysteresis", rule))
-    return faults
-
-
-def _recording_faults(config: Config) -> list[Fault]:
-    limits = config.recording.continuous
-    if limits.keep_bytes >= 2 * limits.file_bytes:
-        return []
-    rule = f"must be at least twice recording.continuous.file_bytes, {limits.file_bytes}, got {limits.keep_bytes}"
-    return [("recording.continuous.keep_bytes", rule)]
-
-
-def _port_faults(config: Config) -> list[Fault]:
+def _port_faults(config: Config) -> Iterator[Fault]:
     """Find streams that use the same port but cannot share it."""
-    faults = []
     seen: dict[str, list[tuple[str, Stream]]] = {}
     for name, stream in config.streams().items():
         seen.setdefault(stream.port, []).append((name, stream))
@@ -81,9 +59,63 @@ def _port_faults(config: Config) -> list[Fault]:
         shared = len({device for device, _ in sensors}) == 1 and all(sensor for _, sensor in sensors)
         if len(users) > 1 and not (shared and len(set(sensors)) == len(sensors)):
             rule = f"must differ from the port of {first_name}, or each needs a 'sensor' of its own; both are {port}"
-            faults.append((f"{key_path(users[1][0])}.port", rule))
+            yield f"{key_path(users[1][0])}.port", rule
         for name, stream in users[1:]:
-            different = [key for key in _PORT_KEYS if shared and getattr(stream, key) != getattr(first, key)]
-            rule = f"must be the same as for {first_name}, which is on the same port"
-            faults += [(f"{key_path(name)}.{key}", rule) for key in different]
-    return faults
+            for key in _PORT_KEYS:
+                if shared and getattr(stream, key) != getattr(first, key):
+                    yield f"{key_path(name)}.{key}", f"must be the same as for {first_name}, which is on the same port"
+
+
+def bus_faults(bus: Bus) -> Iterator[Fault]:
+    """Yield endpoints that cannot be served or would admit anybody; binding finds the rest."""
+    for name, keys in (("publish", "readers"), ("requests", "requesters")):
+        endpoint = getattr(bus, name)
+        if endpoint is None:
+            continue
+        local = bool(_LOCAL.match(endpoint))
+        if not _ENDPOINT.fullmatch(endpoint):
+            yield f"bus.{name}", f"must be ipc:///PATH or tcp://ADDRESS:PORT, got {endpoint!r}"
+        elif endpoint.startswith("tcp:") and getattr(bus, keys) is None and not (local and bus.allow_local_tcp):
+            who = "every user of this machine" if local else "other machines"
+            also = " or bus.allow_local_tcp = true," if local else ""
+            fault = f"{who} could connect without a key: set bus.secret_key and bus.{keys},{also} or use ipc:///PATH"
+            yield f"bus.{name}", fault
+    lists = [name for name in ("readers", "requesters") if getattr(bus, name) is not None]
+    if bus.secret_key is None:
+        for name in lists:
+            yield f"bus.{name}", "needs bus.secret_key, the key of the daemon itself"
+    elif not lists:
+        rule = "needs bus.readers, bus.requesters or both: without a list no client has to show a key"
+        yield "bus.secret_key", rule
+
+
+def missing_keys(bus: Bus) -> Iterator[Fault]:
+    """Yield the key path and the text of each file of keys that does not exist, with the command that creates it."""
+    for name in ("secret_key", "readers", "requesters"):
+        place = getattr(bus, name)
+        if place is None or os.path.lexists(place) or not _is_visible(Path(place).parent):
+            continue
+        mend = f"mkdir -m 755 {place}, and copy the .key of each client there (slipctl keys new NAME)"
+        if name == "secret_key":
+            create = f"slipctl keys new {Path(place).stem} --dir {Path(place).parent}"
+            mend = f"{create}. For clients of this machine alone, leave [bus] out"
+        yield f"bus.{name}", f"{place} does not exist, so the daemon cannot start: {mend}"
+
+
+def _is_visible(folder: Path) -> bool:
+    """Return whether this user can see what a folder holds, or that it does not exist."""
+    return os.access(folder, os.X_OK) or not os.path.lexists(folder)
+
+
+def _service_faults(config: Config) -> Iterator[Fault]:
+    levels, limits = config.levels, config.recording.continuous
+    if levels.caution >= levels.warning:
+        yield "levels.caution", f"must be below levels.warning, {levels.warning:g}, got {levels.caution:g}"
+    if levels.hysteresis >= levels.caution:
+        yield "levels.hysteresis", f"must be below levels.caution, {levels.caution:g}, got {levels.hysteresis:g}"
+    if limits.keep_bytes < 2 * limits.file_bytes:
+        rule = f"must be at least twice recording.continuous.file_bytes, {limits.file_bytes}, got {limits.keep_bytes}"
+        yield "recording.continuous.keep_bytes", rule
+    if config.realtime.poll and config.realtime.priority:
+        rule = "must be false where realtime.priority is set: the kernel stops a real-time program that never sleeps"
+        yield "realtime.poll", rule

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from slipd.config.option_tables import options_of
 from slipd.devices import EVIDENCE, Installed, find_device, installed
 from slipd.errors import UsageError
+from slipd.tools.device_options import options_of
 from slipd.types.device_text import one_line
 
 TITLES = ("device", "kind", "line", "package", "evidence")

@@ -10,7 +10,7 @@ from config_faults import GOOD
 from project import CONFIG
 
 from slipd import config
-from slipd.config import stream_hints
+from slipd.config import check_hints
 
 QUIET = (
     GOOD.replace("axis_scale =", "tare = [" + "0.0, " * 48 + "]\naxis_scale =")
@@ -99,7 +99,7 @@ def test_a_suspicious_value_is_warned_of_with_its_line(old: str, new: str, key: 
 
 def test_a_numbered_port_is_answered_with_its_stable_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     by_id, by_path = tmp_path / "by-id", tmp_path / "by-path"
-    monkeypatch.setattr(stream_hints, "STABLE_NAMES", (by_id, by_path))
+    monkeypatch.setattr(check_hints, "STABLE_NAMES", (by_id, by_path))
     text = QUIET.replace('port = "/dev/gripper"', 'port = "/dev/ttyUSB7"')
     for folder in (by_path, by_id):
         folder.mkdir()

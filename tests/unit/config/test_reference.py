@@ -6,21 +6,19 @@ from collections.abc import Iterator
 from typing import Any, get_args
 
 import pytest
+from config_page import range_of, reference, type_of, unit_of
 from project import DOCS
 from pydantic import BaseModel
 
-from slipd.config import Config
-from slipd.config.config_tables import TABLES
-from slipd.config.docstring_parts import attributes_of
-from slipd.config.fault_texts import explain
-from slipd.config.key_types import range_of, type_of, unit_of
-from slipd.config.reference import reference
-from slipd.config.stream_model import Stream
+from slipd.config import Config, Stream
+from slipd.config.config_file import explain
+from slipd.config.model import TABLES
 from slipd.devices import DEVICES
+from slipd.tools.device_options import attributes_of
 
 
 def test_the_page_is_that_of_the_model() -> None:
-    made = "write it again: python -m slipd.config.reference docs/config.md"
+    made = "write it again: PYTHONPATH=tests/support python -m config_page docs/config.md"
     assert (DOCS / "config.md").read_text(encoding="utf-8") == reference(), made
 
 

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from slipd.config.toml_edit import with_numbers, with_value
+from slipd.config.toml_text import with_numbers, with_value
 
 TEXT = """\
 # the rig

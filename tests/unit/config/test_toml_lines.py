@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.config.toml_lines import key_lines, line_of
+from slipd.config.toml_text import key_lines, line_of
 
 TEXT = """\
 # a comment = with an equals sign

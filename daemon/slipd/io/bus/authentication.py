@@ -7,8 +7,7 @@ import time
 from collections.abc import Container
 from dataclasses import dataclass
 
-from slipd.config import Bus
-from slipd.config.bus_checks import missing_keys
+from slipd.config import Bus, missing_keys
 from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import Access
 from slipd.io.zmtp.mechanisms import decode_key

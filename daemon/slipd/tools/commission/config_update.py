@@ -13,8 +13,7 @@ from pathlib import Path
 
 from slipd import config
 from slipd.config import Pad, Wrench
-from slipd.config.toml_edit import with_value
-from slipd.config.toml_lines import marked_keys
+from slipd.config.toml_text import marked_keys, with_value
 from slipd.tools.commission.rest_noise import Noise
 from slipd.tools.commission.touches import Mount, Symmetry, mount_of
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slipd.config import Config
-from slipd.config.stream_hints import needs_of
+from slipd.config.check_hints import needs_of
 from slipd.tools.commission.config_update import FingerResult
 from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.mounting_search import find_mounting

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 
 from slipd.config import Wrench
-from slipd.config.stream_hints import OPTIONS, default_rate_hz
+from slipd.config.check_hints import OPTIONS, default_rate_hz
 from slipd.devices import DEVICES, SLIPD, find_device
 from slipd.tools.discovery.port_probe import Found
 from slipd.tools.discovery.serial_ports import SerialPort

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd import config
-from slipd.config.toml_edit import with_numbers
+from slipd.config.toml_text import with_numbers
 from slipd.devices import xela
 from slipd.engine.engine import Engine
 from slipd.errors import RecordingError

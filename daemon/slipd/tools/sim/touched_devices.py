@@ -18,7 +18,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from slipd import config
-from slipd.config.toml_lines import key_lines, lines_of
+from slipd.config.toml_text import key_lines, lines_of
 from slipd.devices import DEVICES
 from slipd.errors import ConfigError, ConfigFault
 from slipd.signals.gravity import FingerWeight

@@ -10,7 +10,7 @@ from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
 from slipd import config
-from slipd.config.toml_lines import marked_keys
+from slipd.config.toml_text import marked_keys
 from slipd.tools.commission import grasp_step
 from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, follow

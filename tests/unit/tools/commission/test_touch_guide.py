@@ -16,7 +16,7 @@ from known_zeros import know_zeros
 from scipy.spatial.transform import Rotation
 
 from slipd import config
-from slipd.config.toml_lines import marked_keys
+from slipd.config.toml_text import marked_keys
 from slipd.errors import SlipdError
 from slipd.tools.commission import touch_guide
 from slipd.tools.commission.config_update import changed_text, changes

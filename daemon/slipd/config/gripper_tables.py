@@ -1,4 +1,4 @@
-"""Keys of ``[gripper]``, ``[grasp]`` and ``[reflex]``, with units and defaults."""
+"""Tables ``[gripper]``, ``[grasp]`` and ``[reflex]``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
-from slipd.config.stream_model import NotNegative, Positive, Stream, Table
+from slipd.config.stream_tables import NotNegative, Positive, Stream, Table
 from slipd.config.value_bounds import Calm, Grip, LeadTime, Quaternion, Slew, StrictModel
 
 
