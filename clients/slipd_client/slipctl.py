@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Sequence
 
@@ -11,6 +12,23 @@ from slipd_client.errors import ClientError, SlipdClientError
 
 DONE, REFUSED, WRONG, INTERRUPTED = 0, 1, 2, 130
 """Exit codes, as those of ``slipd``: docs/commands.md."""
+
+
+COMMANDS = {
+    "friction.set": "friction set",
+    "fault.ack": "grip ack",
+    "grip.hold": "grip hold",
+    "gripper.activate": "grip activate",
+    "gripper.close": "grip close",
+    "gripper.open": "grip open",
+    "gripper.stop": "grip stop",
+    "gravity.set": "gravity",
+    "object.set": "object",
+    "record.start": "record start",
+    "record.stop": "record stop",
+    "tare.undo": "tare undo",
+}
+"""Requests that the daemon names in refusals, and what a person types for each."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,9 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except SlipdClientError as error:
-        print(f"slipctl: {error}", file=sys.stderr)
+        text = re.sub(r"`?\b([a-z]+\.[a-z]+)\b`?", _typed, str(error))
+        print(f"slipctl: {text}", file=sys.stderr)
         return REFUSED if isinstance(error, ClientError) else WRONG
     return DONE
+
+
+def _typed(request: re.Match[str]) -> str:
+    return f"`slipctl {COMMANDS[request[1]]}`" if request[1] in COMMANDS else request[0]
 
 
 def version() -> str:

@@ -25,8 +25,10 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     """Carry out the command until interrupted.
 
     Raises:
-        CallError: See `view`.
+        CallError: The config is missing; see `view`.
     """
+    if chosen.config is not None and not chosen.config.is_file():
+        raise CallError(f"{chosen.config}: there is no such file")
     named = {"--publish": chosen.publish, "--requests": chosen.requests}
     named |= {"--key": chosen.key, "--server-key": chosen.server_key}
     guide = CommissionPage(chosen.config, [part for each in named.items() if each[1] is not None for part in each])

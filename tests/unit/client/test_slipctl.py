@@ -14,6 +14,8 @@ import pytest
 
 from slipd_client.grip import GripClient, Lease
 from slipd_client.keys import create
+from slipd_client.messages.schema.ops import OPS
+from slipd_client.slipctl import COMMANDS
 
 if TYPE_CHECKING:
     from conftest import Daemon
@@ -58,6 +60,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         (["--key", "me.key_secret", "status"], "--server-key"),
         (["status", "--key", "me.key_secret", "--server-key", "slipd.key"], "me.key_secret: cannot be read"),
         (["keys", "new", "no name"], "'no name'"),
+        (["view", "--config", "/nowhere.toml"], "slipctl: /nowhere.toml: there is no such file"),
         (["diagnose", "/dev/null"], "/dev/null: exists, and is not overwritten"),
     ],
 )
@@ -139,6 +142,17 @@ def test_a_refusal_is_told_with_code_field_and_message(daemon: Daemon, call: Cal
     refusal = "slipctl: out_of_range: force_n: at most 40 N\n"
     assert call("--requests", daemon.endpoint, "grip", "set", "99") == (1, "", refusal)
     assert daemon.ops[-1] == "lease.release"
+
+
+def test_a_refusal_names_what_to_type_for_the_request_that_it_names(daemon: Daemon, call: Call) -> None:
+    message = "request gripper.activate first; see rig.toml"
+    daemon.handlers["grip.set"] = lambda _: {"error": {"code": "not_active", "message": message}}
+    typed = "slipctl: not_active: request `slipctl grip activate` first; see rig.toml\n"
+    assert call("--requests", daemon.endpoint, "grip", "set", "5") == (1, "", typed)
+    for command in COMMANDS.values():
+        code, _, _ = call(*command.split(), "--help")
+        assert code == 0
+    assert set(COMMANDS) <= set(OPS)
 
 
 def test_status_is_drawn_for_people(daemon: Daemon, call: Call) -> None:
