@@ -1,138 +1,160 @@
-"""A friction measurement on a busy machine: gaps and stale moments end nothing, and it can go on after an end."""
+"""A friction measurement on a busy machine, what several pulls say together, and the lines for the config."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import random
+import statistics
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import pytest
 from pulls import Hand, typed
 
 from slipd_client.errors import FrictionNotMeasured
-from slipd_client.friction_session import MOST_PULLS, MOST_REJECTED, OBSTACLE_S, FrictionSession
+from slipd_client.friction_pull import PullSample
+from slipd_client.friction_session import (
+    LONGEST_STEP_S,
+    MOST_PULLS,
+    MOST_REJECTED,
+    OBSTACLE_S,
+    ElapsedTime,
+    FrictionSession,
+    agreeing,
+    config_lines,
+    disagreement,
+    median_of,
+    spread,
+)
 
 STALE: dict[str, Any] = {"level": "unknown", "reasons": ["stale"]}
 PULL = "Pull slowly along the pads until it slips, 1 of 1 (left 10.0 N)."
 
 
-def session(said: list[str], samples: int = 1) -> FrictionSession:
-    return FrictionSession(["left"], samples, 60.0, said.append)
+class Guided(FrictionSession):
+    """A session that keeps its lines, and takes the time of each verdict."""
+
+    def __init__(self, *fingers: str, samples: int = 1) -> None:
+        self.said: list[str] = []
+        super().__init__(fingers or ["left"], samples, 60.0, self.said.append)
+
+    def play(self, bodies: Iterable[dict[str, Any]]) -> None:
+        for body in bodies:
+            self.advance(typed(body), body["t_ns"] * 1e-9)
 
 
-def play(guided: FrictionSession, bodies: Iterable[dict[str, Any]]) -> None:
-    for body in bodies:
-        guided.advance(typed(body), body["t_ns"] * 1e-9)
-
-
-def test_a_stall_between_stale_verdicts_is_no_long_obstacle() -> None:
-    said: list[str] = []
-    hand, guided = Hand(), session(said)
+def test_stalls_and_old_messages_of_other_streams_are_no_long_obstacle() -> None:
+    hand, guided = Hand(), Guided()
     for _ in range(4):
-        play(guided, [*hand.rest(), hand.body(0.05) | STALE])
+        guided.play([*hand.rest(), hand.body(0.05) | STALE])
         hand.t_s += 3.0 * OBSTACLE_S
-        play(guided, [hand.body(0.05) | STALE])
-    play(guided, hand.once())
+        guided.advance(None, hand.t_s - 100.0)
+        guided.play([hand.body(0.05) | STALE])
+    guided.play(hand.once())
     assert guided.done
-    assert said.count(PULL) == 1
+    assert guided.said.count(PULL) == 1
 
 
-def test_old_messages_of_other_streams_do_not_make_an_obstacle_longer() -> None:
-    hand, guided = Hand(), session([])
-    play(guided, hand.rest())
-    guided.advance(None, hand.t_s - 100.0)
-    play(guided, [hand.body(0.05) | STALE, hand.body(0.05) | STALE])
-    play(guided, hand.once())
-    assert guided.done
-
-
-def test_an_obstacle_that_stays_ends_it_and_it_goes_on_with_what_was_measured() -> None:
-    said: list[str] = []
-    hand, guided = Hand(), session(said, samples=2)
-    play(guided, hand.once())
-    with pytest.raises(FrictionNotMeasured, match="not trusted"):
-        play(guided, (body | STALE for body in hand.rest(OBSTACLE_S + 1.0)))
-    guided.resume()
-    play(guided, hand.once())
-    assert guided.done
-    assert len(guided.results["left"]) == 2
-
-
-def test_samples_that_never_agreed_are_forgotten_when_it_goes_on() -> None:
-    hand, guided = Hand(), session([], samples=2)
-    scattered: list[dict[str, Any]] = []
+def scattered(hand: Hand) -> Iterator[dict[str, Any]]:
     for k in range(2 * MOST_PULLS):
-        hand.mu_s = 0.2 * 1.3**k
-        hand.mu_d = 0.7 * hand.mu_s
-        scattered += hand.once()
-    with pytest.raises(FrictionNotMeasured, match="do not agree"):
-        play(guided, scattered)
-    guided.resume()
+        hand.mu_s, hand.mu_d = 0.2 * 1.3**k, 0.14 * 1.3**k
+        yield from hand.once()
     hand.mu_s, hand.mu_d = 0.6, 0.45
-    play(guided, [*hand.once(), *hand.once()])
-    assert guided.done
-    assert [sample.mu_s for sample in guided.results["left"]] == pytest.approx([0.6, 0.6], rel=0.02)
+
+
+def jerks(hand: Hand) -> Iterator[dict[str, Any]]:
+    while True:
+        yield from (*hand.rest(), *hand.pull(seconds=0.05), *hand.rest())
+
+
+def disturbed(hand: Hand) -> Iterator[dict[str, Any]]:
+    """Somebody holds on whenever the readings were missing, and lets go when asked."""
+    while True:
+        yield from (*hand.rest(1.0), hand.body(0.05) | STALE, *hand.rest(0.2, 0.3))
+
+
+def one_slips(left: Hand) -> Iterator[dict[str, Any]]:
+    right = Hand("right")
+    while True:
+        for body in left.once():
+            yield from (body, right.body(min(body["required_friction"], 0.3)) | {"t_ns": body["t_ns"]})
+
+
+@pytest.mark.parametrize(
+    ("guided", "trouble", "why", "not_counted"),
+    [
+        (Guided(samples=2), lambda hand: (body | STALE for body in hand.rest(OBSTACLE_S + 1.0)), "not trusted", 0),
+        (Guided(samples=2), scattered, "the samples of finger left do not agree", None),
+        (Guided(), jerks, r"8 pulls in a row gave nothing. The last, left: .* pull more slowly", MOST_REJECTED),
+        (Guided(), disturbed, r"no pull counted for 180 s.* disturbed again and again.*\(stale\)", 0),
+        (Guided("left", "right"), one_slips, "4 pulls slipped on finger left, and too few on finger right", 0),
+    ],
+)
+def test_what_never_ends_by_itself_ends_with_its_reason_and_goes_on_afterwards(
+    guided: Guided, trouble: Callable[[Hand], Iterable[dict[str, Any]]], why: str, not_counted: int | None
+) -> None:
+    hand = Hand()
+    if "not trusted" in why:
+        guided.play(hand.once())
+    with pytest.raises(FrictionNotMeasured, match=why):
+        guided.play(trouble(hand))
+    assert not_counted in (None, sum("not counted" in line for line in guided.said))
+    guided.resume()
+    if "right" not in why:
+        guided.play([*hand.once(), *hand.once()])
+        assert guided.done
+    assert [sample.mu_s for sample in guided.results["left"]][:1] == pytest.approx([0.6], rel=0.02)
 
 
 def test_release_is_asked_for_where_the_last_pull_still_acts() -> None:
-    said: list[str] = []
-    hand, guided = Hand(), session(said)
+    hand, guided = Hand(), Guided()
     grows = list(hand.pull())
-    play(guided, [*Hand(t_s=99.0).rest(), *grows[:100], grows[100] | STALE])
-    assert said[-1].startswith("  left: not counted")
-    play(guided, grows[101:])
-    assert said[-1] == "Let go of it."
-    play(guided, hand.once())
-    assert said.count(PULL) == 2
-    assert guided.done
+    guided.play([*Hand(t_s=99.0).rest(), *grows[:100], grows[100] | STALE])
+    assert guided.said[-1].startswith("  left: not counted")
+    guided.play(grows[101:])
+    assert guided.said[-1] == "Let go of it."
+    guided.play(hand.once())
+    assert (guided.said.count(PULL), guided.done) == (2, True)
 
 
-def test_pulls_that_never_count_end_it_with_the_reason_of_the_last() -> None:
-    said: list[str] = []
-    hand, guided = Hand(), session(said)
-
-    def jerks() -> Iterator[dict[str, Any]]:
-        while True:
-            yield from (*hand.rest(), *hand.pull(seconds=0.05), *hand.rest())
-
-    with pytest.raises(
-        FrictionNotMeasured, match=r"8 pulls in a row gave nothing. The last, left: .* pull more slowly"
-    ):
-        play(guided, jerks())
-    assert sum("not counted" in line for line in said) == MOST_REJECTED
-    guided.resume()
-    play(guided, hand.once())
-    assert guided.done
+def test_elapsed_time_counts_no_stall_and_no_message_that_is_late() -> None:
+    clock = ElapsedTime()
+    assert [clock.update(now_s) for now_s in (7.0, 7.25, 7.125, 7.375)] == [0.0, 0.25, 0.25, 0.375]
+    assert clock.update(100.0) == 0.375 + LONGEST_STEP_S
 
 
-def test_disturbances_that_come_again_and_again_end_it_after_a_stated_time() -> None:
-    said: list[str] = []
-    hand, guided = Hand(), session(said)
-
-    def disturbed() -> Iterator[dict[str, Any]]:
-        """Somebody holds on whenever the readings were missing, and lets go when asked."""
-        while True:
-            yield from (*hand.rest(1.0), hand.body(0.05) | STALE, *hand.rest(0.2, 0.3))
-
-    with pytest.raises(FrictionNotMeasured, match=r"no pull counted for 180 s.* disturbed again and again.*\(stale\)"):
-        play(guided, disturbed())
-    assert not any("not counted" in line for line in said)
-    guided.resume()
-    play(guided, hand.once())
-    assert guided.done
+def samples(*values: float) -> list[PullSample]:
+    return [PullSample(value, 0.8 * value, 10.0) for value in values]
 
 
-def test_a_finger_that_never_slips_beside_one_that_does_is_named() -> None:
-    said: list[str] = []
-    guided = FrictionSession(["left", "right"], 1, 60.0, said.append)
-    left, right = Hand(), Hand("right", mu_s=0.6)
+def test_samples_within_a_quarter_agree_and_the_largest_group_counts() -> None:
+    assert agreeing([]) == []
+    group = agreeing(found := samples(0.5, 0.8, 0.52, 0.54))
+    assert [each.mu_s for each in group] == [0.5, 0.52, 0.54]
+    assert [disagreement(each, group) for each in found] == ["", "0.800 is 54% from the others, 0.520", "", ""]
+    assert [each.mu_s for each in agreeing(samples(0.3, 0.31, 0.5, 0.6))] == [0.3, 0.31], "of two, the closer one"
 
-    def pulls() -> Iterator[dict[str, Any]]:
-        while True:
-            for body in left.once():
-                held = right.body(min(body["required_friction"], 0.3)) | {"t_ns": body["t_ns"]}
-                yield from (body, held)
 
-    with pytest.raises(FrictionNotMeasured, match="4 pulls slipped on finger left, and too few on finger right"):
-        play(guided, pulls())
-    guided.resume()
-    assert len(guided.results["left"]) == 1
+def test_the_median_leaves_out_slides_without_dynamic_friction() -> None:
+    group = [PullSample(0.5, None, 9.0), PullSample(0.52, 0.4, 10.0), PullSample(0.56, 0.44, 11.0)]
+    assert median_of(group) == (0.52, pytest.approx(0.42), 10.0)
+    assert median_of(group[:1]).mu_d is None
+
+
+@pytest.mark.parametrize(("scatter", "most"), [(0.05, 0.16), (0.02, 0.02), (0.1, 0.25)])
+def test_the_spread_holds_what_the_next_pull_shows(scatter: float, most: float) -> None:
+    """At most one pull in six is below the mean less the spread where the scatter is usual."""
+    rng = random.Random(7)
+    below, trials = 0, 4000
+    for _ in range(trials):
+        *found, following = (rng.gauss(0.5, 0.5 * scatter) for _ in range(4))
+        below += following < statistics.mean(found) * (1.0 - spread(sorted(samples(*found))))
+    assert 0.75 * most - 0.02 < below / trials < most
+
+
+def test_the_lines_for_the_config_are_toml_with_a_low_estimate() -> None:
+    assert spread(samples(0.5)) == pytest.approx(0.093, abs=0.001), "that of one pull is the usual one"
+    assert 0.03 < spread(samples(0.5, 0.5, 0.5)) < spread(samples(0.48, 0.5, 0.52)) < spread(samples(0.45, 0.5, 0.55))
+    found = tomllib.loads("\n".join(config_lines("left", samples(0.5, 0.52, 0.54))))
+    assert found["finger"]["left"] == {"mu": pytest.approx(0.52 * 0.941, abs=1e-3), "mu_spread": 0.059}
+    assert "of 1 pull," in config_lines("left", samples(0.5))[1]
