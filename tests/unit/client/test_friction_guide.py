@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import threading
 import tomllib
@@ -84,20 +85,6 @@ def test_three_pulls_give_lines_for_the_config(
     assert set(daemon.ops) == {"hello", "status"}, "it asks for nothing that moves or sets anything"
 
 
-def test_a_sample_that_disagrees_is_not_counted_and_another_is_taken(
-    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*played(pulled(0.5, 0.8, 0.5, 0.5, 0.5)), "left"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert sum("slips at" in line for line in lines) == 4
-    assert any(line.startswith("  left: not counted, 0.79") and "from the others, 0.49" in line for line in lines)
-
-
-def test_samples_that_never_agree_end_it(played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*played(pulled(0.2, 0.3, 0.4, 0.6, 0.8, 1.1, 1.5, 2.0)), "left", "--samples", "2"]) == 1
-    assert "the samples of finger left do not agree: 0.200, 0.299, " in capsys.readouterr().err
-
-
 def test_both_fingers_are_measured_with_the_same_pulls(
     played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -108,6 +95,16 @@ def test_both_fingers_are_measured_with_the_same_pulls(
     assert "1 of 1 (left 10.0 N, right 10.0 N)" in out
     assert "left: static friction 0.600 ± 9.3%, dynamic friction 0.450" in out
     assert "right: static friction 0.700 ± 9.3%, dynamic friction 0.500" in out
+
+
+def test_as_json_the_result_is_one_document_and_the_guide_is_on_standard_error(
+    played: Callable[..., list[str]], call: Callable[..., tuple[int, str, str]]
+) -> None:
+    code, out, errors = call(*played(pulled(0.5)), "left", "--samples", "1", "--json")
+    assert (code, list(found := json.loads(out)["left"])) == (0, ["mu", "mu_spread", "mu_s", "mu_d", "normal_n"])
+    assert found["mu_s"] == pytest.approx(0.5, rel=0.01)
+    assert found["mu"] == pytest.approx(found["mu_s"] * (1.0 - found["mu_spread"]))
+    assert errors.startswith("Pull slowly")
 
 
 def test_what_one_finger_showed_is_printed_where_the_other_shows_nothing(
@@ -122,41 +119,26 @@ def test_what_one_finger_showed_is_printed_where_the_other_shows_nothing(
     assert shown.err.startswith("slipctl: nothing more was measured for 2 s")
 
 
-def test_without_contact_it_asks_for_a_grip_and_gives_up_in_the_end(
-    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    free = {"level": "no_contact", "normal_n": 0.0, "required_friction": None}
-    hand = Hand(more=free)
-    assert main([*played([body] for body in hand.rest(600.0)), "left", "--patience", "0.5"]) == 1
-    shown = capsys.readouterr()
-    assert shown.out == "Grip a sample of the object, for example with: slipctl grip close 10\n"
-    assert shown.err == "slipctl: nothing more was measured for 0.5 s: finger left: nothing touches the pad\n"
-
-
-def test_a_pull_that_never_slips_is_given_up(
-    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*played([body] for body in Hand().rest(600.0)), "left", "--patience", "0.5"]) == 1
-    assert capsys.readouterr().err == "slipctl: nothing more was measured for 0.5 s: it did not slip\n"
-
-
 @pytest.mark.parametrize(
-    ("fields", "why"),
+    ("fields", "asked", "why"),
     [
-        ({"level": "unknown", "reasons": ["stuck"]}, "finger left: its readings are not trusted (stuck)"),
-        ({"spin_nm": None, "required_friction": None}, "finger left: its sensor measures no torque"),
+        (
+            {"level": "no_contact", "normal_n": 0.0, "required_friction": None},
+            "Grip a sample of the object, for example with: slipctl grip close 10\n",
+            "finger left: nothing touches the pad",
+        ),
+        ({}, "Pull slowly along the pads until it slips, 1 of 3 (left 10.0 N).\n", "it did not slip"),
     ],
 )
-def test_a_finger_that_cannot_be_measured_is_told_at_once(
+def test_where_nothing_happens_it_says_what_to_do_and_gives_up_in_the_end(
     played: Callable[..., list[str]],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., tuple[int, str, str]],
     fields: dict[str, Any],
+    asked: str,
     why: str,
 ) -> None:
-    monkeypatch.setattr("slipd_client.friction_session.OBSTACLE_S", 0.2)
-    assert main([*played([body] for body in Hand(more=fields).rest(600.0)), "left"]) == 1
-    assert capsys.readouterr().err.startswith(f"slipctl: {why}")
+    arguments = [*played([body] for body in Hand(more=fields).rest(600.0)), "left", "--patience", "0.5"]
+    assert call(*arguments) == (1, asked, f"slipctl: nothing more was measured for 0.5 s: {why}\n")
 
 
 def test_a_sensor_with_a_fault_and_a_wrong_name_are_told_before_anything_else(

@@ -59,7 +59,6 @@ def scattered(hand: Hand) -> Iterator[dict[str, Any]]:
     for k in range(2 * MOST_PULLS):
         hand.mu_s, hand.mu_d = 0.2 * 1.3**k, 0.14 * 1.3**k
         yield from hand.once()
-    hand.mu_s, hand.mu_d = 0.6, 0.45
 
 
 def jerks(hand: Hand) -> Iterator[dict[str, Any]]:
@@ -100,6 +99,7 @@ def test_what_never_ends_by_itself_ends_with_its_reason_and_goes_on_afterwards(
         guided.play(trouble(hand))
     assert not_counted in (None, sum("not counted" in line for line in guided.said))
     guided.resume()
+    hand.mu_s, hand.mu_d = 0.6, 0.45
     if "right" not in why:
         guided.play([*hand.once(), *hand.once()])
         assert guided.done
