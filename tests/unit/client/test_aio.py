@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from slipd_client.aio import AT_ONCE, AsyncGripClient, AsyncSubscriber
-from slipd_client.errors import LeaseInUse, LeaseLost, NoAnswer, RequestRefused, Silence
-from slipd_client.messages import MessageError
+from slipd_client.errors import LeaseInUse, LeaseLost, NoAnswer, Silence
 
 if TYPE_CHECKING:
     from conftest import Daemon, Publisher
@@ -20,21 +19,6 @@ PATIENCE_S = 60.0
 
 async def joined(publisher: Publisher) -> None:
     await asyncio.to_thread(publisher.wait_for_subscriber)
-
-
-async def test_messages_come_with_gaps_and_restarts_told(publisher: Publisher) -> None:
-    async with AsyncSubscriber(publisher.endpoint) as subscriber:
-        await joined(publisher)
-        publisher.send("slip.left", 1)
-        publisher.send("slip.left", 5)
-        publisher.boot = "boot-2"
-        publisher.send("slip.left", 1)
-        told = []
-        async for message in subscriber:
-            told.append((message.seq, message.missed, message.restarted))
-            if len(told) == 3:
-                break
-    assert told == [(1, 0, False), (5, 3, False), (1, 0, True)]
 
 
 async def test_a_timeout_is_none_and_before_the_first_message_all_is_stale(publish: str) -> None:
@@ -89,32 +73,6 @@ async def test_no_message_is_lost_by_cancelled_receives(publisher: Publisher) ->
     assert heard == [(seq, 0) for seq in range(count)]
 
 
-async def test_a_cancelled_iteration_goes_on_where_it_ended(publisher: Publisher) -> None:
-    heard: list[int] = []
-    async with AsyncSubscriber(publisher.endpoint) as subscriber:
-        await joined(publisher)
-
-        async def listen() -> None:
-            async for message in subscriber:
-                heard.append(message.seq)
-                await asyncio.sleep(0)
-
-        for begin in range(0, 300, 10):
-            listener = asyncio.create_task(listen())
-            await asyncio.sleep(0)
-            for seq in range(begin, begin + 10):
-                publisher.send("slip.left", seq)
-            await asyncio.sleep(0.001)
-            listener.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await listener
-        while len(heard) < 300:
-            message = await subscriber.receive(PATIENCE_S)
-            assert message is not None
-            heard.append(message.seq)
-    assert heard == list(range(300))
-
-
 async def test_a_backlog_leaves_the_loop_to_others(publisher: Publisher) -> None:
     turns = 0
 
@@ -135,29 +93,6 @@ async def test_a_backlog_leaves_the_loop_to_others(publisher: Publisher) -> None
         with contextlib.suppress(asyncio.CancelledError):
             await task
     assert turns >= 1
-
-
-async def test_requests_are_answered_and_refused(daemon: Daemon) -> None:
-    daemon.handlers["grip.set"] = lambda _: {"error": {"code": "out_of_range", "message": "no", "field": "force_n"}}
-    async with AsyncGripClient(daemon.endpoint) as client:
-        assert (await client.hello())["boot"] == "boot-1"
-        assert await client.status() == {}
-        with pytest.raises(RequestRefused, match="out_of_range: force_n"):
-            await client.grip_set(99.0)
-        with pytest.raises(MessageError, match="not_finite"):
-            await client.grip_set(float("nan"))
-        assert await client.gripper_open(drop=True, width_m=0.05) == {}
-    assert {name: daemon.requests[-1][name] for name in ("op", "drop", "width_m")} == {
-        "op": "gripper.open",
-        "drop": True,
-        "width_m": 0.05,
-    }
-
-
-async def test_without_a_daemon_nothing_is_sent_and_that_is_said(requests: str) -> None:
-    async with AsyncGripClient(requests, timeout_s=0.05) as client:
-        with pytest.raises(NoAnswer, match="nothing was sent"):
-            await client.status()
 
 
 async def test_a_daemon_that_comes_while_it_is_waited_for_is_asked(
@@ -190,19 +125,6 @@ async def test_tasks_share_a_client_and_each_gets_its_own_replies(daemon: Daemon
     async with AsyncGripClient(daemon.endpoint) as client:
         replies = await asyncio.gather(*(client.request("echo", told=told) for told in range(50)))
     assert [reply["told"] for reply in replies] == list(range(50))
-
-
-async def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
-    looks = iter([{"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
-    daemon.handlers["tare.get"] = lambda _: next(looks)
-    async with AsyncGripClient(daemon.endpoint) as client:
-        assert await client.tare("left", 0.1) == {"busy": False, "tare_id": 2, "verified": True}
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 1, "pad": 1}}
-    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 2, "stream": request["stream"]}
-    async with AsyncGripClient(daemon.endpoint) as client:
-        assert list((await client.tare("left", "all", 0.1))["streams"]) == ["wrench", "pad"]
-        assert (await client.tare_get("left", "pad"))["stream"] == "pad"
 
 
 async def test_a_lease_renews_itself_and_is_given_back(daemon: Daemon, often: int) -> None:

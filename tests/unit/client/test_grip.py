@@ -1,15 +1,19 @@
-"""Requests of a client and what the daemon hears of them: greeting, deadlines, refusals, silence, keys."""
+"""Requests of both clients and what the daemon hears of them: greeting, deadlines, refusals, silence, tares, keys."""
 
 from __future__ import annotations
 
+import asyncio
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import zmq
 
-from slipd_client.errors import NoAnswer, RequestRefused
+from slipd_client.aio import AsyncGripClient
+from slipd_client.errors import CallError, NoAnswer, RequestRefused, TareGivenUp
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages import MessageError, encode
@@ -22,31 +26,66 @@ PATIENCE_S = 60.0
 MAX_AHEAD_NS = 500_000_000
 """The furthest deadline that a daemon accepts."""
 
+ENVELOPE = ("v", "id", "boot", "deadline_ns", "arrived_ns")
+
+
+class Awaited:
+    """The asyncio client as if it blocked."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self.client = AsyncGripClient(*arguments, **options)
+        self._runner = asyncio.Runner()
+
+    def __enter__(self) -> Awaited:
+        self._runner.run(self.client.__aenter__())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._runner.run(self.client.__aexit__(kind, error, trace))
+        self._runner.close()
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self.client, name)
+        return (lambda *args, **fields: self._runner.run(found(*args, **fields))) if callable(found) else found
+
+    def patient(self, timeout_s: float) -> None:
+        self.client.timeout_s = timeout_s
+
+
+class Blocking(GripClient):
+    """The blocking client, with the name of its waiting time that both have in these tests."""
+
+    def patient(self, timeout_s: float) -> None:
+        self.timeout_s = timeout_s
+
+
+@pytest.fixture(params=[Blocking, Awaited], ids=["blocking", "asyncio"])
+def kind(request: pytest.FixtureRequest) -> Any:
+    return request.param
+
+
+@pytest.fixture
+def client(kind: Any, daemon: Daemon) -> Iterator[Any]:
+    """A client of this daemon; by its name it greets with the first request."""
+    with kind(daemon.endpoint, timeout_s=PATIENCE_S) as made:
+        yield made
+
 
 def refuse(code: str, message: str = "no", field: str | None = None) -> Callable[[Any], dict[str, Any]]:
     return lambda _: {"error": {"code": code, "message": message, "field": field}}
 
 
-def test_hello_needs_neither_boot_nor_deadline(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as client:
-        assert client.hello()["boot"] == "boot-1"
-    assert set(daemon.requests[0]) == {"v", "id", "op", "arrived_ns"}
-
-
-def test_the_first_request_greets_by_itself(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as client:
-        client.status()
-        client.status()
-    assert daemon.ops[0] == "hello"
-    assert daemon.asked_ops == ["status", "status"]
-
-
-def test_every_request_names_version_run_and_an_id_of_its_own(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as first, GripClient(daemon.endpoint) as second:
-        for client in (first, second, first):
-            client.status()
-    asked = [request for request in daemon.requests if request["op"] == "status"]
-    assert {(request["v"], request["boot"]) for request in asked} == {(1, "boot-1")}
+def test_the_first_request_greets_and_each_names_version_run_and_an_id_of_its_own(
+    daemon: Daemon, client: Any, kind: Any
+) -> None:
+    client.status()
+    with kind(daemon.endpoint) as other:
+        other.status()
+    assert set(daemon.requests[0]) == {"v", "id", "op", "arrived_ns"}, "hello has neither boot nor deadline"
+    assert (daemon.ops[0], daemon.asked_ops) == ("hello", ["status", "status"])
+    assert {(request["v"], request["boot"]) for request in daemon.asked} == {(1, "boot-1")}
     assert len({request["id"] for request in daemon.requests}) == len(daemon.requests)
 
 
@@ -60,82 +99,61 @@ def test_deadlines_are_in_the_clock_of_the_daemon(start_daemon: Callable[..., Da
     assert begin_ns < asked["deadline_ns"] < asked["arrived_ns"] + MAX_AHEAD_NS
 
 
-def test_a_clock_that_is_known_no_more_is_read_again_and_the_run_is_kept(
-    daemon: Daemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with GripClient(daemon.endpoint) as client:
-        client.status()
-        monkeypatch.setattr(client.clock, "error_ns", lambda _: MAX_AHEAD_NS)
-        daemon.boot = "boot-2"
-        with pytest.raises(RequestRefused, match="wrong_boot"):
-            client.status()
-    assert set(daemon.ops[1 + daemon.ops.index("status") : -1]) == {"hello"}
-    assert daemon.requests[-1]["boot"] == "boot-1"
-
-
-def test_a_refusal_carries_code_message_and_field(daemon: Daemon) -> None:
-    daemon.handlers["grip.set"] = refuse("out_of_range", "at most 40 N", "force_n")
-    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused) as caught:
-        client.grip_set(99.0)
-    refusal = caught.value
-    assert (refusal.code, refusal.message, refusal.field) == ("out_of_range", "at most 40 N", "force_n")
-    assert str(refusal) == "out_of_range: force_n: at most 40 N"
-
-
-def test_a_refusal_without_a_field_is_told_without_one(daemon: Daemon) -> None:
-    daemon.handlers["gripper.activate"] = refuse("no_lease", "acquire one", None)
-    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match=r"no_lease: acquire one$"):
-        client.gripper_activate()
-
-
-def test_a_number_that_is_none_never_leaves_the_client(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as client:
-        client.hello()
-        with pytest.raises(MessageError, match="not_finite: force_n"):
-            client.grip_set(float("nan"))
-        client.status()
-    assert daemon.asked_ops == ["status"]
-
-
-def test_a_restart_refuses_one_request_and_the_next_greets_the_new_run(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as client:
-        client.status()
-        daemon.boot = "boot-2"
-        with pytest.raises(RequestRefused, match="wrong_boot"):
-            client.grip_set(5.0)
-        client.status()
+def test_a_restart_refuses_one_request_and_the_next_greets_the_new_run(daemon: Daemon, client: Any) -> None:
+    client.status()
+    daemon.boot = "boot-2"
+    with pytest.raises(RequestRefused, match="wrong_boot"):
+        client.grip_set(5.0)
+    client.status()
     assert daemon.requests[-1]["boot"] == "boot-2"
     assert daemon.ops.count("grip.set") == 1
 
 
-def test_without_a_daemon_nothing_is_sent_and_that_is_said(requests: str) -> None:
-    with GripClient(requests, timeout_s=0.05) as client, pytest.raises(NoAnswer, match="nothing was sent"):
-        client.status()
-
-
-def test_a_request_is_not_kept_for_a_daemon_that_starts_later(
-    start_daemon: Callable[..., Daemon], requests: str
+def test_a_clock_that_is_known_no_more_is_read_again_and_the_run_is_kept(
+    daemon: Daemon, client: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with GripClient(requests, timeout_s=0.05) as client:
-        with pytest.raises(NoAnswer):
+    client.status()
+    monkeypatch.setattr(client.clock, "error_ns", lambda _: MAX_AHEAD_NS)
+    daemon.boot = "boot-2"
+    with pytest.raises(RequestRefused, match="wrong_boot"):
+        client.status()
+    assert set(daemon.ops[1 + daemon.ops.index("status") : -1]) == {"hello"}
+    assert daemon.requests[-1]["boot"] == "boot-1"
+
+
+def test_a_refusal_carries_code_message_and_field_where_there_is_one(daemon: Daemon, client: Any) -> None:
+    daemon.handlers["grip.set"] = refuse("out_of_range", "at most 40 N", "force_n")
+    with pytest.raises(RequestRefused, match=r"^out_of_range: force_n: at most 40 N$") as caught:
+        client.grip_set(99.0)
+    assert (caught.value.code, caught.value.message, caught.value.field) == ("out_of_range", "at most 40 N", "force_n")
+    daemon.handlers["grip.set"] = refuse("no_lease", "acquire one")
+    with pytest.raises(RequestRefused, match=r"^no_lease: acquire one$"):
+        client.grip_set(9.0)
+
+
+def test_a_number_that_is_none_never_leaves_the_client(daemon: Daemon, client: Any) -> None:
+    client.hello()
+    with pytest.raises(MessageError, match="not_finite: force_n"):
+        client.grip_set(float("nan"))
+    client.status()
+    assert daemon.asked_ops == ["status"]
+
+
+def test_a_request_is_neither_sent_without_a_daemon_nor_kept_for_a_later_one(
+    start_daemon: Callable[..., Daemon], requests: str, kind: Any
+) -> None:
+    with kind(requests, timeout_s=0.05) as client:
+        with pytest.raises(NoAnswer, match="nothing was sent"):
             client.grip_set(12.0)
         daemon = start_daemon()
-        client.timeout_s = 10.0
+        client.patient(PATIENCE_S)
         client.status()
     assert daemon.asked_ops == ["status"]
 
 
-def test_a_silent_daemon_may_or_may_not_have_done_it(daemon: Daemon) -> None:
-    daemon.handlers["grip.set"] = lambda _: None
-    with GripClient(daemon.endpoint) as client:
-        client.hello()
-        client.timeout_s = 0.1
-        with pytest.raises(NoAnswer, match="may or may not"):
-            client.grip_set(5.0)
-    assert daemon.ops.count("grip.set") == 1
-
-
-def test_a_late_reply_is_not_taken_for_the_next_one(daemon: Daemon) -> None:
+def test_a_silent_daemon_may_or_may_not_have_done_it_and_its_late_reply_is_not_taken_for_the_next(
+    daemon: Daemon, client: Any
+) -> None:
     given_up = threading.Event()
 
     def late(request: dict[str, Any]) -> dict[str, Any]:
@@ -143,14 +161,14 @@ def test_a_late_reply_is_not_taken_for_the_next_one(daemon: Daemon) -> None:
         return {"force_n": request["force_n"]}
 
     daemon.handlers["grip.set"] = late
-    with GripClient(daemon.endpoint) as client:
-        client.hello()
-        client.timeout_s = 0.1
-        with pytest.raises(NoAnswer):
-            client.grip_set(1.0)
-        given_up.set()
-        client.timeout_s = PATIENCE_S
-        assert client.grip_set(2.0) == {"force_n": 2.0}
+    client.hello()
+    client.patient(0.1)
+    with pytest.raises(NoAnswer, match="may or may not"):
+        client.grip_set(1.0)
+    given_up.set()
+    client.patient(PATIENCE_S)
+    assert client.grip_set(2.0) == {"force_n": 2.0}
+    assert daemon.ops.count("grip.set") == 2
 
 
 @pytest.mark.parametrize("data", [b"", b"\xc1", encode({"id": 5, "ok": True, "result": {}})])
@@ -173,9 +191,9 @@ def test_a_reply_with_neither_result_nor_error_is_no_success(daemon: Daemon, rep
         client.status()
 
 
-def test_a_greeting_without_run_or_clock_is_no_answer(daemon: Daemon) -> None:
+def test_a_greeting_without_run_or_clock_is_no_answer(daemon: Daemon, client: Any) -> None:
     daemon.handlers["hello"] = lambda _: {"boot": "b"}
-    with GripClient(daemon.endpoint) as client, pytest.raises(NoAnswer, match="is this slipd"):
+    with pytest.raises(NoAnswer, match="is this slipd"):
         client.status()
 
 
@@ -220,8 +238,6 @@ def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) ->
         (lambda c: c.gripper_stop(), "gripper.stop", {}),
         (lambda c: c.fault_ack(), "fault.ack", {}),
         (lambda c: c.tare_get("left"), "tare.get", {"finger": "left"}),
-        (lambda c: c.tare_undo("left"), "tare.undo", {"finger": "left"}),
-        (lambda c: c.tare_get("left", "pad"), "tare.get", {"finger": "left", "stream": "pad"}),
         (lambda c: c.tare_undo("left", "pad"), "tare.undo", {"finger": "left", "stream": "pad"}),
         (
             lambda c: c.gravity_set("left", (0.0, 0.0, -9.81)),
@@ -238,14 +254,10 @@ def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) ->
     ],
 )
 def test_each_call_sends_its_op_and_fields(
-    daemon: Daemon, call: Callable[[GripClient], object], op: str, fields: dict[str, Any]
+    daemon: Daemon, client: Any, call: Callable[[Any], object], op: str, fields: dict[str, Any]
 ) -> None:
-    with GripClient(daemon.endpoint) as client:
-        call(client)
-    asked = daemon.requests[-1]
-    for common in ("v", "id", "boot", "deadline_ns", "arrived_ns"):
-        del asked[common]
-    assert asked == {"op": op, **fields}
+    call(client)
+    assert {name: value for name, value in daemon.requests[-1].items() if name not in ENVELOPE} == {"op": op, **fields}
 
 
 def test_a_client_with_keys_is_answered_by_the_daemon_that_it_trusts_and_by_no_other(
@@ -262,11 +274,6 @@ def test_a_client_with_keys_is_answered_by_the_daemon_that_it_trusts_and_by_no_o
         client.hello()
 
 
-def test_across_a_network_silence_may_be_for_want_of_a_key() -> None:
-    with GripClient("tcp://127.0.0.1:9", timeout_s=0.01) as client, pytest.raises(NoAnswer, match="keys right"):
-        client.status()
-
-
 def test_a_request_that_waits_too_long_for_its_turn_is_not_sent(daemon: Daemon) -> None:
     with (
         GripClient(daemon.endpoint, timeout_s=0.01) as client,
@@ -277,6 +284,71 @@ def test_a_request_that_waits_too_long_for_its_turn_is_not_sent(daemon: Daemon) 
     assert daemon.ops == []
 
 
-def test_an_endpoint_that_is_none_is_a_bad_call() -> None:
+def test_wrong_calls_are_refused_before_anything_is_sent(daemon: Daemon, client: Any) -> None:
     with pytest.raises(ValueError, match="'tcp://robot'"):
         GripClient("tcp://robot")
+    for seconds in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="positive time"):
+            client.tare("left", seconds)
+    with pytest.raises(CallError, match=r"call tare\(finger, stream, seconds\)"):
+        client.tare("left", 0.5, "pad")
+    assert daemon.ops == []
+
+
+def test_a_tare_is_waited_for_until_it_is_taken_of_each_stream_that_was_named(daemon: Daemon, client: Any) -> None:
+    looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: next(looks)
+    assert client.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
+    assert daemon.asked_ops == ["tare", *["tare.get"] * 3]
+    assert daemon.asked[0]["seconds"] == 0.4
+    daemon.handlers["tare"] = lambda _: {"verified": False, "tare_id": 3, "tare_ids": {"wrench": 3, "pad": 1}}
+    states = {"wrench": 4, "pad": 2}
+    daemon.handlers["tare.get"] = lambda request: {
+        "busy": False, "tare_id": states[request["stream"]], "stream": request["stream"],
+    }  # fmt: skip
+    assert client.tare("left", "pad", 0.1)["stream"] == "pad"
+    taken = client.tare("left", "all")
+    streams = {name: {"busy": False, "tare_id": number, "stream": name} for name, number in states.items()}
+    assert taken == {"finger": "left", "verified": False, "streams": streams}
+    states["pad"] = 1
+    with pytest.raises(RequestRefused, match="tare of left pad was given up"):
+        client.tare("left", "all")
+
+
+@pytest.mark.parametrize(
+    ("given_up", "reason", "code", "told"),
+    [
+        ("a contact began", "contact", "in_contact", "a contact began"),
+        ("the finger was turned", "turned", "not_ready", "the finger was turned"),
+        ("the readings moved: hold still", "later_reason", "not_ready", "the readings moved: hold still"),
+        ("of an older daemon", None, "not_ready", "of an older daemon"),
+        (None, None, "not_ready", "tare.undo took it back"),
+    ],
+)
+def test_a_tare_that_was_given_up_is_reported_as_what_it_was(
+    daemon: Daemon, given_up: str | None, reason: str | None, code: str, told: str
+) -> None:
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    state = {"busy": False, "tare_id": 1, "given_up": given_up, "given_up_reason": reason}
+    daemon.handlers["tare.get"] = lambda _: state
+    with GripClient(daemon.endpoint) as client, pytest.raises(TareGivenUp) as caught:
+        client.tare("left", 0.1)
+    assert (caught.value.code, caught.value.reason) == (code, reason or ("" if given_up else "undone"))
+    assert str(caught.value) == f"{code}: the tare of left was given up: {told}"
+
+
+def test_a_tare_without_readings_is_told(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited_ns = 0
+
+    def busy(_: Any) -> dict[str, Any]:
+        nonlocal waited_ns
+        waited_ns += 10**9
+        return {"busy": True, "tare_id": 1}
+
+    daemon.handlers["tare.get"] = busy
+    with GripClient(daemon.endpoint, timeout_s=2.0) as client:
+        monkeypatch.setattr(client._protocol, "_now_ns", lambda: time.monotonic_ns() + waited_ns)
+        with pytest.raises(NoAnswer, match="too few readings"):
+            client.tare("left", 0.1)
+    assert daemon.ops.count("tare.get") >= 2
