@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from slipd.io.host.polling_selector import PollingSelector
+from slipd.io.host.scheduling import PollingSelector
 from slipd.serve_file import serve_file
 from slipd.service_run import Endpoints
 

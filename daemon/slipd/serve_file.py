@@ -14,9 +14,9 @@ from pathlib import Path
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
 from slipd.io.host.config_reload import ConfigReload, kept_text
-from slipd.io.host.polling_selector import PollingSelector
 from slipd.io.host.run_signals import EndSignals, handled_signals
-from slipd.io.host.systemd_notify import SystemdNotifier
+from slipd.io.host.scheduling import PollingSelector
+from slipd.io.host.systemd import SystemdNotifier
 from slipd.service import serve
 from slipd.service_run import Endpoints
 

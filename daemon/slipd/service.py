@@ -14,10 +14,9 @@ from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config
 from slipd.events import HostNotice
 from slipd.io.host.config_reload import ConfigReload
-from slipd.io.host.realtime import realtime_priority
 from slipd.io.host.run_signals import EndSignals
-from slipd.io.host.systemd_notify import SystemdNotifier
-from slipd.io.host.watchdog import Watchdog, stage_checks
+from slipd.io.host.scheduling import realtime_priority
+from slipd.io.host.systemd import SystemdNotifier, Watchdog, stage_checks
 from slipd.io.ticker import Ticker
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import raise_descriptor_limit

@@ -15,7 +15,7 @@ import pytest
 from project import CONFIG, ROOT
 
 from slipd.cli import main
-from slipd.io.host.watchdog import ANSWER_S, FEEDS_PER_TIMEOUT
+from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT
 from slipd.tools.service_command import own_program, with_program
 
 UNIT, USER_UNIT = CONFIG / "slipd.service", CONFIG / "slipd-user.service"

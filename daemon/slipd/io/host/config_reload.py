@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
+import concurrent.futures
 import logging
 import threading
 from collections.abc import Callable
@@ -46,54 +46,40 @@ class ConfigReload:
         while self.found is None:
             await self._requested.wait()
             self._requested.clear()
+            fault: Exception | None = None
             try:
                 async with asyncio.timeout(READ_LIMIT_S):
                     read = await self._read()
             except TimeoutError:
-                why = f"{self._file}: cannot be read within {READ_LIMIT_S:g} s: is it a pipe, or on a disk that hangs?"
-                self._keep(kept_text(RuntimeError(why)), report)
-                continue
+                why = f"cannot be read within {READ_LIMIT_S:g} s: is it a pipe, or on a disk that hangs?"
+                fault = RuntimeError(f"{self._file}: {why}")
             except ConfigError as error:
-                self._keep(kept_text(error), report)
-                continue
+                fault = error
             except Exception as error:  # an error in a check must not end a run that holds something
-                self._keep(kept_text(RuntimeError(f"{self._file}: {type(error).__name__}: {error}")), report)
-                continue
-            if read.text == config.text:
+                fault = RuntimeError(f"{self._file}: {type(error).__name__}: {error}")
+            if fault is not None:
+                _log.error("%s", kept_text(fault), extra={"slipd_fault": "config-kept"})
+                report(HostNotice("config", kept_text(fault)))
+            elif read.text == config.text:
                 _log.info("%s: not changed", self._file)
                 report(HostNotice("config", ""))
-                continue
-            self.found = read
+            else:
+                self.found = read
         stop.set()
 
     async def _read(self) -> Config:
         """Read the file on a thread that nothing waits for: neither a later request nor the end of the daemon."""
-        loop = asyncio.get_running_loop()
-        found: asyncio.Future[Config] = loop.create_future()
-
-        def settle(config: Config | None, error: BaseException | None) -> None:
-            if found.done():
-                return
-            if error is not None:
-                found.set_exception(error)
-            elif config is not None:
-                found.set_result(config)
+        found: concurrent.futures.Future[Config] = concurrent.futures.Future()
+        found.set_running_or_notify_cancel()  # from here on, giving up waiting does not cancel it
 
         def read() -> None:
-            config, error = None, None
             try:
-                config = load(self._file)
-            except Exception as fault:
-                error = fault
-            with contextlib.suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(settle, config, error)
+                found.set_result(load(self._file))
+            except Exception as error:
+                found.set_exception(error)
 
         threading.Thread(target=read, name="config", daemon=True).start()
-        return await found
-
-    def _keep(self, text: str, report: Callable[[Event], None]) -> None:
-        _log.error("%s", text, extra={"slipd_fault": "config-kept"})
-        report(HostNotice("config", text))
+        return await asyncio.wrap_future(found)
 
 
 def kept_text(error: Exception) -> str:

@@ -1,18 +1,22 @@
-"""Real-time priority: given where it is permitted, and reported where it is not."""
+"""Real-time priority where it is permitted, and a loop that polls."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Iterator
+from selectors import EVENT_READ
 
 import pytest
 
-from slipd.io.host.realtime import realtime_priority
+from slipd.io.host.scheduling import PollingSelector, realtime_priority
 
 SHOW = """
 import os, resource, sys
-from slipd.io.host.realtime import realtime_priority
+from slipd.io.host.scheduling import realtime_priority
 if os.geteuid() == 0:
     os.setgroups([]); os.setgid(65534); os.setuid(65534)
 with realtime_priority(10) as refused:
@@ -22,7 +26,7 @@ print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)
 
 GIVEN = """
 import os, sys, threading
-from slipd.io.host.realtime import realtime_priority
+from slipd.io.host.scheduling import realtime_priority
 show = lambda: print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority)
 with realtime_priority(10) as refused:
     if refused:
@@ -58,3 +62,53 @@ def test_a_priority_is_that_of_the_thread_alone_and_ends_with_the_run() -> None:
         pytest.skip("this user may not use real-time priorities")
     usual = f"{os.SCHED_OTHER} 0"
     assert done.stdout.splitlines() == [f"{os.SCHED_FIFO} 10", usual, usual, usual], done.stderr
+
+
+BYTES = 60
+
+
+@pytest.fixture(params=[False, True], ids=["sleeps", "polls"])
+def selector(request: pytest.FixtureRequest) -> Iterator[PollingSelector]:
+    with PollingSelector() as made:
+        made.polls = request.param
+        yield made
+
+
+@pytest.fixture
+def pipe(selector: PollingSelector) -> Iterator[tuple[int, int]]:
+    reading, writing = os.pipe()
+    selector.register(reading, EVENT_READ)
+    yield reading, writing
+    os.close(reading)
+    os.close(writing)
+
+
+@pytest.mark.parametrize("timeout_s", [None, 30.0])
+def test_every_event_of_another_thread_ends_a_wait(
+    selector: PollingSelector, pipe: tuple[int, int], timeout_s: float | None
+) -> None:
+    reading, writing = pipe
+
+    def feed() -> None:
+        for _ in range(BYTES):
+            time.sleep(0.001)
+            os.write(writing, b"x")
+
+    thread = threading.Thread(target=feed)
+    thread.start()
+    got = 0
+    while got < BYTES:
+        [(key, events)] = selector.select(timeout_s)
+        assert (key.fd, events) == (reading, EVENT_READ)
+        got += len(os.read(reading, BYTES))
+    thread.join()
+    assert selector.select(0) == []
+
+
+@pytest.mark.parametrize("timeout_s", [-1.0, 0.0, 0.02])
+def test_a_wait_without_an_event_lasts_as_long_as_it_may(
+    selector: PollingSelector, pipe: tuple[int, int], timeout_s: float
+) -> None:
+    before_s = time.monotonic()
+    assert selector.select(timeout_s) == []
+    assert time.monotonic() - before_s >= timeout_s
