@@ -8,9 +8,15 @@ This is what a scientist calls. `slipd.fusion.grasp` has the grasp that two fing
 """
 
 from slipd.fusion.contact import Contact, contact_from_wrench
-from slipd.fusion.hull import tipping_margin
 from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
-from slipd.fusion.limit_surface import TorqueLimit, Utilisation, grip_needed_n, torque_limit, utilisation
+from slipd.fusion.limit_surface import (
+    TorqueLimit,
+    Utilisation,
+    grip_needed_n,
+    tipping_margin,
+    torque_limit,
+    utilisation,
+)
 from slipd.fusion.loads import Loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
 

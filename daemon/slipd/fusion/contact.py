@@ -93,16 +93,35 @@ def contact_from_wrench(
 
     Raises:
         ValueError: A shape is wrong, or ``min_normal_n`` is not positive and finite.
+        TypeError: An argument is not numbers.
 
     Source: paper eqs. (1), (2), (3) corrected, (4).
+
+    >>> contact = contact_from_wrench(force=(1.0, 0.0, -10.0), torque=(0.02, 0.05, 0.0))
+    >>> contact.centroid_m.tolist(), contact.friction_ratio
+    ([0.005, -0.002], 0.1)
     """
-    f = np.asarray(force, dtype=np.float64)
-    t = np.asarray(torque, dtype=np.float64)
+    try:
+        f, t = np.asarray(force, dtype=np.float64), np.asarray(torque, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise not_numbers(force=force, torque=torque) from None
     if f.shape != (3,) or t.shape != (3,):
         raise ValueError(f"force and torque must have shape (3,), got {f.shape} and {t.shape}")
     if not 0.0 < min_normal_n < math.inf:
         raise ValueError(f"min_normal_n must be positive and finite, got {min_normal_n}")
     return contact_of((*f.tolist(), *t.tolist()), min_normal_n, force_std_n, torque_std_nm)
+
+
+def not_numbers(**arguments: object) -> TypeError:
+    """Return the error that names the first of these arguments that is missing, or not numbers."""
+    for name, value in arguments.items():
+        if value is None:
+            return TypeError(f"{name} is missing")
+        try:
+            np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            return TypeError(f"{name} must be numbers, got {type(value).__name__}")
+    return TypeError(f"{', '.join(arguments)} must be numbers")
 
 
 def contact_of(

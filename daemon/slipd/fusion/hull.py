@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slipd.fusion.compiled import compiled
 from slipd.fusion.rows import Rows
@@ -76,12 +75,6 @@ def nearest_on_outline(x: Array, y: Array, px: float, py: float) -> tuple[float,
 
 
 @compiled
-def largest_extent(x: Array, y: Array) -> float:
-    """Return the extent of points along X or Y, the larger one; each of shape (n,), n ≥ 1."""
-    return float(max(x.max() - x.min(), y.max() - y.min()))
-
-
-@compiled
 def fill_margins(x: Array, y: Array, readings: Rows) -> None:
     """Fill in ``tipping_margin_m`` of rows of READING where the centroid is finite.
 
@@ -114,7 +107,7 @@ class Outline:
     def __init__(self, x: Array, y: Array) -> None:
         self.taxels = convex_hull(x, y)
         self.x, self.y = x[self.taxels], y[self.taxels]
-        self.extent_m = largest_extent(self.x, self.y)
+        self.extent_m = float(max(np.ptp(self.x), np.ptp(self.y)))
 
     def margin_m(self, px: float, py: float) -> float:
         """Return the signed distance of a point to the outline, m, positive inside; NaN where it is not finite."""
@@ -124,31 +117,3 @@ class Outline:
         """Return a point's signed distance, the nearest point on the outline, and the taxels at its edge's ends."""
         margin, qx, qy, a, b = nearest_on_outline(self.x, self.y, px, py)
         return margin, qx, qy, int(self.taxels[a]), int(self.taxels[b])
-
-
-def tipping_margin(x: ArrayLike, y: ArrayLike, point: ArrayLike) -> float:
-    """Find how far a point lies inside the hull of the active taxels.
-
-    The hull of one taxel or of collinear taxels has no inside. A taxel senses over its electrode, so the hull is
-    uncertain by half a pitch.
-
-    Args:
-        x: Centres of the active taxels, shape (n,), m.
-        y: Likewise, shape (n,), m.
-        point: The contact centroid, shape (2,), m.
-
-    Returns:
-        Signed distance to the hull, m, positive inside; NaN without taxels or with data that is not finite.
-
-    Raises:
-        ValueError: A shape is wrong.
-
-    Source: paper, last paragraph of the integration section.
-    """
-    xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    p = np.asarray(point, dtype=np.float64)
-    if xs.ndim != 1 or xs.shape != ys.shape or p.shape != (2,):
-        raise ValueError(f"x and y must share one shape (n,) and point be (2,), got {xs.shape}, {ys.shape}, {p.shape}")
-    if xs.size == 0 or not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(p).all()):
-        return math.nan
-    return Outline(xs, ys).margin_m(float(p[0]), float(p[1]))

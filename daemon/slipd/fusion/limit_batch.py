@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slipd.fusion.contact import not_numbers
 from slipd.fusion.limit.batch import solve_torque_limits, solve_utilisations
 from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES
 from slipd.fusion.rows import TORQUE_LIMIT, UTILISATION, new_rows
@@ -87,8 +88,13 @@ def torque_limits(
     Raises:
         ValueError: A shape is wrong, μ is not positive and finite, or the sense is not ±1. Bad data in a frame gives
             that frame the kind "none".
+        TypeError: An argument is not numbers.
+
+    >>> limits = torque_limits([-0.01, 0.01], [0.0, 0.0], [[2.0, 2.0], [1.0, 1.0]], 0.5, [[0.0, 0.0]] * 2, (0.0, 0.0))
+    >>> limits.torque_nm.round(9).tolist()
+    [0.02, 0.01]
     """
-    xs, ys, fs, f, a = _frames(x, y, loads, mu, tangential, about)
+    xs, ys, fs, f, a, _ = _frames(x, y, loads, mu, tangential, about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, got {sense}")
     found = new_rows(TORQUE_LIMIT, len(fs))
@@ -125,9 +131,14 @@ def utilisations(
 
     Raises:
         ValueError: A shape is wrong, or μ is not positive and finite. Bad data in a frame gives that frame NaN.
+        TypeError: An argument is not numbers.
+
+    >>> loads, tangential = [[2.0, 2.0], [4.0, 4.0]], [[1.0, 0.0], [1.0, 0.0]]
+    >>> found = utilisations([-0.01, 0.01], [0.0, 0.0], loads, 0.5, tangential, [0.0, 0.0], (0.0, 0.0))
+    >>> found.value.round(9).tolist()
+    [0.5, 0.25]
     """
-    xs, ys, fs, f, a = _frames(x, y, loads, mu, tangential, about)
-    m = np.ascontiguousarray(spin, dtype=np.float64)
+    xs, ys, fs, f, a, m = _frames(x, y, loads, mu, tangential, about, spin)
     if m.shape != (len(fs),):
         raise ValueError(f"spin must have shape ({len(fs)},), got {m.shape}")
     found = new_rows(UTILISATION, len(fs))
@@ -138,11 +149,21 @@ def utilisations(
 
 
 def _frames(
-    x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float, tangential: ArrayLike, about: ArrayLike
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Return the checked arrays; those that all frames share have a first axis of 1."""
-    xs, ys, a = (np.atleast_2d(np.ascontiguousarray(v, dtype=np.float64)) for v in (x, y, about))
-    fs, f = (np.ascontiguousarray(v, dtype=np.float64) for v in (loads, tangential))
+    x: ArrayLike,
+    y: ArrayLike,
+    loads: ArrayLike,
+    mu: float,
+    tangential: ArrayLike,
+    about: ArrayLike,
+    spin: ArrayLike = (),
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Return the checked arrays; those that all frames share have a first axis of 1. The spin is not checked."""
+    try:
+        xs, ys, a = (np.atleast_2d(np.ascontiguousarray(v, dtype=np.float64)) for v in (x, y, about))
+        fs, f, m = (np.ascontiguousarray(v, dtype=np.float64) for v in (loads, tangential, spin))
+        friction_is_positive = 0.0 < mu < math.inf
+    except (TypeError, ValueError):
+        raise not_numbers(x=x, y=y, loads=loads, mu=mu, tangential=tangential, spin=spin, about=about) from None
     if fs.ndim != 2:
         raise ValueError(f"loads must have shape (frames, n), got {fs.shape}")
     frames, n = fs.shape
@@ -153,6 +174,6 @@ def _frames(
         raise ValueError(f"x and y must share one shape, got {xs.shape} and {ys.shape}")
     if f.shape != (frames, 2):
         raise ValueError(f"tangential must have shape ({frames}, 2), got {f.shape}")
-    if not 0.0 < mu < math.inf:
+    if not friction_is_positive:
         raise ValueError(f"mu must be positive and finite, got {mu}")
-    return xs, ys, fs, f, a
+    return xs, ys, fs, f, a, m

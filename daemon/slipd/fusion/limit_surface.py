@@ -8,16 +8,21 @@ used.
 Every answer is bracketed: any pole gives an upper bound of what friction can carry, any admissible friction field
 (|t_i| ≤ μ F_i) a lower bound. Both are widened by the rounding of their own sums. The method is in
 `slipd.fusion.limit`; `slipd.fusion.limit_batch` answers the same questions for many frames.
+
+Every question takes taxels, friction and load as arrays, ``(x, y, loads, mu, tangential, spin, about)``, or as a
+`Contact` and the `Loads` on its taxels, ``(contact, loads, mu)``.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from slipd.fusion.contact import Contact, not_numbers
+from slipd.fusion.hull import Outline
 from slipd.fusion.limit.grip_factor import solve_grip_factor
 from slipd.fusion.limit.solve import (
     GOAL,
@@ -27,6 +32,7 @@ from slipd.fusion.limit.solve import (
     solve_torque_limit,
     solve_utilisation,
 )
+from slipd.fusion.loads import Loads
 from slipd.types.arrays import Array
 
 Twist = tuple[float, float, float]
@@ -76,12 +82,12 @@ class Utilisation(NamedTuple):
 
 
 def torque_limit(
-    x: ArrayLike,
-    y: ArrayLike,
-    loads: ArrayLike,
-    mu: float,
-    tangential: ArrayLike,
-    about: ArrayLike,
+    x: ArrayLike | Contact,
+    y: ArrayLike | Loads,
+    loads: ArrayLike | Loads,
+    mu: float | None = None,
+    tangential: ArrayLike | None = None,
+    about: ArrayLike | None = None,
     sense: int = 1,
     *,
     gap: float = GOAL,
@@ -92,7 +98,7 @@ def torque_limit(
     The admissible spin about ``about`` is the interval [−limit(sense=−1), limit(sense=+1)].
 
     Args:
-        x: Taxel centres in the pad frame, shape (n,), m.
+        x: Taxel centres in the pad frame, shape (n,), m; or the contact, and then only its loads and μ follow.
         y: Taxel centres in the pad frame, shape (n,), m.
         loads: Normal force on each taxel, shape (n,), N.
         mu: Coefficient of static friction.
@@ -108,24 +114,28 @@ def torque_limit(
 
     Raises:
         ValueError: A shape is wrong, μ is not positive and finite, or the sense is not ±1.
+        TypeError: An argument is missing, or not numbers.
 
     Source: paper eqs. (5) and (7) as the minimum of Φ; its (6) with the torque taken about the pole.
+
+    >>> round(torque_limit([-0.01, 0.01], [0.0, 0.0], [2.0, 2.0], 0.5, (0.0, 0.0), (0.0, 0.0)).torque_nm, 9)
+    0.02
     """
-    xs, ys, fs, fx, fy, ax, ay = _checked(x, y, loads, mu, tangential, about)
+    xs, ys, fs, friction, fx, fy, _, ax, ay = _checked(x, y, loads, mu, tangential, 0.0, about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, got {sense}")
-    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, fx, fy, ax, ay, sense, gap, passes)
+    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, friction, fx, fy, ax, ay, sense, gap, passes)
     return TorqueLimit(value, lower, upper, pole_or_none(px, py), KINDS[kind])
 
 
 def utilisation(
-    x: ArrayLike,
-    y: ArrayLike,
-    loads: ArrayLike,
-    mu: float,
-    tangential: ArrayLike,
-    spin: float,
-    about: ArrayLike,
+    x: ArrayLike | Contact,
+    y: ArrayLike | Loads,
+    loads: ArrayLike | Loads,
+    mu: float | None = None,
+    tangential: ArrayLike | None = None,
+    spin: float | None = None,
+    about: ArrayLike | None = None,
     *,
     start: Twist | None = None,
     gap: float = GOAL,
@@ -141,35 +151,36 @@ def utilisation(
         tangential: As in `torque_limit`.
         spin: Torque about the pad normal through ``about``, N·m.
         about: As in `torque_limit`.
-        start: A twist to start from, such as that of the frame before: a scene that moves little needs fewer passes.
+        start: A twist to start from, such as that of the previous frame; any twist gives the same answer.
         gap: Relative gap of the bounds at which to stop.
         passes: As in `torque_limit`.
 
-    Returns:
-        The gauge λ of the limit surface with its certified bounds; λ · Σ loads is the least normal force that holds
-        this load with this pressure shape.
-
     Raises:
         ValueError: A shape is wrong, or μ is not positive and finite.
+        TypeError: An argument is missing, or not numbers.
 
-    Source: the gauge of the limit surface, whose sections are paper eqs. (4) and (5) to (7).
+    >>> from slipd.fusion import contact_from_wrench, matched_loads
+    >>> contact = contact_from_wrench(force=(1.0, 0.0, -4.0), torque=(0.0, 0.0, 0.0))
+    >>> loads = matched_loads([-0.01, 0.01], [0.0, 0.0], [1.0, 1.0], contact)
+    >>> round(utilisation(contact, loads, 0.5).value, 9)
+    0.5
     """
-    xs, ys, fs, fx, fy, ax, ay = _checked(x, y, loads, mu, tangential, about)
-    vx, vy, omega = start or NO_TWIST
+    xs, ys, fs, friction, fx, fy, m, ax, ay = _checked(x, y, loads, mu, tangential, spin, about)
+    vx, vy, omega = NO_TWIST if start is None else start
     kind, value, lower, upper, px, py, vx, vy, omega = solve_utilisation(
-        xs, ys, fs, mu, fx, fy, float(spin), ax, ay, vx, vy, omega, gap, passes
+        xs, ys, fs, friction, fx, fy, m, ax, ay, vx, vy, omega, gap, passes
     )
     return Utilisation(value, lower, upper, pole_or_none(px, py), KINDS[kind], (vx, vy, omega))
 
 
 def grip_needed_n(
-    x: ArrayLike,
-    y: ArrayLike,
-    loads: ArrayLike,
-    mu: float,
-    tangential: ArrayLike,
-    spin: float,
-    about: ArrayLike,
+    x: ArrayLike | Contact,
+    y: ArrayLike | Loads,
+    loads: ArrayLike | Loads,
+    mu: float | None = None,
+    tangential: ArrayLike | None = None,
+    spin: float | None = None,
+    about: ArrayLike | None = None,
     *,
     growth: float = 0.0,
     safety: float = 1.0,
@@ -196,12 +207,53 @@ def grip_needed_n(
 
     Raises:
         ValueError: A shape is wrong, μ is not positive and finite, the growth is negative, or the safety is below 1.
+        TypeError: An argument is missing, or not numbers.
+
+    >>> round(grip_needed_n([0.0, 0.01], [0.0, 0.0], [1.0, 1.0], 0.5, (2.0, 0.0), 0.0, (0.005, 0.0), safety=1.5), 9)
+    6.0
     """
     if not (0.0 <= growth < math.inf and 1.0 <= safety < math.inf):
         raise ValueError(f"growth must be ≥ 0 and safety ≥ 1, got {growth} and {safety}")
-    xs, ys, fs, fx, fy, ax, ay = _checked(x, y, loads, mu, tangential, about)
-    factor = solve_grip_factor(xs, ys, fs, mu, safety * fx, safety * fy, safety * float(spin), ax, ay, growth)
+    xs, ys, fs, friction, fx, fy, m, ax, ay = _checked(x, y, loads, mu, tangential, spin, about)
+    factor = solve_grip_factor(xs, ys, fs, friction, safety * fx, safety * fy, safety * m, ax, ay, growth)
     return factor * float(fs.sum()) if math.isfinite(factor) else factor
+
+
+def tipping_margin(x: ArrayLike | Contact, y: ArrayLike | Loads, point: ArrayLike | None = None) -> float:
+    """Find how far a point lies inside the hull of the active taxels.
+
+    The hull of one taxel or of collinear taxels has no inside. A taxel senses over its electrode, so the hull is
+    uncertain by half a pitch.
+
+    Args:
+        x: Centres of the active taxels, shape (n,), m; or the contact, and then only its loads follow.
+        y: Likewise, shape (n,), m.
+        point: The contact centroid, shape (2,), m.
+
+    Returns:
+        Signed distance to the hull, m, positive inside; NaN without taxels or with data that is not finite.
+
+    Raises:
+        ValueError: A shape is wrong.
+        TypeError: An argument is missing, or not numbers.
+
+    Source: paper, last paragraph of the integration section.
+
+    >>> tipping_margin([0.0, 0.02, 0.02, 0.0], [0.0, 0.0, 0.01, 0.01], (0.004, 0.005))
+    0.004
+    """
+    if isinstance(x, Contact):
+        taxels_x, taxels_y, loads = _placed(y)
+        return tipping_margin(taxels_x[loads > 0.0], taxels_y[loads > 0.0], x.centroid_m)
+    try:
+        xs, ys, p = (np.asarray(value, np.float64) for value in (x, y, point))
+    except (TypeError, ValueError):
+        raise not_numbers(x=x, y=y, point=point) from None
+    if xs.ndim != 1 or xs.shape != ys.shape or p.shape != (2,):
+        raise ValueError(f"x and y must share one shape (n,) and point be (2,), got {xs.shape}, {ys.shape}, {p.shape}")
+    if xs.size == 0 or not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(p).all()):
+        return math.nan
+    return Outline(xs, ys).margin_m(float(p[0]), float(p[1]))
 
 
 def pole_or_none(px: float, py: float) -> Array | None:
@@ -209,25 +261,44 @@ def pole_or_none(px: float, py: float) -> Array | None:
     return None if math.isnan(px) else np.array((px, py))
 
 
-def _pair(name: str, value: ArrayLike) -> tuple[float, float]:
-    array = np.asarray(value, np.float64)
-    if array.shape != (2,):
-        raise ValueError(f"{name} must have shape (2,), got {array.shape}")
-    first, second = array.tolist()
-    return first, second
+def _placed(loads: object) -> tuple[Array, Array, Array]:
+    """Return centres and loads of the taxels beside a contact."""
+    if not isinstance(loads, Loads) or loads.x is None or loads.y is None:
+        known = "of matched_loads, of binary_loads, or of grey_loads with x and y"
+        raise TypeError(f"loads beside a Contact must be Loads with their places, {known}; got {type(loads).__name__}")
+    return loads.x, loads.y, loads.loads
 
 
 def _checked(
-    x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float, tangential: ArrayLike, about: ArrayLike
-) -> tuple[Array, Array, Array, float, float, float, float]:
-    """Return taxels, tangential force and point as the kernels take them."""
-    xs = np.ascontiguousarray(x, np.float64)
-    ys = np.ascontiguousarray(y, np.float64)
-    fs = np.ascontiguousarray(loads, np.float64)
+    x: ArrayLike | Contact,
+    y: ArrayLike | Loads,
+    loads: ArrayLike | Loads,
+    mu: float | None,
+    tangential: ArrayLike | None,
+    spin: float | None,
+    about: ArrayLike | None,
+) -> tuple[Array, Array, Array, float, float, float, float, float, float]:
+    """Return taxels, friction, load and its point as the kernels take them."""
+    if isinstance(x, Contact):
+        friction = cast("float", loads if mu is None else mu)
+        return _checked(*_placed(y), friction, (x.fx_n, x.fy_n), x.spin_nm, (x.cx_m, x.cy_m))
+    forces = loads.loads if isinstance(loads, Loads) else loads
+    try:
+        xs = np.ascontiguousarray(x, np.float64)
+        ys = np.ascontiguousarray(cast("ArrayLike", y), np.float64)
+        fs = np.ascontiguousarray(forces, np.float64)
+        force, point = np.asarray(tangential, np.float64), np.asarray(about, np.float64)
+        friction, torque = float(cast("float", mu)), float(cast("float", spin))
+    except (TypeError, ValueError):
+        arguments = {"x": x, "y": y, "loads": forces, "mu": mu, "tangential": tangential, "spin": spin, "about": about}
+        raise not_numbers(**arguments) from None
     if xs.ndim != 1 or not xs.shape == ys.shape == fs.shape:
         raise ValueError(f"x, y and loads must share one shape (n,), got {xs.shape}, {ys.shape}, {fs.shape}")
-    if not 0.0 < mu < math.inf:
+    if not 0.0 < friction < math.inf:
         raise ValueError(f"mu must be positive and finite, got {mu}")
-    fx, fy = _pair("tangential", tangential)
-    ax, ay = _pair("about", about)
-    return xs, ys, fs, fx, fy, ax, ay
+    for name, pair in (("tangential", force), ("about", point)):
+        if pair.shape != (2,):
+            raise ValueError(f"{name} must have shape (2,), got {pair.shape}")
+    fx, fy = force.tolist()
+    ax, ay = point.tolist()
+    return xs, ys, fs, friction, fx, fy, torque, ax, ay

@@ -16,11 +16,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.contact import Contact, not_numbers
 from slipd.fusion.hull import Outline
 from slipd.types.arrays import Array, Indices
 
@@ -42,32 +44,44 @@ class Loads:
         centroid_residual_m: Distance of the loads' centroid from the requested one, m: 0 where it was met and for the
             grey rule, which has none; NaN without an image.
         status: "ok", "projected" (the centroid lay outside the hull) or "no_image" (no active taxel).
+        x: Centres of the taxels, shape (n,), m; None where they were not given.
+        y: Likewise.
     """
 
     loads: Array
     centroid_residual_m: float
     status: str
+    x: Array | None = None
+    y: Array | None = None
 
 
-def grey_loads(pressure: ArrayLike, normal_n: float) -> Loads:
+def grey_loads(
+    pressure: ArrayLike, normal_n: float | Contact, x: ArrayLike | None = None, y: ArrayLike | None = None
+) -> Loads:
     """Distribute the normal force in proportion to the pressures: F_i = f_n p_i / Σ p.
 
     Args:
         pressure: Taxel readings, shape (n,), any unit; negative ones count as zero.
-        normal_n: f_n, N.
+        normal_n: f_n, N, or the contact.
+        x: Taxel centres, shape (n,), m; needed only to ask about the loads with a `Contact`.
+        y: Likewise.
 
     Raises:
-        ValueError: The shape is wrong, a pressure is not finite, or the normal force is negative or not finite.
+        ValueError: A shape is wrong, a pressure is not finite, or the normal force is negative or not finite.
+        TypeError: An argument is not numbers.
+
+    >>> grey_loads([1.0, 3.0, -0.1], normal_n=8.0).loads.tolist()
+    [2.0, 6.0, 0.0]
     """
-    p = _pressure(pressure)
-    _check_normal(normal_n)
+    p, force_n = _pressure(pressure), _normal(normal_n)
+    xs, ys = (None, None) if x is None else _positions(x, y)
     if not p.any():
-        return Loads(np.zeros(p.size), math.nan, "no_image")
+        return Loads(np.zeros(p.size), math.nan, "no_image", xs, ys)
     share = p / p.max()  # first, so that no sum overflows
-    return Loads(normal_n * (share / share.sum()), 0.0, "ok")
+    return Loads(force_n * (share / share.sum()), 0.0, "ok", xs, ys)
 
 
-def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
+def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float | Contact, centroid: ArrayLike | None = None) -> Loads:
     """Distribute the normal force linearly in (x, y) over the active taxels so that it acts at the centroid.
 
     Where the linear rule would pull on a taxel, that taxel carries nothing: F_i = max(0, a + b·r_i).
@@ -75,36 +89,46 @@ def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLik
     Args:
         x: Centres of the active taxels, shape (n,), m.
         y: Likewise, shape (n,), m.
-        normal_n: f_n, N.
-        centroid: C, shape (2,), m.
+        normal_n: f_n, N, or the contact.
+        centroid: C, shape (2,), m; not beside a contact, which has one.
 
     Raises:
         ValueError: A shape is wrong, or a value is not finite.
+        TypeError: An argument is not numbers.
+
+    >>> binary_loads([0.0, 0.01], [0.0, 0.0], normal_n=4.0, centroid=(0.0025, 0.0)).loads.round(9).tolist()
+    [3.0, 1.0]
     """
-    xs, ys, c = _positions(x, y, centroid)
-    _check_normal(normal_n)
-    return _balance(xs, ys, np.ones(xs.size), normal_n, c, binary=True)
+    xs, ys = _positions(x, y)
+    return _balance(xs, ys, np.ones(xs.size), normal_n, centroid, binary=True)
 
 
-def matched_loads(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
+def matched_loads(
+    x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: float | Contact, centroid: ArrayLike | None = None
+) -> Loads:
     """Tilt the image by exp(a + b·r) until it balances the normal force at the centroid.
 
     Args:
         x: Taxel centres, shape (n,), m.
         y: Likewise, shape (n,), m.
         pressure: Taxel readings, shape (n,), any unit; negative ones count as zero.
-        normal_n: f_n, N.
-        centroid: C, shape (2,), m.
+        normal_n: f_n, N, or the contact.
+        centroid: C, shape (2,), m; not beside a contact, which has one.
 
     Raises:
         ValueError: A shape is wrong, or a value is not finite.
+        TypeError: An argument is not numbers.
+
+    >>> from slipd.fusion import contact_from_wrench
+    >>> contact = contact_from_wrench(force=(0.0, 0.0, -4.0), torque=(0.0, 0.01, 0.0))
+    >>> matched_loads([0.0, 0.01], [0.0, 0.0], [1.0, 1.0], contact).loads.round(9).tolist()
+    [3.0, 1.0]
     """
-    xs, ys, c = _positions(x, y, centroid)
+    xs, ys = _positions(x, y)
     p = _pressure(pressure)
     if p.shape != xs.shape:
         raise ValueError(f"pressure must have the shape of x, {xs.shape}, got {p.shape}")
-    _check_normal(normal_n)
-    return _balance(xs, ys, p, normal_n, c)
+    return _balance(xs, ys, p, normal_n, centroid)
 
 
 def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, float], outline: Outline) -> Loads:
@@ -124,7 +148,7 @@ def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, flo
         loads = (
             _clipped_linear(np.vstack((x - cx, y - cy)).T / extent)
             if p is None
-            else _tilt_about(x, y, p, cx, cy, extent)
+            else tilt((x - cx) / extent, (y - cy) / extent, p)
         )
     else:
         face, position = _edge(x, y, qx, qy, a, b, extent)
@@ -134,16 +158,21 @@ def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, flo
     return Loads(loads, -margin if outside else 0.0, "projected" if outside else "ok")
 
 
-def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, *, binary: bool = False) -> Loads:
+def _balance(
+    x: Array, y: Array, p: Array, normal_n: float | Contact, centroid: ArrayLike | None, *, binary: bool = False
+) -> Loads:
     """Distribute the force over the taxels with a pressure."""
+    force_n = _normal(normal_n)
+    centroid = normal_n.centroid_m if isinstance(normal_n, Contact) else centroid
+    cx, cy = _finite("centroid", centroid, (2,)).tolist()
     active = np.flatnonzero(p > 0.0)
     loads = np.zeros(x.size)
     if active.size == 0:
-        return Loads(loads, math.nan, "no_image")
+        return Loads(loads, math.nan, "no_image", x, y)
     ax, ay, ap = x[active], y[active], p[active]
-    found = active_loads(ax, ay, None if binary else ap, (float(c[0]), float(c[1])), Outline(ax, ay))
-    loads[active] = normal_n * found.loads
-    return Loads(loads, found.centroid_residual_m, found.status)
+    found = active_loads(ax, ay, None if binary else ap, (cx, cy), Outline(ax, ay))
+    loads[active] = force_n * found.loads
+    return Loads(loads, found.centroid_residual_m, found.status, x, y)
 
 
 def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: float) -> tuple[Indices, Array]:
@@ -240,12 +269,6 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
 
 
 @compiled
-def _tilt_about(x: Array, y: Array, p: Array, cx: float, cy: float, extent_m: float) -> Array:
-    """Return `tilt` about a centroid inside the contact; all lengths in m."""
-    return tilt((x - cx) / extent_m, (y - cy) / extent_m, p)
-
-
-@compiled
 def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array) -> tuple[float, float, float]:
     """Write the loads of a tilt into ``share``; return log Σ p exp(b·r) and its gradient, Σ F r."""
     top = -np.inf
@@ -264,27 +287,36 @@ def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array
     return top + math.log(total), mx, my
 
 
-def _check_normal(normal_n: float) -> None:
-    if not 0.0 <= normal_n < math.inf:
-        raise ValueError(f"normal_n must be finite and not negative, got {normal_n}")
+def _finite(name: str, value: ArrayLike | None, shape: tuple[int, ...] | None = None) -> Array:
+    """Return an argument as an array of a shape; None: of any shape (n,)."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise not_numbers(**{name: value}) from None
+    if value is None:
+        raise not_numbers(**{name: value})
+    if array.ndim != 1 or (shape is not None and array.shape != shape):
+        raise ValueError(f"{name} must have shape {shape or '(n,)'}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite")
+    return array
+
+
+def _normal(normal_n: float | Contact) -> float:
+    force_n = normal_n.normal_n if isinstance(normal_n, Contact) else normal_n
+    if not isinstance(force_n, SupportsFloat):
+        raise not_numbers(normal_n=force_n)
+    if not 0.0 <= force_n < math.inf:
+        raise ValueError(f"normal_n must be finite and not negative, got {force_n}")
+    return force_n
 
 
 def _pressure(pressure: ArrayLike) -> Array:
-    p = np.asarray(pressure, dtype=np.float64)
-    if p.ndim != 1:
-        raise ValueError(f"pressure must have shape (n,), got {p.shape}")
-    if not np.isfinite(p).all():
-        raise ValueError("pressure must be finite")
-    return np.maximum(p, 0.0)
+    return np.maximum(_finite("pressure", pressure), 0.0)
 
 
-def _positions(x: ArrayLike, y: ArrayLike, centroid: ArrayLike) -> tuple[Array, Array, Array]:
-    xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    c = np.asarray(centroid, dtype=np.float64)
-    if xs.ndim != 1 or xs.shape != ys.shape or c.shape != (2,):
-        raise ValueError(
-            f"x and y must share one shape (n,) and centroid be (2,), got {xs.shape}, {ys.shape}, {c.shape}"
-        )
-    if not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(c).all()):
-        raise ValueError("x, y and centroid must be finite")
-    return xs, ys, c
+def _positions(x: ArrayLike | None, y: ArrayLike | None) -> tuple[Array, Array]:
+    xs, ys = _finite("x", x), _finite("y", y)
+    if xs.shape != ys.shape:
+        raise ValueError(f"x and y must share one shape (n,), got {xs.shape} and {ys.shape}")
+    return xs, ys

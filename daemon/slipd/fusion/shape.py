@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
+from numpy.typing import ArrayLike
 
+from slipd.fusion.compiled import compiled
+from slipd.fusion.contact import not_numbers
 from slipd.fusion.hull import convex_hull
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, Indices, Mask
 
 CORNER_PITCHES = 0.6
 """A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a
@@ -53,8 +54,17 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
 
     Raises:
         ValueError: A shape is wrong.
+        TypeError: An argument is not numbers.
+
+    >>> x, y = np.meshgrid(np.arange(4) * 0.003, np.arange(3) * 0.003)
+    >>> found = contact_shape(x, y, [[1, 1, 1, 0], [1, 0, 1, 0], [1, 1, 1, 0]], 0.003)
+    >>> found.active, found.holes, len(found.corners_m)
+    (8, 1, 4)
     """
-    xs, ys, p = (np.asarray(a, dtype=np.float64) for a in (x, y, pressure))
+    try:
+        xs, ys, p = (np.asarray(a, dtype=np.float64) for a in (x, y, pressure))
+    except (TypeError, ValueError):
+        raise not_numbers(x=x, y=y, pressure=pressure) from None
     if p.ndim != 2 or xs.shape != p.shape or ys.shape != p.shape:
         raise ValueError(f"x, y and pressure must share one shape (rows, cols), got {xs.shape}, {ys.shape}, {p.shape}")
     on = p > 0.0
@@ -65,7 +75,9 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
     ax, ay, weight = xs[on], ys[on], p[on] / p[on].sum()
     centroid = np.array((weight @ ax, weight @ ay))
     axis, elongation = _principal_axis(ax - centroid[0], ay - centroid[1])
-    return ContactShape(count, count * pitch_m**2, centroid, axis, elongation, _holes(on), _corners(ax, ay, pitch_m))
+    corners = _corners(ax, ay, CORNER_PITCHES * pitch_m)
+    outline = np.stack((ax[corners], ay[corners]), axis=1)
+    return ContactShape(count, count * pitch_m**2, centroid, axis, elongation, _holes(on), outline)
 
 
 def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
@@ -80,28 +92,42 @@ def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
     return 0.5 * math.atan2(2.0 * xy, xx - yy), elongation
 
 
-def _holes(on: NDArray[np.bool_]) -> int:
+@compiled
+def _holes(on: Mask) -> int:
     """Count inactive regions that do not reach the border; taxels connect across corners, gaps only across sides."""
     rows, cols = on.shape
-    off = np.ones((rows + 2, cols + 2), dtype=bool)  # framed, so that all that is outside is one region
-    off[1:-1, 1:-1] = ~on
-    _, regions = ndimage.label(off)
-    return int(regions) - 1
+    framed = np.zeros((rows + 2, cols + 2), np.bool_)  # so that all that is outside is one region
+    framed[1:-1, 1:-1] = on
+    done, waiting, regions = framed.ravel(), np.empty(framed.size, np.int64), 0
+    for start in range(done.size):
+        if done[start]:
+            continue
+        regions += 1
+        done[start], waiting[0], count = True, start, 1
+        while count > 0:
+            count -= 1
+            at = waiting[count]
+            for step in (-1, 1, -cols - 2, cols + 2):
+                beside = at + step
+                if 0 <= beside < done.size and not done[beside]:
+                    done[beside], waiting[count] = True, beside
+                    count += 1
+    return regions - 1
 
 
-def _corners(ax: Array, ay: Array, pitch_m: float) -> Array:
-    """Return the corners of the hull of the active taxels, without those that the grid makes."""
-    outline = [(float(ax[k]), float(ay[k])) for k in convex_hull(ax, ay)]
-    while len(outline) > 3:
-        heights = [_height(outline[k - 1], outline[k], outline[(k + 1) % len(outline)]) for k in range(len(outline))]
-        flattest = int(np.argmin(heights))
-        if heights[flattest] >= CORNER_PITCHES * pitch_m:
+@compiled
+def _corners(ax: Array, ay: Array, least_m: float) -> Indices:
+    """Return the corners of the hull of the active taxels, without those that the grid makes: they are the flattest."""
+    outline = convex_hull(ax, ay)
+    while outline.size > 3:
+        flattest, lowest_m = 0, math.inf
+        for k in range(outline.size):
+            a, b, c = outline[k - 1], outline[k], outline[(k + 1) % outline.size]
+            ex, ey = ax[c] - ax[a], ay[c] - ay[a]
+            height_m = abs(ex * (ay[b] - ay[a]) - ey * (ax[b] - ax[a])) / math.hypot(ex, ey)
+            if height_m < lowest_m:
+                flattest, lowest_m = k, height_m
+        if lowest_m >= least_m:
             break
-        del outline[flattest]
-    return np.array(outline)
-
-
-def _height(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Return the distance of b from the line through a and c."""
-    ex, ey = c[0] - a[0], c[1] - a[1]
-    return abs(ex * (b[1] - a[1]) - ey * (b[0] - a[0])) / math.hypot(ex, ey)
+        outline = np.concatenate((outline[:flattest], outline[flattest + 1 :]))
+    return outline

@@ -19,7 +19,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from slipd.motion.image_blocks import Block
 from slipd.signals.pad import PadGeometry
@@ -44,6 +43,8 @@ LEAST_TAXELS = 10
 """Load and tilt fit almost any image of fewer taxels."""
 STDS = 5.0
 """The share must exceed 0 by this many standard deviations of the noise."""
+
+_DIAGONAL = np.diag_indices(MODES)
 
 
 class ImageFit(NamedTuple):
@@ -76,8 +77,10 @@ class ImageComparison:
     """
 
     def __init__(self, geometry: PadGeometry) -> None:
-        self._geometry = geometry
         self._x, self._y = geometry.positions()
+        self._sides = west, east, south, north = geometry.sides()
+        self._wide_m = np.maximum(self._x[east] - self._x[west], geometry.pitch_m)
+        self._high_m = np.maximum(self._y[north] - self._y[south], geometry.pitch_m)
 
     def fit(self, before: Block, after: Block) -> ImageFit | None:
         """Fit the change from one block to a later one; None where too few taxels take part."""
@@ -95,21 +98,22 @@ class ImageComparison:
         radius_m = math.sqrt(xx + yy)
         if radius_m == 0.0:
             return None
-        slope_x, slope_y = (slope[used] for slope in self._geometry.slopes(mean))
+        slope_x, slope_y = (slope[used] for slope in self._slopes(mean))
         load = mean[used]
         load_modes = (load, load * x / radius_m, load * y / radius_m, x * slope_x, y * slope_y)
         motions = (-slope_x, -slope_y, (y * slope_x - x * slope_y) / radius_m)
         weight = 1.0 / np.sqrt(variance[used])
-        modes = weight[:, None] * np.stack(load_modes + motions, axis=1)
+        modes = weight * np.array(load_modes + motions)
         change = weight * (after.image - before.image)[used]
-        amount = np.asarray(np.linalg.lstsq(modes, change, rcond=1e-12)[0], np.float64)
-        rest = change - modes @ amount
-        # The lower right block of the factor: what the other modes leave of the motions.
-        factor = np.asarray(np.linalg.qr(modes, mode="r"), np.float64)[-MOTIONS:, -MOTIONS:]
+        normal = modes @ modes.T
+        normal[_DIAGONAL] = normal[_DIAGONAL] * (1.0 + 1e-9) + 1e-300  # a pad of one row shows nothing across it
+        inverse = np.linalg.inv(normal)
+        amount = inverse @ (modes @ change)
+        rest = change - amount @ modes
         growth_m = abs(float(amount[3])) * math.sqrt(3.0 * xx), abs(float(amount[4])) * math.sqrt(3.0 * yy)
         return ImageFit(
             amount[-MOTIONS:],
-            factor.T @ factor,
+            np.linalg.inv(inverse[-MOTIONS:, -MOTIONS:]),
             growth_m,
             float(rest @ rest) / freedom,
             freedom,
@@ -156,7 +160,7 @@ class ImageComparison:
         if np.count_nonzero(used) < LEAST_TAXELS:
             return False
         mean = 0.5 * (before.image + after.image)
-        slope_x, slope_y = self._geometry.slopes(mean)
+        slope_x, slope_y = self._slopes(mean)
         by_shift = -(shift_m[0] * slope_x + shift_m[1] * slope_y)
         changes = np.stack((after.image - before.image, by_shift), axis=1)[used]
         x, y, load = self._x[used] - self._x[used].mean(), self._y[used] - self._y[used].mean(), mean[used]
@@ -172,12 +176,17 @@ class ImageComparison:
         like_a_shift = of_both > LEAST_CORRELATION * math.sqrt(of_change * of_shift)
         return bool(share > LEAST_LEFT and like_a_shift and of_both > max(LEAST_SHARE * of_shift, noise))
 
+    def _slopes(self, image: Array) -> tuple[Array, Array]:
+        """Return the slopes of an image along X and Y, each shape (n,), per m."""
+        west, east, south, north = self._sides
+        return (image[east] - image[west]) / self._wide_m, (image[north] - image[south]) / self._high_m
+
     def _variance(self, before: Block, after: Block) -> Array:
         """Return the variance of the difference of two blocks by noise and errors of the model; infinity outside."""
         mean = 0.5 * (before.image + after.image)
         most = float(mean.max())
         on = mean > (ACTIVE_SHARE * mean[mean > 0.1 * most].mean() if most > 0.0 else math.inf)
-        near = ndimage.binary_dilation(on.reshape(self._geometry.rows, self._geometry.cols)).ravel()
+        near = on | on[self._sides].any(axis=0)
         noise = np.maximum(after.variance, after.variance[near].mean() if near.any() else math.inf)
         variance: Array = 2.0 * noise + (MODEL_SHARE * mean) ** 2 + (1e-6 * most) ** 2
         variance[~near if after.usable is None else ~(near & after.usable)] = math.inf

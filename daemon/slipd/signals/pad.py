@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, Indices
 
 STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 """Steps (rows, columns) to the eight neighbours of a taxel, in the order of `neighbours`."""
@@ -62,24 +61,21 @@ class PadGeometry:
         x, y = (along, across) if self.swap_xy else (across, along)
         return (-x if self.flip_x else x), (-y if self.flip_y else y)
 
-    def slopes(self, image: Array) -> tuple[Array, Array]:
-        """Return the slopes of an image along X and Y, each shape (rows · cols,), per m; 0 along a single taxel."""
-        grid = image.reshape(self.rows, self.cols)
-        down, right = (
-            np.asarray(np.gradient(grid, self.pitch_m, axis=axis)).ravel() if count > 1 else np.zeros(self.taxels)
-            for axis, count in enumerate(grid.shape)
-        )
-        x, y = (down, right) if self.swap_xy else (right, down)
-        return (-x if self.flip_x else x), (-y if self.flip_y else y)
+    def sides(self) -> Indices:
+        """Return the neighbours of each taxel towards −X, +X, −Y and +Y, shape (4, n); itself at the border."""
+        here, around = np.arange(self.taxels), neighbours(self.rows, self.cols)
+        up, left, right, down = (np.where(side < 0, here, side) for side in around[:, (1, 3, 4, 6)].T)
+        x, y = ((up, down), (left, right)) if self.swap_xy else ((left, right), (up, down))
+        return np.array((*(x[::-1] if self.flip_x else x), *(y[::-1] if self.flip_y else y)))
 
 
-def neighbours(rows: int, cols: int) -> NDArray[np.intp]:
+def neighbours(rows: int, cols: int) -> Indices:
     """Return the eight neighbours of every taxel of a pad that is scanned row by row.
 
     Returns:
         Indices in scan order, shape (rows · cols, 8), in the order of ``STEPS``; −1 beyond the border.
     """
-    framed = np.full((rows + 2, cols + 2), -1, dtype=np.intp)
+    framed = np.full((rows + 2, cols + 2), -1, dtype=np.int64)
     framed[1:-1, 1:-1] = np.arange(rows * cols).reshape(rows, cols)
     shifted = [framed[1 + down : 1 + down + rows, 1 + right : 1 + right + cols].ravel() for down, right in STEPS]
     return np.stack(shifted, axis=1)

@@ -108,7 +108,8 @@ def test_a_fit_on_a_pad_of_one_column_knows_nothing_of_the_other_direction() -> 
     column = np.exp(-((np.arange(12.0) - 5.2) ** 4) / 90.0)
     fit = ImageComparison(PadGeometry(12, 1, 0.004, 0.003)).fit(block(column), block(1.2 * np.roll(column, 1)))
     assert fit is not None
-    assert fit.shift_m[0] == fit.precision[0, 0] == 0.0
+    assert abs(fit.shift_m[0]) < 1e-12
+    assert fit.precision[0, 0] < 1e-200
     assert fit.shift_m[1] > 0.001
 
 
