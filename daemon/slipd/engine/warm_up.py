@@ -21,9 +21,6 @@ from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
-from slipd.signals.force_image_agreement import Agreement
-from slipd.signals.taxel_blocks import BLOCK_NS, Blocks
-from slipd.signals.taxel_faults import TaxelFaults
 from slipd.types.samples import TactileSample, WrenchSample
 
 
@@ -37,17 +34,12 @@ def warm_up() -> None:
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     relative_noise((0.1, 0.0), 0.001, (0.0, 0.0), (1.0, 0.0, 0.0), 0.02, 0.001)
     tipping_margin(x, y, centre)
-    contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
     move_to_pad(new_readings([(0.0,) * 6], [0.0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).conditions)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)
-    Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
-    blocks = Blocks(4)
-    for t_ns in (0, BLOCK_NS):
-        blocks.update(np.ones(4), t_ns, free=False, steady=False)
-    TaxelFaults(blocks, 2, 2, 1.0, 0.0, 0.0).judge(np.zeros(4, dtype=bool))
     vibration = Vibration(LEAST_HZ)
     for t_ns in (0, 2 * SETTLED_NS):
         vibration.update(t_ns, np.zeros((BLOCK, 6)))

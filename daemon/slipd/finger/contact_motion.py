@@ -75,7 +75,7 @@ class ContactMotion:
         if self._shift is None:
             return
         self._known = True
-        found = self._shift.update(t_ns, image.loads, wrench, image.measured)
+        found = self._shift.update(t_ns, image.loads, wrench, image.taxel_health.measured)
         if found is not None:
             self.found.append(found)
 

@@ -95,7 +95,7 @@ class ContactPresence:
     def is_free_by_image(self) -> bool:
         """Return whether a fresh, reliable image of a pad with a known zero shows by itself that nothing presses."""
         image = self._image
-        if image is None or not image.tared or not image.is_reliable(at_rest=True):
+        if image is None or not image.zero.tared or not image.is_reliable(at_rest=True):
             return False
         return self.shown_by_image() is False
 

@@ -188,7 +188,8 @@ class Finger:
         before_ns = t_ns if image.t_ns is None else image.t_ns
         if check is not None:
             normal_n = self.state.normal_n
-            summary = check.take_summary(normal_n, free=self.level == PAD_FREE.level)
+            free, agrees = self.level == PAD_FREE.level, not check.disagreement
+            summary = check.history.take_summary(normal_n, free=free, agrees=agrees)
         image.update(sample, t_ns, summary, arrival)
         if check is not None:
             check.update_image(t_ns, self._estimator.least_normal_n, known=normal_n is not None)

@@ -62,6 +62,8 @@ class FingerState:
         status: Conditions that the device reported with the reading.
         age_s: Age of the reading when it was received, s; None before the first.
         friction: What was known of the friction; None where nothing touches or the reading says nothing.
+        needed_n: Least normal force that holds the load, N, once `slipd.finger.friction_limits` has found it.
+        needed_is_known: It has.
     """
 
     t_ns: int
@@ -76,6 +78,8 @@ class FingerState:
     status: tuple[str, ...] = ()
     age_s: float | None = None
     friction: FrictionState | None = None
+    needed_n: float | None = field(default=None, init=False, compare=False)
+    needed_is_known: bool = field(default=False, init=False, compare=False)
 
     @property
     def normal_n(self) -> float | None:

@@ -7,7 +7,7 @@ import math
 from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.force_history import ForceHistory, ForceSummary
+from slipd.finger.force_history import ForceHistory
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import Contact
 from slipd.fusion.contact import contact_of
@@ -38,10 +38,6 @@ class ForceImageCheck:
         self._agreement = Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)
         self._compared_ns = 0
         self.disagreement: tuple[str, ...] = ()
-
-    def take_summary(self, normal_n: float | None, *, free: bool) -> ForceSummary:
-        """Return what the force sensor measured since the image before; see `ForceHistory.take_summary`."""
-        return self.history.take_summary(normal_n, free=free, agrees=not self.disagreement)
 
     def update_image(self, t_ns: int, least_normal_n: float, *, known: bool) -> None:
         """Compare the newest image with the force at its time.

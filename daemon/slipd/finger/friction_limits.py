@@ -1,6 +1,6 @@
 """What friction can carry on one pad: the torque limit and the grip force that a load needs.
 
-Each takes a search on the limit surface, so they are computed only for messages and the reflex.
+Each takes a search on the limit surface, so they are computed only for messages and the reflex, once for each state.
 """
 
 from __future__ import annotations
@@ -19,6 +19,12 @@ def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
     It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not known,
     and where no force would hold the load.
     """
+    if not state.needed_is_known:
+        state.needed_n, state.needed_is_known = _find_needed_n(finger, state), True
+    return state.needed_n
+
+
+def _find_needed_n(finger: Finger, state: FingerState) -> float | None:
     contact, distribution, used, friction = state.contact, state.load_distribution, state.utilisation, state.friction
     if contact is None or distribution is None or used is None or friction is None or friction.mu is None:
         return None

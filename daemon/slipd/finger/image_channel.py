@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,7 +18,7 @@ from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.frozen_image import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
-from slipd.signals.taxel_health import Mask, TaxelHealth
+from slipd.signals.taxel_health import TaxelHealth
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED, TactileSample
 
@@ -41,6 +42,7 @@ class ImageChannel:
         x: Centres of the taxels along X of the pad frame, in scan order, shape (n,), m.
         y: Likewise along Y, shape (n,), m.
         three_axis: The taxels measure shear too, so the pad gives a wrench by itself.
+        zero: Whether the zero of the readings is known.
         tare: Offset of the readings, in counts.
         taxel_health: Which taxels are masked, and why.
         freshness: Of the images.
@@ -50,6 +52,8 @@ class ImageChannel:
         status: Conditions that the device reported with it.
         is_frozen: The images repeat while the force moves.
         reasons: Why the newest image cannot be used; empty where it can.
+        is_independent: The newest image is usable, and not assumed to be free because the force sensor reads no
+            contact.
     """
 
     def __init__(self, pad: Pad, finger: Finger) -> None:
@@ -59,16 +63,13 @@ class ImageChannel:
         self.x, self.y = self.geometry.positions()
         taxels = self.geometry.taxels
         self.three_axis = axes_of(pad) == 3
-        shape = (taxels, 3) if self.three_axis else (taxels,)
         self._scale = np.array(pad.axis_scale if self.three_axis else pad.axis_scale[0])
-        self._threshold = pad.threshold
-        self._least_n = finger.min_normal_n
-        self._most = MOST if pad.gain_error is not None else LARGEST_READING
-        self._rule = finger.load_rule
+        self._threshold, self._least_n, self._rule = pad.threshold, finger.min_normal_n, finger.load_rule
         self._calibrated = pad.gain_error is not None
+        self._most = MOST if self._calibrated else LARGEST_READING
         self._charge = ChargeReconstruction(taxels, pad.charge_tau_s) if pad.charge_tau_s else None
-        self._zero = PadZero(pad, shape, self._scale, self._charge)
-        self.tare = self._zero.tare
+        self.zero = PadZero(pad, (taxels, 3) if self.three_axis else (taxels,), self._scale, self._charge)
+        self.tare = self.zero.tare
         self.taxel_health = TaxelHealth(
             pad.rows,
             pad.cols,
@@ -79,15 +80,13 @@ class ImageChannel:
         noise_n = 0.0 if finger.wrench is None else finger.wrench.force_std_n
         self._frozen = FrozenImage(max(FROZEN_STDS * noise_n, finger.min_normal_n))
         self._watch = WrenchWatch(LARGEST_READING, LARGEST_READING, repeats=pad.stuck_after, gap_ns=stale_after_ns(pad))
-        self.is_frozen = False
         self.freshness = ImageFreshness(stale_after_ns(pad))
         self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
         self.reasons = STALE
-        self._usable = False
-        self._assumed_free = False
+        self.is_frozen = self._usable = self.is_independent = False
         self._distribution: LoadDistribution | None = None
         self._distributed = False
 
@@ -109,82 +108,41 @@ class ImageChannel:
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         doubtful = not UNTRUSTED.isdisjoint(sample.status)
         self.is_frozen = self._frozen.update(sample.values, t_ns, summary.normal_n)
-        values = self._zero.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.is_frozen)
+        values = self.tare.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.is_frozen)
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
         values = self._scale * values
         readings, shear = (-values[:, 2], values[:, :2]) if self.three_axis else (values, None)
-        pressure = None
+        health, pressure, assumed_free = self.taxel_health, None, False
         if self._charge is not None:
-            anchored = summary.agrees and not doubtful and not self.taxel_health.masks
-            if self._calibrated and anchored and summary.normal_n is not None:
-                self._charge.anchor(summary.normal_n)
-            values = pressure = self._charge.update(values, t_ns * 1e-9, summary.no_contact)
+            known = self._calibrated and summary.agrees and not doubtful and not health.masks
+            anchor = math.nan if summary.normal_n is None or not known else summary.normal_n
+            assumed_free = summary.no_contact
+            values = pressure = self._charge.update(values, t_ns * 1e-9, assumed_free, anchor)
         free = summary.normal_n is not None and summary.no_contact and summary.normal_n > -self._least_n
-        self.taxel_health.update(readings, t_ns, free, summary.moving, pressure, shear)
+        health.update(readings, t_ns, free, summary.moving, pressure, shear)
         if not doubtful and self._charge is None:
-            self._zero.judge(readings, t_ns, free=summary.no_contact)
-        self._set_pressure(values, sample)
+            self.zero.judge(readings, t_ns, free=summary.no_contact)
+        if health.masks:
+            values = health.repair(values)
+        flat = values.ravel()
+        possible = float(np.dot(flat, flat)) <= self._most**2  # false for NaN
+        usable = self.zero.known and possible and not (sample.status or self.is_frozen or health.masks)
+        self.reasons = () if usable else self._find_reasons(sample, flat, possible=possible)
+        if self.three_axis:
+            self._forces, values = values, -values[:, 2]
+        self.loads, self._usable, self._distributed = values, not self.reasons, False
+        self.is_independent = self._usable and not assumed_free
+        self.pressure = np.where(values > self._threshold, values, 0.0) if self._usable else np.zeros_like(values)
         self.t_ns, self.status = t_ns, sample.status
-        self._assumed_free = self._charge is not None and summary.no_contact
         self.freshness.update(sample.t_ns, t_ns, arrival)
 
-    def _set_pressure(self, values: Array, sample: TactileSample) -> None:
-        """Set the pressure from the forces on the taxels, with the masked ones repaired."""
-        repair = self.taxel_health.repair if self.taxel_health.masks else None
-        if self.three_axis:
-            if repair is not None:
-                values = np.column_stack([repair(component) for component in values.T])
-            self._forces = values
-        elif repair is not None:
-            values = repair(values)
-        self.reasons = self._find_reasons(values.ravel(), sample)
-        if self.three_axis:
-            values = -values[:, 2]
-        self._usable, self.loads = not self.reasons, values
-        self.pressure = np.where(values > self._threshold, values, 0.0) if self._usable else np.zeros_like(values)
-        self._distributed = False
-
-    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
-        """Begin to average images, except those that the device marks as invalid."""
-        self.tare.begin(t_ns, seconds, by)
-
-    @property
-    def tared(self) -> bool:
-        """The offset is right; see `PadZero.tared`."""
-        return self._zero.tared
-
-    @property
-    def zero_known(self) -> bool:
-        """The zero is known; see `PadZero.known`."""
-        return self._zero.known
-
-    @property
-    def zero_origin(self) -> str | None:
-        """Where the zero comes from; see `PadZero.origin`."""
-        return self._zero.origin
-
-    @property
-    def measured(self) -> Mask | None:
-        """Taxels that are not filled from their neighbours, shape (n,); None: all."""
-        return ~self.taxel_health.masked if self.taxel_health.masks else None
-
-    @property
-    def fault(self) -> str:
-        """Reason why no image can be used now: "stuck", "not_tared", or "" where it is neither."""
-        if self.is_frozen:
-            return "stuck"
-        return "" if self.zero_known or self.t_ns is None else "not_tared"
-
-    def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
+    def _find_reasons(self, sample: TactileSample, values: Array, *, possible: bool) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""
-        possible = float(np.dot(values, values)) <= self._most**2  # false for NaN
-        if self.zero_known and possible and not (sample.status or self.is_frozen or self.taxel_health.masks):
-            return ()
         found = sorted(UNTRUSTED.intersection(sample.status))
         if self.is_frozen:
             found.append("stuck")
-        if not self.zero_known:
+        if not self.zero.known:
             found.append("not_tared")
         if not self.taxel_health.usable:
             found.append("masked")
@@ -192,6 +150,27 @@ class ImageChannel:
             unseen = "contact_unseen" if np.isnan(values).any() else "garbage"
             found.append(unseen if np.isfinite(sample.values).all() else "not_finite")
         return tuple(found)
+
+    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
+        """Begin to average images, except those that the device marks as invalid."""
+        self.tare.begin(t_ns, seconds, by)
+
+    @property
+    def zero_known(self) -> bool:
+        """The zero is known; see `PadZero.known`."""
+        return self.zero.known
+
+    @property
+    def zero_origin(self) -> str | None:
+        """Where the zero comes from; see `PadZero.origin`."""
+        return self.zero.origin
+
+    @property
+    def fault(self) -> str:
+        """Reason why no image can be used now: "stuck", "not_tared", or "" where it is neither."""
+        if self.is_frozen:
+            return "stuck"
+        return "" if self.zero.known or self.t_ns is None else "not_tared"
 
     def is_fresh(self, t_ns: int, unread_ns: int | None) -> bool:
         """Return whether there is an image that is not too old, nor was when it came; see `Freshness.is_stale`."""
@@ -215,15 +194,10 @@ class ImageChannel:
 
     def forget(self) -> None:
         """Drop the newest image: the stream ended."""
-        self._usable, self.t_ns, self._distributed = False, None, False
-        self.reasons = STALE
+        self._usable = self.is_independent = self._distributed = False
+        self.t_ns, self.reasons = None, STALE
         if self._charge is not None:
             self._charge.forget()
-
-    @property
-    def is_independent(self) -> bool:
-        """The newest image is usable, and not assumed to be free because the force sensor reads no contact."""
-        return self._usable and not self._assumed_free
 
     def is_reliable(self, *, at_rest: bool = False) -> bool:
         """Return whether the newest image is usable, and not suspected of repeating the one before.

@@ -1,4 +1,8 @@
-"""The zero of one pad: its offset, whether it is right, and what follows from a new one."""
+"""The zero of one pad: its offset, whether it is right, and what follows from a new one.
+
+Raw counts may have any offset. A pad in front of a force sensor that reads nothing while that sensor measures no
+contact has a right zero; one that reads a load then has a wrong one.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,13 @@ import numpy as np
 
 from slipd.config import Pad
 from slipd.signals.charge_reconstruction import ChargeReconstruction
-from slipd.signals.observed_zero import ObservedZero
 from slipd.signals.tare import Tare
 from slipd.types.arrays import Array
+
+HELD_NS = 200_000_000
+"""Time for which a free pad must read the same: it may show a touch before the force sensor measures it, ns."""
+MANY_THRESHOLDS = 10.0
+"""A free pad with a right zero reads less than this multiple of the threshold on half of its taxels, drift included."""
 
 
 class PadZero:
@@ -22,19 +30,18 @@ class PadZero:
 
     Attributes:
         tare: Offset of the readings, in counts.
+        tared: The offset is right: by the config, by a tare, or as the pad was seen to be free.
+        known: The offset is right, or the pad finds its zero each time it is free, as charge pads do.
     """
 
     def __init__(self, pad: Pad, shape: tuple[int, ...], scale: Array, charge: ChargeReconstruction | None) -> None:
         self.tare = Tare(np.reshape(pad.tare, shape) if pad.tare else np.zeros(shape))
-        self._scale, self._charge = scale, charge
+        self._scale, self._charge, self._threshold = scale, charge, pad.threshold
         self._stated = bool(pad.tare)
-        self._observed = ObservedZero(pad.threshold)
+        self._reads, self._since_ns = "", 0
         self._offset = self.tare.current
-        self.tare.on_change.append(self._follow_offset)
-
-    def apply(self, values: Array, t_ns: int, *, trusted: bool) -> Array:
-        """Return an image without the offset, which a tare may take from it; see `Tare.apply`."""
-        return self.tare.apply(values, t_ns, trusted=trusted)
+        self.tare.on_change.append(self._follow_tare)
+        self._follow_tare()
 
     def judge(self, readings: Array, t_ns: int, *, free: bool) -> None:
         """Confirm a zero that is not known, or reject a stored one, by an image of a pad that may be free.
@@ -42,23 +49,25 @@ class PadZero:
         Args:
             readings: Normal force on each taxel, shape (n,).
             t_ns: When the image was acquired, CLOCK_MONOTONIC.
-            free: The force sensor measures no contact.
+            free: The force sensor, whose zero is known, measures no contact.
         """
-        self._observed.update(readings, t_ns, free=free)
-        if self._observed.wrong:
+        reads = self._kind(readings) if free else ""
+        if reads != self._reads:
+            self._reads, self._since_ns = reads, t_ns
+        if t_ns - self._since_ns <= HELD_NS:
+            return
+        if reads == "load":
             self.tare.reject("the pad reads a load while the force sensor measures none")
-        elif self._observed.right and not self.known:
+        elif reads == "nothing" and not self.known:
             self.tare.observe(t_ns)
 
-    @property
-    def tared(self) -> bool:
-        """The offset is right: by the config, by a tare, or as the pad was seen to be free."""
-        return self._stated or self.tare.known
-
-    @property
-    def known(self) -> bool:
-        """The zero is known: the offset is right, or the pad finds its zero each time it is free, as charge pads do."""
-        return self.tared or self._charge is not None
+    def _kind(self, readings: Array) -> str:
+        """Return what a free pad reads: "nothing", "load", or "" where it is neither."""
+        size = np.abs(readings)
+        if (size <= self._threshold).all():
+            return "nothing"
+        many = 2 * int(np.count_nonzero(size > MANY_THRESHOLDS * self._threshold)) > size.size
+        return "load" if many and self._threshold > 0.0 else ""
 
     @property
     def origin(self) -> str | None:
@@ -67,9 +76,11 @@ class PadZero:
             return "observed"
         return self.tare.current.origin if self.known else None
 
-    def _follow_offset(self) -> None:
-        """Shift the charge that was found with another offset than the one in force."""
+    def _follow_tare(self) -> None:
+        """Follow a change of the tare; the charge that was found with another offset is shifted."""
         now, before = self.tare.current, self._offset
         self._offset = now
+        self.tared = self._stated or self.tare.known
+        self.known = self.tared or self._charge is not None
         if self._charge is not None and now is not before:
             self._charge.shift(self._scale * (now.value - before.value))

@@ -118,8 +118,10 @@ def not_numbers(**arguments: object) -> TypeError:
         if value is None:
             return TypeError(f"{name} is missing")
         try:
-            np.asarray(value, dtype=np.float64)
+            known = not isinstance(value, Contact) and np.asarray(value, dtype=np.float64) is not None
         except (TypeError, ValueError):
+            known = False
+        if not known:
             return TypeError(f"{name} must be numbers, got {type(value).__name__}")
     return TypeError(f"{', '.join(arguments)} must be numbers")
 

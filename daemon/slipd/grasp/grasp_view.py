@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
+from slipd.finger.finger_state import FingerState
 from slipd.finger.friction_limits import needed_normal_n
+from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import (
     PadPose,
     asymmetry,
@@ -86,8 +88,7 @@ class GraspView:
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
-        first, second = (fingers[name] for name in config.pads)
-        self._fingers = first, second
+        self._fingers = tuple(fingers[name] for name in config.pads)
         self._places = tuple(_Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self._fingers)
         self.state = self.update(None)
@@ -105,12 +106,12 @@ class GraspView:
 
     def level(self) -> str:
         """Return the level of the worse finger."""
-        first, second = self.levels()
-        return first if SEVERITY[first] >= SEVERITY[second] else second
+        first, second = self._fingers
+        return first.level if SEVERITY[first.level] >= SEVERITY[second.level] else second.level
 
     def evidence(self) -> dict[str, tuple[str, ...]]:
-        """Return what shows on each finger that the object moves, by the finger's name."""
-        return {finger.name: finger.state.evidence for finger in self._fingers}
+        """Return what showed on each finger at the last `update` that the object moves, by the finger's name."""
+        return {side.finger.name: side.state.evidence for side in self._sides}
 
     def update(self, width_m: float | None) -> GraspState:
         """Combine the newest readings of both fingers.
@@ -118,36 +119,79 @@ class GraspView:
         Args:
             width_m: Width between the pads, m; None where it is not known.
         """
-        first, second = self._fingers
-        verdicts = first.state.verdict, second.state.verdict
+        first, second = self._sides = tuple(_Side(finger, finger.state) for finger in self._fingers)
         level = self.level()
+        verdicts = first.state.verdict, second.state.verdict
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)
-        normal_n = _normal_n(first), _normal_n(second)
-        needed_n = grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))
+        normal_n = first.normal_n, second.normal_n
+        needed_n = grasp_needed_n(normal_n, (first.needed_n(), second.needed_n()))
         self.state = GraspState(
             level,
             tuple(reasons),
             finite_or_none(internal_force(*normal_n)),
             finite_or_none(needed_n),
-            finite_or_none(needed_n * max(_learned_rise(first), _learned_rise(second))),
-            finite_or_none(grasp_utilisation(_utilisation(first), _utilisation(second))),
+            finite_or_none(needed_n * max(first.learned_rise(), second.learned_rise())),
+            finite_or_none(grasp_utilisation(first.utilisation(), second.utilisation())),
             finite_or_none(width_m),
         )
         return self.state
 
     def load(self, t_ns: int) -> GraspLoad:
-        """Return the load at ``t_ns``, with the pads at the width of the last `update`."""
-        first, second = self._fingers
-        wrenches = [_wrench(finger, t_ns) for finger in self._fingers]
-        world = external_wrench(wrenches, [place.pose(self.state.width_m) for place in self._places])
-        ages = first.age_s(t_ns), second.age_s(t_ns)
+        """Return the load at ``t_ns``, with the readings and the width of the last `update`."""
+        first, second = self._sides
+        poses = [place.pose(self.state.width_m) for place in self._places]
+        world = external_wrench([side.wrench(t_ns) for side in self._sides], poses)
+        ages = [side.finger.age_s(t_ns) for side in self._sides]
         return GraspLoad(
             world.force_n,
             world.torque_nm,
-            finite_or_none(load_share(_tangential_n(first), _tangential_n(second), self._least_n)),
-            finite_or_none(asymmetry(_normal_n(first), _normal_n(second), self._least_n)),
+            finite_or_none(load_share(first.tangential_n, second.tangential_n, self._least_n)),
+            finite_or_none(asymmetry(first.normal_n, second.normal_n, self._least_n)),
             finite_or_none(max(math.inf if age is None else age for age in ages)),
         )
+
+
+class _Side:
+    """One finger of a grasp with its state, which is read once; NaN is unknown, also where the state is not trusted.
+
+    Args:
+        finger: The finger.
+        state: Its state.
+
+    Attributes:
+        normal_n: Normal force, N.
+        tangential_n: Size of the tangential force, N.
+    """
+
+    def __init__(self, finger: Finger, state: FingerState) -> None:
+        self.finger, self.state = finger, state
+        self._trusted = is_trusted(state.verdict)
+        self.normal_n = self.tangential_n = math.nan
+        if state.contact is not None and self._trusted:
+            self.normal_n, self.tangential_n = state.contact.normal_n, state.contact.tangential_norm_n
+
+    def utilisation(self) -> float:
+        """Return λ of the finger's load."""
+        used = self.state.utilisation
+        return used.value if used is not None and self._trusted else math.nan
+
+    def needed_n(self) -> float:
+        """Return the least normal force that holds the finger's load, N."""
+        needed = needed_normal_n(self.finger, self.state)
+        return math.nan if needed is None else needed
+
+    def learned_rise(self) -> float:
+        """Return by which factor the friction in use is above the stated one, at least 1; inf where none is stated."""
+        friction, stated = self.state.friction, self.finger.friction.stated
+        if friction is None or friction.mu is None:
+            return 1.0
+        return math.inf if stated is None else max(friction.mu / stated, 1.0)
+
+    def wrench(self, t_ns: int) -> tuple[float, ...]:
+        """Return force and torque on the pad; NaN also where they may contain the finger's own weight."""
+        wrench, force = self.state.wrench, self.finger.force
+        weighs = force is not None and force.gravity.state(t_ns) == "unknown_orientation"
+        return _NO_WRENCH if wrench is None or weighs or not self._trusted else wrench
 
 
 class _Place:
@@ -164,41 +208,3 @@ class _Place:
         if width_m is None or not widths[0] <= width_m <= widths[-1]:
             return PadPose(self._rotation, None)
         return PadPose(self._rotation, np.array([np.interp(width_m, widths, along) for along in self._positions_m.T]))
-
-
-def _normal_n(finger: Finger) -> float:
-    contact = finger.state.contact
-    return contact.normal_n if contact is not None and finger.is_trusted else math.nan
-
-
-def _tangential_n(finger: Finger) -> float:
-    contact = finger.state.contact
-    return contact.tangential_norm_n if contact is not None and finger.is_trusted else math.nan
-
-
-def _utilisation(finger: Finger) -> float:
-    used = finger.state.utilisation
-    return used.value if used is not None and finger.is_trusted else math.nan
-
-
-def _needed_n(finger: Finger) -> float:
-    needed = needed_normal_n(finger, finger.state)
-    return math.nan if needed is None else needed
-
-
-def _learned_rise(finger: Finger) -> float:
-    """Return by which factor the friction in use is above the stated one, at least 1; inf where none is stated."""
-    friction, stated = finger.state.friction, finger.friction.stated
-    if friction is None or friction.mu is None:
-        return 1.0
-    return math.inf if stated is None else max(friction.mu / stated, 1.0)
-
-
-def _wrench(finger: Finger, t_ns: int) -> tuple[float, ...]:
-    """Return force and torque on the pad; NaN also where they may contain the finger's own weight."""
-    wrench, force = finger.state.wrench, finger.force
-    if wrench is None or not finger.is_trusted:
-        return _NO_WRENCH
-    if force is not None and force.gravity.state(t_ns) == "unknown_orientation":
-        return _NO_WRENCH
-    return wrench

@@ -60,22 +60,16 @@ class ChargeReconstruction:
         self._last_s = _NEVER_S
         self._resting = True
         self._common = 0.0
-        self._anchor: float | None = None
 
-    def anchor(self, normal: float) -> None:
-        """Set the normal force on the whole pad, in the unit of the readings, for the next scan.
-
-        Use it only for a calibrated pad, and only while it agrees with the force sensor.
-        """
-        self._anchor = normal if math.isfinite(normal) else None
-
-    def update(self, readings: Array, t_s: float, known_free: bool) -> Array:
+    def update(self, readings: Array, t_s: float, known_free: bool, anchor: float = math.nan) -> Array:
         """Update with one scan.
 
         Args:
             readings: Amplifier outputs, shape (taxels,).
             t_s: Time of the scan, s, rising.
             known_free: The force sensor measures no contact. Otherwise there may be a held load, which is never erased.
+            anchor: Normal force on the whole pad, in the unit of the readings; NaN: not known. State it only for a
+                calibrated pad, and only while it agrees with the force sensor.
 
         Returns:
             Force on each taxel, shape (taxels,), in the unit of the readings. Zeros if free; NaN if a reading is not
@@ -93,11 +87,9 @@ class ChargeReconstruction:
             return np.full_like(readings, math.nan)
         elapsed_s, self._last_s = t_s - self._last_s, t_s
         forces = np.empty_like(readings)
-        anchor = math.nan if self._anchor is None else self._anchor
         self._common = _integrate(
             forces, self._integral, self._last, readings, self._offset, elapsed_s, self._tau_s, self._common, anchor
         )
-        self._anchor = None
         return forces
 
     def shift(self, by: Array) -> None:
@@ -121,7 +113,7 @@ class ChargeReconstruction:
             share = -math.expm1(-elapsed_s / OFFSET_TAU_S)
             self._offset = self._offset + share * (readings + self._integral - self._offset)
         self._resting = True
-        self._common, self._anchor = 0.0, None
+        self._common = 0.0
         self._last, self._last_s = readings - self._offset, t_s
 
 

@@ -6,12 +6,8 @@ the time for which the bits have not changed.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numpy.typing import NDArray
 
-from slipd.fusion.compiled import compiled
 from slipd.types.arrays import Array, Indices
 
 BLOCK_NS = 90_000_000
@@ -101,7 +97,7 @@ class Blocks:
         self._end_block(t_ns, pressure)
         return True
 
-    def last(self, blocks: int) -> NDArray[np.int64]:
+    def last(self, blocks: int) -> Indices:
         """Return the indices of the last blocks, newest first."""
         return (self.count - 1 - np.arange(blocks)) % WINDOW
 
@@ -132,95 +128,24 @@ class Blocks:
 
     def _end_block(self, t_ns: int, pressure: Array | None) -> None:
         """Replace the oldest block by the statistics of the images since."""
-        slot = self.count % WINDOW
-        self.new[slot] = summarise(
-            self._images[: self._filled],
-            self._shears[: self._filled],
-            (self.means[slot], self.least[slot], self.squares[slot]),
-            (self.rough[slot], self.shared[slot], self.rest[slot]),
-            (self.shear[slot], self.shear_squares[slot]),
-            (self.changes[slot], self.run),
-        )
+        slot, images, shears = self.count % WINDOW, self._images[: self._filled], self._shears[: self._filled]
+        differs = (images[2:] != images[1:-1]).any(axis=1)
+        newest = np.concatenate(([0, 1], 2 + np.flatnonzero(differs)))
+        steps = np.diff(images[newest], axis=0)
+        step = steps[1:]
+        others = step.sum(axis=1, keepdims=True) - step
+        self.means[slot], self.shear[slot] = images[2:].mean(axis=0), shears[2:].mean(axis=0)
+        self.least[slot] = np.abs(images[2:]).min(axis=0)
         self.pressures[slot] = self.means[slot] if pressure is None else np.nan_to_num(pressure)
+        self.squares[slot], self.rough[slot] = (step**2).sum(axis=0), (np.diff(steps, axis=0) ** 2).sum(axis=0)
+        self.shared[slot], self.rest[slot] = (step * others).sum(axis=0), (others**2).sum(axis=0)
+        self.shear_squares[slot] = (np.diff(shears[newest], axis=0)[1:] ** 2).sum(axis=(0, 2))
+        changed = step != 0.0
+        self.changes[slot], self.new[slot] = changed.sum(axis=0), len(step)
+        since = np.argmax(changed[::-1], axis=0) if len(step) else 0
+        self.run = np.where(changed.any(axis=0), since, self.run + len(step))
         self.free[slot], self.steady[slot] = self._all_free, self._all_steady
+        images[:2], shears[:2] = images[newest[-2:]], shears[newest[-2:]]
         self.count += 1
         self._filled, self._block_ns = 2, t_ns
         self._all_free = self._all_steady = True
-
-
-@compiled
-def summarise(
-    images: Array,
-    shears: Array,
-    level: tuple[Array, Array, Array],
-    motion: tuple[Array, Array, Array],
-    sheared: tuple[Array, Array],
-    bits: tuple[Indices, Indices],
-) -> int:
-    """Fill in the statistics of one block, see `Blocks`.
-
-    Args:
-        images: The last two new images of the block before, and all of this block, shape (n, taxels); the last two new
-            ones are then the first.
-        shears: Likewise, shape (n, taxels, 2).
-        level: ``means``, ``least`` and ``squares`` of the block, shape (taxels,).
-        motion: ``rough``, ``shared`` and ``rest`` of the block, shape (taxels,).
-        sheared: ``shear`` of the block, shape (taxels, 2), and its ``shear_squares``, shape (taxels,).
-        bits: ``changes`` of the block, and ``run``, which is continued, shape (taxels,).
-
-    Returns:
-        Number of images in which any bits changed.
-    """
-    means, least, squares = level
-    rough, shared, rest = motion
-    shear, shear_squares = sheared
-    changes, run = bits
-    count, taxels = images.shape
-    newest = _new_images(images)
-    for i in range(taxels):
-        total, lowest, total_x, total_y = 0.0, math.inf, 0.0, 0.0
-        for k in range(2, count):
-            total += images[k, i]
-            lowest = min(lowest, abs(images[k, i]))
-            total_x += shears[k, i, 0]
-            total_y += shears[k, i, 1]
-        means[i], least[i] = total / (count - 2), lowest
-        shear[i, 0], shear[i, 1] = total_x / (count - 2), total_y / (count - 2)
-        squares[i] = rough[i] = shared[i] = rest[i] = shear_squares[i] = 0.0
-        changes[i] = 0
-    for at in range(2, len(newest)):
-        now, last, before = newest[at], newest[at - 1], newest[at - 2]
-        total = 0.0
-        for i in range(taxels):
-            total += images[now, i] - images[last, i]
-        for i in range(taxels):
-            step = images[now, i] - images[last, i]
-            others, bend = total - step, step - (images[last, i] - images[before, i])
-            squares[i] += step * step
-            rough[i] += bend * bend
-            shared[i] += step * others
-            rest[i] += others * others
-            slide_x, slide_y = shears[now, i, 0] - shears[last, i, 0], shears[now, i, 1] - shears[last, i, 1]
-            shear_squares[i] += slide_x * slide_x + slide_y * slide_y
-            if step != 0.0:
-                changes[i] += 1
-                run[i] = 0
-            else:
-                run[i] += 1
-    for at in range(2):
-        images[at], shears[at] = images[newest[at - 2]], shears[newest[at - 2]]
-    return len(newest) - 2
-
-
-@compiled
-def _new_images(images: Array) -> Indices:
-    """Return the indices of the first two images, and of those that differ from the one before."""
-    found = np.empty(len(images), np.int64)
-    found[0], found[1], count = 0, 1, 2
-    for k in range(2, len(images)):
-        for i in range(images.shape[1]):
-            if images[k, i] != images[k - 1, i]:
-                found[count] = k
-                count += 1
-                break
-    return found[:count]

@@ -21,22 +21,10 @@ import math
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slipd.signals.pad import STEPS, neighbours
 from slipd.signals.taxel_blocks import Blocks
-from slipd.signals.taxel_surroundings import (
-    count_along,
-    count_trusted,
-    find_motion,
-    highest_around,
-    in_lines,
-    lowest_around,
-    mean_around,
-)
-from slipd.types.arrays import Array, Indices
-
-Mask = NDArray[np.bool_]
+from slipd.types.arrays import Array, Indices, Mask
 
 STILL = 0.15
 """A taxel that moves less than this fraction of its neighbours' mean is still; gains differ by far less."""
@@ -105,6 +93,39 @@ class Kind(IntEnum):
     SATURATED = 3
 
 
+class Surroundings:
+    """The trusted neighbours of each taxel.
+
+    Args:
+        around: Neighbours, shape (taxels, k), −1 beyond the border.
+        trusted: Neighbours that count, shape (taxels,).
+
+    Attributes:
+        count: How many each taxel has, shape (taxels,).
+    """
+
+    def __init__(self, around: Indices, trusted: Mask) -> None:
+        self._around, self._known = around, (around >= 0) & trusted[around]
+        self.count: Indices = self._known.sum(axis=1)
+
+    def values(self, values: Array | Mask, otherwise: float) -> Array:
+        """Return the neighbours' values, shape (…, taxels, k); ``otherwise`` for one that does not count."""
+        return np.where(self._known, values[..., self._around], otherwise)
+
+    def mean(self, values: Array) -> Array:
+        """Return the mean of the neighbours' values, shape (…, taxels); 0 without any."""
+        means: Array = self.values(values, 0.0).sum(axis=-1) / np.maximum(self.count, 1)
+        return means
+
+    def lowest(self, values: Array, rank: int | Indices, beyond: float) -> Array:
+        """Return the lowest of the neighbours' values (rank 0), the next one (1) and so on, or that of each taxel.
+
+        ``beyond``, above all values, is what there is where so many do not count, shape (taxels,).
+        """
+        ranks = np.broadcast_to(rank, self.count.shape)[:, None]
+        return np.take_along_axis(np.sort(self.values(values, beyond), axis=1), ranks, axis=1)[:, 0]
+
+
 class TaxelFaults:
     """The four tests on one pad, and what they have learned of the pad at rest.
 
@@ -129,20 +150,19 @@ class TaxelFaults:
         self._threshold, self._light_touch = threshold, light_touch
         taxels = rows * cols
         self._around = around = neighbours(rows, cols)
-        self._everyone: Mask = np.ones(taxels, dtype=bool)
-        self._corner = count_trusted(around, self._everyone) == 3
+        self._all = self._near = Surroundings(around, np.ones(taxels, dtype=bool))
+        self._corner = self._all.count == 3
         row, col = np.divmod(np.arange(taxels), cols)
         inner_row, inner_col = (row > 0) & (row < rows - 1), (col > 0) & (col < cols - 1)
         self._directions = (
-            (False, inner_row, np.ascontiguousarray(around[:, _OTHER_ROWS])),
-            (True, inner_col, np.ascontiguousarray(around[:, _OTHER_COLS])),
+            (False, inner_row, around[:, _OTHER_ROWS]),
+            (True, inner_col, around[:, _OTHER_COLS]),
         )
         self._noise = self._shear_noise = self._spread = math.inf
         self._peak = 0.0
         self._active = self._pressed = threshold
         self._noisy_rest = False
         self._masked: Mask = np.zeros(taxels, dtype=bool)
-        self._trusted = self._everyone
         self.away: Mask = np.zeros(taxels, dtype=bool)
 
     def judge(self, masked: Mask) -> tuple[Mask, Mask]:
@@ -154,7 +174,7 @@ class TaxelFaults:
         Returns:
             Taxels that each test rates bad, and good; each of shape (4, taxels), first axis `Kind`.
         """
-        self._masked, self._trusted = masked, ~masked
+        self._masked, self._near = masked, Surroundings(self._around, ~masked)
         jitter = self._blocks.jitter()
         floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
         self._noise = _lowest(self._noise, floor)
@@ -179,25 +199,25 @@ class TaxelFaults:
 
     def _still(self, jitter: Array) -> tuple[Mask, Mask]:
         """Find taxels that rest while their surroundings move: single taxels, and lines by the lines beside them."""
-        means, around, trusted = self._blocks.means, self._around, self._trusted
+        means = self._blocks.means
         span = np.ptp(means, axis=0)
         pressed_span = np.where(means.max(axis=0) > self._active, span, -1.0)
 
-        def surroundings(around: Indices) -> tuple[Array, Mask]:
-            count, moves = count_trusted(around, trusted), find_motion(means, around, trusted)
-            noise = np.maximum(self._threshold, ABOVE_NOISE * mean_around(jitter, around, trusted))
-            along = count_along(MOVING * moves, pressed_span, around, trusted)
-            return moves, (moves > noise) & (count >= 3) & (along >= count - (count >= 7))
+        def surroundings(near: Surroundings) -> tuple[Array, Mask]:
+            moves = np.ptp(near.mean(means), axis=0)
+            noise = np.maximum(self._threshold, ABOVE_NOISE * near.mean(jitter))
+            along = (near.values(pressed_span, -1.0) >= MOVING * moves[:, None]).sum(axis=1)
+            return moves, (moves > noise) & (near.count >= 3) & (along >= near.count - (near.count >= 7))
 
-        moves, judged = surroundings(around)
-        plateau = lowest_around(span, around, self._everyone, 0, math.inf) >= PLATEAU * span.max()
+        moves, judged = surroundings(self._near)
+        plateau = self._all.lowest(span, 0, math.inf) >= PLATEAU * span.max()
         sheared = self._sheared()
         bad = judged & (span <= STILL * moves) & (plateau | ~self._corner) & ~sheared
         well = judged & ((span >= MOVING * moves) | sheared)
         rests = span <= np.maximum(self._threshold, ABOVE_NOISE * jitter)
         for down, inner, beside in self._directions:
             if self._lines(rests & inner, down=down).any():
-                moves, judged = surroundings(beside)
+                moves, judged = surroundings(Surroundings(beside, ~self._masked))
                 still = judged & inner & (span <= STILL * moves) & ~sheared
                 bad |= self._lines(still | rests, down=down) & self._several(still, down=down)
             if self._masked.any():
@@ -207,18 +227,22 @@ class TaxelFaults:
     def _sheared(self) -> Mask:
         """Return the taxels whose shear moves beyond the pad's noise, and not much less than their neighbours'."""
         span = np.hypot(*np.ptp(self._blocks.shear, axis=0).T)
-        usual = mean_around(span, self._around, self._trusted)
+        usual = self._near.mean(span)
         moves: Mask = span > np.maximum(ABOVE_NOISE * self._shear_noise, STILL * usual)
         return moves
 
     def _lines(self, which: Mask, *, down: bool) -> Mask:
         """Return the taxels in rows of which every taxel is set; ``down``: in such columns."""
-        rows, cols = self._grid
-        return in_lines(which, rows, cols, rows if down else cols, down=down)
+        return self._in_lines(which, self._grid[0 if down else 1], down=down)
 
     def _several(self, which: Mask, *, down: bool) -> Mask:
         """Return the taxels in rows, or columns, of which at least three taxels are set."""
-        return in_lines(which, *self._grid, LINE_TAXELS, down=down)
+        return self._in_lines(which, LINE_TAXELS, down=down)
+
+    def _in_lines(self, which: Mask, least: int, *, down: bool) -> Mask:
+        """Return the taxels in rows, or columns, of which at least ``least`` taxels are set."""
+        lines = which.reshape(self._grid).sum(axis=0 if down else 1, keepdims=True) >= least
+        return np.broadcast_to(lines, self._grid).ravel()
 
     def _frozen(self, resting: Mask) -> tuple[Mask, Mask]:
         """Find taxels whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
@@ -227,34 +251,32 @@ class TaxelFaults:
         if 2 * np.count_nonzero(resting) > resting.size:  # otherwise a lost row might be most of the resting taxels
             self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
 
-        def frozen(around: Indices, least: int) -> Mask:
-            lowest = lowest_around(rate, around, self._trusted, 1, 1.0)  # a frozen neighbour does not hide it
+        def frozen(near: Surroundings, least: int) -> Mask:
+            lowest = near.lowest(rate, 1, 1.0)  # a frozen neighbour does not hide it
             unlikely = -self._blocks.run * np.log1p(-np.minimum(lowest, 0.95))
-            enough = count_trusted(around, self._trusted) >= least
-            found: Mask = enough & (lowest >= CHANGING) & (unlikely >= CHANCE)
+            found: Mask = (near.count >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
             return found
 
-        bad = frozen(self._around, 3)
+        bad = frozen(self._near, 3)
         for down, _, beside in self._directions:
             if self._lines(self._blocks.run >= SHORTEST_RUN, down=down).any():
-                bad |= self._lines(frozen(beside, 2), down=down)
+                bad |= self._lines(frozen(Surroundings(beside, ~self._masked), 2), down=down)
         return bad & (self.away | self._noisy_rest), rate >= 0.5 * CHANGING
 
     def _hot(self, jitter: Array, rest: float, middle: float) -> tuple[Mask, Mask]:
         """Find taxels that are high without a load, or jitter alone."""
-        around, trusted = self._around, self._trusted
         recent = self._blocks.last(FREE_BLOCKS)
         limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + middle
         bad = self._blocks.means[recent].min(axis=0) > (limit if self._blocks.free[recent].all() else math.inf)
         low, top = self._blocks.pressures[recent].min(axis=0), self._blocks.pressures[recent].max(axis=0)
-        loaded = count_trusted(around, trusted & (low > self._pressed))
-        most = (loaded >= 3) & (loaded >= AROUND * count_trusted(around, trusted))
-        bad |= most & (low > SPIRE * highest_around(top, around, trusted))
+        loaded = self._near.values(low > self._pressed, 0.0).sum(axis=1)
+        most = (loaded >= 3) & (loaded >= AROUND * self._near.count)
+        bad |= most & (low > SPIRE * self._near.values(top, 0.0).max(axis=1))
         bad |= self._jitters_alone(jitter)
         return bad, ~bad & ((loaded >= 3) | ~self.away)
 
     def _jitters_alone(self, jitter: Array) -> Mask:
-        usual = lowest_around(jitter, self._around, self._trusted, -1, math.inf)
+        usual = self._near.lowest(jitter, self._near.count // 2, math.inf)  # the median
         blocks = self._blocks.squares > 2 * self._active**2 * np.maximum(self._blocks.new, 1)[:, None]
         alone: Mask = (jitter > np.maximum(self._active, ALONE * usual)) & (blocks.sum(axis=0) >= JUMPY_BLOCKS)
         if not alone.any():

@@ -9,14 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slipd.signals.pad import neighbours
 from slipd.signals.taxel_blocks import WINDOW, Blocks
 from slipd.signals.taxel_faults import Kind, TaxelFaults
-from slipd.types.arrays import Array
-
-Mask = NDArray[np.bool_]
+from slipd.types.arrays import Array, Mask
 
 JUDGED_BLOCKS = 2
 """Blocks from one rating to the next."""
@@ -42,6 +39,7 @@ class TaxelHealth:
     Attributes:
         masked: Taxels that are not trusted, shape (taxels,); a new array whenever it changes.
         masks: At least one taxel is masked.
+        measured: Taxels that are not, shape (taxels,); None: all.
 
     Raises:
         ValueError: The pad has no taxels, or the full scale is not positive.
@@ -62,6 +60,7 @@ class TaxelHealth:
         self._faults = TaxelFaults(self._blocks, rows, cols, full, threshold, light_touch)
         self.masked: Mask = np.zeros(taxels, dtype=bool)
         self.masks = False
+        self.measured: Mask | None = None
         self._bad = np.zeros((len(Kind), taxels), dtype=bool)
         self._well = np.zeros((len(Kind), taxels), dtype=np.int64)
 
@@ -110,6 +109,7 @@ class TaxelHealth:
             self._bad = (self._bad | bad) & (self._well < RECOVERY)
             self.masked = np.logical_or.reduce(self._bad, axis=0)
             self.masks = bool(self.masked.any())
+            self.measured = ~self.masked if self.masks else None
 
     def report(self) -> dict[str, list[int]]:
         """Return what is masked: indices of taxels by kind, and of rows and columns that are lost entirely."""
@@ -137,17 +137,19 @@ class TaxelHealth:
         contacts.
 
         Args:
-            pressure: Pressure, shape (taxels,).
+            pressure: Pressure, shape (taxels,), or force of three-axis taxels, shape (taxels, 3).
 
         Returns:
             The same array if nothing is masked, else a new one; 0 for a masked taxel without a trusted neighbour.
         """
+        if pressure.ndim == 2:
+            return np.column_stack([self.repair(component) for component in pressure.T])
         gone = np.flatnonzero(self.masked)
         if gone.size == 0:
             return pressure
         around = self._around[gone]
-        believed = np.append(~self.masked, False)[around]
-        near = np.sort(np.where(believed, np.append(pressure, 0.0)[around], math.inf), axis=1)
+        believed = (around >= 0) & ~self.masked[around]
+        near = np.sort(np.where(believed, pressure[around], math.inf), axis=1)
         count = believed.sum(axis=1, keepdims=True)
         middles = np.take_along_axis(
             near, np.hstack((np.maximum(count - 1, 0) // 2, np.minimum(count // 2, 7))), axis=1

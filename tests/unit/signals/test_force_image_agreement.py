@@ -10,9 +10,7 @@ import pytest
 from pad_wrenches import pad_wrench
 
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
-from slipd.signals import force_image_agreement
 from slipd.signals.force_image_agreement import Agreement
-from slipd.signals.pad import STEPS, neighbours
 from slipd.tools.sim.scene_parts import Pad, Patch
 
 MS = 1_000_000
@@ -90,16 +88,6 @@ def test_F3_healthy_contacts_agree_wherever_they_are_on_the_pad(normal_n: float)
         assert judge(rng, image, centroid, normal_n) == set()
 
 
-def share_told(fault: Fault, *, least_m: float = 0.005, count: int = 60) -> float:
-    """Share of random contacts at 5 N on which a fault of the force sensor is told."""
-    rng = np.random.default_rng(7)
-    told = 0
-    for _ in range(count):
-        image, centroid = scene(rng, 5.0, least_m)
-        told += bool(judge(rng, image, centroid, 5.0, fault=fault))
-    return told / count
-
-
 FAULTS: dict[str, tuple[Fault, float]] = {
     "swapped axes": (lambda f, m: (f[[1, 0, 2]], -m[[1, 0, 2]]), 0.8),
     "flipped x": (lambda f, m: (f * (-1, 1, 1), m * (1, -1, -1)), 0.85),
@@ -117,7 +105,9 @@ FAULTS: dict[str, tuple[Fault, float]] = {
 def test_F3_a_wrong_force_sensor_is_reported_on_most_contacts(name: str) -> None:
     """What cannot be told is a contact at the pad's centre: it looks the same in every mounting."""
     fault, least = FAULTS[name]
-    assert share_told(fault) >= least
+    rng = np.random.default_rng(7)
+    scenes = [scene(rng, 5.0, 0.005) for _ in range(60)]
+    assert sum(bool(judge(rng, *found, 5.0, fault=fault)) for found in scenes) >= 60 * least
 
 
 def test_F3_a_dead_half_of_the_image_is_reported_where_the_contact_lies_on_it() -> None:
@@ -153,79 +143,53 @@ def quiet(normal_n: float, at: tuple[float, float] = (0.0, 0.0)) -> Contact:
     return contact_from_wrench(force, torque, min_normal_n=LEAST_N)
 
 
+def said(
+    steps: int, seen: Contact, image: np.ndarray, agreement: Agreement | None = None, **at: int
+) -> list[tuple[str, ...]]:
+    """Return what is told in images every 10 ms, or ``period`` ms, from ``begin`` ms on."""
+    agreement, period, begin = agreement or watch(), at.get("period", 10), at.get("begin", 0)
+    return [agreement.update(MS * (begin + period * k), seen, 0.02, X, Y, image) for k in range(steps)]
+
+
 def test_F3_a_pad_sum_that_differs_from_the_force_is_reported_where_the_pad_is_calibrated() -> None:
     for gain_error, told in ((0.05, ("force",)), (0.5, ()), (None, ())):
-        agreement = watch(gain_error)
-        for k in range(15):
-            said = agreement.update(10 * MS * k, quiet(5.0), 0.02, X, Y, block(7.5))
-        assert said == told
+        assert said(15, quiet(5.0), block(7.5), watch(gain_error))[-1] == told
+    corner = np.where(np.hypot(X - X.max(), Y - Y.max()) < 1.5 * PAD.pitch_m, 9.0, 0.0)
+    at = float((X * corner).sum() / corner.sum()), float((Y * corner).sum() / corner.sum())
+    assert said(15, quiet(5.0, at), corner)[-1] == (), "no taxel has four active sides: the sum shows nothing"
 
 
 def test_F3_a_clear_force_without_an_image_is_reported() -> None:
     for normal_n, told in ((2.0, ("contact",)), (1.5, ())):
-        agreement = watch()
-        for k in range(15):
-            said = agreement.update(10 * MS * k, quiet(normal_n), 0.02, X, Y, np.zeros(X.size))
-        assert said == told
+        assert said(15, quiet(normal_n), np.zeros(X.size))[-1] == told
 
 
-def test_F3_a_lasting_disagreement_is_reported_until_both_have_agreed_for_long() -> None:
-    agreement = watch()
-    image = block(5.0)
-    wrong, right = quiet(5.0, (0.01, 0.0)), quiet(5.0)
-    assert agreement.update(0, right, 0.02, X, Y, image) == ()
-    said = [agreement.update(10 * MS * k, wrong, 0.02, X, Y, image) for k in range(1, 10)]
-    assert said.index(("centroid",)) == 7, "60 ms; and the first step was a movement"
-    said = [agreement.update(90 * MS + 10 * MS * k, right, 0.02, X, Y, image) for k in range(1, 30)]
-    assert said.index(()) == 19
-    slow = watch()
-    assert [slow.update(33 * MS * k, wrong, 0.02, X, Y, image) for k in range(4)] == [(), (), (), ("centroid",)]
+def test_F3_a_lasting_disagreement_is_reported_until_both_have_agreed_for_long_or_the_contact_ends() -> None:
+    agreement, image, wrong, right = watch(), block(5.0), quiet(5.0, (0.01, 0.0)), quiet(5.0)
+    assert said(1, right, image, agreement) == [()]
+    assert said(9, wrong, image, agreement, begin=10).index(("centroid",)) == 7, "60 ms; the first was a movement"
+    assert said(29, right, image, agreement, begin=100).index(()) == 19
+    assert said(4, wrong, image, period=33) == [(), (), (), ("centroid",)]
+    ended = watch()
+    assert said(10, wrong, image, ended)[-1] == ("centroid",)
+    assert said(1, quiet(0.1), np.zeros(X.size), ended, begin=100) + said(1, wrong, image, ended, begin=110) == [(), ()]
 
 
-def test_F3_a_contact_that_slides_fast_is_skew_and_no_disagreement() -> None:
-    """The image lags by one reading while the force moves on by 2 mm each time."""
-    agreement = watch()
+def test_F3_a_contact_that_slides_fast_or_a_force_that_rises_fast_is_skew_and_no_disagreement() -> None:
+    """The image lags by one reading while the force moves on by 2 mm, or rises by half, each time."""
+    slides, rises = watch(), watch()
     for k in range(12):
-        seen = quiet(5.0, (-0.012 + 0.002 * k, 0.0))
         image = 5.0 * PAD.shares(Patch(0.010, 0.010, 2.0, (-0.014 + 0.002 * k, 0.0)))
-        assert agreement.update(33 * MS * k, seen, 0.02, X, Y, image) == ()
-
-
-def test_F3_a_reported_disagreement_ends_with_the_contact() -> None:
-    agreement = watch()
-    for k in range(10):
-        agreement.update(10 * MS * k, quiet(5.0, (0.01, 0.0)), 0.02, X, Y, block(5.0))
-    assert agreement.update(100 * MS, quiet(0.1), 0.02, X, Y, np.zeros(X.size)) == ()
-    assert agreement.update(110 * MS, quiet(5.0, (0.01, 0.0)), 0.02, X, Y, block(5.0)) == ()
+        assert slides.update(33 * MS * k, quiet(5.0, (-0.012 + 0.002 * k, 0.0)), 0.02, X, Y, image) == ()
+        if k < 8:
+            assert rises.update(33 * MS * k, quiet(1.5 ** (k + 2)), 0.02, X, Y, block(1.5 ** (k + 1))) == ()
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_N1_an_image_that_is_no_number_is_not_compared(bad: float) -> None:
-    agreement = watch()
-    image = block(5.0)
-    broken = image.copy()
-    broken[3] = bad
+    agreement, image = watch(), block(5.0)
+    broken = np.where(np.arange(X.size) == 3, bad, image)
     for k in range(20):
         assert agreement.update(10 * MS * k, quiet(5.0), 0.02, X, Y, broken if k % 2 else image) == ()
     nothing = contact_from_wrench(np.full(3, bad), np.zeros(3))
-    assert agreement.update(200 * MS, nothing, 0.02, X, Y, image) == ()
-    assert agreement.update(210 * MS, quiet(5.0), 0.02, X, Y, image) == ()
-
-
-def test_F3_a_force_that_rises_fast_is_skew_and_no_disagreement() -> None:
-    """The image lags by one reading while the force rises by half of what it was each time."""
-    agreement = watch()
-    normal_n = 1.5
-    for k in range(8):
-        assert agreement.update(33 * MS * k, quiet(1.5 * normal_n), 0.02, X, Y, block(normal_n)) == ()
-        normal_n *= 1.5
-
-
-def test_a_taxel_is_inner_where_its_four_sides_are_active() -> None:
-    compiled = force_image_agreement._moments
-    sides = np.ascontiguousarray(neighbours(3, 4)[:, [k for k, step in enumerate(STEPS) if 0 in step]])
-    image = np.array(((0.0, 1.0, 1.0, 1.0), (1.0, 2.0, 3.0, 0.0), (0.0, 1.0, 1.0, 0.0)))
-    x, y = np.arange(12.0), np.ones(12)
-    for moments in (compiled, getattr(compiled, "py_func", compiled)):
-        assert moments(x, y, image.ravel(), sides) == (11.0, 57.0, 11.0, 1)
-        assert moments(x, y, np.zeros(12), sides) == (0.0, 0.0, 0.0, 0)
+    assert said(1, nothing, image, agreement, begin=200) + said(1, quiet(5.0), image, agreement, begin=210) == [(), ()]
