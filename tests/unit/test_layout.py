@@ -13,6 +13,8 @@ MOST_LINES = 300
 LONGER = {
     "engine/engine.py": "every event enters here, and every output leaves here",
     "finger/finger.py": "the order of all steps from a reading to its verdict, and all that other rooms ask of it",
+    "fusion/limit_surface.py": "each question about a contact has its whole contract and an example beside it",
+    "fusion/loads.py": "likewise each rule that distributes a normal force",
     "gripper/motion_rules.py": "one function for each rule of the gate",
     "tools/cli_parser.py": "every command with its arguments stands here, in the order of the help",
 }

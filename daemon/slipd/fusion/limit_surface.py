@@ -9,8 +9,7 @@ Every answer is bracketed: any pole gives an upper bound of what friction can ca
 (|t_i| ≤ μ F_i) a lower bound. Both are widened by the rounding of their own sums. The method is in
 `slipd.fusion.limit`; `slipd.fusion.limit_batch` answers the same questions for many frames.
 
-Every question takes taxels, friction and load as arrays, ``(x, y, loads, mu, tangential, spin, about)``, or as a
-`Contact` and the `Loads` on its taxels, ``(contact, loads, mu)``.
+Every question takes arrays, ``(x, y, loads, mu, tangential, spin, about)``, or ``(contact, loads, mu)``.
 """
 
 from __future__ import annotations
@@ -191,13 +190,13 @@ def grip_needed_n(
     (f / f_n)^growth about the load centroid, and the larger contact resists more spin.
 
     Args:
-        x: As in `utilisation`.
-        y: As in `utilisation`.
-        loads: As in `utilisation`.
-        mu: As in `utilisation`.
-        tangential: As in `utilisation`.
-        spin: As in `utilisation`.
-        about: As in `utilisation`.
+        x: As in `utilisation`, like all but the last two.
+        y: Likewise.
+        loads: Likewise.
+        mu: Likewise.
+        tangential: Likewise.
+        spin: Likewise.
+        about: Likewise.
         growth: Exponent γ ≥ 0 of the contact's size; 0 is rigid, 1/3 is Hertz.
         safety: Factor ≥ 1 on the load.
 
@@ -296,9 +295,9 @@ def _checked(
         raise ValueError(f"x, y and loads must share one shape (n,), got {xs.shape}, {ys.shape}, {fs.shape}")
     if not 0.0 < friction < math.inf:
         raise ValueError(f"mu must be positive and finite, got {mu}")
-    for name, pair in (("tangential", force), ("about", point)):
-        if pair.shape != (2,):
-            raise ValueError(f"{name} must have shape (2,), got {pair.shape}")
-    fx, fy = force.tolist()
-    ax, ay = point.tolist()
+    if force.shape != (2,):
+        raise ValueError(f"tangential must have shape (2,), got {force.shape}")
+    if point.shape != (2,):
+        raise ValueError(f"about must have shape (2,), got {point.shape}")
+    (fx, fy), (ax, ay) = force.tolist(), point.tolist()
     return xs, ys, fs, friction, fx, fy, torque, ax, ay

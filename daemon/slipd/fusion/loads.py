@@ -112,12 +112,8 @@ def matched_loads(
         x: Taxel centres, shape (n,), m.
         y: Likewise, shape (n,), m.
         pressure: Taxel readings, shape (n,), any unit; negative ones count as zero.
-        normal_n: f_n, N, or the contact.
-        centroid: C, shape (2,), m; not beside a contact, which has one.
-
-    Raises:
-        ValueError: A shape is wrong, or a value is not finite.
-        TypeError: An argument is not numbers.
+        normal_n: As in `binary_loads`, like what it raises.
+        centroid: Likewise.
 
     >>> from slipd.fusion import contact_from_wrench
     >>> contact = contact_from_wrench(force=(0.0, 0.0, -4.0), torque=(0.0, 0.01, 0.0))
@@ -151,9 +147,9 @@ def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, flo
             else tilt((x - cx) / extent, (y - cy) / extent, p)
         )
     else:
-        face, position = _edge(x, y, qx, qy, a, b, extent)
+        face, along = _edge(x, y, qx, qy, a, b, extent)
         loads = np.zeros(x.size)
-        loads[face] = _clipped_linear(position) if p is None else _tilted(position, p[face])
+        loads[face] = _clipped_linear(along[:, None]) if p is None else tilt(along, np.zeros(along.size), p[face])
     outside = -margin > ON_HULL * extent or (extent == 0.0 and margin < 0.0)
     return Loads(loads, -margin if outside else 0.0, "projected" if outside else "ok")
 
@@ -176,11 +172,11 @@ def _balance(
 
 
 def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: float) -> tuple[Indices, Array]:
-    """Return the taxels of the hull's edge or corner at q, and their positions along it, shape (k, 1) or (k, 0)."""
+    """Return the taxels of the hull's edge or corner at q, and their positions along it, shape (k,)."""
     ex, ey = ax[b] - ax[a], ay[b] - ay[a]
     length = math.hypot(ex, ey)
     if length == 0.0:
-        return np.arange(ax.size), np.empty((ax.size, 0))
+        return np.arange(ax.size), np.zeros(ax.size)
     along = ((ax - qx) * ex + (ay - qy) * ey) / length
     across = ((ax - qx) * ey - (ay - qy) * ex) / length
     face = np.flatnonzero(np.abs(across) <= 1e-9 * extent)
@@ -188,12 +184,15 @@ def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: fl
     for end in (ends.min(), ends.max()):
         if abs(end) <= ON_HULL * extent:
             corner = face[np.abs(ends - end) <= 1e-9 * extent]
-            return corner, np.empty((corner.size, 0))
-    return face, (ends / length)[:, None]
+            return corner, np.zeros(corner.size)
+    return face, ends / length
 
 
 def _clipped_linear(position: Array) -> Array:
-    """Return loads max(0, a + b·r) with Σ F = 1 and Σ F r = 0, by Newton's method on the convex dual."""
+    """Return loads max(0, a + b·r) with Σ F = 1 and Σ F r = 0, by Newton's method on the convex dual.
+
+    Where all positions are 0 along an axis, nothing is tilted along it.
+    """
     basis = np.column_stack((np.ones(len(position)), position))
     target = np.zeros(basis.shape[1])
     target[0] = 1.0
@@ -218,13 +217,6 @@ def _clipped_linear(position: Array) -> Array:
         theta = theta - size * step
     share = np.maximum(basis @ theta, 0.0)
     return np.asarray(share / share.sum())
-
-
-def _tilted(position: Array, p: Array) -> Array:
-    """Return `tilt` for positions of shape (n, 0), (n, 1) or (n, 2)."""
-    along = np.zeros((2, len(p)))  # a face of the hull has fewer directions, and nothing tilts the others
-    along[: position.shape[1]] = position.T
-    return tilt(along[0], along[1], p)
 
 
 @compiled
@@ -293,8 +285,6 @@ def _finite(name: str, value: ArrayLike | None, shape: tuple[int, ...] | None = 
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise not_numbers(**{name: value}) from None
-    if value is None:
-        raise not_numbers(**{name: value})
     if array.ndim != 1 or (shape is not None and array.shape != shape):
         raise ValueError(f"{name} must have shape {shape or '(n,)'}, got {array.shape}")
     if not np.isfinite(array).all():

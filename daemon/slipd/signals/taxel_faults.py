@@ -10,9 +10,9 @@ good or neither:
 * hot: it is high while nothing touches the pad, or far above loaded neighbours, or it jitters alone.
 * saturated: it is at full scale.
 
-Limits of the method: a hole of one taxel in a contact looks like a dead taxel, and a straight groove along a row like a
-lost row. A first or last row that reads noise around zero looks like the far side of a contact's edge and is not
-detected; neither is a constant high reading beside a contact before the pad is free.
+Limits: a hole of one taxel in a contact looks like a dead taxel, and a straight groove along a row like a lost row. A
+first or last row that reads noise around zero looks like the far side of a contact's edge and is not detected; neither
+is a constant high reading beside a contact before the pad is free.
 """
 
 from __future__ import annotations
@@ -118,10 +118,7 @@ class Surroundings:
         return means
 
     def lowest(self, values: Array, rank: int | Indices, beyond: float) -> Array:
-        """Return the lowest of the neighbours' values (rank 0), the next one (1) and so on, or that of each taxel.
-
-        ``beyond``, above all values, is what there is where so many do not count, shape (taxels,).
-        """
+        """Return the neighbours' value of a rank, 0 for the lowest; ``beyond``, above all, is one that is missing."""
         ranks = np.broadcast_to(rank, self.count.shape)[:, None]
         return np.take_along_axis(np.sort(self.values(values, beyond), axis=1), ranks, axis=1)[:, 0]
 
@@ -182,18 +179,14 @@ class TaxelFaults:
         mean = self._blocks.means[self._blocks.last(1)[0]]
         self._peak *= 1.0 - 1.0 / PEAK_TIMES
         self._peak = max(self._peak, float(np.where(masked, 0.0, mean).max()))
-        middle = float(np.median(mean))
-        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - middle))))
+        middle = max(float(np.median(mean)), 0.0)
+        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - np.median(mean)))))
         self._active = max(self._threshold, JITTER * self._noise)
         self._pressed = max(self._active, LOADED * self._spread)
         rest = max(HOT_THRESHOLDS * self._threshold, HOT * self._noise, HOT * self._spread)
         self.away = np.abs(mean) > rest
         full, _ = saturated = self._saturated()
-        tests = (
-            self._still(jitter),
-            self._frozen(np.abs(mean) <= self._pressed),
-            self._hot(jitter, rest, max(middle, 0.0)),
-        )
+        tests = self._still(jitter), self._frozen(np.abs(mean) <= self._pressed), self._hot(jitter, rest, middle)
         bad, well = zip(*((bad & ~full, well) for bad, well in tests), saturated, strict=True)
         return np.array(bad), np.array(well)
 
@@ -233,7 +226,7 @@ class TaxelFaults:
 
     def _lines(self, which: Mask, *, down: bool) -> Mask:
         """Return the taxels in rows of which every taxel is set; ``down``: in such columns."""
-        return self._in_lines(which, self._grid[0 if down else 1], down=down)
+        return self._in_lines(which, self._grid[not down], down=down)
 
     def _several(self, which: Mask, *, down: bool) -> Mask:
         """Return the taxels in rows, or columns, of which at least three taxels are set."""
