@@ -23,7 +23,6 @@ from slipd_client.keys import Keys, create, load
 from slipd_client.messages import decode, encode
 
 if TYPE_CHECKING:
-    from loop_waits import Eventually
     from zeromq_peers import Context
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
@@ -196,28 +195,6 @@ def test_a_failing_list_admits_no_key_and_recovers(
     failures = [record for record in caplog.records if record.levelno >= logging.ERROR]
     assert len(failures) == 1
     assert "what nobody thought of" in caplog.text
-
-
-async def test_after_failures_on_real_connections_only_listed_keys_are_admitted(
-    cell: Cell, connect: Connect, monkeypatch: pytest.MonkeyPatch, eventually: Eventually
-) -> None:
-    monkeypatch.setattr(Raising, "left", 5)
-    valid, unknown = cell.client("valid", "requesters"), cell.client("unknown")
-    may = guard(cell.bus)
-    assert may.requesters is not None
-    allowed = AllowList("requests", Raising(may.requesters))
-    assert cell.bus.requests is not None
-    access = Access(may.requests.secret, allowed.admits)
-    with RequestServer(cell.bus.requests, lambda *_: None, access) as server:
-        for _ in range(5):
-            connect(zmq.DEALER, server.endpoint, valid, RECONNECT_IVL=-1)
-        await eventually(lambda: allowed.faults == 5)
-        assert allowed.admitted == 0
-        connect(zmq.DEALER, server.endpoint, unknown, RECONNECT_IVL=-1)
-        await eventually(lambda: allowed.refused == 6)
-        assert allowed.admitted == 0
-        connect(zmq.DEALER, server.endpoint, valid)
-        await eventually(lambda: allowed.admitted == 1)
 
 
 async def test_a_secret_key_without_a_list_admits_nobody(cell: Cell, connect: Connect) -> None:

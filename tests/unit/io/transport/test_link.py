@@ -85,13 +85,9 @@ def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_a_reason_is_reported_again_only_after_another() -> None:
+async def test_a_reason_is_reported_again_only_after_another_or_after_the_link_was_up() -> None:
     events = await play(["absent", "absent", "held", "held", "absent"])
     assert events == [LinkDown("left.wrench", reason) for reason in ("absent", "held", "absent")]
-
-
-@pytest.mark.usefixtures("pauses")
-async def test_a_reason_is_reported_again_after_the_link_was_up() -> None:
     events = await play([b"1", b"2"])
     once = [LinkUp("left.wrench", "what was opened"), LinkDown("left.wrench", "pulled")]
     assert [event for event in events if not isinstance(event, Bytes)] == 2 * once
@@ -225,18 +221,17 @@ def long_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("long_pauses")
-async def test_L6_a_pause_ends_when_a_device_appears() -> None:
-    assert await tries(None, None, None, "port", "port", None, "port") == [1, 5, 8]
-
-
-@pytest.mark.usefixtures("long_pauses")
-async def test_L6_a_pause_ends_when_another_device_has_taken_the_place() -> None:
-    assert await tries("port", "port", "other", "other", "other", "third") == [1, 4, 7]
-
-
-@pytest.mark.usefixtures("long_pauses")
-async def test_L6_the_same_device_plugged_in_again_is_told_from_one_that_stayed() -> None:
-    assert await tries("port", "port", None, "port", "port", None, "port") == [1, 5, 8]
+@pytest.mark.parametrize(
+    ("seen", "tried_at"),
+    [
+        ((None, None, None, "port", "port", None, "port"), [1, 5, 8]),
+        (("port", "port", "other", "other", "other", "third"), [1, 4, 7]),
+        (("port", "port", None, "port", "port", None, "port"), [1, 5, 8]),
+    ],
+    ids=["it appears", "another has its place", "the same, plugged in again"],
+)
+async def test_L6_a_pause_ends_when_a_device_is_plugged_in(seen: tuple[object, ...], tried_at: list[int]) -> None:
+    assert await tries(*seen) == tried_at
 
 
 async def test_L6_a_device_that_appears_brings_the_first_pause_back(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -87,15 +87,6 @@ def test_L7_a_reason_names_the_port_and_what_would_be_right(code: int, words: st
     assert words in reason
 
 
-async def test_an_impossible_baud_rate_is_a_reason_and_no_crash(
-    device: Device, serving: Serving, eventually: Eventually
-) -> None:
-    device.plug()
-    async with serving(LinkSpec("left.wrench", "serial", str(device.path), -1)) as (_, events):
-        await eventually(lambda: downs(events))
-    assert "baud" in downs(events)[0]
-
-
 async def test_a_dropped_command_is_logged_once_a_spell(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -152,14 +143,6 @@ async def test_L5_L6_three_hundred_reconnections_leak_no_file_and_no_task(
         await eventually(lambda: "no such port" in downs(events)[-1])
         assert open_files() <= files + 1  # the executor's second thread has none, the last attempt may be under way
         assert len(asyncio.all_tasks()) == tasks
-
-
-async def test_a_session_may_write_from_within_the_event_that_the_link_is_up(
-    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
-) -> None:
-    device.plug()
-    async with serving(spec, on_event=lambda event: links.write(event.link, b"hello")) as (links, _):
-        await eventually(lambda: device.read() == b"hello")
 
 
 async def test_a_port_that_fails_to_write_is_lost_although_it_can_be_read(device: Device, spec: LinkSpec) -> None:

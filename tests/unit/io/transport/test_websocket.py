@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import re
-import socket
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -14,12 +12,11 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.utils import accept_key
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.io.transport.link_connection import READ_BYTES, FileConnection
+from slipd.io.transport.link_connection import READ_BYTES
 from slipd.io.transport.websocket import (
     MAX_HANDSHAKE_BYTES,
     MAX_MESSAGE_BYTES,
     PIECE_BYTES,
-    PING_INTERVAL_S,
     WebsocketConnection,
     open_websocket,
 )
@@ -116,33 +113,6 @@ async def test_a_message_in_fragments_is_handed_on(serving: Serving, eventually:
         serving(link_to(port)) as (_, events),
     ):
         await eventually(lambda: b"".join(received(events)) == b"{}xy")
-
-
-async def test_a_server_that_stops_and_starts_again_is_reported_and_found(
-    serving: Serving, eventually: Eventually
-) -> None:
-    async with sensor_server("first") as port:
-        link = serving(link_to(port))
-        _, events = await link.__aenter__()
-        await eventually(lambda: received(events) == [b"first"])
-    await eventually(lambda: LinkDown in kinds(events))
-    async with sensor_server("second", port=port):
-        await eventually(lambda: received(events) == [b"first", b"second"])
-        await link.__aexit__(None, None, None)
-    assert kinds(events)[:3] == [LinkUp, Bytes, LinkDown]
-    assert kinds(events)[-2:] == [LinkUp, Bytes]
-
-
-async def test_a_server_that_is_not_there_is_reported_once_and_found_later(
-    serving: Serving, eventually: Eventually, quick: None, unused_tcp_port: int
-) -> None:
-    async with serving(link_to(unused_tcp_port)) as (_, events):
-        await eventually(lambda: events)
-        await asyncio.sleep(0.05)
-        assert kinds(events) == [LinkDown]
-        assert "start the server of the sensor" in events[0].reason
-        async with sensor_server("at last", port=unused_tcp_port):
-            await eventually(lambda: received(events) == [b"at last"])
 
 
 @pytest.mark.parametrize("answer", [b"", b"SSH-2.0-OpenSSH_9\r\n", b"HTTP/1.1 404 Not Found\r\n\r\n", bytes(5000)])
@@ -255,18 +225,6 @@ async def test_an_endless_answer_to_the_handshake_is_refused(serving: Serving, e
     assert "the answer has more than 65536 bytes" in events[0].reason
 
 
-async def test_an_exception_of_the_consumer_ends_the_group(serving: Serving) -> None:
-    def fail(event: Event) -> None:
-        if type(event) is Bytes:
-            raise ArithmeticError("a fault of ours")
-
-    async with sensor_server("boo") as port:
-        with pytest.raises(ExceptionGroup) as raised:
-            async with serving(link_to(port), on_event=fail):
-                await asyncio.Event().wait()
-    assert [str(error) for error in raised.value.exceptions] == ["a fault of ours"]
-
-
 async def test_a_proxy_of_the_environment_is_not_asked(
     serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch, unused_tcp_port: int
 ) -> None:
@@ -296,48 +254,6 @@ async def test_the_end_of_a_link_is_a_proper_farewell(serving: Serving, eventual
             await eventually(lambda: events)
         await eventually(lambda: codes)
     assert codes == [1000]
-
-
-async def test_a_link_given_up_while_it_connects_leaves_nothing_behind(
-    serving: Serving, eventually: Eventually
-) -> None:
-    connected = asyncio.Event()
-
-    left = asyncio.Event()
-
-    async def never_answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connected.set()
-        await reader.read()
-        writer.close()
-        left.set()
-
-    server = await asyncio.start_server(never_answer, "127.0.0.1", 0)
-    async with server:
-        async with serving(link_to(server.sockets[0].getsockname()[1])) as (_, events):
-            await eventually(connected.is_set)
-        await left.wait()
-    assert events == []
-
-
-async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: Eventually) -> None:
-    """Its file descriptor may soon belong to another port."""
-    async with websocket_server(b"") as port:
-        connection = await open_websocket(link_to(port), lambda _: None)
-        await eventually(lambda: connection._reading)
-        connection._opened.shutdown(socket.SHUT_WR)
-        connection._received_s -= PING_INTERVAL_S
-        connection._check_alive()
-        assert "connection ended" in await connection.until_lost()
-        assert connection._next_check.cancelled()
-        with socket.socket() as heir:
-            descriptor = connection._opened.detach()
-            os.close(descriptor)
-            os.dup2(heir.fileno(), descriptor)
-            try:
-                assert not FileConnection.write(connection, b"to another")
-                await connection.close()
-            finally:
-                os.close(descriptor)
 
 
 async def test_a_connection_that_the_server_ends_meanwhile_is_closed_all_the_same() -> None:

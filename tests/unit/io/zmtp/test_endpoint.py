@@ -9,62 +9,57 @@ from pathlib import Path
 import pytest
 
 from slipd.errors import LinkError
-from slipd.io.zmtp.endpoint import MAX_IPC_PATH_BYTES, Access, bind
+from slipd.io.zmtp.endpoint import MAX_IPC_PATH_BYTES, Access, bind, check_free, release
 
 SECRET = bytes(range(32))
+KEYS, ANYBODY_HERE = Access(SECRET, local_tcp=True), Access(local_tcp=True)
 
 
 @pytest.mark.parametrize(
-    "endpoint",
+    ("endpoint", "access", "words"),
     [
-        "tcp://*:5555",
-        "tcp://0.0.0.0:5555",
-        "tcp://192.168.1.7:5555",
-        "tcp://127.0.0.1:5555",
-        "tcp://localhost:*",
+        *((f"tcp://{host}:5555", Access(), "list of allowed keys") for host in ("*", "0.0.0.0", "192.168.1.7")),
+        *((f"tcp://{host}:*", Access(), "every user of this machine") for host in ("127.0.0.1", "localhost")),
+        *((f"tcp://{host}:5555", ANYBODY_HERE, "other machines") for host in ("*", "0.0.0.0", "192.168.1.7")),
+        *(
+            (f"tcp://{host}:5555", KEYS, "must be an IPv4 address")
+            for host in ("robot.example", "[::]", "", "127.0.0.1.example.org", "127.0.0.1:1;tcp://10.0.0.1")
+        ),
+        *((text, KEYS, "valid ones are ipc:///") for text in ("", "ipc", "udp://127.0.0.1:1", "/run/slipd/publish")),
+        *((text, KEYS, "must be absolute") for text in ("ipc://", "ipc://*", "ipc://@abstract", "unix://a/b")),
+        ("tcp://127.0.0.1:70000", KEYS, "cannot be bound"),
+        ("ipc:///nowhere/at/all", KEYS, "there is no directory /nowhere/at; create it"),
+        ("ipc:///tmp/".ljust(MAX_IPC_PATH_BYTES, "µ"), KEYS, "at most 107 bytes"),
     ],
 )
-def test_an_endpoint_that_others_reach_is_refused_without_keys(endpoint: str) -> None:
-    with pytest.raises(LinkError, match="list of allowed keys") as raised:
-        bind(endpoint)
-    assert str(raised.value).startswith(endpoint)
-
-
-@pytest.mark.parametrize("endpoint", ["tcp://*:5555", "tcp://0.0.0.0:5555", "tcp://192.168.1.7:5555"])
-def test_allowing_this_machine_does_not_allow_others(endpoint: str) -> None:
-    with pytest.raises(LinkError, match="other machines"):
-        bind(endpoint, Access(local_tcp=True))
+def test_an_endpoint_that_is_invalid_or_admits_anybody_is_refused_by_name(
+    endpoint: str, access: Access, words: str
+) -> None:
+    for refuse in (bind, check_free):
+        with pytest.raises(LinkError, match=words) as raised:
+            refuse(endpoint, access)
+        assert str(raised.value).startswith(endpoint)
 
 
 @pytest.mark.parametrize(
-    "host", ["robot.example", "eth0", "[::]", "", "127.0.0.1.example.org", "127.0.0.1:1;tcp://10.0.0.1"]
+    ("mode", "refused"), [(0o777, True), (0o775, True), (0o707, True), (0o755, False), (0o1777, False)]
 )
-def test_a_host_that_is_not_an_address_is_refused_even_with_keys(host: str) -> None:
-    with pytest.raises(LinkError, match="must be an IPv4 address"):
-        bind(f"tcp://{host}:5555", Access(SECRET, local_tcp=True))
+def test_a_directory_that_others_may_change_is_refused_unless_it_is_sticky(
+    mode: int, refused: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "shared").chmod(mode)
+    with pytest.raises(LinkError, match=f"mode {mode:04o}") if refused else contextlib.nullcontext():
+        release(*bind(f"ipc://{tmp_path}/shared/s"))
 
 
-def test_every_address_of_the_machine_is_served_with_keys() -> None:
-    server, endpoint = bind("tcp://*:*", Access(SECRET))
-    assert endpoint.startswith("tcp://0.0.0.0:")
-    server.close()
-
-
-@pytest.mark.parametrize("endpoint", ["", "ipc", "udp://127.0.0.1:1", "/run/slipd/publish", "pgm://eth0;1.1.1.1:5"])
-def test_an_invalid_endpoint_is_refused_with_an_example(endpoint: str) -> None:
-    with pytest.raises(LinkError, match="valid ones are ipc:///"):
-        bind(endpoint)
-
-
-@pytest.mark.parametrize("endpoint", ["ipc://", "ipc://*", "ipc://@abstract", "ipc://relative/path"])
-def test_an_ipc_endpoint_without_an_absolute_path_is_refused(endpoint: str) -> None:
-    with pytest.raises(LinkError, match="must be absolute"):
-        bind(endpoint)
-
-
-@pytest.mark.parametrize("host", ["127.0.0.1", "127.8.8.8", "localhost"])
-def test_a_free_port_is_chosen_and_returned(host: str) -> None:
-    server, endpoint = bind(f"tcp://{host}:*", Access(local_tcp=True))
+@pytest.mark.parametrize(
+    ("host", "access"),
+    [("127.0.0.1", ANYBODY_HERE), ("127.8.8.8", ANYBODY_HERE), ("localhost", ANYBODY_HERE), ("*", Access(SECRET))],
+)
+def test_a_free_port_is_chosen_and_returned(host: str, access: Access) -> None:
+    check_free(f"tcp://{host}:*", access)
+    server, endpoint = bind(f"tcp://{host}:*", access)
     assert int(endpoint.rpartition(":")[2]) > 0
     server.close()
 
@@ -95,11 +90,6 @@ def test_the_longest_path_is_bound_and_a_longer_one_is_refused(tmp_path: Path) -
     server.close()
     with pytest.raises(LinkError, match="at most 107 bytes, got 108"):
         bind(f"ipc://{longest}x")
-
-
-def test_bytes_count_and_not_letters(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match="at most"):
-        bind(f"ipc://{tmp_path}/".ljust(MAX_IPC_PATH_BYTES, "µ"))
 
 
 def test_Z6_the_path_of_a_living_server_is_not_stolen(endpoint: str) -> None:
@@ -136,27 +126,6 @@ def test_a_file_in_the_way_is_not_deleted(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match="not a socket"):
         bind(f"ipc://{file}")
     assert file.read_text() == "ten years of work"
-
-
-def test_a_missing_directory_is_a_clear_error(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match="there is no directory"):
-        bind(f"ipc://{tmp_path}/nowhere/s")
-
-
-@pytest.mark.parametrize("mode", [0o777, 0o775, 0o707])
-def test_a_directory_that_others_may_change_is_refused(mode: int, tmp_path: Path) -> None:
-    (tmp_path / "loose").mkdir()
-    (tmp_path / "loose").chmod(mode)
-    with pytest.raises(LinkError, match=f"mode {mode:04o}"):
-        bind(f"ipc://{tmp_path}/loose/s")
-
-
-@pytest.mark.parametrize("mode", [0o755, 0o1777])
-def test_a_sticky_directory_is_accepted(mode: int, tmp_path: Path) -> None:
-    (tmp_path / "shared").mkdir()
-    (tmp_path / "shared").chmod(mode)
-    server, _ = bind(f"ipc://{tmp_path}/shared/s")
-    server.close()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
