@@ -127,7 +127,7 @@ PREFIX ?= /usr/local
 override PREFIX := $(patsubst ~/%,$(HOME)/%,$(PREFIX))
 HOME_OF_PROGRAM := $(DESTDIR)$(PREFIX)/lib/slipd
 UNPRIVILEGED := $(if $(DESTDIR),,$(filter-out 0,$(shell id -u)))
-SERVICE = PYTHONPATH=daemon:clients $(PYTHON) -B -m slipd service $(1) $(if $(UNPRIVILEGED),--user,--system) \
+SERVICE = "$(HOME_OF_PROGRAM)/bin/python" -B -m slipd service $(1) $(if $(UNPRIVILEGED),--user,--system) \
 	--program "$(PREFIX)/bin/slipd" $(if $(DESTDIR),--root "$(DESTDIR)")
 # Exchanges two folders in one step: every moment has a whole slipd.
 EXCHANGE := import ctypes, os, sys; \
@@ -160,8 +160,9 @@ endif
 	@echo "== installed; docs/service.md says more"
 
 uninstall:
-	@$(call SERVICE,uninstall) || echo "== a systemd unit, if there is one, is left"
-	@[ ! -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || rm -rf "$(HOME_OF_PROGRAM)"
+	@[ ! -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || { \
+		$(call SERVICE,uninstall) || echo "== a systemd unit, if there is one, is left"; \
+		rm -rf "$(HOME_OF_PROGRAM)"; }
 	@for program in slipd slipctl; do \
 		[ "$$(readlink "$(DESTDIR)$(PREFIX)/bin/$$program")" != "$(PREFIX)/lib/slipd/bin/$$program" ] || rm "$(DESTDIR)$(PREFIX)/bin/$$program"; done
 	@echo "== uninstalled; configs, keys, recordings and udev rules that were changed are kept"

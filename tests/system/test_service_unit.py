@@ -115,6 +115,9 @@ def test_uninstall_removes_what_install_put_there_and_nothing_else(tmp_path: Pat
     assert rules.exists()
 
     (home / "pyvenv.cfg").touch()
+    (home / "bin").mkdir()
+    (home / "bin/python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n', encoding="utf-8")
+    (home / "bin/python").chmod(0o755)
     program.unlink()
     program.symlink_to("/usr/local/lib/slipd/bin/slipd")
     unit.write_text(
