@@ -26,18 +26,6 @@ def test_the_good_config_is_good() -> None:
     assert rig.gripper.force_table == [(0.0, 3.0), (255.0, 30.0)]
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
-def test_every_shipped_config_loads(path: Path) -> None:
-    rig = config.load(path)
-    assert rig.finger
-    assert rig.text == path.read_text(encoding="utf-8")
-
-
-def test_there_are_shipped_configs_and_they_are_found_by_name() -> None:
-    assert SHIPPED
-    assert config.shipped("grips.toml").samefile(SHIPPED[0].parent / "grips.toml")
-
-
 def test_the_id_of_a_config_changes_with_its_text() -> None:
     ids = {config.parse(text, "rig.toml").config_id for text in (GOOD, GOOD + "\n", GOOD + "# note\n")}
     assert len(ids) == 3
@@ -81,16 +69,6 @@ def test_control_characters_of_a_config_are_escaped_in_its_faults() -> None:
     assert all(told.isprintable() for told in str(raised.value).split("\n"))
     assert r"levels.\x1b[31mcaution\n: unknown key; did you mean 'caution'" in str(raised.value)
     assert r"must be a text without control characters, got '/dev/\x07'" in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    ("key", "table"),
-    [("mu", "[finger.left]"), ("sign", "[finger.left.wrench]")],
-)
-def test_an_optional_key_may_be_missing(key: str, table: str) -> None:
-    text = "\n".join(row for row in GOOD.splitlines() if not row.startswith(f"{key} ="))
-    assert table in text
-    config.parse(text, "rig.toml")
 
 
 @pytest.mark.parametrize(
@@ -172,12 +150,6 @@ def test_a_usual_slip_of_the_pen_is_named_in_the_words_of_a_config(text: str, ex
 @pytest.mark.parametrize("text", ["", "[levels]\n", "finger = 3\n", "[finger]\n"])
 def test_a_config_without_a_finger_is_refused(text: str) -> None:
     assert "finger" in [path for path, _, _ in faults(text)]
-
-
-def test_a_loop_that_never_sleeps_has_no_real_time_priority() -> None:
-    assert config.parse(GOOD + "[realtime]\npoll = true\n", "rig.toml").realtime.poll
-    [(path, _, text)] = faults(GOOD + "[realtime]\npoll = true\npriority = 10\n")
-    assert (path, "never sleeps" in text) == ("realtime.poll", True)
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:

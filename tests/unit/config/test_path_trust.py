@@ -45,12 +45,6 @@ def refusal(path: Path) -> str:
     return str(caught.value)
 
 
-def test_an_own_file_is_accepted_in_a_sticky_folder_that_all_may_write(rig: Path) -> None:
-    rig.parent.chmod(0o1777)
-    assert path_trust.trust_faults(rig) == []
-    assert config.load(rig).finger
-
-
 @pytest.mark.parametrize("mode", [0o666, 0o646, 0o602])
 def test_a_file_that_all_may_write_is_refused(rig: Path, mode: int) -> None:
     rig.chmod(mode)
@@ -59,13 +53,17 @@ def test_a_file_that_all_may_write_is_refused(rig: Path, mode: int) -> None:
     assert config.load(rig).finger
 
 
-def test_a_folder_that_all_may_write_is_refused_at_any_depth(rig: Path) -> None:
+def test_a_folder_that_all_may_write_is_refused_at_any_depth_unless_it_is_sticky(
+    rig: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     above = rig.parent.parent
     above.chmod(0o777)
     reason = f"the folder {above} on its path must not be writable by other users (mode 0777): chmod go-w {above}"
     assert refusal(rig) == f"{rig}: {reason}"
-    above.chmod(0o755)
-    assert config.load(rig).finger
+    monkeypatch.chdir(rig.parent)
+    assert f"the folder {above} on its path" in refusal(Path("../etc/./rig.toml"))
+    above.chmod(0o1777)
+    assert config.load(Path("../etc/./rig.toml")).finger
 
 
 def test_only_a_group_without_other_members_may_write(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,70 +79,46 @@ def test_only_a_group_without_other_members_may_write(rig: Path, monkeypatch: py
         assert "mode 0664" in refusal(rig)
 
 
-def test_a_file_of_another_user_is_refused(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    give_away(rig, monkeypatch)
-    message = refusal(rig)
-    assert f"{rig} must belong to root or to " in message
-    assert f"chown {path_trust.user_name(os.geteuid())} {rig}" in message
-
-
-def test_folder_owner_and_target_of_a_link_are_checked(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_owner_folder_and_target_of_a_file_and_of_a_link_are_checked(
+    rig: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     links = rig.parent.parent / "links"
     links.mkdir(mode=0o755)
     link = links / "rig.toml"
     link.symlink_to("../etc/rig.toml")
     assert config.load(link).finger
-    links.chmod(0o777)
-    assert f"the folder {links} on its path" in refusal(link), "there the link can be turned elsewhere"
-    links.chmod(0o1777)
-    assert config.load(link).finger
-    rig.parent.chmod(0o777)
-    assert f"the folder {rig.parent} on its path" in refusal(link)
-    rig.parent.chmod(0o755)
+    for folder in (links, rig.parent):
+        folder.chmod(0o777)
+        assert f"the folder {folder} on its path" in refusal(link), "there the link can be turned elsewhere"
+        folder.chmod(0o755)
     give_away(link, monkeypatch)
     assert f"{link} must belong to root or to " in refusal(link)
+    give_away(rig, monkeypatch)
+    assert f"chown {path_trust.user_name(os.geteuid())} {rig}" in refusal(rig)
 
 
-def test_a_broken_or_circular_link_is_refused(rig: Path) -> None:
-    for name, target in (("gone", "nothing"), ("circle", "circle")):
-        link = rig.parent / name
-        link.symlink_to(target)
-        assert f"{link}: cannot be read: " in refusal(link)
-    deep = rig.parent / "absolute"
-    deep.symlink_to(rig)
-    assert config.load(deep).finger
-
-
-def test_the_path_may_be_relative(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(rig.parent)
-    assert config.load(Path("../etc/./rig.toml")).finger
-    rig.parent.chmod(0o777)
-    assert f"the folder {rig.parent} on its path" in refusal(Path("rig.toml"))
+@pytest.mark.parametrize(("name", "target"), [("gone", "nothing"), ("circle", "circle")])
+def test_a_broken_or_circular_link_is_refused(name: str, target: str, rig: Path) -> None:
+    link = rig.parent / name
+    link.symlink_to(target)
+    assert f"{link}: cannot be read: " in refusal(link)
 
 
 def test_an_own_pipe_is_accepted(rig: Path) -> None:
-    done = subprocess.run(
-        [SLIPD, "check", "/dev/stdin"], input=rig.read_bytes(), capture_output=True, check=False, timeout=60
-    )
+    done = subprocess.run([SLIPD, "check", "/dev/stdin"], input=rig.read_bytes(), capture_output=True, timeout=60)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.process
-@pytest.mark.parametrize("command", [["check"], ["run", "--config"]])
-def test_check_and_run_refuse_a_config_that_others_can_change(command: list[str], rig: Path) -> None:
+@pytest.mark.parametrize("command", [["check", "RIG"], ["import", "grips", str(TRIAL), "OUT", "--config", "RIG"]])
+def test_commands_refuse_a_config_that_others_can_change_and_name_every_reason(
+    command: list[str], rig: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rig.chmod(0o666)
     rig.parent.chmod(0o777)
-    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.splitlines() == [
+    assert main([{"RIG": str(rig), "OUT": str(rig.parent / "out.mcap")}.get(word, word) for word in command]) != 0
+    told = capsys.readouterr().err.splitlines()
+    assert told[-2:] == [
         f"{rig}: the folder {rig.parent} on its path must not be writable by other users (mode 0777): "
         f"chmod go-w {rig.parent}",
         f"{rig}: {rig} must not be writable by other users (mode 0666): chmod go-w {rig}",
     ]
-
-
-def test_import_refuses_a_config_that_others_can_change(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig.chmod(0o666)
-    trial = str(TRIAL)
-    assert main(["import", "grips", trial, str(rig.parent / "out.mcap"), "--config", str(rig)]) == 2
-    assert "chmod go-w" in capsys.readouterr().err

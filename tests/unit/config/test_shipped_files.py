@@ -8,14 +8,14 @@ import pytest
 from project import CONFIG, DOCS, ROOT
 
 from slipd import config
-from slipd.config.shipped_files import config_file, config_files, page_file, pages
+from slipd.config.shipped_files import config_file, config_files, page_file, pages, system_file, system_files
 from slipd.errors import SlipdError
 
 
-def test_every_file_of_config_is_listed_the_configs_first() -> None:
-    assert {path.resolve() for path in config_files()} == {path for path in CONFIG.rglob("*") if path.is_file()}
-    suffixes = [path.suffix == ".toml" for path in config_files()]
-    assert suffixes == sorted(suffixes, reverse=True)
+def test_every_file_is_listed_configs_apart_from_those_of_the_system() -> None:
+    found = {path.resolve() for path in [*config_files(), *system_files()]}
+    assert found == {path for path in CONFIG.rglob("*") if path.is_file()}
+    assert {path.suffix for path in config_files()} == {".toml"}
 
 
 @pytest.mark.parametrize("name", ["demo", "demo.toml"])
@@ -24,8 +24,10 @@ def test_a_config_is_found_with_and_without_its_suffix(name: str) -> None:
     assert config.shipped(name) == config_file(name)
 
 
-def test_a_file_that_is_no_config_keeps_its_suffix() -> None:
-    assert config_file("slipd.service").samefile(CONFIG / "slipd.service")
+def test_a_file_of_the_system_is_no_config_and_found_as_what_it_is() -> None:
+    assert system_file("slipd.service") == system_file("slipd") == next(CONFIG.rglob("slipd.service"))
+    with pytest.raises(SlipdError, match=r"slipd service show slipd\.service"):
+        config_file("slipd.service")
 
 
 def test_every_page_is_listed_readme_first() -> None:

@@ -1,0 +1,142 @@
+"""Each key of a config has its line, however the file is written; a key is set, and nothing else changes."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.config.toml_text import key_lines, line_of, with_numbers, with_value
+
+TEXT = """\
+# a comment = with an equals sign
+title = "top"
+
+[finger.left]   # [not.a.table]
+mu = 0.5
+pad.rows = 4
+
+  [ finger . left . wrench ]
+  port="/dev/ttyUSB0"
+  "quoted key" = 1
+
+[gripper]
+force_table = [
+  [0, 3.0],
+  [255, 30.0]
+]
+max_force_n = 25.0
+"""
+
+
+def test_every_key_has_its_line_and_rows_of_a_list_are_no_tables() -> None:
+    assert key_lines(TEXT) == {
+        ("title",): 2,
+        ("finger", "left"): 4,
+        ("finger", "left", "mu"): 5,
+        ("finger", "left", "pad", "rows"): 6,
+        ("finger", "left", "wrench"): 8,
+        ("finger", "left", "wrench", "port"): 9,
+        ("finger", "left", "wrench", "quoted key"): 10,
+        ("gripper",): 12,
+        ("gripper", "force_table"): 13,
+        ("gripper", "max_force_n"): 17,
+    }
+    assert key_lines("x = 1\n[[rig]]\nname = 2\nname = 3\n") == {("x",): 1, ("rig",): 2, ("rig", "name"): 3}
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        (("finger", "left", "wrench", "pad_from_sensor", "sign"), 8),
+        (("gripper", "force_table", "1", "0"), 13),
+        (("finger", "left", "mu"), 5),
+        (("levels", "caution"), None),
+        ((), None),
+    ],
+)
+def test_a_missing_key_gets_the_line_of_the_innermost_enclosing_table(path: tuple[str, ...], line: int | None) -> None:
+    assert line_of(key_lines(TEXT), path) == line
+
+
+NAME = st.text("abcxyz019_-", min_size=1, max_size=6)
+
+
+@given(st.dictionaries(NAME, st.dictionaries(NAME, st.integers(-9, 9), min_size=1, max_size=4), max_size=4))
+def test_every_line_found_holds_its_key(tree: dict[str, dict[str, int]]) -> None:
+    text = "".join(
+        f"[{table}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items()) for table, keys in tree.items()
+    )
+    assert tomllib.loads(text) == tree
+    found = key_lines(text)
+    written = text.splitlines()
+    expected: dict[tuple[str, ...], Any] = {(table,): f"[{table}]" for table in tree}
+    expected |= {(table, key): f"{key} = {value}" for table, keys in tree.items() for key, value in keys.items()}
+    assert {path: written[line - 1] for path, line in found.items()} == expected
+
+
+EDITED = """\
+# the rig
+[finger.left]
+mu = 0.5   # measured
+
+[finger.left.pad]
+rows = 1
+# old: from another trial,
+# on another day
+tare = [
+    1.0, 2.0,  # ] first
+    3.0,
+]  # end
+cols = 3
+
+[finger.right]
+pad.tare = [1, 2]
+[finger.third.pad]
+rows = 1
+"""
+LEFT, RIGHT, THIRD = (("finger", name, "pad", "tare") for name in ("left", "right", "third"))
+OLD = EDITED[EDITED.index("# old") : EDITED.index("cols")]
+NEW = "tare = [\n    7.0, 8.5, 9.0,\n]"
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new"),
+    [
+        (LEFT, OLD, f"# new\n{NEW}\n"),  # the old value goes with the comment that describes it
+        (RIGHT, "pad.tare = [1, 2]", f"# new\npad.{NEW}"),
+        (THIRD, "[finger.third.pad]\n", f"[finger.third.pad]\n# new\n{NEW}\n"),
+    ],
+    ids=["a key", "a dotted key", "a missing key"],
+)
+def test_a_list_is_set_and_nothing_else_changes(path: tuple[str, ...], old: str, new: str) -> None:
+    text = with_numbers(EDITED, path, [7.0, 8.5, 9.0], "new")
+    assert text == EDITED.replace(old, new)
+    before, after = tomllib.loads(EDITED), tomllib.loads(text)
+    assert after["finger"][path[1]]["pad"].pop("tare") == [7.0, 8.5, 9.0]
+    before["finger"][path[1]]["pad"].pop("tare", None)
+    assert after == before
+
+
+def test_long_lists_take_several_lines() -> None:
+    text = with_numbers(EDITED, LEFT, [float(number) for number in range(30)], "many")
+    assert "    24.0, 25.0, 26.0, 27.0, 28.0, 29.0,\n]\ncols" in text
+
+
+@pytest.mark.parametrize("text", ["[finger]\nleft = {pad = {rows = 1, tare = [1]}}\n", "finger.left.pad.rows = 1\n"])
+def test_a_table_without_a_header_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"must have a line \[finger\.left\.pad\], to set tare below it"):
+        with_numbers(text, LEFT, [1.0], "new")
+
+
+def test_every_other_line_keeps_its_end_and_lines_end_only_where_toml_ends_them() -> None:
+    text = "# a \u2028budget_n = 500\r\n[a]\r\nx = 1 # \x85 y\r\n# end"
+    assert with_value(text, ("a", "x"), "2", "new") == text.replace("x = 1 # \x85 y", "x = 2  # new")
+    assert with_value(text, ("a", "z"), "2", "new") == text.replace("[a]\r\n", "[a]\r\nz = 2  # new\r\n")
+    assert with_numbers(text, ("a", "x"), [1.0], "n") == text.replace(
+        "x = 1 # \x85 y\r\n", "# n\r\nx = [\r\n    1.0,\r\n]\r\n"
+    )
+    assert with_value("[a]", ("a", "x"), "1", "c") == "[a]\nx = 1  # c\n"
