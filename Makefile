@@ -12,6 +12,8 @@ KERNELS := $(VENV)/.kernels
 unexport PYTHONDONTWRITEBYTECODE
 MEASURES := $(VENV)/.measures
 PEERS := $(VENV)/.peers
+# Whole reports; docs/measured has what a reader needs of them.
+MEASURED := build/measured
 
 # What runs whole daemons, in real time: of these `make test` runs one demo, one client, and one page in a browser.
 DAEMONS := tests/system
@@ -55,37 +57,37 @@ portable_quick: $(READY)
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
 
-portable: $(KERNELS)
+portable: $(KERNELS) $(MEASURED)
 	@echo "== numeric tests as on older processors (about 10 minutes)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --report docs/portability.md $(PORTABLE)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --report $(MEASURED)/portability.md $(PORTABLE)
 
-bench: $(MEASURES)
+bench: $(MEASURES) $(MEASURED)
 	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 18 minutes)"
 	@$(BIN)/pytest --quiet tests/lab/bench
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m bench.latency --report docs/bench.md $(BENCH)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m bench.latency --report $(MEASURED)/bench.md $(BENCH)
 
-chart: $(MEASURES)
+chart: $(MEASURES) $(MEASURED)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
 	@$(BIN)/pytest --quiet tests/lab/chart
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart $(CHART)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart --into $(MEASURED) $(CHART)
 
 pictures: $(READY)
 	@echo "== the live view in a browser, as pictures (needs Chromium; on an idle machine)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m livepage.pictures $(PICTURES)
 
-evaluate: $(MEASURES)
+evaluate: $(MEASURES) $(MEASURED)
 	@echo "== warnings and reports of slip on simulated grasps, against what really happened (about 20 minutes)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate $(EVALUATE)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate --into $(MEASURED) $(EVALUATE)
 
 fuzz: $(KERNELS)
 	@echo "== every split of every device's frames, a million damaged frames, 2 GB of noise, every byte of a recording (about 15 minutes)"
 	@FUZZ_ROUNDS=150 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/lab/fuzz
 
-soak: $(KERNELS)
+soak: $(KERNELS) $(MEASURED)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
 	@$(BIN)/pytest --quiet tests/lab/soak
 	@$(BIN)/pytest --quiet -m long tests
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report $(MEASURED)/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
 
 peers: $(PEERS)
@@ -97,6 +99,9 @@ dist: $(READY)
 	@rm -rf dist
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . ./clients
 	@ls dist/*
+
+$(MEASURED):
+	@mkdir -p $@
 
 # What only the measurements need: rival solvers and a plotting library.
 $(MEASURES): $(KERNELS)

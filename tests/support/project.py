@@ -5,6 +5,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 CONFIG, DOCS, DAEMON = ROOT / "config", ROOT / "docs", ROOT / "daemon" / "slipd"
+MEASURED = ROOT / "build" / "measured"
 DATA = ROOT / "tests" / "data"
 TRIAL = DATA / "grips" / "2022-02-22-08-10-01"
 """A real gripper trial."""

@@ -58,7 +58,7 @@ def page_file(name: str) -> Path:
 
 
 def pages() -> dict[str, Path]:
-    """Return the pages of the docs by name, such as "physics" or "decisions/0004-no-ladder"; README comes first."""
+    """Return the pages of the docs by name, such as "physics" or "measured/peers"; README comes first."""
     found = [path.relative_to(DOCS) for path in DOCS.rglob("*.md")]
     ordered = sorted(found, key=lambda path: (len(path.parts), path))
     return {"README": ROOT / "README.md"} | {path.with_suffix("").as_posix(): DOCS / path for path in ordered}

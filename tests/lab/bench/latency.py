@@ -1,7 +1,7 @@
 """Measure the latency and the cost of the daemon, and the speed and accuracy of the friction limit.
 
-    make bench    (about 18 minutes; writes docs/bench.md)
-    make bench BENCH='--only replay --only recording'    (these parts; the others of docs/bench.md stay)
+    make bench    (about 18 minutes; writes build/measured/bench.md)
+    make bench BENCH='--only replay --only recording'    (these parts; the others of that report stay)
     PYTHONPATH=tests/support:tests/lab python -m bench.latency [--quick] [--only PART] [--report FILE]
 
 The daemon is measured from the last byte of a reading to the message that follows.

@@ -8,7 +8,6 @@ import pytest
 from bench.latency import PARTS
 from bench.report import Report
 from bench.tables import Table
-from project import ROOT
 
 
 def test_a_part_replaces_its_older_measurement_alone(tmp_path: Path) -> None:
@@ -20,15 +19,6 @@ def test_a_part_replaces_its_older_measurement_alone(tmp_path: Path) -> None:
     Report(path, PARTS).put("replay", "Commit c, 2 cores", [Table("Replay", ("repeat", "times"), [("1", 10.0)])])
     expected = before.replace("Commit b", "Commit c").replace("9.00", "10.0")
     assert path.read_text(encoding="utf-8") == expected
-
-
-def test_the_report_of_the_project_can_be_renewed_part_by_part(tmp_path: Path) -> None:
-    path = tmp_path / "bench.md"
-    path.write_text((ROOT / "docs/bench.md").read_text(encoding="utf-8"), encoding="utf-8")
-    titles = [line for line in path.read_text(encoding="utf-8").splitlines() if line[:3] == "## "]
-    Report(path, PARTS).put("first", "Commit a", [])
-    left = [line for line in path.read_text(encoding="utf-8").splitlines() if line[:3] == "## "]
-    assert left == [title for title in titles if title != "## Friction limit: the first call, s"]
 
 
 def test_a_report_with_an_unknown_part_is_left_alone(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@
     PYTHONPATH=tests/support:tests/lab python -m chart [--quick] [--only PART] [--scenes N] [--into FOLDER]
 
 Measured are processor time, error against a 25-digit reference, and failures of each method. Each part writes a page
-and its pictures into FOLDER (default: docs): ``speed_accuracy`` and ``failure_atlas``, .md and .png.
+and its pictures into FOLDER (default: build/measured): ``speed_accuracy`` and ``failure_atlas``, .md and .png.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from bench.commit import measured_on
-from project import DOCS
+from project import MEASURED
 
 SCENES, QUICK_SCENES = 1500, 15
 SOLVER_SCENES = 200
@@ -35,7 +35,7 @@ def main() -> int:
         "--only", choices=PARTS, action="append", help="write this report only; may be repeated (default: all)"
     )
     parser.add_argument(
-        "--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the reports (default: docs)"
+        "--into", type=Path, default=MEASURED, metavar="FOLDER", help="folder of the reports (default: build/measured)"
     )
     options = parser.parse_args()
     if missing := [name for name in ("matplotlib", "clarabel") if not _is_installed(name)]:

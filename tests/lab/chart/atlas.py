@@ -58,7 +58,7 @@ class _TooSlowError(Exception):
 
 
 def run(quick: bool) -> str:
-    """The page ``docs/failure_atlas.md``, without its header; ``quick``: few rows and no reference."""
+    """The page ``build/measured/failure_atlas.md``, without its header; ``quick``: few rows and no reference."""
     limit_s = QUICK_TIME_LIMIT_S if quick else TIME_LIMIT_S
     for method in METHODS:
         ask(method, ROWS[0].scene)  # compiles, and fills tables, before any time is taken

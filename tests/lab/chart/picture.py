@@ -1,4 +1,4 @@
-"""The picture ``docs/speed_accuracy.png``: what a method costs, how wrong it is, and where it fails."""
+"""The picture ``docs/measured/speed_accuracy.png``: what a method costs, how wrong it is, and where it fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables and the text of ``docs/speed_accuracy.md``: every figure in it comes from the run."""
+"""The tables and the text of ``build/measured/speed_accuracy.md``: every figure in it comes from the run."""
 
 from __future__ import annotations
 

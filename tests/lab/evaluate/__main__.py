@@ -42,7 +42,7 @@ from evaluate.campaign import run_campaign
 from evaluate.families import DEVELOPMENT, EVALUATION, FAMILIES
 from evaluate.running import Result, Task, Variant, run_all
 from evaluate.summary import Summary, summarise
-from project import DOCS
+from project import MEASURED
 
 QUICK_SEEDS, QUICK_SEEDS_OF_ALL = 3, 1
 REPORT_SEEDS, METHOD_SEEDS, LOOP_SEEDS, REPORT_WORKERS = 12, 4, 10, 2
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--methods", type=count, default=METHOD_SEEDS, metavar="N", help="grasps for methods (report)")
     parser.add_argument("--loops", type=count, default=LOOP_SEEDS, metavar="N", help="grasps with the reflex (report)")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="no new grasps after (report)")
-    parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the report (docs)")
+    parser.add_argument("--into", type=Path, default=MEASURED, metavar="FOLDER", help="folder of the report")
     parser.add_argument("--workers", type=count, metavar="N", help="processes (default 1; report: 2)")
     options = parser.parse_args(argv)
     if not options.quick:

@@ -2,7 +2,7 @@
 
     PYTHONPATH=tests/support:tests/lab .venv/bin/python -m evaluate.calm --hours 3
 
-It writes ``docs/calm_hours.md``. Every grasp lasts a minute, with a draw of its own: object, contact, friction, noise,
+Every grasp lasts a minute, with a draw of its own: object, contact, friction, noise,
 load, and a μ of the config that is 0.9, 1.0 or 1.1 times the true one. So no two runs share their noise, and the
 Poisson bounds hold. Reads are 10 ms apart, and the true λ is solved every 10 ms: loads change by at most 8 Hz.
 ``--minutes`` limits the time that it takes; the page states the hours that were run. Metrics: `evaluate.score`.
@@ -32,7 +32,7 @@ from evaluate.reports import reports_of
 from evaluate.running import Variant, config_text
 from evaluate.scene import STEP_S, Scene
 from evaluate.score import RunScore, score
-from project import DOCS
+from project import MEASURED
 
 from slipd.tools.sim.offline_grasp import BEGIN_NS, run_offline
 
@@ -126,7 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--hours", type=float, default=3.0, metavar="H", help="simulated hours (default 3)")
     parser.add_argument("--minutes", type=float, default=600.0, metavar="M", help="no new grasps after")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes (default 1)")
-    parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the page (docs)")
+    parser.add_argument("--into", type=Path, default=MEASURED, metavar="FOLDER", help="folder of the page")
     options = parser.parse_args(argv)
     header = measured_on()
     found = run_all(options.hours, max(options.workers, 1), time.monotonic() + 60.0 * options.minutes)

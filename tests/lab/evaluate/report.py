@@ -1,4 +1,4 @@
-"""The page ``docs/warning_quality.md``."""
+"""The page ``build/measured/warning_quality.md``."""
 
 from __future__ import annotations
 

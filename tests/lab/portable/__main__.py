@@ -1,6 +1,6 @@
 """Run the numeric tests with the instruction sets of other processors, each setting in a process of its own.
 
-    make portable    (about 10 minutes; writes docs/portability.md)
+    make portable    (about 10 minutes; writes build/measured/portability.md)
     PYTHONPATH=tests/support:tests/lab python -m portable [--quick | --aarch64 FOLDER] [--report FILE]
         [PYTEST ARGUMENT…]
 

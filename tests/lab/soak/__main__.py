@@ -1,6 +1,6 @@
 """Run the daemon for long on this machine: unplugging, floods, long loads and faults.
 
-    make soak    (about two hours with the simulation; writes docs/soak.md)
+    make soak    (about two hours with the simulation; writes build/measured/soak.md)
     PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|endure] [--minutes M]
         [--report FILE]
 

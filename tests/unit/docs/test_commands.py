@@ -111,7 +111,7 @@ def test_the_commands_that_need_no_daemon_run_in_their_order(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("rig.toml", "other.toml"):
+    for name in ("rig.toml", "other.toml", "my_rig.toml"):  # the last by slipd init, which needs devices
         shutil.copy(CONFIG / "demo.toml", name)
     for command in commands(page):
         if " ".join(command.words).startswith(RUN):

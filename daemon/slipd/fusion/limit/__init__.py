@@ -11,7 +11,7 @@ twist. Two questions follow:
 
 Paper eq. (5) is the stationarity condition of this sum. Paper eq. (7), the perfect hinge, is its optimality condition
 at a taxel, where the norm has a kink. Neither needs a search of its own. Paper eq. (6) as printed compares a torque
-about C with a torque about the pole and is not used (docs/decisions/0001-one-convex-problem.md).
+about C with a torque about the pole and is not used (docs/decisions.md, 1).
 
 **The method**, one step per module:
 

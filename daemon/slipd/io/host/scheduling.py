@@ -1,8 +1,8 @@
 """How the host runs the event loop: with a real-time priority, or awake all the time.
 
 Other programs of the robot PC do not delay a warning of a loop with priority. Waking up takes time, and what a process
-computes just after it slept takes several times as long as what it computes while awake (docs/bench.md): a loop may
-poll instead, which costs a whole processor.
+computes just after it slept takes several times as long as what it computes while awake (docs/measured/bench.md): a
+loop may poll instead, which costs a whole processor.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The caller passes what it received to `Connection.receive_data`, takes events until none is left, and sends what
 `Connection.data_to_send` returns. Only the bytes of one read, one frame, the first frames of one message and a bounded
-queue of messages are kept. Why this is not libzmq: docs/decisions/0010.
+queue of messages are kept. Why this is not libzmq: docs/decisions.md, 10.
 """
 
 from __future__ import annotations
