@@ -133,6 +133,7 @@ class Pad:
 
     def __init__(self, pressed: bool | None = False, force_n: float | None = None, *, feels: bool = True) -> None:
         self._pressed, self._force_n, self._feels = pressed, force_n, feels
+        self.presence = self.trust = self
 
     def press(self, pressed: bool | None, force_n: float | None = None) -> None:
         self._pressed, self._force_n = pressed, force_n
@@ -143,8 +144,7 @@ class Pad:
     def contact_force_n(self, _: int) -> float | None:
         return self._force_n if self._pressed else None
 
-    def is_trusted_for_raise(self, _: int) -> bool:
+    def for_raise(self, _: int) -> bool:
         return self._feels
 
-    def is_trusted_at_rest(self, _: int) -> bool:
-        return self._feels
+    at_rest = for_raise

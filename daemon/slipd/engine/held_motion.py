@@ -84,7 +84,7 @@ class HeldMotion:
         if isinstance(sample, GripperSample) and isinstance(gripper, GripperControl) and width is not None:
             evidence = width.update(sample.t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
         elif isinstance(sample, ObjectSample) and outside is not None and not sample.status:
-            held = all(finger.is_pressed() for finger in self._fingers.values())
+            held = all(finger.presence.is_pressed() for finger in self._fingers.values())
             evidence = outside.update(acquired_ns, sample, held=held)
         found = [] if evidence is None else self._judge(evidence)
         for watch in (width, outside) if found else ():

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.finger.stream_health import Condition, force_conditions, image_conditions, pulled_condition
 from slipd.finger.tare_guard import TareGuard
 from slipd.finger.three_axis import wrench_by_taxels
-from slipd.finger.trust import RaiseTrust, is_trusted
+from slipd.finger.trust import Trust
 from slipd.finger.verdict import PAD_FREE, PAD_PULLED, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import LATE, PULLED
@@ -74,6 +74,10 @@ class Finger:
         image_in_newtons: Likewise the loads of the image.
         friction: Coefficients of friction in use, and who set them.
         motion: Evidence of motion beside the load; None where the pad measures the force.
+        freshness: Of the force readings.
+        presence: Whether something presses on the pad.
+        trust: Whether the readings are trusted, and a grip may be raised on them.
+        zero_known: The force has a known zero; without one the bias may be any.
         level: Level after the newest force reading.
     """
 
@@ -91,11 +95,9 @@ class Finger:
         self.tare = self.main.tare
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
-        self._freshness = Freshness(stale_after_ns(stream))
+        self.freshness = Freshness(stale_after_ns(stream))
         self._uncertainty = Uncertainty() if self.force is None else self.force.noise
-        self._presence = ContactPresence(config, self.force, self.image, self._estimator, self._freshness)
-        self._trust = RaiseTrust(stream, pad, self.force, self.image, self._freshness)
-        self._guard = TareGuard(self.tare, self.image, self._freshness, self._presence)
+        self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image)
@@ -203,7 +205,7 @@ class Finger:
         self, motion: ContactMotion, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
     ) -> None:
         """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
-        if self._estimator.in_contact and image.is_independent and not check.disagreement:
+        if self.in_contact and image.is_independent and not check.disagreement:
             motion.update_image(image, t_ns, check.history.mean_wrench(before_ns, t_ns))
         else:
             motion.forget_image()
@@ -211,16 +213,16 @@ class Finger:
     def _judge(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
         force, check, times_ns = self.force, self._check, readings.times_ns
-        if readings.received_ns - min(times_ns) > self._freshness.stale_ns:
+        if readings.received_ns - min(times_ns) > self.freshness.stale_ns:
             self._mark_late(readings, arrival)
-        self._freshness.update(readings.received_ns, times_ns[-1], arrival)
+        self.freshness.update(readings.received_ns, times_ns[-1], arrival)
         uncertainty = self._uncertainty
         if force is not None and force.mass_kg > 0.0:
             uncertainty = force.uncertainty(times_ns[-1])
         learning = Learning.NOTHING
         sure = force is None or force.watch.rests or not force.watch.suspect
         if sure and self._image_teaches and not arrival.waited_ns:
-            learning = Learning.ALL if self._zero_known else Learning.SLIPS
+            learning = Learning.ALL if self.zero_known else Learning.SLIPS
         if arrival.waited_ns or arrival.unread_ns is not None:
             serves = self._serves(readings, arrival)
         else:
@@ -232,8 +234,8 @@ class Finger:
             () if check is None else check.disagreement,
             self._image_fault,
             learning,
-            image_free=uncertainty.force_n > 0.0 and self._presence.is_free_by_image(),
-            zero_known=self._zero_known,
+            image_free=uncertainty.force_n > 0.0 and self.presence.is_free_by_image(),
+            zero_known=self.zero_known,
         )
         self._newest, self.level, self._is_stale = batch, LEVELS[batch.levels[-1]], batch.phases[-1] == LATE
         if PULLED in batch.phases:
@@ -245,7 +247,7 @@ class Finger:
                 check.reset()
             check.history.update(readings.rows, times_ns, batch.phases)
         if self._taring:
-            self._guard.check_load(self.state)
+            self._guard.check_load()
         return batch
 
     def _serves(self, readings: WrenchBatch, arrival: Arrival) -> bool:
@@ -263,7 +265,7 @@ class Finger:
 
         Time in which they waited for the daemon does not count, unless the stream was stale before them.
         """
-        usable_ns = self._freshness.stale_ns
+        usable_ns = self.freshness.stale_ns
         if arrival.waited_ns and not (arrival.dated and self._is_stale):
             usable_ns += arrival.waited_ns
         for k, t_ns in enumerate(readings.times_ns):
@@ -273,14 +275,14 @@ class Finger:
     def _is_untouched(self) -> bool | None:
         """Return whether nothing touches the finger; None: unknown."""
         disagreement = self._check is not None and bool(self._check.disagreement)
-        return self._presence.is_untouched(self.state, disagreement=disagreement)
+        return self.presence.is_untouched(disagreement=disagreement)
 
     # What verdicts depend on, noted where it changes
 
     def _follow_tares(self) -> None:
         """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
         self._taring = any(tare.busy for tare in self._tares)
-        self._zero_known = self.main.zero_known
+        self.zero_known = self.main.zero_known
         zeros, before = [tare.current for tare in self._tares], self._zeros
         if any(now is not then for now, then in zip(zeros, before, strict=True)):
             self._zeros = zeros
@@ -311,7 +313,7 @@ class Finger:
             self._guard.check_silence(t_ns, unread_ns)
         if self._is_stale:
             return None
-        if self._freshness.is_stale(t_ns, unread_ns):
+        if self.freshness.is_stale(t_ns, unread_ns):
             return self._lose_force(t_ns)
         if self.level not in LEVELS_BY_IMAGE or self._newest.load_distribution is None or self.image is None:
             return None
@@ -320,10 +322,10 @@ class Finger:
     @property
     def quiet_until_ns(self) -> int:
         """Until when `check_silence` and `expire_image` find no change, unless a sample comes; -1: not known."""
-        came_ns, image = self._freshness.came_ns, self.image
+        came_ns, image = self.freshness.came_ns, self.image
         if self._taring or self._delayed or came_ns is None:
             return -1
-        force_ns = came_ns + self._freshness.stale_ns
+        force_ns = came_ns + self.freshness.stale_ns
         return force_ns if image is None else min(force_ns, image.fresh_until_ns)
 
     def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
@@ -347,25 +349,24 @@ class Finger:
 
     def _lose_force(self, t_ns: int) -> FingerState:
         """Return the state without the force, at ``t_ns``: the contact is forgotten, and nothing is known."""
-        if self._estimator.in_contact and self._check is not None:
+        if self.in_contact and self._check is not None:
             self._check.reset()
         self._estimator.end_contact()
         if self.motion is not None:
             self.motion.forget()
-        return self._set_state(FingerState(t_ns, STREAM_STALE, age_s=self._freshness.age_s(t_ns)))
+        return self._set_state(FingerState(t_ns, STREAM_STALE, age_s=self.freshness.age_s(t_ns)))
 
     def _lose_image(self) -> FingerState:
         """Return the state without the image: rotation is not observed any more."""
-        lost = FingerState(0, ROTATION_UNOBSERVED)
         return self._set_state(
             replace(
                 self.state,
                 verdict=ROTATION_UNOBSERVED,
                 load_distribution=None,
                 utilisation=None,
-                tipping_margin_m=lost.tipping_margin_m,
+                tipping_margin_m=math.nan,
                 assessment=None,
-                model=lost.model,
+                model="none",
             )
         )
 
@@ -377,7 +378,7 @@ class Finger:
         """
         state = self.state
         found = state.assessment
-        if found is None or not is_trusted(state.verdict):
+        if found is None or not self.trust.newest:
             return None
         mask = found.evidence | evidence_mask(*kinds)
         self._estimator.note_motion(until_ns, mask)
@@ -417,7 +418,7 @@ class Finger:
 
     def age_s(self, t_ns: int) -> float | None:
         """Return the age of the newest force reading at ``t_ns``, s; None before the first."""
-        return self._freshness.age_s(t_ns)
+        return self.freshness.age_s(t_ns)
 
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""
@@ -435,52 +436,14 @@ class Finger:
         found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
         if state.verdict is PAD_PULLED and stream == self.main_stream:
             normal_n = math.nan if state.wrench is None else -state.wrench[2]
-            shown = self._presence.shown_by_image()
-            found.append(pulled_condition(normal_n, by_pad=self.force is None, tared=self._zero_known, pressed=shown))
+            shown = self.presence.shown_by_image()
+            found.append(pulled_condition(normal_n, by_pad=self.force is None, tared=self.zero_known, pressed=shown))
         return found
 
-    def is_pressed(self) -> bool | None:
-        """Return whether something presses on the pad; None: unknown."""
-        return self._presence.is_pressed(self.state)
-
-    def is_pressed_without(self, streams: Collection[str]) -> bool | None:
-        """Return whether something presses, without the streams that are about to be tared; None: unknown."""
-        return self._presence.is_pressed_without(streams, self.state)
-
     @property
-    def is_pulled(self) -> bool:
-        """The normal force is clearly negative: the sensor or its config is wrong."""
-        return self._presence.is_pulled(self.state)
-
-    def contact_force_n(self, t_ns: int) -> float | None:
-        """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.
-
-        An image alone does not count: its noise or drift may look like a contact.
-        """
-        contact = self.state.contact
-        if contact is None or not (self._zero_known and self._estimator.in_contact):
-            return None
-        return contact.normal_n if self.is_trusted_at_rest(t_ns) else None
-
-    @property
-    def is_trusted(self) -> bool:
-        """The newest force reading is fresh, and its sensor shows no fault."""
-        return is_trusted(self.state.verdict)
-
-    def is_trusted_for_raise(self, t_ns: int) -> bool:
-        """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and trusted.
-
-        A stall of the daemon excuses nothing: a reading that it has not read, or reads late, may show something else.
-        Nor is a repeated reading of a sensor whose readings may rest enough: one that hangs looks the same.
-        """
-        return self._trust.allows(self.state.verdict, t_ns, at_rest=False)
-
-    def is_trusted_at_rest(self, t_ns: int) -> bool:
-        """Return whether readings are trusted as in `is_trusted_for_raise`, or repeat as the config allows.
-
-        This is enough to open the gripper: at rest the readings of some sensors always repeat.
-        """
-        return self._trust.allows(self.state.verdict, t_ns, at_rest=True)
+    def in_contact(self) -> bool:
+        """The newest reading that could be trusted touches."""
+        return self._estimator.in_contact
 
     # Requests
 

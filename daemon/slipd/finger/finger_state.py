@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from slipd.config import Finger as FingerConfig
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict import (
@@ -22,11 +23,14 @@ from slipd.finger.verdict import (
     contact_verdict,
 )
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion import Contact, Utilisation
+from slipd.friction.learning import Z
+from slipd.fusion import Contact, Utilisation, grip_needed_n, torque_limit
 from slipd.fusion.levels import Assessment
+from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.rows import FREE, LATE, PULLED, UNKNOWN, UNTRUSTED
 from slipd.fusion.streaming import contact_at, reading_at
 from slipd.motion.evidence import evidence_names
+from slipd.types.finite import finite_or_none
 from slipd_client.messages import LEVELS
 
 
@@ -62,7 +66,7 @@ class FingerState:
         status: Conditions that the device reported with the reading.
         age_s: Age of the reading when it was received, s; None before the first.
         friction: What was known of the friction; None where nothing touches or the reading says nothing.
-        needed_n: Least normal force that holds the load, N, once `slipd.finger.friction_limits` has found it.
+        needed_n: Least normal force that holds the load, N, once it was found.
         needed_is_known: It has.
     """
 
@@ -95,6 +99,51 @@ class FingerState:
     def required_friction(self) -> float:
         """q, the coefficient of friction at which the load would just slip; NaN where unknown."""
         return math.nan if self.assessment is None else self.assessment.required_friction
+
+    def torque_limit_nm(self) -> float | None:
+        """Return the torque in the sense of the spin that friction carries together with the tangential force, N·m.
+
+        None where it is not known. Like the next, it takes a search on the limit surface.
+        """
+        contact, distribution, friction = self.contact, self.load_distribution, self.friction
+        if contact is None or distribution is None or self.utilisation is None or friction is None or not friction.mu:
+            return None
+        sense = 1 if contact.spin_nm >= 0.0 else -1
+        force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
+        loads_n = distribution.loads.loads * contact.normal_n
+        limit = torque_limit(distribution.x, distribution.y, loads_n, friction.mu, force, about, sense)
+        return finite_or_none(limit.torque_nm / friction.spin_scale)
+
+    def needed_normal_n(self, config: FingerConfig) -> float | None:
+        """Return the least normal force on this pad that holds its load with the safety of ``[finger.X]``, N.
+
+        It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not
+        known, and where no force would hold the load.
+        """
+        if not self.needed_is_known:
+            self.needed_n, self.needed_is_known = self._find_needed_n(config), True
+        return self.needed_n
+
+    def _find_needed_n(self, config: FingerConfig) -> float | None:
+        contact, distribution, used, friction = self.contact, self.load_distribution, self.utilisation, self.friction
+        if contact is None or distribution is None or used is None or friction is None or not friction.mu:
+            return None
+        force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
+        wrench, noise = config.wrench, 0.0
+        if wrench is not None:  # otherwise the pad measures the force, of unknown noise
+            noise = relative_noise(force, contact.spin_nm, about, used.twist, wrench.force_std_n, wrench.torque_std_nm)
+        found = grip_needed_n(
+            distribution.x,
+            distribution.y,
+            distribution.loads.loads * contact.normal_n,
+            friction.mu,
+            force,
+            contact.spin_nm * friction.spin_scale,
+            about,
+            growth=config.contact_growth,
+            safety=config.grip_safety * (1.0 + Z * noise),
+        )
+        return finite_or_none(found)
 
     @property
     def force_reading(self) -> ForceReading:

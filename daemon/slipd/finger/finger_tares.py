@@ -49,9 +49,9 @@ class Tares:
         for stream in self.channels:
             if not self.finger.is_fresh(stream, t_ns):
                 return Refusal("not_ready", f"finger {name} has no fresh {stream} readings to average", "finger")
-        if self.finger.is_pressed_without(self.channels) is True:
+        if self.finger.presence.is_pressed_without(self.channels) is True:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
-        if self.finger.is_pulled and self.finger.main_stream in self.channels and not unloaded:
+        if self.finger.presence.is_pulled() and self.finger.main_stream in self.channels and not unloaded:
             message = (
                 f"the normal force of finger {name} is negative, as if the pad were pulled: status says what to"
                 " check; if this is the bias of an unloaded sensor, send unloaded: true"
@@ -62,7 +62,7 @@ class Tares:
     @property
     def verified(self) -> bool:
         """Nothing touches the finger, as known without the streams that are to be tared."""
-        return self.finger.is_pressed_without(self.channels) is False
+        return self.finger.presence.is_pressed_without(self.channels) is False
 
     @property
     def busy(self) -> bool:

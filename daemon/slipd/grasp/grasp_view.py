@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finger.friction_limits import needed_normal_n
 from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import (
     PadPose,
@@ -177,7 +176,7 @@ class _Side:
 
     def needed_n(self) -> float:
         """Return the least normal force that holds the finger's load, N."""
-        needed = needed_normal_n(self.finger, self.state)
+        needed = self.state.needed_normal_n(self.finger.config)
         return math.nan if needed is None else needed
 
     def learned_rise(self) -> float:

@@ -71,7 +71,7 @@ def _load(finger: Finger) -> tuple[float, float] | None:
     what this grasp taught: a look is compared with what was carried before it.
     """
     contact, distribution, friction = finger.state.contact, finger.state.load_distribution, finger.friction
-    if contact is None or distribution is None or math.isnan(contact.spin_nm) or not finger.is_trusted:
+    if contact is None or distribution is None or math.isnan(contact.spin_nm) or not finger.trust.newest:
         return None
     stated = friction.stated
     if stated is None:

@@ -45,7 +45,7 @@ class ReflexController:
             return None
         self.due_ns = t_ns + PERIOD_NS
         state = self._view.update(self._gripper.width_m)
-        trusted = all(finger.is_trusted_for_raise(t_ns) for finger in self._fingers)
+        trusted = all(finger.trust.for_raise(t_ns) for finger in self._fingers)
         needed_n = state.grip_kept_n if state.level == "stable" else state.grip_needed_n
         act = self._reflex.decide(state.level, needed_n, state.internal_n, trusted, t_ns)
         if act is None or self._gripper.carry_out("reflex", t_ns, force_n=act.force_n) is not None:

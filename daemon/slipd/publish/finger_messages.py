@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, ForceReading
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED
 from slipd.friction.friction_state import FrictionState
@@ -38,8 +37,8 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "utilisation": None if used is None else used.value,
         "utilisation_lower": None if used is None else used.lower,
         "utilisation_upper": None if used is None else used.upper,
-        "torque_limit_nm": torque_limit_nm(state),
-        "grip_needed_n": needed_normal_n(finger, state),
+        "torque_limit_nm": state.torque_limit_nm(),
+        "grip_needed_n": state.needed_normal_n(finger.config),
         "pole_m": None if used is None else array(used.pole_m),
         "tipping_margin_m": state.tipping_margin_m,
         "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,

@@ -88,7 +88,7 @@ class FingerHandlers:
     def _tare_undo(self, request: Request, t_ns: int) -> Body:
         tares = self._tares(request, STREAM.words)
         self._check_others_lease(request, t_ns, "changed")
-        if not tares.busy and tares.finger.is_pressed() is True:
+        if not tares.busy and tares.finger.presence.is_pressed() is True:
             require(self._policy.lease.check(request.client, t_ns))
         require(tares.undo())
         return replies.tare_in_use(tares)

@@ -157,7 +157,7 @@ def test_a_sensor_with_coarse_counts_may_raise_and_keeps_its_level(hold: Callabl
         hand.image()
         hand.run.skin(5.0, ms=0.0)
         levels.add(hand.run.level()[0])
-        granted += k >= 200 and hand.run.engine._fingers["left"].is_trusted_for_raise(hand.run.t_ns)
+        granted += k >= 200 and hand.run.engine._fingers["left"].trust.for_raise(hand.run.t_ns)
     assert levels == {"stable"}
     assert granted > 150
 

@@ -68,7 +68,9 @@ class Split:
                 self.reported += plain(batch)
                 self.publisher.publish_batch(batch, self.out)
             at += size
-        self.reported.append(repr((self.finger.is_pressed(), self.finger.is_trusted, self.finger.age_s(times_ns[-1]))))
+        self.reported.append(
+            repr((self.finger.presence.is_pressed(), self.finger.trust.newest, self.finger.age_s(times_ns[-1])))
+        )
 
 
 def plain(batch: VerdictBatch) -> list[str]:

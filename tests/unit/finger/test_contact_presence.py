@@ -23,48 +23,48 @@ class TestIsPressed:
         assert finger.tare.current.id == 1
 
     def test_unknown_before_the_first_reading(self, finger: Finger) -> None:
-        assert finger.is_pressed() is None
+        assert finger.presence.is_pressed() is None
 
     def test_force_sensor_without_tare_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
         for normal_n in (0.0, 30.0):
             read_force(untared, wrench(T0, normal_n))
-            assert untared.is_pressed() is None
+            assert untared.presence.is_pressed() is None
         untared.image.tare.observe(T0)
         for counts, pressed in ((EMPTY, False), (FULL, True)):
             untared.update_image(image(T0, counts))
-            assert untared.is_pressed() is pressed, "the pad with a known zero counts"
+            assert untared.presence.is_pressed() is pressed, "the pad with a known zero counts"
 
     def test_tared_force_sensor_counts(self, finger: Finger, wrench: Wrench) -> None:
         self.tared(finger, wrench)
         read_force(finger, wrench(T0, 0.1))
-        assert finger.is_pressed() is False
+        assert finger.presence.is_pressed() is False
         read_force(finger, wrench(T0, 5.0))
-        assert finger.is_pressed() is True
+        assert finger.presence.is_pressed() is True
 
     def test_fresh_image_counts_by_itself(self, finger: Finger, press: Press) -> None:
         press(0.0, counts=EMPTY)
-        assert finger.is_pressed() is False
+        assert finger.presence.is_pressed() is False
         press(0.0, counts=FULL)
-        assert finger.is_pressed() is True
+        assert finger.presence.is_pressed() is True
 
     def test_old_image_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
         untared.image.tare.observe(T0)
         untared.update_image(image(T0, EMPTY))
         read_force(untared, wrench(T0 + 31 * MS, 0.0))
-        assert untared.is_pressed() is None
+        assert untared.presence.is_pressed() is None
 
     def test_image_overrides_a_force_sensor_that_reads_no_contact(
         self, finger: Finger, press: Press, wrench: Wrench
     ) -> None:
         self.tared(finger, wrench)
         press(0.1, counts=FULL)
-        assert finger.is_pressed() is True
+        assert finger.presence.is_pressed() is True
 
     def test_finger_is_not_free_while_its_force_sensor_is_silent(self, finger: Finger, wrench: Wrench) -> None:
         self.tared(finger, wrench)
         read_force(finger, wrench(T0, 0.0))
         finger.disconnect(T0 + 100 * MS)
-        assert finger.is_pressed() is None
+        assert finger.presence.is_pressed() is None
 
     @pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])
     def test_overloaded_sensor_never_shows_a_free_finger(
@@ -73,7 +73,7 @@ class TestIsPressed:
         self.tared(finger, wrench)
         read_force(finger, wrench(T0, normal_n))
         read_force(finger, wrench(T0 + MS, 0.0, status=("overload",)))
-        assert finger.is_pressed() is known
+        assert finger.presence.is_pressed() is known
 
     def test_charge_pad_held_at_zero_by_the_force_sensor_does_not_count(
         self, left: str, parse: Parse, wrench: Wrench, image: Image
@@ -83,7 +83,7 @@ class TestIsPressed:
         for k in range(5):
             read_force(finger, wrench(T0 + 10 * k * MS, 0.0))
             finger.update_image(image(T0 + 10 * k * MS, FULL))
-        assert finger.is_pressed() is None
+        assert finger.presence.is_pressed() is None
 
     def test_three_axis_taxels_count_once_tared(self, right: str, parse: Parse) -> None:
         rest, press = np.full((4, 3), 1000.0), np.tile((1000.0, 1000.0, 3000.0), (4, 1))
@@ -92,7 +92,7 @@ class TestIsPressed:
             found = []
             for k, counts in enumerate((rest, press)):
                 finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
-                found.append(finger.is_pressed())
+                found.append(finger.presence.is_pressed())
             assert found == known
 
 
@@ -107,14 +107,14 @@ def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
     assert noisy.finger.tare.current.id == 1
     noisy.read(normal_n)
     assert noisy.verdict == ("unknown", ("weight_unknown",))
-    assert noisy.finger.is_pressed() is None
+    assert noisy.finger.presence.is_pressed() is None
     force = noisy.finger.force
     force.set_gravity([0.0, 0.0, -9.8], noisy.t_ns)
     force.begin_tare(noisy.t_ns, 0.01, "someone")
     for _ in range(20):
         noisy.read(0.0)
     assert noisy.verdict == ("no_contact", ())
-    assert noisy.finger.is_pressed() is False
+    assert noisy.finger.presence.is_pressed() is False
     force.gravity.forget()
     noisy.read(normal_n)
     assert noisy.verdict == ("unknown", ("weight_unknown",)), "after the host slept, the orientation is unknown"
@@ -133,7 +133,7 @@ def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
         noisy.look(0.0)
         noisy.read(0.2)
         assert noisy.verdict == expected, "a pad that was never tared shows nothing"
-        assert noisy.finger.is_pressed() is (False if pad else None)
+        assert noisy.finger.presence.is_pressed() is (False if pad else None)
         noisy.look(2.0)
         noisy.read(0.0)
         assert noisy.verdict == hidden, "the weight may hide what the pad shows"
@@ -170,13 +170,15 @@ def test_drift_is_learned_while_untouched_with_and_without_image(left: str, pars
 def test_contact_force_is_that_of_a_tared_and_trusted_sensor(
     finger: Finger, untared: Finger, press: Press, wrench: Wrench
 ) -> None:
-    assert untared.contact_force_n(read_force(untared, wrench(T0, 5.1)).t_ns) is None, "without a tare it may be bias"
+    assert untared.presence.contact_force_n(read_force(untared, wrench(T0, 5.1)).t_ns) is None, (
+        "without a tare it may be bias"
+    )
     press(0.0)
     finger.begin_tare(T0, 0.05, "someone")
     for k in range(10):
         press(0.01 * k, counts=EMPTY)
     assert finger.tare.current.id == 1
-    assert finger.contact_force_n(press(0.0, counts=EMPTY).t_ns) is None
+    assert finger.presence.contact_force_n(press(0.0, counts=EMPTY).t_ns) is None
     t_ns = press(5.0).t_ns
-    assert finger.contact_force_n(t_ns) == pytest.approx(5.0, abs=0.1)
-    assert finger.contact_force_n(t_ns + 51 * MS) is None, "too old"
+    assert finger.presence.contact_force_n(t_ns) == pytest.approx(5.0, abs=0.1)
+    assert finger.presence.contact_force_n(t_ns + 51 * MS) is None, "too old"

@@ -121,4 +121,4 @@ def test_C4_stream_without_clock_recovers_before_the_lines_are_empty(stalled: St
     stalled.look(200, 100, 100, dated=False)
     (state,) = stalled.read(200, 100, undated)
     assert (state.verdict.level, state.age_s) == ("stable", pytest.approx(0.1))
-    assert not stalled.finger.is_trusted_for_raise(T0 + 200 * MS)
+    assert not stalled.finger.trust.for_raise(T0 + 200 * MS)

@@ -20,9 +20,9 @@ def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press) -> 
         state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)
     state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), ms=25.0, counts=None)
     assert state.load_distribution is not None
-    assert not finger.is_trusted
+    assert not finger.trust.newest
     finger.check_silence(state.t_ns + 6 * MS)
-    assert not finger.is_trusted_for_raise(state.t_ns + 6 * MS)
+    assert not finger.trust.for_raise(state.t_ns + 6 * MS)
     assert verdict(finger.state) == verdict(state)
 
 

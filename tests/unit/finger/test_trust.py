@@ -12,12 +12,12 @@ from slipd.finger.finger import Finger
 def test_no_grip_is_raised_while_the_pad_is_silent(finger: Finger, press: Press) -> None:
     t_ns = press(10.0).t_ns
     press(10.1, ms=50.0, counts=None)
-    assert finger.is_trusted_for_raise(t_ns + 50 * MS)
-    assert not finger.is_trusted_for_raise(t_ns + 50 * MS + 1)
+    assert finger.trust.for_raise(t_ns + 50 * MS)
+    assert not finger.trust.for_raise(t_ns + 50 * MS + 1)
     finger.disconnect_image()
-    assert not finger.is_trusted_for_raise(t_ns + 50 * MS)
+    assert not finger.trust.for_raise(t_ns + 50 * MS)
     press(10.0)
-    assert finger.is_trusted_for_raise(t_ns + 60 * MS)
+    assert finger.trust.for_raise(t_ns + 60 * MS)
 
 
 def test_stale_s_of_the_config_does_not_allow_raises_on_old_readings(
@@ -28,6 +28,6 @@ def test_stale_s_of_the_config_does_not_allow_raises_on_old_readings(
     finger.update_image(image(T0))
     read_force(finger, wrench(T0, 10.0))
     assert finger.check_silence(T0 + 100 * MS) is None
-    assert finger.is_trusted_for_raise(T0 + 50 * MS)
-    assert not finger.is_trusted_for_raise(T0 + 50 * MS + 1)
+    assert finger.trust.for_raise(T0 + 50 * MS)
+    assert not finger.trust.for_raise(T0 + 50 * MS + 1)
     assert verdict(finger.check_silence(T0 + 100 * MS + 1)) == ("unknown", ("stale",))
