@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
 import os
 import sys
 from typing import NoReturn
@@ -64,11 +65,15 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _hint(words: list[str]) -> str:
-    """Return what to type instead of a command of ``slipctl`` or a name of an earlier version; "" where none is."""
+    """Return what to type instead of a command of ``slipctl``, a misspelt one or an earlier name; "" for nothing."""
     command, *rest = words or [""]
     if command in SLIPCTL:
         call = " ".join(["slipctl", SLIPCTL[command], *rest])
         return f"{command} is a command of slipctl, which asks a running daemon: {call}"
+    names = {name.partition(" ")[0] for name in COMMANDS} | set(SLIPCTL)
+    near = [] if command in names or command.startswith("-") else difflib.get_close_matches(command, names, n=1)
+    if near:
+        return f"there is no command {command!r}; did you mean {near[0]!r}?"
     return next((RENAMED[command, word] for word in rest if (command, word) in RENAMED), "")
 
 

@@ -133,6 +133,12 @@ def test_configs_and_pages_are_listed_with_what_they_are(
     assert capsys.readouterr().out.startswith("# Glossary\n")
 
 
+def test_a_command_that_is_misspelt_is_answered_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    for typed, meant in (("inf", "info"), ("repaly", "replay"), ("stats", "status")):
+        assert main([typed]) == 2
+        assert capsys.readouterr().err == f"slipd: there is no command {typed!r}; did you mean {meant!r}?\n"
+
+
 def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> None:
     for call in (["--help"], ["run", "--help"], ["--version"]):
         with pytest.raises(SystemExit) as ended:
@@ -164,6 +170,8 @@ def test_a_command_of_slipctl_is_named_to_those_who_ask_slipd_for_it(capsys: pyt
 def test_a_file_for_the_system_is_no_config(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", "show", "slipd.service"]) == 2
     assert "print it with: slipd service show slipd.service" in capsys.readouterr().err
+    assert main(["service", "show"]) == 0
+    assert "slipd.service" in capsys.readouterr().out
     assert main(["service", "show", "slipd"]) == 0
     assert f"ExecStart={SLIPD}" in capsys.readouterr().out
     assert main(["config", "list"]) == 0

@@ -83,6 +83,7 @@ def _add_service_commands(commands: Any) -> None:
         action.add_argument("--root", type=Path, default=Path("/"), metavar="DIR", help="write below DIR, for packages")
     show = add_command(actions, "service show", "list the files for systemd and udev, or print one")
     show.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
+    _add_json(show)
 
 
 def _add_rig(command: argparse.ArgumentParser) -> None:

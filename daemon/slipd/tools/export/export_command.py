@@ -76,9 +76,9 @@ def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions
     paths = chosen(recordings) if options.to == "lerobot" else recordings
     opened = [open_recording(path) for path in paths]
     layout = _common_layout(opened) if options.to == "lerobot" else None
-    compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
-    with progress.shown() as show, draft(out, EXPORT, paths, overwrite=options.overwrite) as written:
+    with draft(out, EXPORT, paths, overwrite=options.overwrite) as written, progress.shown() as show:
+        compile_kernels()
         if layout is None:
             what = f"{_messages(opened[0], written, FORMATS[options.to], show)} messages of slipd"
         else:
