@@ -159,23 +159,6 @@ def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
     )
 
 
-def test_an_import_never_overwrites(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    data = recording.read_bytes()
-    assert main(["import", "grips", str(TRIAL), str(recording)]) == 2
-    assert "exists already" in capsys.readouterr().err
-    assert recording.read_bytes() == data
-
-
-def test_an_import_may_use_another_config(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = tmp_path / "rig.toml"
-    text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
-    rig.write_text(text.replace("finger.left", "finger.thumb"), encoding="utf-8")
-    out = tmp_path / "trial.mcap"
-    assert main(["import", "grips", str(TRIAL), str(out), "--config", str(rig)]) == 0
-    capsys.readouterr()
-    assert {body["topic"] for body in replayed(out, capsys)} >= {"slip.thumb", "slip.right"}
-
-
 def test_an_import_may_take_the_zero_from_rows_with_open_fingers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -192,12 +175,6 @@ def test_an_import_may_take_the_zero_from_rows_with_open_fingers(
     for finger in ("left", "right"):
         levels = [level for name, _, level in told if name == finger]
         assert levels == ["no_contact", "stable", "unknown"], "open, held, and stale at the end"
-
-
-def test_an_import_refuses_rows_that_do_not_show_the_zero(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["import", "grips", "--tare-rows", "20", str(TRIAL), str(tmp_path / "trial.mcap")]) == 1
-    assert "must be unloaded in the first 20 rows" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.process

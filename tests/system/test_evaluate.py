@@ -126,14 +126,6 @@ def test_wrong_files_are_told_before_anything_is_replayed(
     assert not cache_home.exists()
 
 
-@pytest.mark.parametrize("call", [["evaluate"], ["evaluate", "a", "--config"], ["evaluate", "a", "--fast"]])
-def test_wrong_arguments_print_the_usage(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(call)
-    assert ended.value.code == 2
-    assert "usage: slipd" in capsys.readouterr().err
-
-
 def test_a_simulated_grasp_is_compared_with_its_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     t_s = np.arange(0.0, 1.4, 0.001)
     force_n = np.zeros((t_s.size, 2))

@@ -23,7 +23,7 @@ from slipd.recording.requested_recordings import (
     private_directory,
     state_dir,
 )
-from slipd.recording.writer import Recorder, RecordingLimitError, Room
+from slipd.recording.writer import Recorder, Room
 
 DEADLINE_S = 30.0
 ROOM = Room(max_bytes=10**9, min_free_bytes=0)
@@ -120,46 +120,48 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(
     assert (failed.state, failed.lost) == ("failed", 100)
     assert "the recording stopped: File too large" in failed.reason
     recordings.handle(Record("next.mcap"), 200)
-    recordings.close()
-    assert open_recording(state / "next.mcap").complete
-
-
-def test_a_disk_that_fails_at_the_end_is_reported(
-    recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
-) -> None:
-    recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
-    with small_disk((state / "full.mcap").stat().st_size):
-        recordings.handle(Record(""), 1)
-        assert "File too large" in news(recordings, 2).reason
-    assert recordings.changes(3) == []
+    with small_disk((state / "next.mcap").stat().st_size):
+        recordings.handle(Record(""), 201)
+        assert "File too large" in news(recordings, 202).reason, "at the end too"
+    assert recordings.changes(203) == []
 
 
-def test_a_folder_that_cannot_be_used_is_reported(tmp_path: Path) -> None:
-    made = RequestedRecordings(tmp_path, make, lambda: private_directory(Path("/proc/slipd")))
-    made.handle(Record("a.mcap"), 0)
-    failed = news(made)
-    assert failed.state == "failed"
-    assert failed.reason == "/proc/slipd: cannot be created: No such file or directory"
-    made.close()
-
-
-def test_a_limit_keeps_a_recording_from_beginning(state: Path) -> None:
-    private_directory(state)
+def held_state(tmp_path: Path) -> None:
     for name in ("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt"):
-        (state / name).write_text("")
-    check_room(state, ROOM, 3)
-    made = RequestedRecordings(state, make, lambda: check_room(state, ROOM, 2))
+        (tmp_path / name).write_text("")
+
+
+@pytest.mark.parametrize(
+    ("prepare", "state", "reason"),
+    [
+        (lambda _: private_directory(Path("/proc/slipd")), "failed", "/proc/slipd: cannot be created: No such file"),
+        (lambda folder: check_room(folder / "none", ROOM, 3), "failed", "cannot be read: No such file"),
+        (
+            lambda folder: check_room(folder, ROOM, 2),
+            "limited",
+            "holds 2 recordings, and recording.max_files is 2: move",
+        ),
+        (
+            lambda folder: check_room(folder, Room(max_bytes=1, min_free_bytes=2**62), 3),
+            "limited",
+            "free bytes, less than recording.min_free_bytes",
+        ),
+    ],
+    ids=["no folder", "unreadable", "too many", "no room"],
+)
+def test_a_folder_that_cannot_be_used_or_is_full_keeps_a_recording_from_beginning(
+    tmp_path: Path, prepare: Callable[[Path], None], state: str, reason: str
+) -> None:
+    held_state(tmp_path)
+    check_room(tmp_path, ROOM, 3)
+    made = RequestedRecordings(tmp_path, make, lambda: prepare(tmp_path))
     made.handle(Record("slipd-3.mcap"), 0)
     refused = news(made)
-    assert refused.state == "limited"
-    assert f"{state} holds 2 recordings, and recording.max_files is 2: move or delete some" in refused.reason
-    assert not (state / "slipd-3.mcap").exists()
+    assert (refused.name, refused.state) == ("slipd-3.mcap", state)
+    assert reason in refused.reason
+    assert not (tmp_path / "slipd-3.mcap").exists()
     made.close()
-    with pytest.raises(RecordingLimitError, match=r"free bytes, less than recording\.min_free_bytes"):
-        check_room(state, Room(max_bytes=1, min_free_bytes=2**62), 3)
-    with pytest.raises(RecordingError, match="cannot be read: No such file"):
-        check_room(state / "none", ROOM, 3)
 
 
 def test_a_recording_that_reaches_its_size_ends_by_itself_whole(state: Path) -> None:
@@ -294,17 +296,21 @@ def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
     go_on.set()
 
 
-def test_a_directory_that_others_may_write_to_is_refused(tmp_path: Path) -> None:
-    tmp_path.chmod(0o770)
-    with pytest.raises(RecordingError, match="to which nobody else can write"):
-        private_directory(tmp_path)
-    tmp_path.chmod(0o700)
-    (tmp_path / "link").symlink_to(tmp_path)
-    with pytest.raises(RecordingError, match="to which nobody else can write"):
-        private_directory(tmp_path / "link")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match="cannot be created"):
-        private_directory(tmp_path / "file" / "slipd")
+@pytest.mark.parametrize(
+    ("make_it", "error"),
+    [
+        (lambda path: path.mkdir(mode=0o770) or path.chmod(0o770), "to which nobody else can write"),
+        (lambda path: path.symlink_to(path.parent), "to which nobody else can write"),
+        (lambda path: path.write_text(""), "cannot be created"),
+    ],
+    ids=["of a group", "a link", "a file"],
+)
+def test_a_directory_that_others_could_change_is_refused(
+    tmp_path: Path, make_it: Callable[[Path], object], error: str
+) -> None:
+    make_it(tmp_path / "slipd")
+    with pytest.raises(RecordingError, match=error):
+        private_directory(tmp_path / "slipd")
 
 
 def test_the_directory_belongs_to_the_user_unless_the_environment_names_another(

@@ -52,17 +52,6 @@ def test_a_second_evaluation_replays_nothing(cache: ResultCache, config_file: Wr
     assert [found.kept for found in again] == [True, True]
 
 
-def test_a_fault_of_a_recording_is_kept_too(cache: ResultCache, config_file: Write, tmp_path: Path) -> None:
-    foreign, empty = tmp_path / "foreign.mcap", tmp_path / "empty.mcap"
-    foreign.write_bytes(b"no recording")
-    empty.touch()
-    other = NamedConfig("a.toml", config_file("gauges", "a.toml").read_text())
-    first = evaluate([foreign, empty, XELA], [other], cache)
-    assert [len(one.faults) for one in first] == [1, 1, 1]
-    paths = [foreign, empty, XELA]
-    assert evaluations(finished_runs(paths, [other], cache, only_known), paths, [other]) == first
-
-
 def test_a_recording_that_a_worker_cannot_open_is_tried_again(cache: ResultCache, tmp_path: Path) -> None:
     path, elsewhere = tmp_path / "away.mcap", tmp_path / "elsewhere.mcap"
     path.write_bytes(XELA.read_bytes())
@@ -97,21 +86,6 @@ def test_long_recordings_are_replayed_in_processes(cache: ResultCache, monkeypat
     monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1})
     monkeypatch.setattr(module, "in_processes", lambda work: (Finished(job, "elsewhere") for job in work))
     assert [found.run for found in finished_runs([XELA, GAUGES], [], cache)] == ["elsewhere", "elsewhere"]
-
-
-def test_a_bad_recording_does_not_lose_the_others(cache: ResultCache, tmp_path: Path) -> None:
-    foreign, cut, gone = tmp_path / "foreign.mcap", tmp_path / "cut.mcap", tmp_path / "gone.mcap"
-    foreign.write_bytes(b"no recording")
-    cut.write_bytes(XELA.read_bytes()[:-2000])
-    found = evaluate([foreign, gone, cut, GAUGES], [], cache)
-    assert [one.faults for one in found[:2]] == [
-        [f"{foreign}: not an MCAP file, and so not a recording of slipd"],
-        [f"{gone}: cannot be opened: No such file or directory"],
-    ]
-    assert isinstance(found[2].runs[RECORDED], ConfigRun)
-    assert len(found[2].faults) == 1
-    assert found[3].faults == []
-    assert isinstance(found[3].runs[RECORDED], ConfigRun)
 
 
 def test_a_config_that_fits_one_recording_may_not_fit_another(cache: ResultCache, config_file: Write) -> None:

@@ -94,30 +94,21 @@ def test_a_folder_that_cannot_be_made_costs_only_time(cache_home: Path) -> None:
     assert cache.get(job("a")) is None
 
 
-def test_the_oldest_results_make_room(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(result_cache, "MOST_RESULTS", 2)
-    for age, name in enumerate("abc"):
+@pytest.mark.parametrize(
+    ("most", "needed", "pruned", "left"),
+    [(2, 0, True, "ab"), (1, 2, True, "ab"), (1, 0, False, "abc")],
+    ids=["the newest", "those that are needed now", "all of a shared folder"],
+)
+def test_the_oldest_results_make_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, needed: int, pruned: bool, left: str
+) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", most)
+    cache = ResultCache(tmp_path, pruned=pruned)
+    for age, name in ((0, "a"), (9, "b"), (2, "c")):
         cache.put(job(name), RUN)
-        os.utime(cache_folder() / f"{name}.json", (1000.0 - age, 1000.0 - age))
-    (cache_folder() / "left.part").write_text("of a run that was killed")
-    cache.prune()
-    assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "b.json"]
-
-
-def test_results_that_are_needed_now_stay(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(result_cache, "MOST_RESULTS", 1)
-    for age, name in enumerate("abc"):
-        cache.put(job(name), RUN)
-        os.utime(cache_folder() / f"{name}.json", (1000.0 - age, 1000.0 - age))
-    cache.get(job("c"))
-    cache.prune(needed=2)
-    assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "c.json"], "the oldest use goes first"
-
-
-def test_a_folder_of_its_own_keeps_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(result_cache, "MOST_RESULTS", 1)
-    kept = ResultCache(tmp_path / "results", pruned=False)
-    for name in "abc":
-        kept.put(job(name), RUN)
-    kept.prune()
-    assert len(list((tmp_path / "results").iterdir())) == 3
+        os.utime(tmp_path / f"{name}.json", (1000.0 - age, 1000.0 - age))
+    cache.get(job("b"))  # what is used counts as new
+    (tmp_path / "left.part").write_text("of a run that was killed")
+    cache.prune(needed)
+    assert sorted(path.name[0] for path in tmp_path.glob("*.json")) == list(left)
+    assert (tmp_path / "left.part").exists() == (not pruned)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -75,21 +74,6 @@ def test_faults_are_rows_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     ]
 
 
-def test_an_interrupted_table_leaves_the_one_before(tmp_path: Path) -> None:
-    path = tmp_path / "a.parquet"
-    write_table(path, [])
-    before = path.read_bytes()
-
-    def interrupted() -> Iterator[Finished]:
-        yield Finished(Job(DEMO, NamedConfig(RECORDED, None), ""), "bad")
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write_table(path, interrupted())
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -> None:
     recording, foreign = tmp_path / "run.mcap", tmp_path / "notes.parquet"
     shutil.copy(DEMO, recording)
@@ -99,12 +83,3 @@ def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -
             write_table(path, [])
     assert recording.read_bytes() == DEMO.read_bytes()
     assert foreign.read_bytes() == b"PAR1 notes"
-
-
-def test_a_place_that_cannot_be_written_is_told_before_anything_is_replayed(tmp_path: Path) -> None:
-    def replayed() -> Iterator[Finished]:
-        raise AssertionError
-        yield
-
-    with pytest.raises(SlipdError, match=r"nowhere/a\.parquet: cannot be written: No such file"):
-        write_table(tmp_path / "nowhere" / "a.parquet", replayed())
