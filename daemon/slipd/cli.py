@@ -114,7 +114,7 @@ def _first_steps(_: argparse.Namespace) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from slipd.run_command import run_command
+    from slipd.serve_file import run_command
 
     run_command(arguments.config, arguments.record)
 

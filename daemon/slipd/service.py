@@ -85,10 +85,10 @@ async def serve(
                 tasks.create_task(work, name=name)
                 for name, work in _helpers(run, links, config, stop, reload, notifier).items()
             ]
-            run.report_recording()
+            run.report_recordings()
             _report_notices(run, {**notices, "realtime": refused})
             on_ready(run.endpoints)
-            run.ready = True
+            run.recorders.kept = True
             notifier.ready()
             await stop.wait()
             (notifier.stopping if reload is None or reload.found is None else notifier.reloading)()

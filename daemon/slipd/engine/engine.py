@@ -90,9 +90,13 @@ class Engine:
     def __init__(self, config: Config, *, boot: str, wall_minus_monotonic_ns: int) -> None:
         self.wall = WallClock(wall_minus_monotonic_ns)
         sequencer, named = MessageSequencer(boot, config.config_id, self.wall), NamedObject()
-        self._links = make_links(config)
-        self._clocks = [stream.clock for link in self._links.values() for stream in link.streams.values()]
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
+        judged = {f"{name}.{finger.main_stream}": finger.freshness for name, finger in self._fingers.items()}
+        judged |= {
+            f"{name}.pad": each.image.freshness for name, each in self._fingers.items() if each.image is not None
+        }
+        self._links = make_links(config, judged)
+        self._clocks = [stream.clock for link in self._links.values() for stream in link.streams.values()]
         self._gripper: GripperControl | NoGripper = NoGripper()
         if config.gripper is not None:
             session = cast("GripperSession", self._links[GRIPPER_LINK].session)

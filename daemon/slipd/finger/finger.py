@@ -95,7 +95,7 @@ class Finger:
         self.tare = self.main.tare
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
-        self.freshness = Freshness(stale_after_ns(stream))
+        self.freshness = Freshness(stale_after_ns(stream)) if self.image is None or wrench else self.image.freshness
         self._uncertainty = Uncertainty() if self.force is None else self.force.noise
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._check: ForceImageCheck | None = None
@@ -215,7 +215,8 @@ class Finger:
         force, check, times_ns = self.force, self._check, readings.times_ns
         if readings.received_ns - min(times_ns) > self.freshness.stale_ns:
             self._mark_late(readings, arrival)
-        self.freshness.update(readings.received_ns, times_ns[-1], arrival)
+        if force is not None:  # an image has updated its own
+            self.freshness.update(readings.received_ns, times_ns[-1], arrival)
         uncertainty = self._uncertainty
         if force is not None and force.mass_kg > 0.0:
             uncertainty = force.uncertainty(times_ns[-1])

@@ -44,7 +44,7 @@ PROMPT = Arrival()
 
 
 class Freshness:
-    """Age and silence of one stream.
+    """Age and silence of one stream, kept where its readings are judged.
 
     Args:
         stale_ns: Longest age of a usable reading, and longest silence.
@@ -54,6 +54,7 @@ class Freshness:
         received_ns: When the newest reading was read; 0 before the first.
         acquired_ns: When it was acquired; 0 before the first.
         unread_ns: As in its `Arrival`.
+        late: It was already too old when it came, by more than it waited for the daemon.
     """
 
     def __init__(self, stale_ns: int) -> None:
@@ -61,17 +62,20 @@ class Freshness:
         self.came_ns: int | None = None
         self.received_ns = self.acquired_ns = 0
         self.unread_ns: int | None = None
+        self.late, self._dated = False, True
 
     def update(self, received_ns: int, acquired_ns: int, arrival: Arrival = PROMPT) -> None:
-        """Update with the newest reading.
+        """Update with the newest reading; after a late one, only one that came in time is not late.
 
         A reading that waited reached the host long before it was read. One that is not late reaches it within
         ``stale_ns`` of its acquisition, so a stream that stopped during a stall is stale once the lines are empty.
         """
-        self.received_ns, self.acquired_ns, self.unread_ns = received_ns, acquired_ns, arrival.unread_ns
-        if arrival.waited_ns and arrival.dated:
-            received_ns = min(received_ns, acquired_ns + self.stale_ns)
-        self.came_ns = received_ns
+        waited_ns, self.unread_ns, self._dated, _ = arrival
+        self.received_ns, self.acquired_ns, self.came_ns = received_ns, acquired_ns, received_ns
+        excused_ns = 0 if self.late and arrival.dated else waited_ns
+        self.late = received_ns - acquired_ns - excused_ns > self.stale_ns
+        if waited_ns and arrival.dated:
+            self.came_ns = min(received_ns, acquired_ns + self.stale_ns)
 
     def silent_ns(self, t_ns: int, unread_ns: int | None = None) -> int:
         """Return for how long the daemon read the line and nothing came, ns; 0 before the first reading.
@@ -92,26 +96,6 @@ class Freshness:
     def age_s(self, t_ns: int) -> float | None:
         """Return the age of the newest reading, s; None before the first."""
         return None if self.came_ns is None else (t_ns - self.acquired_ns) * 1e-9
-
-
-class ImageFreshness(Freshness):
-    """Freshness of a pad's images, and how long the newest one serves force readings.
-
-    Attributes:
-        late: The newest image was already too old when it came, by more than it waited for the daemon.
-    """
-
-    def __init__(self, stale_ns: int) -> None:
-        super().__init__(stale_ns)
-        self.late = False
-        self._dated = True
-
-    def update(self, received_ns: int, acquired_ns: int, arrival: Arrival = PROMPT) -> None:
-        """Update with the newest image; after a late one, only one that came in time counts."""
-        excused_ns = 0 if self.late and arrival.dated else arrival.waited_ns
-        self.late = received_ns - acquired_ns - excused_ns > self.stale_ns
-        self._dated = arrival.dated
-        super().update(received_ns, acquired_ns, arrival)
 
     def serves_until_ns(self, since_ns: int) -> int | None:
         """Return the latest acquisition time of a force reading that the newest image serves; None: any.

@@ -9,7 +9,7 @@ import numpy as np
 
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
 from slipd.finger.force_history import NO_SUMMARY, ForceSummary
-from slipd.finger.freshness import PROMPT, Arrival, ImageFreshness
+from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.finger.pad_zero import PadZero
 from slipd.fusion import Contact, ContactShape, contact_shape
@@ -80,7 +80,7 @@ class ImageChannel:
         noise_n = 0.0 if finger.wrench is None else finger.wrench.force_std_n
         self._frozen = FrozenImage(max(FROZEN_STDS * noise_n, finger.min_normal_n))
         self._watch = WrenchWatch(LARGEST_READING, LARGEST_READING, repeats=pad.stuck_after, gap_ns=stale_after_ns(pad))
-        self.freshness = ImageFreshness(stale_after_ns(pad))
+        self.freshness = Freshness(stale_after_ns(pad))
         self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()

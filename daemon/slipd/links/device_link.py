@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from itertools import groupby
 from operator import attrgetter
@@ -12,7 +13,7 @@ from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.events import LinkSpec
-from slipd.finger.freshness import PROMPT, Arrival
+from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.links.link_guards import FloodGuard, Identity, IdentityGuard
 from slipd.links.stream_meter import Read, StreamMeter, make_stream
 from slipd.types.clocks import NEVER_NS
@@ -198,8 +199,13 @@ def _collect(session: Session, t_ns: int, pieces: list[bytes]) -> int:
     return NEVER_NS if deadline is None else deadline
 
 
-def make_links(config: Config) -> dict[str, DeviceLink]:
-    """Return one link for each address, by the name of the first stream that uses it."""
+def make_links(config: Config, freshness: Mapping[str, Freshness] = {}) -> dict[str, DeviceLink]:
+    """Return one link for each address, by the name of the first stream that uses it.
+
+    Args:
+        config: The rig.
+        freshness: Of the streams whose readings fingers judge, by stream.
+    """
     by_address: dict[str, DeviceLink] = {}
     for name, stream in config.streams().items():
         link = by_address.get(stream.port)
@@ -210,5 +216,5 @@ def make_links(config: Config) -> dict[str, DeviceLink]:
             baud = (stream.baud or device.baud or 0) if transport == "serial" else 0
             spec = LinkSpec(name, transport, stream.port, baud, inquiry)
             link = by_address[stream.port] = DeviceLink(spec, stream)
-        link.add(stream.sensor, make_stream(name, stream))
+        link.add(stream.sensor, make_stream(name, stream, freshness.get(name)))
     return {link.spec.name: link for link in by_address.values()}

@@ -45,7 +45,8 @@ class StreamMeter:
     Attributes:
         name: Name, e.g. ``left.wrench``.
         expected_hz: Rate of the config.
-        freshness: Whether readings are missing.
+        freshness: Whether readings are missing; that of a finger's stream is kept by the finger, as it judges them.
+        judged: The finger keeps it.
         host_clock: The times of the readings are those of this host's CLOCK_MONOTONIC.
         clock: Model of the device's clock.
         kind: Class of the readings.
@@ -62,6 +63,7 @@ class StreamMeter:
     name: str
     expected_hz: float
     freshness: Freshness
+    judged: bool
     host_clock: bool
     clock: DeviceClock
     kind: type[Sample]
@@ -73,6 +75,7 @@ class StreamMeter:
     damage: int = 0
     misfit: str = ""
     bad_time_ns: int | None = None
+    _dated_ns: int = field(default=0, repr=False)
     _since_ns: int | None = field(default=None, repr=False)
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
@@ -89,12 +92,14 @@ class StreamMeter:
         self.last_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, arrival.late_ns)
-        if self.host_clock or times_ns[0] < self.freshness.acquired_ns:
+        if self.host_clock or times_ns[0] < self._dated_ns:
             # charge and drift are integrated: their times must never go back
-            times_ns = list(accumulate(times_ns, max, initial=self.freshness.acquired_ns))[1:]
+            times_ns = list(accumulate(times_ns, max, initial=self._dated_ns))[1:]
+        self._dated_ns = times_ns[-1]
         if arrival is not PROMPT:
             arrival = arrival._replace(dated=self.host_clock or self.clock.locked)
-        self.freshness.update(self.last_ns, times_ns[-1], arrival)
+        if not self.judged:
+            self.freshness.update(self.last_ns, times_ns[-1], arrival)
         return Read(self.name, samples, times_ns, arrival)
 
     def _host_times(self, samples: Sequence[Sample]) -> list[int]:
@@ -142,8 +147,8 @@ class StreamMeter:
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
 
 
-def make_stream(name: str, config: StreamConfig) -> StreamMeter:
-    """Return the stream of a table of the config."""
+def make_stream(name: str, config: StreamConfig, freshness: Freshness | None = None) -> StreamMeter:
+    """Return the stream of a table of the config; ``freshness``: that of a finger, which keeps it."""
     device = DEVICES[config.device]
     poll_ns = round(config.poll_s * 1e9)
     clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
@@ -157,7 +162,15 @@ def make_stream(name: str, config: StreamConfig) -> StreamMeter:
         taxels = config.rows * config.cols
         kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
     return StreamMeter(
-        name, config.rate_hz, Freshness(stale_after_ns(config)), device.host_clock, clock, kind, shape, device.rate_hint
+        name,
+        config.rate_hz,
+        freshness or Freshness(stale_after_ns(config)),
+        freshness is not None,
+        device.host_clock,
+        clock,
+        kind,
+        shape,
+        device.rate_hint,
     )
 
 

@@ -81,6 +81,7 @@ class Cell:
         acts: What the reflex did.
         on_act: Hears of each, in the ``gripper`` message that publishes it.
         body: The newest ``gripper`` message.
+        levels: The newest level of each finger.
     """
 
     def __init__(self, jaws: Jaws, begin_ns: int = 1_000_000 * MS, **keys: Any) -> None:
@@ -106,6 +107,7 @@ class Cell:
         know_zeros(*self.engine._fingers.values())
         self.acts: list[dict[str, Any]] = []
         self.body: dict[str, Any] = {}
+        self.levels: dict[str, str] = {}
         self._renewed_ns: int | None = None
         self._unheard.clear()
         if kept is not None:
@@ -132,6 +134,8 @@ class Cell:
                 if output.body["reflex"] is not None:
                     self.acts.append(output.body["reflex"])
                     self.on_act(output.body)
+            elif isinstance(output, Publish) and output.topic.startswith("slip."):
+                self.levels[output.body["finger"]] = output.body["level"]
         return replies
 
     def ask(self, op: str, client: bytes = CLIENT, **fields: Any) -> dict[str, Any]:
