@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Container
 from dataclasses import dataclass
 
@@ -12,9 +11,6 @@ from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import Access
 from slipd.io.zmtp.mechanisms import decode_key
 from slipd_client.keys import KeyFileError, load_allowed, load_secret
-
-LOG_PERIOD_S = 10.0
-"""Shortest time between two log lines about refusals, s: often enough to be seen, too rare to fill the disk."""
 
 _log = logging.getLogger(__name__)
 
@@ -27,45 +23,21 @@ class AllowList:
     Args:
         endpoint: Name of the endpoint, for the log.
         keys: The keys, 40 letters of Z85 each.
-
-    Attributes:
-        keys: As above.
-        admitted: Number of admitted connections.
-        refused: Number of refused connections.
-        faults: Number of connections refused because the decision failed.
     """
 
     def __init__(self, endpoint: str, keys: Container[bytes]) -> None:
-        self.keys = keys
-        self.admitted = 0
-        self.refused = 0
-        self.faults = 0
-        self._endpoint = endpoint
-        self._logged_s = float("-inf")
+        self._endpoint, self._keys = endpoint, keys
 
     def admits(self, key: bytes) -> bool:
-        """Return whether a key may connect, and count the decision."""
+        """Return whether a key may connect."""
         try:
-            allowed = key in self.keys
+            allowed = key in self._keys
         except Exception:
-            self.faults += 1
-            allowed = False
-            if self._may_log():
-                _log.exception("authentication failed and the client was refused (%d so far)", self.faults)
-        if allowed:
-            self.admitted += 1
-            return True
-        self.refused += 1
-        if self._may_log():
-            _log.warning("%s: key %s is not allowed and was refused", self._endpoint, key.decode())
-        return False
-
-    def _may_log(self) -> bool:
-        now_s = time.monotonic()
-        if now_s - self._logged_s < LOG_PERIOD_S:
+            _log.exception("%s: authentication failed and the client was refused", self._endpoint)
             return False
-        self._logged_s = now_s
-        return True
+        if not allowed:
+            _log.warning("%s: key %s is not allowed and was refused", self._endpoint, key.decode())
+        return allowed
 
 
 @dataclass(frozen=True, slots=True)

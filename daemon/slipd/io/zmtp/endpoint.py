@@ -8,7 +8,7 @@ import ipaddress
 import os
 import socket
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -67,12 +67,13 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
     """
     _check(endpoint, access)
     server = socket.socket(socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX, socket.SOCK_STREAM)
-    with contextlib.ExitStack() as on_failure:
-        on_failure.enter_context(server)
-        with _clear_errors(endpoint):
-            reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_path(server, endpoint)
-            server.listen(BACKLOG)
-        on_failure.pop_all()
+    try:
+        reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_path(server, endpoint)
+        server.listen(BACKLOG)
+    except (OSError, ValueError, OverflowError) as error:
+        server.close()
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
     server.setblocking(False)
     return server, reached
 
@@ -85,15 +86,12 @@ def release(server: socket.socket, endpoint: str) -> None:
 
 
 def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
-    """Check that an endpoint can be served now, without serving it.
+    """Check that an endpoint can be served now, by serving it for a moment.
 
     Raises:
         LinkError: As for `bind`.
     """
-    _check(endpoint, access)
-    if is_tcp(endpoint):
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial, _clear_errors(endpoint):
-            _bind_tcp(trial, endpoint)
+    release(*bind(endpoint, access))
 
 
 def is_tcp(endpoint: str) -> bool:
@@ -132,15 +130,6 @@ async def greets(endpoint: str, patience_s: float) -> bool:
         except (TimeoutError, OSError):  # OSError: the queue of connections is full
             return False
         return True
-
-
-@contextlib.contextmanager
-def _clear_errors(endpoint: str) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, ValueError, OverflowError) as error:
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
 
 
 def _host_and_port(endpoint: str) -> tuple[str, int]:

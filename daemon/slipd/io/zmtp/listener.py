@@ -36,9 +36,6 @@ HANDSHAKE_S = 2.0
 LINGER_S = 0.1
 """Longest wait for the last messages before a stop, s; a stalled peer delays the exit by no more."""
 
-LOG_PERIOD_S = 10.0
-"""Shortest time between two log lines about ended connections, s, so that no peer can fill the disk."""
-
 _TOO_SLOW = "it had not completed its handshake when another connection needed its place"
 _TOO_MANY = "it has the most connections that one peer may have"
 _RETRY_S = 0.1
@@ -88,7 +85,6 @@ class Listener:
         self._accounts = TimeAccounts(share)
         self._pacing = TimeAccount(b"", share)
         self._pending: dict[Peer, asyncio.TimerHandle] = {}
-        self._logged_s = float("-inf")
         self._accepted_before = 0
         self._unsent: dict[Peer, int] = {}
 
@@ -239,13 +235,10 @@ class Listener:
         self._listen()
 
     def _log_end(self, name: bytes, reason: str) -> None:
-        """Log why a connection was ended, at a limited rate."""
+        """Log why a connection was ended; the log limits how often."""
         self.refused += 1
-        now_s = time.monotonic()
-        if now_s - self._logged_s >= LOG_PERIOD_S:
-            self._logged_s = now_s
-            who = name.decode(errors="replace")
-            _log.warning("%s: connection of %s ended: %s (%d so far)", self.endpoint, who, reason, self.refused)
+        who = name.decode(errors="replace")
+        _log.warning("%s: connection of %s ended: %s (%d so far)", self.endpoint, who, reason, self.refused)
 
 
 def _flush(peers: list[Peer]) -> None:

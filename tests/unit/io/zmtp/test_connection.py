@@ -128,6 +128,8 @@ def test_whatever_arrives_is_an_event_or_a_protocol_error_and_little_is_kept(
     ("data", "reason"),
     [
         (b"GET / HTTP/1.1\r\n".ljust(64), "does not speak ZMTP"),
+        (b"\xfe" + GREETING[1:], "does not speak ZMTP"),
+        (GREETING[:9] + b"\x7e" + GREETING[10:], "does not speak ZMTP"),
         (b"\xff" + bytes(8) + b"\x7f\x02".ljust(55, b"\0"), "must use ZMTP 3.0 or later"),
         (encode_greeting(b"CURVE", as_server=False), "another security mechanism"),
         (GREETING + encode_frame(b"early"), "must send READY first, got a message"),
