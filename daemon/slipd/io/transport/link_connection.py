@@ -8,6 +8,8 @@ import select
 from collections.abc import Callable
 from typing import Protocol
 
+from slipd.io.zmtp.endpoint import is_ready
+
 READ_BYTES = 1024
 """Bytes delivered before other tasks of the loop run: about 30 readings of a force sensor, or 1 to 2 ms of
 processing."""
@@ -131,11 +133,7 @@ class FileConnection(Connection):
 
     def unread(self) -> bool:
         """Return whether bytes wait to be read."""
-        if self.ended:
-            return False
-        poll = select.poll()
-        poll.register(self._fd, select.POLLIN)
-        return any(event & select.POLLIN for _, event in poll.poll(0))
+        return not self.ended and is_ready(self._fd, select.POLLIN)
 
     async def close(self) -> None:
         """Wait at most DRAIN_TIMEOUT_S for unsent bytes, then release the port or socket."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from slipd.io.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
+from slipd.io.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Null
 from slipd.io.zmtp.wire import (
     COMMAND,
     GREETING_BYTES,
@@ -88,7 +88,7 @@ class Connection:
     """One connection from the greeting to its end.
 
     Args:
-        mechanism: Security mechanism of the handshake.
+        mechanism: Security mechanism of the handshake, without keys or with them.
         rules: Limits.
 
     Attributes:
@@ -97,7 +97,7 @@ class Connection:
         route: Name that the peer chose, once open; b"" if it chose none.
     """
 
-    def __init__(self, mechanism: Mechanism, rules: PeerRules) -> None:
+    def __init__(self, mechanism: Null, rules: PeerRules) -> None:
         self.state = State.GREETING
         self.kind = self.route = b""
         self._mechanism, self._rules = mechanism, rules

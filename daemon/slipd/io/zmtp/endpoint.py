@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import ipaddress
 import os
+import select
 import socket
 import stat
 from collections.abc import Callable
@@ -114,6 +115,13 @@ def set_tcp_options(connection: socket.socket) -> None:
     ):
         connection.setsockopt(socket.IPPROTO_TCP, option, value)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+
+def is_ready(fileno: int, event: int) -> bool:
+    """Return whether a descriptor can be read (``select.POLLIN``) or written (``select.POLLOUT``) now."""
+    poll = select.poll()
+    poll.register(fileno, event)
+    return any(found & event for _, found in poll.poll(0))
 
 
 async def greets(endpoint: str, patience_s: float) -> bool:

@@ -12,9 +12,9 @@ import time
 from typing import Self
 
 from slipd.io.zmtp.connection import Connection, PeerRules
-from slipd.io.zmtp.endpoint import USER_ALONE, Access, bind, greets, release, set_tcp_options
+from slipd.io.zmtp.endpoint import USER_ALONE, Access, bind, greets, is_ready, release, set_tcp_options
 from slipd.io.zmtp.loop_time_accounts import SHARE, TimeAccount, TimeAccounts
-from slipd.io.zmtp.mechanisms import Curve, Mechanism, Null
+from slipd.io.zmtp.mechanisms import Curve, Null
 from slipd.io.zmtp.peer import Peer
 from slipd.io.zmtp.wire import ProtocolError
 
@@ -132,7 +132,9 @@ class Listener:
         if not greeted and self.accepted == before:
             return f"{self.endpoint} greets no client"
         unsent_before = self._unsent
-        self._unsent = {peer: peer.sent_bytes for peer in self.peers if peer.waiting and _writable(peer.fileno)}
+        self._unsent = {
+            peer: peer.sent_bytes for peer in self.peers if peer.waiting and is_ready(peer.fileno, select.POLLOUT)
+        }
         stalled = sum(unsent_before.get(peer) == sent for peer, sent in self._unsent.items())
         return f"messages are not sent to clients that read ({stalled})" if stalled else ""
 
@@ -181,8 +183,9 @@ class Listener:
             connection.close()
             self._log_end(name, _TOO_MANY)
             return
-        protocol = Connection(self._mechanism(), self._rules)
-        wake = self._rules.messages_per_wake
+        kind, secret = self._rules.kind, self._access.secret
+        mechanism = Null(kind) if secret is None else Curve(kind, secret, self._access.admits)
+        protocol, wake = Connection(mechanism, self._rules), self._rules.messages_per_wake
         peer = Peer(connection, name, account, protocol, wake, self._admit, self.on_message, self._forget)
         if not peer.closed:
             self._pending[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
@@ -207,12 +210,6 @@ class Listener:
         if oldest is not None:
             oldest.close(_TOO_SLOW)
         return oldest is not None
-
-    def _mechanism(self) -> Mechanism:
-        secret = self._access.secret
-        if secret is None:
-            return Null(self._rules.kind)
-        return Curve(self._rules.kind, secret, self._access.admits)
 
     def _admit(self, peer: Peer) -> None:
         if peer.key:
@@ -252,9 +249,3 @@ def _flush(peers: list[Peer]) -> None:
             poll.register(descriptor, select.POLLOUT)
         for descriptor, _ in poll.poll(1e3 * left_s):
             waiting[descriptor].flush()
-
-
-def _writable(fileno: int) -> bool:
-    poll = select.poll()
-    poll.register(fileno, select.POLLOUT)
-    return any(event & select.POLLOUT for _, event in poll.poll(0))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import secrets
 import struct
 from collections.abc import Callable
-from typing import Protocol
 
 from nacl import bindings as sodium
 from nacl.exceptions import CryptoError
@@ -47,8 +46,13 @@ class KeyRefusedError(ProtocolError):
     reply = encode_frame(encode_command(b"ERROR", b"\x03400"), COMMAND)
 
 
-class Mechanism(Protocol):
-    """Handshake of one connection, and the coding of its frames afterwards.
+class Null:
+    """No keys: every client that reaches the socket may connect.
+
+    Handles the handshake of one connection, and codes its frames afterwards.
+
+    Args:
+        socket_type: Socket type of this side, as ZeroMQ names it.
 
     Attributes:
         name: Name of the mechanism in the greeting.
@@ -56,16 +60,21 @@ class Mechanism(Protocol):
         key: Key that the peer proved, 40 letters of Z85; b"" without keys.
     """
 
-    name: bytes
-    properties: dict[bytes, bytes]
-    key: bytes
+    name = b"NULL"
+
+    def __init__(self, socket_type: bytes) -> None:
+        self.properties: dict[bytes, bytes] = {}
+        self.key = b""
+        self._own = encode_metadata({b"Socket-Type": socket_type, b"Identity": b""})
 
     def handshake(self, data: bytes) -> bytes:
-        """Handle the data of the next command of the handshake, and return the answer.
+        """Handle the data of the next command of the handshake, and return the answer: READY to READY.
 
         Raises:
             ProtocolError: It is malformed, or does not prove the key.
         """
+        self.properties = decode_metadata(data)
+        return encode_frame(encode_command(b"READY", self._own), COMMAND)
 
     def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
         """Return flags and body of a received frame.
@@ -73,38 +82,14 @@ class Mechanism(Protocol):
         Raises:
             ProtocolError: The peer did not seal this frame.
         """
+        return flags, body
 
     def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
         """Encode a message, or with ``COMMAND`` a command, for the wire."""
+        return encode_message(frames, flags)
 
 
-class Null:
-    """No keys: every client that reaches the socket may connect.
-
-    Args:
-        socket_type: Socket type of this side, as ZeroMQ names it.
-    """
-
-    name = b"NULL"
-    key = b""
-
-    def __init__(self, socket_type: bytes) -> None:
-        self.properties: dict[bytes, bytes] = {}
-        self._own = _own_properties(socket_type)
-
-    def handshake(self, data: bytes) -> bytes:
-        """Answer READY with READY."""
-        self.properties = decode_metadata(data)
-        return encode_frame(encode_command(b"READY", self._own), COMMAND)
-
-    def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
-        """Return the frame as it is."""
-        return flags, body
-
-    seal = staticmethod(encode_message)
-
-
-class Curve:
+class Curve(Null):
     """A key on each side, and all frames encrypted.
 
     Args:
@@ -116,9 +101,7 @@ class Curve:
     name = b"CURVE"
 
     def __init__(self, socket_type: bytes, secret: bytes, admits: Callable[[bytes], bool]) -> None:
-        self.properties: dict[bytes, bytes] = {}
-        self.key = b""
-        self._own = _own_properties(socket_type)
+        super().__init__(socket_type)
         self._secret, self._public = secret, sodium.crypto_scalarmult_base(secret)
         self._admits = admits
         self._client = self._short_secret = b""  # short-term keys: public of the peer, secret of this side
@@ -212,7 +195,3 @@ class Curve:
 def decode_key(key: bytes) -> bytes:
     """Decode a key of 40 letters of Z85 to its 32 bytes."""
     return z85.decode(key)
-
-
-def _own_properties(socket_type: bytes) -> bytes:
-    return encode_metadata({b"Socket-Type": socket_type, b"Identity": b""})
