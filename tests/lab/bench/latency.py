@@ -29,7 +29,6 @@ from bench import (
     ratios,
     recorded,
     replaying,
-    units,
 )
 from bench.commit import measured_on
 from bench.report import Report
@@ -47,7 +46,6 @@ PARTS = (
     "recording",
     "replay",
     "ratios",
-    "units",
     "million",
 )
 
@@ -86,8 +84,6 @@ def main() -> int:
 
 def _measure(part: str, seconds: float, rounds: int, *, quick: bool) -> Iterable[Table]:
     """The tables of one part."""
-    if part == "units":
-        return [units.run(quick=quick)]
     if part == "million":
         return million.run(*((million.QUICK_SCENES, million.QUICK_CHECKED) if quick else ()))
     with tempfile.TemporaryDirectory(prefix="slipd-bench-") as name:

@@ -1,4 +1,4 @@
-"""Contacts found by ``chart.adversarial``, frozen: the worst of each method, in as few digits as keep them bad."""
+"""The worst contacts that an adversarial search found for each method, in as few digits as keep them bad."""
 
 from __future__ import annotations
 

@@ -1,16 +1,13 @@
-"""The atlas shows every kind of failure of a method, and the search finds a failure where one exists."""
+"""The atlas shows every kind of failure of a method."""
 
 from __future__ import annotations
 
 import hashlib
 import math
 
-import numpy as np
-import pytest
-from chart.adversarial import WORLDS, error_of, possible, refusal_of, search
 from chart.atlas import cell, run
 from chart.failures import GROUPS, ROWS
-from chart.methods import METHODS, Method, find
+from chart.methods import METHODS, Method
 from chart.scenes import Scene
 
 BY_NAME = {row.name: row for row in ROWS}
@@ -67,25 +64,6 @@ def test_the_page_has_a_column_for_every_method_and_a_table_for_every_group() ->
     assert len(heads) == len(GROUPS)
     assert all(f"## {group}\n" in page for group in GROUPS)
     assert heads[0].split(" | ")[1:] == [*(m.short for m in METHODS[:-1]), METHODS[-1].short + " |"]
-
-
-def test_the_search_finds_where_a_model_is_wrong_and_finds_it_again() -> None:
-    badness = error_of(find("ellipsoid"))
-    first, again = (search(badness, WORLDS["plain"], seed=3, generations=2) for _ in range(2))
-    assert first[0] == badness(first[1]) > 0.1
-    assert np.array_equal(first[1].loads, again[1].loads)
-
-
-def test_the_search_finds_no_refusal_of_a_method_that_always_answers() -> None:
-    assert search(refusal_of(answering(1.0)), WORLDS["plain"], seed=1, generations=1)[0] == 0.0
-
-
-@pytest.mark.parametrize("world", WORLDS.values(), ids=list(WORLDS))
-def test_most_contacts_of_every_world_have_a_limit(world) -> None:
-    rng = np.random.default_rng(1)
-    drawn = [world(genes) for genes in rng.random((200, 15))]
-    assert sum(map(possible, drawn)) > 100
-    assert all(scene.x.shape == (4,) and (scene.loads > 0.0).all() for scene in drawn)
 
 
 def test_every_input_of_a_stored_limit_is_the_same_on_every_processor() -> None:
