@@ -12,88 +12,75 @@ from finger_bench import EMPTY, FULL, MS, T0, Image, NoisyFinger, Parse, Press, 
 from slipd.finger.finger import Finger
 from slipd.types.samples import TactileSample, WrenchSample
 
+HIDDEN = ("unknown", ("weight_unknown",))
 
-class TestIsPressed:
-    """Whether something presses: unknown is not free."""
 
-    def tared(self, finger: Finger, wrench: Wrench, *, t_ns: int = T0 - 100 * MS) -> None:
-        finger.begin_tare(t_ns, 0.01, "someone")
-        for k in range(20):
-            read_force(finger, wrench(t_ns + k * MS, 0.0))
-        assert finger.tare.current.id == 1
+def tare(noisy: NoisyFinger) -> None:
+    """Tare the force sensor."""
+    before = noisy.finger.tare.current.id
+    noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
+    for _ in range(20):
+        noisy.read(0.0)
+    assert noisy.finger.tare.current.id == before + 1
 
-    def test_unknown_before_the_first_reading(self, finger: Finger) -> None:
-        assert finger.presence.is_pressed() is None
 
-    def test_force_sensor_without_tare_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
-        for normal_n in (0.0, 30.0):
-            read_force(untared, wrench(T0, normal_n))
-            assert untared.presence.is_pressed() is None
-        untared.image.tare.observe(T0)
-        for counts, pressed in ((EMPTY, False), (FULL, True)):
-            untared.update_image(image(T0, counts))
-            assert untared.presence.is_pressed() is pressed, "the pad with a known zero counts"
+@pytest.mark.parametrize(
+    ("force_known", "pad_known", "normal_n", "counts", "age_ms", "pressed"),
+    [
+        (True, True, 0.1, EMPTY, 0, False),
+        (True, True, 5.0, EMPTY, 0, True),
+        (True, True, 0.1, FULL, 0, True),  # the image overrides a force sensor that reads no contact
+        (True, True, 0.1, FULL, 31, False),  # but not an old one
+        (False, True, 30.0, EMPTY, 0, False),  # an untared force sensor reads its own bias: the pad counts
+        (False, True, 0.0, FULL, 0, True),
+        (False, True, 0.0, EMPTY, 31, None),
+        (False, False, 0.0, EMPTY, 0, None),
+        (False, False, 30.0, FULL, 0, None),
+    ],
+)
+def test_what_presses_by_force_and_image(
+    untared: Finger, wrench: Wrench, image: Image, force_known: bool, pad_known: bool, normal_n: float,
+    counts: np.ndarray, age_ms: int, pressed: bool | None,
+) -> None:  # fmt: skip
+    assert untared.presence.is_pressed() is None, "before the first reading"
+    for channel, known in ((untared.force, force_known), (untared.image, pad_known)):
+        if known:
+            channel.tare.observe(T0)
+    untared.update_image(image(T0, counts))
+    read_force(untared, wrench(T0 + age_ms * MS, normal_n))
+    assert untared.presence.is_pressed() is pressed
 
-    def test_tared_force_sensor_counts(self, finger: Finger, wrench: Wrench) -> None:
-        self.tared(finger, wrench)
-        read_force(finger, wrench(T0, 0.1))
-        assert finger.presence.is_pressed() is False
-        read_force(finger, wrench(T0, 5.0))
-        assert finger.presence.is_pressed() is True
 
-    def test_fresh_image_counts_by_itself(self, finger: Finger, press: Press) -> None:
-        press(0.0, counts=EMPTY)
-        assert finger.presence.is_pressed() is False
-        press(0.0, counts=FULL)
-        assert finger.presence.is_pressed() is True
+@pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])
+def test_silent_or_overloaded_sensor_never_shows_a_free_finger(
+    finger: Finger, wrench: Wrench, normal_n: float, known: bool | None
+) -> None:
+    read_force(finger, wrench(T0, normal_n))
+    read_force(finger, wrench(T0 + MS, 0.0, status=("overload",)))
+    assert finger.presence.is_pressed() is known
+    finger.disconnect(T0 + 100 * MS)
+    assert finger.presence.is_pressed() is None
 
-    def test_old_image_does_not_count(self, untared: Finger, wrench: Wrench, image: Image) -> None:
-        untared.image.tare.observe(T0)
-        untared.update_image(image(T0, EMPTY))
-        read_force(untared, wrench(T0 + 31 * MS, 0.0))
-        assert untared.presence.is_pressed() is None
 
-    def test_image_overrides_a_force_sensor_that_reads_no_contact(
-        self, finger: Finger, press: Press, wrench: Wrench
-    ) -> None:
-        self.tared(finger, wrench)
-        press(0.1, counts=FULL)
-        assert finger.presence.is_pressed() is True
+def test_charge_pad_held_at_zero_by_the_force_sensor_does_not_count(
+    left: str, parse: Parse, wrench: Wrench, image: Image
+) -> None:
+    finger = make_finger(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse, zeros=False)
+    for k in range(5):
+        read_force(finger, wrench(T0 + 10 * k * MS, 0.0))
+        finger.update_image(image(T0 + 10 * k * MS, FULL))
+    assert finger.presence.is_pressed() is None
 
-    def test_finger_is_not_free_while_its_force_sensor_is_silent(self, finger: Finger, wrench: Wrench) -> None:
-        self.tared(finger, wrench)
-        read_force(finger, wrench(T0, 0.0))
-        finger.disconnect(T0 + 100 * MS)
-        assert finger.presence.is_pressed() is None
 
-    @pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])
-    def test_overloaded_sensor_never_shows_a_free_finger(
-        self, finger: Finger, wrench: Wrench, normal_n: float, known: bool | None
-    ) -> None:
-        self.tared(finger, wrench)
-        read_force(finger, wrench(T0, normal_n))
-        read_force(finger, wrench(T0 + MS, 0.0, status=("overload",)))
-        assert finger.presence.is_pressed() is known
-
-    def test_charge_pad_held_at_zero_by_the_force_sensor_does_not_count(
-        self, left: str, parse: Parse, wrench: Wrench, image: Image
-    ) -> None:
-        text = left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0")
-        finger = make_finger(text, parse, zeros=False)
-        for k in range(5):
-            read_force(finger, wrench(T0 + 10 * k * MS, 0.0))
-            finger.update_image(image(T0 + 10 * k * MS, FULL))
-        assert finger.presence.is_pressed() is None
-
-    def test_three_axis_taxels_count_once_tared(self, right: str, parse: Parse) -> None:
-        rest, press = np.full((4, 3), 1000.0), np.tile((1000.0, 1000.0, 3000.0), (4, 1))
-        for text, known in ((right, [False, True]), (right.partition("tare =")[0], [None, None])):
-            finger = make_finger(text, parse, "right", zeros=False)
-            found = []
-            for k, counts in enumerate((rest, press)):
-                finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
-                found.append(finger.presence.is_pressed())
-            assert found == known
+def test_three_axis_taxels_count_once_tared(right: str, parse: Parse) -> None:
+    rest, press = np.full((4, 3), 1000.0), np.tile((1000.0, 1000.0, 3000.0), (4, 1))
+    for text, known in ((right, [False, True]), (right.partition("tare =")[0], [None, None])):
+        finger = make_finger(text, parse, "right", zeros=False)
+        found = []
+        for k, counts in enumerate((rest, press)):
+            finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
+            found.append(finger.presence.is_pressed())
+        assert found == known
 
 
 @pytest.mark.parametrize("normal_n", [0.0, 0.3])
@@ -101,83 +88,64 @@ def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
     make_noisy: Callable[..., NoisyFinger], normal_n: float
 ) -> None:
     noisy = make_noisy("mass_kg = 0.1\n")
-    noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
-    for _ in range(20):
-        noisy.read(0.0)
-    assert noisy.finger.tare.current.id == 1
+    tare(noisy)
     noisy.read(normal_n)
-    assert noisy.verdict == ("unknown", ("weight_unknown",))
-    assert noisy.finger.presence.is_pressed() is None
-    force = noisy.finger.force
-    force.set_gravity([0.0, 0.0, -9.8], noisy.t_ns)
-    force.begin_tare(noisy.t_ns, 0.01, "someone")
-    for _ in range(20):
-        noisy.read(0.0)
-    assert noisy.verdict == ("no_contact", ())
-    assert noisy.finger.presence.is_pressed() is False
-    force.gravity.forget()
+    assert (noisy.verdict, noisy.finger.presence.is_pressed()) == (HIDDEN, None)
+    noisy.finger.force.set_gravity([0.0, 0.0, -9.8], noisy.t_ns)
+    tare(noisy)
+    assert (noisy.verdict, noisy.finger.presence.is_pressed()) == (("no_contact", ()), False)
+    noisy.finger.force.gravity.forget()
     noisy.read(normal_n)
-    assert noisy.verdict == ("unknown", ("weight_unknown",)), "after the host slept, the orientation is unknown"
+    assert noisy.verdict == HIDDEN, "after the host slept, the orientation is unknown"
 
 
+@pytest.mark.parametrize("pad_known", [False, True])
 def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
-    make_noisy: Callable[..., NoisyFinger],
+    make_noisy: Callable[..., NoisyFinger], pad_known: bool
 ) -> None:
-    hidden = ("unknown", ("weight_unknown",))
-    for pad, expected in (("", hidden), (f"tare = {[0.0] * 16}\n", ("no_contact", ()))):
-        noisy = make_noisy("mass_kg = 0.1\n", pad)
-        noisy.finger.image.tare.put(replace(noisy.finger.image.tare.current, origin="config"))
-        noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
-        for _ in range(20):
-            noisy.read(0.0)
-        noisy.look(0.0)
-        noisy.read(0.2)
-        assert noisy.verdict == expected, "a pad that was never tared shows nothing"
-        assert noisy.finger.presence.is_pressed() is (False if pad else None)
-        noisy.look(2.0)
+    noisy = make_noisy("mass_kg = 0.1\n", f"tare = {[0.0] * 16}\n" if pad_known else "")
+    pad = noisy.finger.image.tare
+    pad.put(replace(pad.current, origin="config"))
+    tare(noisy)
+    noisy.look(0.0)
+    noisy.read(0.2)
+    free = noisy.verdict, noisy.finger.presence.is_pressed()
+    assert free == ((("no_contact", ()), False) if pad_known else (HIDDEN, None)), "an untared pad shows nothing"
+    noisy.look(2.0)
+    noisy.read(0.0)
+    assert noisy.verdict == HIDDEN, "the weight may hide what the pad shows"
+    noisy.look(0.0)
+    for _ in range(200):
         noisy.read(0.0)
-        assert noisy.verdict == hidden, "the weight may hide what the pad shows"
-        noisy.look(0.0)
-        for _ in range(200):
-            noisy.read(0.0)
-        assert noisy.verdict == hidden, "the image is too old"
+    assert noisy.verdict == HIDDEN, "the image is too old"
 
 
 def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[..., NoisyFinger]) -> None:
     noisy = make_noisy("drift_tau_s = 20.0\n")
-    force = noisy.finger.force
     for _ in range(1200):
         noisy.t_ns += 99 * MS
         noisy.read(1.5)
         noisy.look(0.0)
-    assert force.drift.value[2] == pytest.approx(0.0, abs=0.01)
+    assert noisy.finger.force.drift.value[2] == pytest.approx(0.0, abs=0.01)
     assert noisy.verdict[1][0] == "disagreement"
 
 
-def test_drift_is_learned_while_untouched_with_and_without_image(left: str, parse: Parse) -> None:
-    text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0')
-    finger = make_finger(text, parse)
-    for ms in range(0, 200_000, 100):
-        finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
-        read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
-    assert finger.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
-    alone = make_finger(text, parse)
-    for ms in range(0, 200_000, 100):
-        read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
-    assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
+@pytest.mark.parametrize("shown", [True, False])
+def test_drift_is_learned_while_untouched_with_and_without_image(left: str, parse: Parse, shown: bool) -> None:
+    port = 'port = "/dev/left-wrench"'
+    finger = make_finger(left.replace(port, f"{port}\ndrift_tau_s = 1.0"), parse)
+    for ms in range(0, 100_000, 100):
+        if shown:
+            finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
+        read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.1, 0.0, 0.0)), np.zeros(3)))
+    assert finger.force.drift.value[0] == pytest.approx(0.1, abs=0.01)
 
 
-def test_contact_force_is_that_of_a_tared_and_trusted_sensor(
+def test_contact_force_is_that_of_a_sensor_with_a_known_zero_that_is_trusted(
     finger: Finger, untared: Finger, press: Press, wrench: Wrench
 ) -> None:
-    assert untared.presence.contact_force_n(read_force(untared, wrench(T0, 5.1)).t_ns) is None, (
-        "without a tare it may be bias"
-    )
-    press(0.0)
-    finger.begin_tare(T0, 0.05, "someone")
-    for k in range(10):
-        press(0.01 * k, counts=EMPTY)
-    assert finger.tare.current.id == 1
+    read_force(untared, wrench(T0, 5.1))
+    assert untared.presence.contact_force_n(T0) is None, "without a tare it may be bias"
     assert finger.presence.contact_force_n(press(0.0, counts=EMPTY).t_ns) is None
     t_ns = press(5.0).t_ns
     assert finger.presence.contact_force_n(t_ns) == pytest.approx(5.0, abs=0.1)
