@@ -62,29 +62,20 @@ def weigh(gravity: list[float]) -> list[float]:
     return [*force, *np.cross((0.0, 0.0, -0.02), force)]
 
 
-def test_finger_weight_is_subtracted_at_every_pose(heavy: str, parse: Parse) -> None:
+def test_finger_weight_is_subtracted_at_every_pose_and_no_part_of_a_tare(heavy: str, parse: Parse) -> None:
     force = side(heavy, parse)
-    for gravity in (DOWN, ALONG):
-        force.set_gravity(gravity, T0)
-        assert read(force, weigh(gravity)) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert force.gravity.state(T0) == "compensated"
-    assert force.uncertainty(T0) == (0.0, 0.0, 0.0, 0.0)
-    assert force_conditions(force, T0) == []
-
-
-def test_tare_at_a_known_pose_does_not_contain_the_weight(heavy: str, parse: Parse) -> None:
-    force = side(heavy, parse)
-    force.set_gravity(DOWN, T0)
-    force.begin_tare(T0, 0.01, "ann")
-    for k in range(12):
-        read(force, np.add(weigh(DOWN), 0.5), T0 + k * MS)
-    assert force.tare.current.id == 1
-    assert read(force, np.add(weigh(DOWN), 0.5)) == pytest.approx([0.0] * 6, abs=1e-12)
-    force.set_gravity(ALONG, T0)
-    assert read(force, np.add(weigh(ALONG), 0.5)) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert force.tare.undo()
-    assert read(force, weigh(ALONG)) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert not force.tare.undo()
+    for bias in (0.0, 0.5, 0.0):
+        if bias:
+            force.begin_tare(T0, 0.01, "ann")
+            for k in range(12):
+                read(force, np.add(weigh(ALONG), bias), T0 + k * MS)
+            assert force.tare.current.id == 1
+        for gravity in (DOWN, ALONG):
+            force.set_gravity(gravity, T0)
+            assert read(force, np.add(weigh(gravity), bias)) == pytest.approx([0.0] * 6, abs=1e-12)
+        assert force.gravity.state(T0) == "compensated"
+        assert (force.uncertainty(T0), force_conditions(force, T0)) == ((0.0, 0.0, 0.0, 0.0), [])
+        assert force.tare.undo() is (bias > 0.0)
 
 
 def test_unknown_orientation_adds_uncertainty_and_is_reported(heavy: str, parse: Parse) -> None:
@@ -111,28 +102,16 @@ def test_tare_is_given_up_when_the_finger_turns(heavy: str, parse: Parse) -> Non
     assert (Health.OK, "the last tare was given up: the finger was turned") in force_conditions(force, T0)
 
 
-def test_uncertain_weight_reduces_the_margin(heavy: str, left: str, parse: Parse) -> None:
-    reported = {}
-    for name, text in (("light", left), ("heavy", heavy)):
-        finger = make_finger(text, parse)
-        finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
-        for shown in (False, True):
-            if shown and finger.force is not None:
-                finger.force.set_gravity([0.0, 0.0, 0.0], T0)
-            state = read_force(finger, WrenchSample(T0, None, np.array((2.0, 0.0, -8.0)), np.zeros(3)))
-            reported[name, shown] = state.verdict.level, state.verdict.reasons
-            assert (state.contact.friction_ratio_std > 0.0) == (name == "heavy" and not shown)
-    assert reported["light", False] == reported["light", True] == reported["heavy", True] == ("stable", ())
-    assert reported["heavy", False][0] in ("caution", "warning")
-    assert reported["heavy", False][1][-1] == "weight_unknown"
-
-
-def test_uncertain_weight_is_not_taken_for_noise(heavy: str, parse: Parse) -> None:
+@pytest.mark.parametrize("std_n", [0.0, 0.02])
+def test_uncertain_weight_reduces_the_margin_and_is_not_taken_for_noise(heavy: str, parse: Parse, std_n: float) -> None:
     """The noise of a light load is large beside it; what the weight may add is larger, and no noise."""
-    finger = make_finger(heavy.replace("force_std_n = 0.0", "force_std_n = 0.02"), parse)
+    finger = make_finger(heavy.replace("force_std_n = 0.0", f"force_std_n = {std_n}"), parse)
     finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
-    state = read_force(finger, WrenchSample(T0, None, np.array((0.02, 0.0, -2.0)), np.zeros(3)))
+    reading = WrenchSample(T0, None, np.array((0.02, 0.0, -2.0)), np.zeros(3))
+    state = read_force(finger, reading)
     assert (state.verdict.level, state.verdict.reasons[-1]) == ("warning", "weight_unknown")
+    finger.force.set_gravity([0.0, 0.0, 0.0], T0)
+    assert read_force(finger, reading).verdict.level == "stable"
 
 
 DRIFTS = 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0'

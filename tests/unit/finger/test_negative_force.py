@@ -25,8 +25,15 @@ def health(run: Run, stream: str = "left.wrench") -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("normal_n", [-25.0, -71_768.0])
-def test_pulled_pad_is_unknown_and_status_says_what_to_check(run: Run, normal_n: float) -> None:
+def test_pulled_pad_is_unknown_and_neither_tared_nor_opened_and_status_says_what_to_check(
+    run: Run, normal_n: float
+) -> None:
     run.bring_up()
+    run.feel(0.0)
+    assert run.refusal("gripper.open") is None
+    run.serve_gripper(50)
+    for _ in range(3):
+        run.feel(0.0)
     run.wrench(normal_n)
     assert run.level() == ("unknown", ["pulled"])
     assert run.published("slip.left")[-1]["normal_n"] == pytest.approx(normal_n, rel=1e-6)
@@ -35,23 +42,12 @@ def test_pulled_pad_is_unknown_and_status_says_what_to_check(run: Run, normal_n:
     assert level == Health.ERROR
     for word in ("sign", "pad_from_sensor", "quat_xyzw", "x, y, z, w", "the sensor's own configuration"):
         assert word in message
+    refused = [run.refusal("tare", finger="left"), run.refusal("gripper.open"), run.refusal("gripper.activate")]
+    assert refused == [NOT_READY, DROP, DROP]
+    assert run.refusal("gripper.open", drop=True) is None
     run.wrench(0.0)
     assert run.level() == ("no_contact", [])
     assert "pulls" not in health(run)[1]
-
-
-def test_pulled_pad_is_neither_tared_nor_opened(run: Run) -> None:
-    run.bring_up()
-    run.feel(0.0)
-    assert run.refusal("gripper.open") is None
-    run.serve_gripper(50)
-    for _ in range(3):
-        run.feel(0.0)
-    run.wrench(-25.0)
-    assert run.refusal("tare", finger="left") == NOT_READY
-    assert run.refusal("gripper.open") == DROP
-    assert run.refusal("gripper.activate") == DROP
-    assert run.refusal("gripper.open", drop=True) is None
 
 
 def test_no_grip_is_raised_on_a_pulled_pad(run: Run) -> None:
@@ -64,16 +60,17 @@ def test_no_grip_is_raised_on_a_pulled_pad(run: Run) -> None:
     assert run.refusal("grip.adjust", delta_n=1.0) is None
 
 
-def test_pull_ends_a_tare_in_progress(run: Run) -> None:
+def test_pull_ends_a_tare_in_progress_and_the_pad_that_shows_a_contact_forbids_one(run: Run) -> None:
     run.bring_up()
     assert run.refusal("tare", finger="left", seconds=0.1) is None
-    for _ in range(10):
-        run.wrench(0.0)
     run.wrench(-25.0)
     reported = run.ask("tare.get", finger="left")["result"]
-    assert (reported["tare_id"], reported["busy"]) == (1, False)
+    assert (reported["tare_id"], reported["busy"], reported["given_up_reason"]) == (1, False, "pulled")
     assert reported["given_up"] == "the normal force became negative, as if the pad were pulled"
-    assert reported["given_up_reason"] == "pulled"
+    run.image()
+    run.wrench(-25.0)
+    assert run.refusal("tare", finger="left", unloaded=True) == ("in_contact", "finger")
+    assert "the pad image shows a contact, so the force sensor is wrong" in health(run)[1]
 
 
 def test_unloaded_true_tares_a_negative_bias(make_run: Make, rig: str) -> None:
@@ -90,13 +87,6 @@ def test_unloaded_true_tares_a_negative_bias(make_run: Make, rig: str) -> None:
         run.wrench(-25.0)
     assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
     assert run.level() == ("no_contact", [])
-
-
-def test_unloaded_true_is_refused_while_the_pad_shows_a_contact(run: Run) -> None:
-    run.image()
-    run.wrench(-25.0)
-    assert run.refusal("tare", finger="left", unloaded=True) == ("in_contact", "finger")
-    assert "the pad image shows a contact, so the force sensor is wrong" in health(run)[1]
 
 
 @pytest.mark.parametrize(
@@ -123,18 +113,6 @@ def test_limit_follows_from_noise_weight_drift_bias_and_min_normal_n(
     for normal_n, pulled in ((0.01 - least_n, False), (-0.01 - least_n, True)):
         run.wrench(normal_n, ms=5.0)
         assert (run.level()[1] == ["pulled"]) is pulled
-
-
-def test_wrong_mounting_shows_at_the_first_contact(make_run: Make, left: str) -> None:
-    """The quaternion of a half turn about Y, [0, 1, 0, 0], that should have been the identity."""
-    run = make_run(left.replace("stuck_after = 0", "pad_from_sensor = { quat_xyzw = [0.0, 1.0, 0.0, 0.0] }"))
-    run.up()
-    run.wrench(0.0)
-    assert run.refusal("tare", finger="left", seconds=0.01) is None
-    for _ in range(20):
-        run.wrench(0.0)
-    run.wrench(3.0)
-    assert run.level() == ("unknown", ["pulled"])
 
 
 def test_taxels_pressed_during_a_pull_are_not_masked_as_hot(run: Run) -> None:
