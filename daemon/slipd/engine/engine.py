@@ -35,9 +35,9 @@ from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.named_object import NamedObject
-from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.no_gripper import NoGripper
-from slipd.gripper.reflex_controller import make_reflex_controller
+from slipd.gripper.reflex import make_reflex_controller
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.lateness import Lateness
 from slipd.links.stream_meter import Read
@@ -159,7 +159,8 @@ class Engine:
         """Handle one event at ``t_ns`` (CLOCK_MONOTONIC) and return its outputs, in order."""
         out: list[Output] = []
         self._lateness.update(event, t_ns)
-        if self._gripper.drop_after_stall(t_ns):
+        if self._lateness.paused_ns > LONGEST_PAUSE_NS:
+            self._gripper.drop_after_pause(self._lateness.paused_ns)
             self._make_all_due()
         if isinstance(event, Bytes):
             self._handle_bytes(self._links[event.link], event.data, t_ns, out)

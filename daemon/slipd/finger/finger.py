@@ -327,7 +327,7 @@ class Finger:
         if self._taring or self._delayed or came_ns is None:
             return -1
         force_ns = came_ns + self.freshness.stale_ns
-        return force_ns if image is None else min(force_ns, image.fresh_until_ns)
+        return force_ns if image is None else min(force_ns, self._image_until_ns)
 
     def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""

@@ -82,6 +82,11 @@ class GripPolicy:
     Attributes:
         limits: As given.
         lease: Which client may move the gripper.
+        releasing: A release was commanded and is not confirmed yet.
+        requested_n: Force that a client requested last, N; the reflex does not lower below it. None if nothing is
+            gripped.
+        raised_n: Sum of all raises of this grasp by requests, N; ``reflexed_n``: likewise by the reflex.
+        fault: First fault since the last acknowledgement, or "".
     """
 
     def __init__(self, limits: GripLimits, max_lease_ms: int) -> None:
@@ -90,10 +95,10 @@ class GripPolicy:
         self._raising = _Allowance(limits.raise_n_per_s, limits.step_n)
         self._lowering = _Allowance(limits.lower_n_per_s, limits.step_n)
         self._force_n: float | None = None
-        self._unknown = self._releasing = False
-        self._requested_n: float | None = None
-        self._raised_n = self._reflexed_n = 0.0  # in this grasp, by requests and by the reflex
-        self._fault = ""
+        self._unknown = self.releasing = False
+        self.requested_n: float | None = None
+        self.raised_n = self.reflexed_n = 0.0
+        self.fault = ""
 
     # Forces
 
@@ -102,31 +107,26 @@ class GripPolicy:
         now_ns = self.lease.now(t_ns)
         return GripState(
             holder=self.lease.holder(t_ns),
-            fault=self._fault,
+            fault=self.fault,
             force_n=self._force_n,
             unknown=self._unknown,
-            releasing=self._releasing,
-            requested_n=self._requested_n,
+            releasing=self.releasing,
+            requested_n=self.requested_n,
             raise_left_n=self._raising.left_n(now_ns),
             lower_left_n=self._lowering.left_n(now_ns),
-            budget_left_n=self._budget_left_n(self._raised_n),
-            reflex_left_n=self._budget_left_n(self._reflexed_n),
+            budget_left_n=self._budget_left_n(self.raised_n),
+            reflex_left_n=self._budget_left_n(self.reflexed_n),
         )
 
     @property
     def force_n(self) -> float | None:
         """Force last sent to the gripper, or found in force, N; None: no grip, or not known."""
-        return None if self._releasing else self._force_n
+        return None if self.releasing else self._force_n
 
     @property
     def unknown(self) -> bool:
         """An object is held with a force that is not known."""
-        return self._unknown and not self._releasing
-
-    @property
-    def releasing(self) -> bool:
-        """A release was commanded and is not confirmed yet."""
-        return self._releasing
+        return self._unknown and not self.releasing
 
     @property
     def grips(self) -> bool:
@@ -134,16 +134,11 @@ class GripPolicy:
         return self.unknown or self.force_n is not None
 
     @property
-    def requested_n(self) -> float | None:
-        """Force that a client requested last, N; the reflex does not lower below it. None if nothing is gripped."""
-        return self._requested_n
-
-    @property
     def reflex_most_n(self) -> float | None:
         """Largest force that limits and budget allow the reflex in this grasp, N; None without a grip or a limit."""
         if self.limits.max_n is None or self.force_n is None:
             return None
-        return min(self.limits.max_n, self.force_n + self._budget_left_n(self._reflexed_n))
+        return min(self.limits.max_n, self.force_n + self._budget_left_n(self.reflexed_n))
 
     def change_left_n(self, t_ns: int) -> tuple[float, float]:
         """Return the largest lowering and the largest raise that step and rate leave at ``t_ns``, N."""
@@ -160,46 +155,36 @@ class GripPolicy:
             raise ValueError(f"force_n must be finite, got {force_n}")
         now_ns = self.lease.now(t_ns)
         if self._force_n is None:
-            self._raised_n = self._reflexed_n = 0.0
+            self.raised_n = self.reflexed_n = 0.0
         else:
             change_n = force_n - self._force_n
             if reflex:
-                self._reflexed_n += max(change_n, 0.0)
+                self.reflexed_n += max(change_n, 0.0)
             else:
-                self._raised_n += max(change_n, 0.0)
+                self.raised_n += max(change_n, 0.0)
             (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), now_ns)
-        self._force_n, self._unknown, self._releasing = force_n, False, False
+        self._force_n, self._unknown, self.releasing = force_n, False, False
         if not reflex:
-            self._requested_n = force_n
+            self.requested_n = force_n
 
     def adopt(self, force_n: float | None) -> None:
         """Adopt a grip that no command of this run began; ``force_n`` is None if its force is not known.
 
         It counts as a new grasp: its budget is whole, and the reflex does not lower it.
         """
-        self._force_n = self._requested_n = force_n
-        self._unknown, self._releasing = force_n is None, False
-        self._raised_n = self._reflexed_n = 0.0
+        self._force_n = self.requested_n = force_n
+        self._unknown, self.releasing = force_n is None, False
+        self.raised_n = self.reflexed_n = 0.0
 
     def resume(self, force_n: float, requested_n: float | None, raised_n: float, reflexed_n: float) -> None:
         """Continue a grasp of the run before: its force, what a client requested, and what is spent of both budgets."""
         self.adopt(force_n)
-        self._requested_n, self._raised_n, self._reflexed_n = requested_n, raised_n, reflexed_n
-
-    @property
-    def raised_n(self) -> float:
-        """Sum of all raises of this grasp by requests, N."""
-        return self._raised_n
-
-    @property
-    def reflexed_n(self) -> float:
-        """Sum of all raises of this grasp by the reflex, N."""
-        return self._reflexed_n
+        self.requested_n, self.raised_n, self.reflexed_n = requested_n, raised_n, reflexed_n
 
     def restore(self, force_n: float | None, *, unknown: bool = False) -> None:
         """Restore the force in force after a command that never reached the gripper; what it spent stays spent."""
-        self._force_n, self._unknown, self._releasing = force_n, unknown, False
-        self._requested_n = force_n if force_n is None or self._requested_n is None else min(self._requested_n, force_n)
+        self._force_n, self._unknown, self.releasing = force_n, unknown, False
+        self.requested_n = force_n if force_n is None or self.requested_n is None else min(self.requested_n, force_n)
 
     def begin_release(self, force_n: float | None = None) -> None:
         """Record a release command, sent with ``force_n`` if a force was sent.
@@ -207,32 +192,27 @@ class GripPolicy:
         From here on no grip is reported as in force. But a new grip before the release is confirmed still counts as a
         change of the old force, so that it is no way around step, slew and budget.
         """
-        self._releasing = self._releasing or self.grips
-        if force_n is not None and self._releasing:
+        self.releasing = self.releasing or self.grips
+        if force_n is not None and self.releasing:
             self._force_n, self._unknown = force_n, False
 
     def end_grasp(self) -> None:
         """Record the end of the grasp: the gripper opened, lost its object or is inactive; its budget ends too."""
-        self._force_n = self._requested_n = None
-        self._unknown = self._releasing = False
+        self._force_n = self.requested_n = None
+        self._unknown = self.releasing = False
 
     def _budget_left_n(self, raised_n: float) -> float:
         return max(self.limits.budget_n - raised_n, 0.0)
 
     # Faults
 
-    @property
-    def fault(self) -> str:
-        """First fault since the last acknowledgement, or ""."""
-        return self._fault
-
     def latch(self, fault: str) -> None:
         """Latch a fault until it is acknowledged; one that is latched already stays."""
-        self._fault = self._fault or fault
+        self.fault = self.fault or fault
 
     def acknowledge(self) -> None:
         """Clear the latched fault; a fault that persists is latched again."""
-        self._fault = ""
+        self.fault = ""
 
 
 class _Allowance:

@@ -13,8 +13,7 @@ from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
 from slipd.grasp.stored_state import StoredGrip
-from slipd.gripper.all_fingers import AllFingers
-from slipd.gripper.grip_in_force import GripInForce
+from slipd.gripper.grip_in_force import AllFingers, GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
@@ -31,7 +30,7 @@ SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
 an unanswered command earlier, after two repeats."""
 
 LONGEST_PAUSE_NS = 50_000_000
-"""Longest pause between two calls: after a longer one the daemon stalled. Readings wait to be read, and
+"""Longest pause between two events: after a longer one the daemon stalled. Readings wait to be read, and
 unsent commands were meant for another situation."""
 
 LONGEST_BEGIN_NS = 1_000_000_000
@@ -68,13 +67,14 @@ class GripperControl:
         self._seen_moving = False  # since the last motion was sent
         self._moves = False  # the fingers, as far as is known
         self._moved_ns = 0  # when they were sent somewhere
-        self._last_call_ns = self._heard_ns = 0  # later by the time in which the daemon stalled
+        self._heard_ns = 0  # later by the time in which the daemon stalled
+        self._command_lost = False
         self._reported_fault = ""
 
     def update(self, sample: GripperSample) -> None:
         """Update with a status reading."""
-        self.sample, self._heard_ns = sample, self._last_call_ns
-        self._latch(self._faults.update(sample))
+        self.sample, self._heard_ns = sample, sample.t_ns
+        self.policy.latch(self._faults.update(sample))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
         self._grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
@@ -87,16 +87,10 @@ class GripperControl:
         """Return the grip in force for the next run; None without one, or where its force is not known."""
         return self._grip.kept()
 
-    def drop_after_stall(self, t_ns: int) -> bool:
-        """Drop unsent commands if the daemon stalled since the last call, and return whether it did.
-
-        Call it before anything is written.
-        """
-        passed_ns, self._last_call_ns = t_ns - self._last_call_ns, t_ns
-        if passed_ns > LONGEST_PAUSE_NS:
-            self._heard_ns += passed_ns - LONGEST_PAUSE_NS
-            self._drop()
-        return passed_ns > LONGEST_PAUSE_NS
+    def drop_after_pause(self, pause_ns: int) -> None:
+        """Drop unsent commands after a pause of the daemon longer than `LONGEST_PAUSE_NS`, before any is written."""
+        self._heard_ns += pause_ns - LONGEST_PAUSE_NS
+        self._drop()
 
     def wake(self) -> None:
         """Handle the end of a suspend: unsent commands are dropped, the lease ends, and all readings are old."""
@@ -112,12 +106,13 @@ class GripperControl:
 
     def on_time(self, t_ns: int) -> bool:
         """Update with the time; return True if the latched fault changed or a lease expired."""
-        if t_ns > self._last_call_ns:
-            self.drop_after_stall(t_ns)
-        self._latch(self._faults.update_command(lost=self._session.command_lost))
+        before_lost, self._command_lost = self._command_lost, self._session.command_lost
+        if self._command_lost and not before_lost:
+            self.policy.latch(COMMAND_LOST)
         if self.sample is not None and t_ns - self._heard_ns > self._silence_ns:
             self._forget(NO_ANSWER)
-        lapsed = self.policy.lease.lapsed(t_ns)
+        lease = self.policy.lease
+        lapsed = t_ns >= lease.deadline_ns and lease.lapsed(t_ns)
         if lapsed:
             self.carry_out("lease_end", t_ns)
         before, self._reported_fault = self._reported_fault, self.policy.fault
@@ -198,10 +193,6 @@ class GripperControl:
         if fault:
             found.append((Health.ERROR, f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)"))
         return found
-
-    def _latch(self, fault: str) -> None:
-        if fault:
-            self.policy.latch(fault)
 
     def _forget(self, fault: str) -> None:
         """Forget the state of a gripper that does not answer; that is a fault only while a grip is in force."""

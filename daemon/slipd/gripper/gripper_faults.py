@@ -26,7 +26,6 @@ class GripperFaultDetector:
         self._active = False
         self._activation = ""  # "requested", then "under way" from the first inactive reading to the next active one
         self._requested_ns = 0
-        self._command_lost = False
 
     def forget(self) -> None:
         """Forget the activation state: the gripper does not answer, so a later reading decides whether it is active."""
@@ -54,12 +53,6 @@ class GripperFaultDetector:
         began = "" if self._activation == "under way" else self._begun(sample)
         self._fault, self._active = sample.fault, sample.active
         return began
-
-    def update_command(self, *, lost: bool) -> str:
-        """Update with whether the last command was lost; return the fault if it was lost since the last call, or ""."""
-        began = lost and not self._command_lost
-        self._command_lost = lost
-        return COMMAND_LOST if began else ""
 
     def _begun(self, sample: GripperSample) -> str:
         if sample.fault and sample.fault != self._fault:

@@ -39,9 +39,8 @@ class NoGripper:
         """Handle the end of a suspend: the lease ends."""
         self.policy.lease.end()
 
-    def drop_after_stall(self, t_ns: int) -> bool:
-        """Return False: there is nothing to drop."""
-        return False
+    def drop_after_pause(self, pause_ns: int) -> None:
+        """Do nothing."""
 
     def update(self, sample: GripperSample) -> None:
         """Do nothing."""

@@ -26,12 +26,13 @@ class Lateness:
         first_ns: Time of the first event; None before it.
         late_ns: The longest stall since the lines were last read empty; 0 without one.
         slewed_ns: How far NTP has slewed CLOCK_MONOTONIC since the first tick.
+        paused_ns: Time between the last two events.
     """
 
     def __init__(self) -> None:
         self.first_ns: int | None = None
         self.late_ns = 0
-        self.slewed_ns = 0
+        self.slewed_ns = self.paused_ns = self._event_ns = 0
         self._ahead_ns: int | None = None  # CLOCK_MONOTONIC of CLOCK_MONOTONIC_RAW at the first tick
         self._tick_ns: int | None = None
         self._since_ns = self._unread_since_ns = self._unread_until_ns = 0
@@ -41,6 +42,7 @@ class Lateness:
         """Update with the time of an event, before the event is handled."""
         if self.first_ns is None:
             self.first_ns = t_ns
+        self.paused_ns, self._event_ns = t_ns - self._event_ns, t_ns
         if self._tick_ns is not None and t_ns - self._tick_ns > LATE_NS:
             self._stall(self._tick_ns, t_ns)
         if isinstance(event, Tick):

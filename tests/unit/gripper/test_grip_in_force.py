@@ -98,11 +98,9 @@ def test_what_waited_while_the_daemon_stood_still_is_dropped_and_latched(
 ) -> None:
     close_(control, 5.0, None, None, T0)
     session.send()
-    control.on_time(T0)
     ask(control, "set", T0, force_n=6.0)
-    control.drop_after_stall(T0 + 50 * MS)
     assert (control.policy.force_n, control.policy.fault) == (6.0, "")
-    control.drop_after_stall(T0 + 101 * MS)
+    control.drop_after_pause(51 * MS)
     assert control.policy.fault == "command_lost"
     assert (
         control.policy.force_n == control.policy.requested_n == control.force_command_n == session.force_sent_n == 5.0
@@ -110,9 +108,8 @@ def test_what_waited_while_the_daemon_stood_still_is_dropped_and_latched(
 
 
 def test_a_first_grip_that_was_dropped_leaves_no_force(control: GripperControl, session: Recorded) -> None:
-    control.on_time(T0)
     close_(control, 5.0, None, None, T0)
-    control.on_time(T0 + 60 * MS)
+    control.drop_after_pause(60 * MS)
     assert control.policy.fault == "command_lost"
     assert control.policy.force_n is control.policy.requested_n is control.force_command_n is None
 

@@ -232,7 +232,7 @@ def test_A6_a_lost_command_is_latched_once(control: GripperControl, session: Rec
 def test_silence_is_judged_by_the_daemons_own_time_awake(control: GripperControl, session: Recorded) -> None:
     close_(control, 10.0, None, None, T0)
     session.send()
-    control.on_time(T0)
+    control.drop_after_pause(60_000 * MS)
     control.on_time(T0 + 60_000 * MS)
     assert control.policy.fault == "", "the daemon stood still, and what was said meanwhile waits to be read"
     for k in range(100):
