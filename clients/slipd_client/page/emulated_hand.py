@@ -6,7 +6,6 @@ The emulation checks every value. Nothing else than a press, a push, a twist and
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import math
 from pathlib import Path
@@ -30,49 +29,36 @@ LOOK_S, ANSWER_S = 0.2, 2.0
 
 
 class EmulatedHand:
-    """The hand of one emulation, which may end and begin again.
+    """The hand of one emulation, which may end and begin again. Each command has a connection of its own.
 
     Args:
         folder: Folder of the emulation, as for ``slipd touch``.
 
     Attributes:
-        fingers: Fingers that can be touched; empty while no emulation runs.
+        fingers: Fingers that can be touched, as of the last `look`; empty while no emulation runs.
     """
 
     def __init__(self, folder: Path) -> None:
         self.fingers: tuple[str, ...] = ()
         self.path = folder / SOCKET
-        self._changed = asyncio.Condition()
-        self._turn = asyncio.Lock()
-        self._reader: asyncio.StreamReader | None = None
-        self._writer: asyncio.StreamWriter | None = None
 
-    async def run(self) -> None:
-        """Follow the emulation for as long as the task runs."""
-        while True:
-            with contextlib.suppress(OSError):
-                self._reader, self._writer = await asyncio.open_unix_connection(self.path)
-                try:
-                    await self._follow(self._reader)
-                finally:
-                    self._writer.close()
-                    self._reader = self._writer = None
-                    await self._set_fingers(())
-            await asyncio.sleep(LOOK_S)
-
-    async def _follow(self, reader: asyncio.StreamReader) -> None:
-        """Find the fingers of the emulation, and wait for its end."""
-        shown = await self._ask("show")
-        await self._set_fingers(tuple(line.partition(":")[0] for line in shown[:-1]))
-        while not reader.at_eof():  # noqa: ASYNC110 - a stream reader has no event for its end
-            await asyncio.sleep(LOOK_S)
+    async def look(self) -> tuple[str, ...]:
+        """Ask for the fingers that can be touched now, and return them."""
+        try:
+            shown = await self._ask("show")
+        except OSError:
+            shown = []
+        self.fingers = tuple(line.partition(":")[0] for line in shown[:-1])
+        return self.fingers
 
     async def tell(self, connection: ServerConnection) -> None:
         """Send a browser the names of the fingers that can be touched, now and whenever they change."""
+        told: tuple[str, ...] | None = None
         while True:
-            told = self.fingers
-            await connection.send(json.dumps({"hand": told}))
-            await self._differ_from(told)
+            if (fingers := await self.look()) != told:
+                told = fingers
+                await connection.send(json.dumps({"hand": told}))
+            await asyncio.sleep(LOOK_S)
 
     async def touch(self, text: str) -> Reply:
         """Set what the hand does to one finger; force 0 lets go.
@@ -87,34 +73,24 @@ class EmulatedHand:
             return refused("the page sent no touch that is understood")
         try:
             last = (await self._ask(line))[-1]
-        except OSError as error:
-            return refused(f"{error}; start it: slipd emulate CONFIG")
+        except OSError:
+            return refused("the emulation has ended, or does not answer; start it: slipd emulate CONFIG")
         return {"ok": True, "text": ""} if last == OK else refused(last.removeprefix(ERROR))
 
     async def _ask(self, line: str) -> list[str]:
         """Return the lines of the answer to a command.
 
         Raises:
-            ConnectionError: No emulation runs, or it does not answer; then the connection is given up.
+            OSError: No emulation runs, or it does not answer.
         """
-        async with self._turn:
-            if self._reader is None or self._writer is None:
-                raise ConnectionError("no emulation runs there")
-            self._writer.write(f"{line}\n".encode())
-            try:
-                return await asyncio.wait_for(_answer(self._reader), ANSWER_S)
-            except (OSError, ValueError, asyncio.TimeoutError) as error:
-                self._writer.transport.abort()
-                raise ConnectionError("the emulation has ended, or does not answer") from error
-
-    async def _differ_from(self, fingers: tuple[str, ...]) -> None:
-        async with self._changed:
-            await self._changed.wait_for(lambda: self.fingers != fingers)
-
-    async def _set_fingers(self, fingers: tuple[str, ...]) -> None:
-        self.fingers = fingers
-        async with self._changed:
-            self._changed.notify_all()
+        reader, writer = await asyncio.open_unix_connection(self.path)
+        try:
+            writer.write(f"{line}\n".encode())
+            return await asyncio.wait_for(_answer(reader), ANSWER_S)
+        except (ValueError, asyncio.TimeoutError) as error:
+            raise ConnectionError("no answer") from error
+        finally:
+            writer.close()
 
 
 async def _answer(reader: asyncio.StreamReader) -> list[str]:

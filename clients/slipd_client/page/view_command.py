@@ -70,9 +70,6 @@ async def view(
     site = Site({"live": True, "source": where, "buttons": allowed, "adjust_n": ADJUST_N})
     async with PageServer(address, site, feed.view, on_commission=guide).serving() as url:
         print(f"view: {url}", flush=True)
-        if hand is None:
-            await feed.run()
-        else:
-            if not hand.path.exists():
-                print(f"no emulation runs in {emulation} yet: slipd emulate CONFIG --dir {emulation}", file=sys.stderr)
-            await asyncio.gather(feed.run(), hand.run())
+        if hand is not None and not hand.path.exists():
+            print(f"no emulation runs in {emulation} yet: slipd emulate CONFIG --dir {emulation}", file=sys.stderr)
+        await feed.run()

@@ -95,7 +95,7 @@ def test_a_more_lenient_friction_needs_the_lease_and_a_released_one_is_free_for_
         return client.carry_out(client.protocol.request(op, fields), run.tick)
 
     ask(ann, "lease.acquire", ttl_ms=200)
-    with pytest.raises(RequestRefused, match="no_lease: mu_s 0.6 over 0.5 .* another client holds the lease"):
+    with pytest.raises(RequestRefused, match=r"no_lease: mu_s 0\.6 over 0\.5 .* another client holds the lease"):
         ask(bob, "friction.set", finger="left", mu_s=0.6)
     assert ask(ann, "friction.set", finger="left", mu_s=0.6).mu == 0.6
     ask(ann, "lease.release")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -32,67 +31,53 @@ class Emulation:
 
     def __init__(self) -> None:
         self.lines: list[str] = []
+        self.open = 0
         self.answers: dict[str, str | None] = {"show": "left: nothing touches\nright: nothing touches\nok\n"}
 
     async def serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.open += 1
         with contextlib.suppress(ConnectionError):
             while line := (await reader.readline()).decode().rstrip("\n"):
                 self.lines.append(line)
                 writer.write((self.answers.get(line.split()[0], "ok\n") or "").encode())
         writer.close()
+        self.open -= 1
 
 
 @asynccontextmanager
 async def emulating(folder: Path) -> AsyncIterator[Emulation]:
     emulation = Emulation()
-    clients: list[asyncio.StreamWriter] = []
-
-    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        clients.append(writer)
-        await emulation.serve_client(reader, writer)
-
-    server = await asyncio.start_unix_server(serve, folder / SOCKET)
+    server = await asyncio.start_unix_server(emulation.serve_client, folder / SOCKET)
     try:
         yield emulation
     finally:
         server.close()
-        for writer in clients:
-            writer.close()
         (folder / SOCKET).unlink()
-        await asyncio.sleep(0)
+        while emulation.open:  # noqa: ASYNC110 - until every connection has seen its end
+            await asyncio.sleep(0.001)
 
 
-@asynccontextmanager
-async def following(folder: Path) -> AsyncIterator[EmulatedHand]:
-    hand = EmulatedHand(folder)
-    running = asyncio.create_task(hand.run())
-    try:
-        yield hand
-    finally:
-        running.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
+class Browser:
+    """What a browser is told of the hand."""
 
+    def __init__(self) -> None:
+        self.told: list[list[str]] = []
 
-@pytest.fixture(autouse=True)
-def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(emulated_hand, "LOOK_S", 0.005)
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < until_s
-        await asyncio.sleep(0.005)
+    async def send(self, text: str) -> None:
+        self.told.append(json.loads(text)["hand"])
 
 
 async def test_a_touch_is_a_press_with_push_and_twist_and_force_0_lets_go(tmp_path: Path) -> None:
-    async with emulating(tmp_path) as emulation, following(tmp_path) as hand:
-        await until(lambda: hand.fingers == ("left", "right"))
+    hand = EmulatedHand(tmp_path)
+    async with emulating(tmp_path) as emulation:
+        assert await hand.look() == ("left", "right")
         assert await hand.touch(json.dumps(PRESS)) == {"ok": True, "text": ""}
         assert await hand.touch(json.dumps(PRESS | {"force_n": 0})) == {"ok": True, "text": ""}
-    press = "press left 5.000 N at 1.00 -2.50 mm in 0.1 s; push left 0.500 0.000 N; twist left -10.00 mNm"
-    assert emulation.lines == ["show", press, "release left"]
+        press = "press left 5.000 N at 1.00 -2.50 mm in 0.1 s; push left 0.500 0.000 N; twist left -10.00 mNm"
+        assert emulation.lines == ["show", press, "release left"]
+        emulation.answers["press"] = "error: press: FORCE must be from 0 to 1000\n"
+        reply = await hand.touch(json.dumps(PRESS | {"force_n": 1e6}))
+        assert reply == {"ok": False, "text": "press: FORCE must be from 0 to 1000"}
 
 
 @pytest.mark.parametrize(
@@ -114,35 +99,36 @@ async def test_a_touch_is_a_press_with_push_and_twist_and_force_0_lets_go(tmp_pa
     ],
 )
 async def test_nothing_else_is_passed_on(tmp_path: Path, touch: str) -> None:
-    async with emulating(tmp_path) as emulation, following(tmp_path) as hand:
-        await until(lambda: hand.fingers != ())
+    hand = EmulatedHand(tmp_path)
+    async with emulating(tmp_path) as emulation:
+        await hand.look()
         assert (await hand.touch(touch))["ok"] is False
     assert emulation.lines == ["show"]
 
 
-async def test_a_refusal_is_shown_in_the_words_of_the_emulation(tmp_path: Path) -> None:
-    async with emulating(tmp_path) as emulation, following(tmp_path) as hand:
-        await until(lambda: hand.fingers != ())
-        emulation.answers["press"] = "error: press: FORCE must be from 0 to 1000\n"
-        reply = await hand.touch(json.dumps(PRESS | {"force_n": 1e6}))
-    assert reply == {"ok": False, "text": "press: FORCE must be from 0 to 1000"}
+async def test_a_browser_hears_of_emulations_that_begin_end_and_hang(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(emulated_hand, "LOOK_S", 0.005)
+    hand, browser = EmulatedHand(tmp_path), Browser()
+    telling = asyncio.create_task(hand.tell(browser))  # type: ignore[arg-type]
 
+    async def until(told: list[list[str]]) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while browser.told != told:  # noqa: ASYNC110 - the hand decides when it looks
+                await asyncio.sleep(0.005)
 
-async def test_an_emulation_that_ends_leaves_no_finger_and_the_next_one_is_found(tmp_path: Path) -> None:
-    async with following(tmp_path) as hand:
-        async with emulating(tmp_path):
-            await until(lambda: hand.fingers != ())
-        await until(lambda: hand.fingers == ())
-        assert (await hand.touch(json.dumps(PRESS)))["ok"] is False
-        async with emulating(tmp_path):
-            await until(lambda: hand.fingers != ())
-
-
-async def test_an_emulation_that_does_not_answer_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async with emulating(tmp_path) as emulation, following(tmp_path) as hand:
-        await until(lambda: hand.fingers != ())
+    both: list[str] = ["left", "right"]
+    await until([[]])
+    async with emulating(tmp_path):
+        await until([[], both])
+    await until([[], both, []])
+    async with emulating(tmp_path) as emulation:
+        await until([[], both, [], both])
         monkeypatch.setattr(emulated_hand, "ANSWER_S", 0.01)
         emulation.answers["press"] = emulation.answers["show"] = None
         reply = await hand.touch(json.dumps(PRESS))
         assert reply["text"].startswith("the emulation has ended, or does not answer")
-        await until(lambda: hand.fingers == ())
+        await until([[], both, [], both, []])
+    telling.cancel()
+    await asyncio.gather(telling, return_exceptions=True)
