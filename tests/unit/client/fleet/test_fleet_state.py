@@ -19,7 +19,7 @@ class Robot:
 
     def __init__(self, state: FleetState, name: str = "arm3", boot: str = "boot-1", peer: str = "") -> None:
         self.state, self.name, self.boot, self.peer = state, name, boot, peer
-        self.seq = {"status": 0, "warning": 0}
+        self.seq: dict[str, dict[str, int]] = {}
         self.t_ns = 0
 
     def joins(self) -> None:
@@ -27,18 +27,36 @@ class Robot:
             self.state.take_token(self.name, what, alive=True)
 
     def sends(self, topic: str, now_s: float, **fields: Any) -> None:
-        self.seq[topic] += 1
+        seq = self.seq.setdefault(self.boot, {"status": 0, "warning": 0})
+        seq[topic] += 1
         self.t_ns += 1
-        header = {"v": 1, "seq": self.seq[topic], "boot": self.boot, "t_ns": self.t_ns}
+        header = {"v": 1, "seq": seq[topic], "boot": self.boot, "t_ns": self.t_ns}
         self.state.take_message(self.name, topic, encode(header | fields), now_s, self.peer)
 
-    def warns(self, now_s: float, level: str, finger: str = "left", **fields: Any) -> None:
-        body = {"finger": finger, "level": level, "previous": "stable", "rising": True, "utilisation": None}
+    def reports(self, now_s: float, level: str = "stable", **fields: Any) -> None:
+        self.sends("status", now_s, **({"fingers": levels(left=level), "streams": {}} | fields))
+
+    def warns(self, now_s: float, level: str, **fields: Any) -> None:
+        body = {"finger": "left", "level": level, "previous": "stable", "rising": True, "utilisation": None}
         self.sends("warning", now_s, **(body | fields))
 
     def row(self, now_s: float) -> RobotRow:
         (row,) = (row for row in self.state.rows(now_s) if row.robot == self.name)
         return row
+
+    def restarts(self, boot: str) -> None:
+        self.boot = boot
+
+    def loses(self, topic: str, count: int) -> None:
+        """Some messages do not arrive; a negative count: the last ones come again."""
+        self.seq[self.boot][topic] += count
+
+    def overtakes(self, count: int) -> None:
+        """What is sent next is older than what was sent last."""
+        self.t_ns -= count
+
+    def ends(self, what: str) -> None:
+        self.state.take_token(self.name, what, alive=False)
 
 
 @pytest.fixture
@@ -52,121 +70,128 @@ def levels(**fingers: str) -> dict[str, Any]:
     return {finger: {"level": level, "reasons": []} for finger, level in fingers.items()}
 
 
-def test_a_robot_has_the_level_of_its_worst_finger_and_the_health_of_its_worst_stream(robot: Robot) -> None:
-    streams = {"left.pad": {"health": 1, "message": "late"}, "left.wrench": {"health": 3, "message": "nothing arrives"}}
-    fingers = levels(left="unknown", right="caution")
-    robot.sends("status", 10.0, fingers=fingers, streams=streams, version="1.2", object_name="mug")
-    row = robot.row(10.5)
-    assert (row.state, row.level, row.age_s, row.version, row.object_name) == ("live", "caution", 0.5, "1.2", "mug")
-    assert (row.health, row.complaint) == (Health.STALE, "left.wrench: nothing arrives")
-    assert row.fingers == {"left": "unknown", "right": "caution"}
+STREAMS = {"left.pad": {"health": 1, "message": "late"}, "left.wrench": {"health": 3, "message": "nothing arrives"}}
+UNWELL = {
+    "fingers": levels(left="unknown", right="caution"),
+    "streams": STREAMS,
+    "version": "1.2",
+    "object_name": "mug",
+}
+REPORTS, WARNS, RESTARTS, LOSES, ENDS = Robot.reports, Robot.warns, Robot.restarts, Robot.loses, Robot.ends
 
 
-def test_a_warning_counts_at_once_and_an_older_status_that_it_overtook_does_not_undo_it(robot: Robot) -> None:
-    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
-    robot.warns(10.1, "slipping", reasons=["slip_detected"])
-    robot.t_ns -= 2
-    robot.sends("status", 10.2, fingers=levels(left="stable"), streams={})
-    assert (robot.row(10.2).level, robot.row(10.2).reasons) == ("slipping", ("slip_detected",))
-    robot.t_ns += 5
-    robot.sends("status", 11.2, fingers=levels(left="stable"), streams={})
-    assert robot.row(11.2).level == "stable"
+@pytest.mark.parametrize(
+    ("events", "now_s", "expected"),
+    [
+        pytest.param(
+            [(REPORTS, 10.0, "", UNWELL)],
+            10.5,
+            {"state": "live", "level": "caution", "age_s": 0.5, "version": "1.2",
+             "health": Health.STALE, "complaint": "left.wrench: nothing arrives",
+             "fingers": {"left": "unknown", "right": "caution"}},
+            id="the worst finger and the worst stream count",
+        ),
+        pytest.param(
+            [(REPORTS, 10.0), (WARNS, 10.1, "slipping", {"reasons": ["slip_detected"]}),
+             (Robot.overtakes, 2), (REPORTS, 10.2)],
+            10.2,
+            {"level": "slipping", "reasons": ("slip_detected",)},
+            id="a status that a warning overtook does not undo it",
+        ),
+        pytest.param(
+            [(REPORTS, 10.0), (WARNS, 10.1, "slipping"), (REPORTS, 11.2)],
+            11.2,
+            {"level": "stable"},
+            id="a newer status does",
+        ),
+        pytest.param([(REPORTS, 10.0)], 9.9 + SILENT_AFTER_S, {"state": "live"}, id="just not silent"),
+        pytest.param(
+            [(REPORTS, 10.0)],
+            10.1 + SILENT_AFTER_S,
+            {"state": "silent", "level": "unknown", "reasons": ("stale",), "fingers": {"left": "stable"}},
+            id="silent",
+        ),
+        pytest.param([(REPORTS, 10.0), (ENDS, DAEMON)], 10.1, {"state": "silent"}, id="without a daemon"),
+        pytest.param([(REPORTS, 10.0), (ENDS, BRIDGE)], 10.1, {"state": "gone"}, id="without a bridge"),
+        pytest.param(
+            [(REPORTS, 10.0), (ENDS, BRIDGE), (Robot.joins,)], 10.1, {"state": "live"}, id="back again"
+        ),
+        pytest.param(
+            [(WARNS, 10.0, "warning"), (LOSES, "warning", 3), (WARNS, 10.1, "stable"),
+             (RESTARTS, "boot-2"), (REPORTS, 10.2, "", {"fingers": levels(right="stable")})],
+            10.2,
+            {"restarts": 1, "fingers": {"right": "stable"}, "missed_warnings": 3},
+            id="lost warnings and restarts are counted",
+        ),
+        pytest.param(
+            [(WARNS, 10.0, "warning"), (LOSES, "warning", -1), (WARNS, 11.0, "stable")],
+            10.5,
+            {"level": "warning", "missed_warnings": 0},
+            id="a message that comes again changes nothing",
+        ),
+        pytest.param(  # the listener takes all warnings first, and only then each status
+            [(REPORTS, 10.0), (RESTARTS, "boot-2"), (WARNS, 11.0, "caution"), (RESTARTS, "boot-1"),
+             (REPORTS, 11.0), (RESTARTS, "boot-2"), (REPORTS, 12.0, "caution")],
+            12.0,
+            {"restarts": 1, "level": "caution"},
+            id="a status that lags behind a warning of the next run is no second restart",
+        ),
+        pytest.param(  # a view that joins late may get the newest status before the kept warnings
+            [(RESTARTS, "boot-2"), (REPORTS, 10.0), (RESTARTS, "boot-1"), (WARNS, 10.1, "warning"),
+             (RESTARTS, "boot-2"), (WARNS, 10.1, "caution"), (REPORTS, 11.0, "caution"),
+             (LOSES, "warning", 2), (WARNS, 11.1, "warning")],
+            11.1,
+            {"restarts": 1, "missed_warnings": 2, "level": "warning"},
+            id="warnings kept of an earlier run are no further restart and hide no loss",
+        ),
+        pytest.param(
+            [*((REPORTS, now_s) for now_s in (10.0, 11.0)), (RESTARTS, "boot-2"), (REPORTS, 11.5),
+             (RESTARTS, "boot-1"), (REPORTS, 12.0), (RESTARTS, "boot-2"),
+             *((REPORTS, now_s) for now_s in (12.5, 13.5, 14.5))],
+            14.5,
+            {"state": "live", "restarts": 1},
+            id="a restart is no clash, also where a late status of the run before arrives",
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_robot_sends_gives_its_row(
+    robot: Robot, events: list[tuple[Any, ...]], now_s: float, expected: dict[str, Any]
+) -> None:
+    for what, *arguments in events:
+        fields = arguments.pop() if arguments and isinstance(arguments[-1], dict) else {}
+        what(robot, *arguments, **fields)
+    row = robot.row(now_s)
+    assert {name: getattr(row, name) for name in expected} == expected
 
 
-def test_a_level_is_unknown_once_the_robot_is_silent_or_gone(robot: Robot) -> None:
-    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
-    assert robot.row(9.9 + SILENT_AFTER_S).state == "live"
-    late = robot.row(10.1 + SILENT_AFTER_S)
-    assert (late.state, late.level, late.reasons, late.health) == ("silent", "unknown", ("stale",), None)
-    assert late.fingers == {"left": "stable"}
-    robot.state.take_token("arm3", DAEMON, alive=False)
-    assert robot.row(10.1).state == "silent"
-    robot.state.take_token("arm3", BRIDGE, alive=False)
-    assert robot.row(10.1).state == "gone"
-    robot.joins()
-    assert robot.row(10.1).state == "live"
-
-
-def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age() -> None:
+def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age_and_what_cannot_be_read_no_row() -> None:
     robot = Robot(FleetState())
+    assert robot.state.take_message("arm3", "status", b"no message", 0.0) is None
+    assert (robot.state.rows(0.0), robot.state.unread) == ([], 1)
     robot.state.take_token("arm3", BRIDGE, alive=True)
-    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
+    robot.reports(10.0)
     assert (robot.row(10.0).state, robot.row(10.0).age_s) == ("silent", None)
-
-
-def test_missed_warnings_and_restarts_are_counted(robot: Robot) -> None:
-    robot.warns(10.0, "warning")
-    robot.seq["warning"] += 3
-    robot.warns(10.1, "stable")
-    assert robot.row(10.1).missed_warnings == 3
-    robot.boot, robot.seq = "boot-2", {"status": 0, "warning": 0}
-    robot.sends("status", 10.2, fingers=levels(right="stable"), streams={})
-    row = robot.row(10.2)
-    assert (row.restarts, row.fingers, row.missed_warnings) == (1, {"right": "stable"}, 3)
-
-
-def test_a_message_that_comes_again_or_cannot_be_read_changes_nothing(robot: Robot) -> None:
-    robot.warns(10.0, "warning")
-    robot.seq["warning"] -= 1
-    robot.warns(11.0, "stable")
-    assert robot.state.take_message("arm3", "warning", b"\xc1", 11.0) is None
-    assert (robot.row(10.5).level, robot.state.unread) == ("warning", 1)
 
 
 def test_robots_beyond_the_bound_are_counted_and_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", 1)
     state = FleetState()
-    Robot(state, "arm1").sends("status", 1.0, fingers={}, streams={})
+    Robot(state, "arm1").reports(1.0)
     Robot(state, "arm2").joins()
-    Robot(state, "arm2").sends("status", 1.0, fingers={}, streams={})
+    Robot(state, "arm2").reports(1.0)
     assert ([row.robot for row in state.rows(1.0)], state.unread) == (["arm1"], 1)
-
-
-def test_a_status_that_lags_behind_a_warning_of_the_next_run_is_no_second_restart(robot: Robot) -> None:
-    """The listener takes all warnings first, and only then each status."""
-    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
-    before, robot.seq = dict(robot.seq), {"status": 0, "warning": 0}
-    robot.boot = "boot-2"
-    robot.warns(11.0, "caution")
-    new, robot.seq, robot.boot = dict(robot.seq), before, "boot-1"
-    robot.sends("status", 11.0, fingers=levels(left="stable"), streams={})
-    robot.seq, robot.boot = new, "boot-2"
-    robot.sends("status", 12.0, fingers=levels(left="caution"), streams={})
-    assert (robot.row(12.0).restarts, robot.row(12.0).level) == (1, "caution")
-
-
-def test_warnings_kept_from_an_earlier_run_are_no_further_restart_and_hide_no_loss() -> None:
-    """A view that joins late may get the newest status before the kept warnings."""
-    robot = Robot(FleetState(), boot="boot-2")
-    robot.joins()
-    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
-    robot.boot = "boot-1"
-    robot.warns(10.1, "warning")
-    robot.boot, robot.seq["warning"] = "boot-2", 0
-    robot.warns(10.1, "caution")
-    robot.sends("status", 11.0, fingers=levels(left="caution"), streams={})
-    robot.seq["warning"] += 2
-    robot.warns(11.1, "warning")
-    row = robot.row(11.1)
-    assert (row.restarts, row.missed_warnings, row.level) == (1, 2, "warning")
 
 
 def test_a_robot_that_restarts_for_ever_takes_no_more_memory_and_every_restart_counts(robot: Robot) -> None:
     def restarts(times: int) -> int:
         for _ in range(times):
-            robot.boot, robot.seq = f"boot-{robot.t_ns}", {"status": 0, "warning": 0}
-            robot.sends("status", 10.0 + robot.t_ns, fingers=levels(left="stable"), streams={})
+            robot.restarts(f"boot-{robot.t_ns}")
+            robot.reports(10.0 + robot.t_ns)
         return len(pickle.dumps(robot.state))
 
     few = restarts(2 * MOST_RUNS)
     assert restarts(20 * MOST_RUNS) < 1.5 * few
     assert robot.row(10.0).restarts == 22 * MOST_RUNS - 1
-
-
-def speak(robots: Iterable[Robot], times: Iterable[float], level: str = "stable") -> None:
-    """Every robot reports once a second, one after the other."""
-    for now_s, (place, robot) in itertools.product(times, enumerate(robots)):
-        robot.sends("status", now_s + 0.1 * place, fingers=levels(left=level), streams={})
 
 
 def twins(count: int = 2) -> list[Robot]:
@@ -177,13 +202,24 @@ def twins(count: int = 2) -> list[Robot]:
     return robots
 
 
-def test_two_robots_of_one_name_are_a_fault_and_not_a_level() -> None:
-    well, ill = twins()
-    speak([ill, well], [10.0, 11.0, 12.0])
-    row = well.row(12.1)
-    assert (row.state, row.level, row.reasons) == ("clash", "unknown", ("name_clash",))
+def speak(robots: Iterable[Robot], times: Iterable[float]) -> None:
+    """Every robot reports once a second, one after the other."""
+    for now_s, (place, robot) in itertools.product(times, enumerate(robots)):
+        robot.reports(now_s + 0.01 * place)
+
+
+@pytest.mark.parametrize("count", [2, 3 * MOST_RUNS])
+def test_robots_of_one_name_are_a_fault_and_not_a_level_until_the_others_are_gone(count: int) -> None:
+    robots = twins(count)
+    speak(robots, map(float, range(10, 20)))
+    row = robots[0].row(19.5)
+    assert (row.state, row.level, row.reasons, row.missed_warnings) == ("clash", "unknown", ("name_clash",), 0)
     assert row.fault.startswith("two or more robots call themselves arm3: give each a name of its own")
-    assert row.missed_warnings == 0
+    speak(robots[:1], [20.0, 21.0])
+    assert robots[0].row(21.1).state == "clash"
+    speak(robots[:1], [22.0, 23.0])
+    row = robots[0].row(23.1)
+    assert (row.state, row.level, row.fault) == ("live", "stable", "")
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -192,41 +228,11 @@ def test_of_two_robots_of_one_name_the_healthier_is_never_shown(order: int) -> N
     for now_s in range(10, 20):
         for robot in [well, ill][::order]:
             level, health = ("stable", 0) if robot is well else ("slipping", 2)
-            streams = {"left.pad": {"health": health, "message": "late"}}
-            robot.sends("status", now_s, fingers=levels(left=level), streams=streams)
+            robot.reports(now_s, level, streams={"left.pad": {"health": health, "message": "late"}})
         row = well.row(now_s)
         assert (row.level, row.fingers, row.health) == ("slipping", {"left": "slipping"}, Health.ERROR)
         well.warns(now_s + 0.5, "stable")
         assert well.row(now_s + 0.5).level == "slipping"
-
-
-def test_a_clash_ends_with_the_other_robot_of_the_name() -> None:
-    first, second = twins()
-    speak([first, second], [10.0, 11.0, 12.0, 13.0])
-    speak([first], [14.0, 15.0])
-    assert first.row(15.1).state == "clash"
-    speak([first], [16.0, 17.0])
-    row = first.row(17.1)
-    assert (row.state, row.level, row.fault) == ("live", "stable", "")
-
-
-def test_a_restart_is_no_clash_also_where_a_late_status_of_the_run_before_arrives(robot: Robot) -> None:
-    speak([robot], [10.0, 11.0])
-    late = Robot(robot.state)
-    late.seq, late.t_ns = dict(robot.seq), robot.t_ns
-    robot.boot, robot.seq = "boot-2", {"status": 0, "warning": 0}
-    speak([robot], [11.5])
-    speak([late], [12.0])
-    speak([robot], [12.5, 13.5, 14.5])
-    assert [robot.row(14.5).state, robot.row(14.5).restarts] == ["live", 1]
-
-
-def test_more_robots_of_one_name_than_are_remembered_are_a_clash_too() -> None:
-    robots = twins(3 * MOST_RUNS)
-    for now_s in range(10, 20):
-        for place, robot in enumerate(robots):
-            robot.sends("status", now_s + 0.01 * place, fingers=levels(left="stable"), streams={})
-    assert robots[0].row(20.0).state == "clash"
 
 
 @pytest.mark.parametrize("signs_of_life_alone", [False, True])
@@ -236,17 +242,17 @@ def test_Z9_made_up_names_of_one_session_leave_room_for_the_robots_of_others(
     monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", 100)
     state = FleetState()
     Robot(state, "early", peer="a").joins()
-    Robot(state, "early", peer="a").sends("status", 0.0, fingers=levels(left="stable"), streams={})
+    Robot(state, "early", peer="a").reports(0.0)
     for number in range(120):
         made_up = Robot(state, f"made-up-{number}", peer="flood")
         made_up.joins()
         if not signs_of_life_alone:
-            made_up.sends("status", 0.0, fingers=levels(left="stable"), streams={})
+            made_up.reports(0.0)
     assert len(state.rows(0.0)) == 100
     late = Robot(state, "late", peer="b")
     late.joins()
-    late.sends("status", 1.0, fingers=levels(left="stable"), streams={})
-    late.sends("status", 2.0, fingers=levels(left="stable"), streams={})
+    late.reports(1.0)
+    late.reports(2.0)
     late.warns(2.1, "slipping")
     assert (late.row(2.1).state, late.row(2.1).level) == ("live", "slipping")
     names = [row.robot for row in state.rows(2.1)]
@@ -267,18 +273,12 @@ def test_Z9_a_named_robot_is_listed_from_the_beginning_and_never_displaced(
         for name in ("arm1", f"made-up-{peer}"):
             robot = Robot(state, name, boot=f"boot-{peer}", peer=f"peer-{peer}")
             robot.joins()
-            robot.sends("status", 0.0, fingers=levels(left="stable"), streams={})
+            robot.reports(0.0)
     robot = Robot(state, "arm3", peer="honest")
     robot.joins()
-    robot.sends("status", 1.0, fingers=levels(left="stable"), streams={})
+    robot.reports(1.0)
     robot.warns(1.1, "slipping")
     assert (robot.row(1.1).state, robot.row(1.1).level) == ("live", "slipping")
     rows = state.rows(1.1)
     assert {row.robot for row in rows if row.expected} == set(named)
     assert len(rows) == min(most, 63)
-
-
-def test_what_cannot_be_read_makes_no_row() -> None:
-    state = FleetState()
-    assert state.take_message("arm3", "status", b"no message", 0.0) is None
-    assert (state.rows(0.0), state.unread) == ([], 1)
