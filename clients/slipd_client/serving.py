@@ -29,10 +29,11 @@ def follow(subscriber: Subscriber, idle: Callable[[], bool] = lambda: False) -> 
     reported = False
     while True:
         try:
-            for message in _newest(subscriber) if idle() else subscriber:
+            few = idle()
+            for message in _newest(subscriber) if few else subscriber:
                 reported = False
                 yield message
-                if idle():
+                if not few and idle():
                     break
         except Silence as silence:
             if not reported:

@@ -66,10 +66,10 @@ class EmulatedRig:
     def __enter__(self) -> EmulatedRig:
         (self._folder / "true.toml").write_text(RIG, encoding="utf-8")
         listen = ("--listen", "127.0.0.1:0", "--emulation", str(self.hand.parent), "--config", str(self.config))
-        viewing = self._start("slipd_client.slipctl", "view", *listen)
         self.emulator = self.emulate()
         first_line(self.emulator)
         self.write_config(self._wrong)
+        viewing = self._start("slipd_client.slipctl", "view", *listen)
         self.daemon = self._start("slipd", "run", "--config", str(self.config))
         first_line(self.daemon)
         self.url = first_line(viewing).partition(": ")[2]

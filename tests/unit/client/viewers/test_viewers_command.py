@@ -10,9 +10,10 @@ import pytest
 from foxglove_client import FoxgloveClient
 from project import ROOT
 
-from slipd_client.errors import CallError
-from slipd_client.serving import pads_of
+from slipd_client.errors import CallError, Silence
+from slipd_client.serving import follow, pads_of
 from slipd_client.slipctl import main
+from slipd_client.subscriber import Message, Subscriber
 from slipd_client.viewers.viewers_command import levels_of
 
 if TYPE_CHECKING:
@@ -46,6 +47,23 @@ def test_a_silence_of_the_daemon_is_reported_to_the_person_and_to_the_viewers_un
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, errors) == (130, "")
+
+
+def test_while_nobody_watches_the_newest_of_every_topic_is_kept_and_a_silence_said_once(
+    publisher: Publisher, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Subscriber(publisher.endpoint, ("",), silence_s=0.5) as subscriber:
+        publisher.wait_for_subscriber()
+        arriving = follow(subscriber, idle=lambda: True)
+        for _ in range(2):
+            assert isinstance(next(arriving), Silence)
+        assert capsys.readouterr().err.count("no message from") == 1
+        for topic in ("slip.left", "slip.right", "grasp"):
+            publisher.send(topic, 1, level="stable")
+        arrived = [each.topic for each in (next(arriving) for _ in range(3)) if isinstance(each, Message)]
+        assert sorted(arrived) == ["grasp", "slip.left", "slip.right"]
+        assert isinstance(next(arriving), Silence)
+        assert capsys.readouterr().err.count("no message from") == 1, "of a further silence"
 
 
 def test_a_server_that_other_machines_reach_says_that_they_can_read(
