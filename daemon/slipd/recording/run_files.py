@@ -17,8 +17,9 @@ from pathlib import Path
 from threading import Lock, Thread
 
 from slipd.config import Continuous
-from slipd.events import Event, FirstEvents, Record, RecordingChanged
+from slipd.events import FirstEvents, Record, RecordingChanged
 from slipd.recording.requested_recordings import RequestedRecordings
+from slipd.recording.writer import Recorder
 from slipd.requests.recording_state import utc_stamp
 from slipd.types.clocks import WallClock
 
@@ -138,56 +139,49 @@ def _locked(path: Path, flags: int = 0) -> int:
         os.close(lock_fd)  # another run took it for a left one, and removed it
 
 
-class ContinuousRecording:
+class ContinuousRecording(RequestedRecordings):
     """Records the whole run in files that follow each other, each complete by itself; nothing is lost in between.
 
     A new file begins when the present one is old or large enough.
 
     Args:
-        recordings: Writes the files, one at a time.
+        directory: Folder of the files.
+        make: Returns the recorder of a file, given its path and a function that its thread calls first.
+        prepare: That function; if it raises, the recording does not start.
         limits: ``[recording.continuous]``.
         name: Returns the name of a file that begins at a time, without kind, number and suffix.
     """
 
-    def __init__(self, recordings: RequestedRecordings, limits: Continuous, name: Callable[[int], str]) -> None:
-        self._recordings = recordings
-        self._limits = limits
-        self._name_at = name
+    def __init__(
+        self,
+        directory: Path,
+        make: Callable[[Path, Callable[[], None]], Recorder],
+        prepare: Callable[[], None],
+        limits: Continuous,
+        name: Callable[[int], str],
+    ) -> None:
+        super().__init__(directory, make, prepare)
+        self._limits, self._name_at = limits, name
         self._name = ""
         self._count = 0
         self._due_ns: int | None = None
 
-    def event(self, event: Event, t_ns: int) -> None:
-        """Record an event that enters the engine at ``t_ns``."""
-        self._recordings.event(event, t_ns)
-
-    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Record the bytes that were published."""
-        self._recordings.published(topic, payload, t_ns)
-
-    def changes(self, t_ns: int, first: Callable[[], FirstEvents]) -> list[RecordingChanged]:
+    def follow(self, t_ns: int, first: Callable[[], FirstEvents]) -> list[RecordingChanged]:
         """Begin a new file if it is time; return the changes that the engine must know, each once.
 
         Args:
             t_ns: Now, CLOCK_MONOTONIC.
             first: Returns the events that precede a file that begins now.
         """
-        changes = [change for change in self._recordings.changes(t_ns) if change.name == self._name]
+        changes = [change for change in self.changes(t_ns) if change.name == self._name]
         if any(change.state != "running" for change in changes):
             self._due_ns = t_ns + RETRY_NS
-        elif self._due_ns is None or t_ns >= self._due_ns or self._recordings.size_bytes >= self._limits.file_bytes:
-            self._begin(t_ns, first())
+        elif self._due_ns is None or t_ns >= self._due_ns or self.size_bytes >= self._limits.file_bytes:
+            self._count += 1
+            self._name = f"{KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
+            self._due_ns = t_ns + round(self._limits.file_s * 1e9)
+            self.handle(Record(self._name, first()), t_ns)
         return [replace(change, name="") for change in changes]
-
-    def _begin(self, t_ns: int, first: FirstEvents) -> None:
-        self._count += 1
-        self._name = f"{KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
-        self._due_ns = t_ns + round(self._limits.file_s * 1e9)
-        self._recordings.handle(Record(self._name, first), t_ns)
-
-    def close(self) -> None:
-        """Finish the file."""
-        self._recordings.close()
 
 
 def run_name(boot: str, wall: WallClock) -> Callable[[int], str]:

@@ -47,7 +47,7 @@ class RunRecorders:
     def __init__(self, config: Config, boot: str, wall: WallClock, record: Path | None) -> None:
         self._config, self._boot, self._wall, self._record = config, boot, wall, record
         self._folder = Path(config.recording.directory or state_dir())
-        self._all: list[Recorder | RequestedRecordings | ContinuousRecording | Incidents] = []
+        self._all: list[Recorder | RequestedRecordings | Incidents] = []
         self._whole: RecorderWatch | None = None
         self._continuous: ContinuousRecording | None = None
         self._incidents: Incidents | None = None
@@ -76,8 +76,8 @@ class RunRecorders:
             rule = limits.continuous
             tidy = partial(files.delete_oldest, KIND, rule.keep_files - 1, rule.keep_bytes - rule.file_bytes)
             make = partial(self._recorder, room=Room(most, least), place=files.place)
-            recordings = RequestedRecordings(self._folder, make, partial(self._prepare, tidy))
-            self._continuous = self._add(ContinuousRecording(recordings, rule, names))
+            prepare = partial(self._prepare, tidy)
+            self._continuous = self._add(ContinuousRecording(self._folder, make, prepare, rule, names))
         if limits.incidents.enabled:
             check = partial(check_room, self._folder, Room(most, least), most)
             prepare = partial(self._prepare, check)
@@ -140,7 +140,7 @@ class RunRecorders:
         if self._whole is not None and (change := self._whole.poll(t_ns)):
             yield change
         if self._continuous is not None:
-            yield from self._continuous.changes(t_ns, first)
+            yield from self._continuous.follow(t_ns, first)
         if self._incidents is not None and (saved := self._incidents.change(t_ns)):
             yield saved
         yield from self._requested.changes(t_ns)

@@ -28,8 +28,6 @@ from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.demo_summary import Tally, print_summary
 from slipd.tools.sim.robot_program import RobotProgram
-from slipd_client.errors import ClientError
-from slipd_client.grip import GripClient
 from slipd_client.page.page_server import redirect_file
 from slipd_client.subscriber import Subscriber
 from slipd_client.watch import Display
@@ -41,9 +39,6 @@ END_S = 5.0
 """Longest end of a part after a request to end, s."""
 
 LISTEN_S = 0.05
-
-FINAL_LOOKS = 3
-"""Times that the status is asked for at the end: on a busy machine a request may come too late."""
 
 
 def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> bool:
@@ -108,14 +103,13 @@ class _Play:
             tally, whole = _watch(publish, program, daemon, self._seconds, headless=self._headless)
             program.end()
             program.join(END_S)
-            streams = _final_streams(requests) if daemon.poll() is None else {}
             kept = stays and whole and daemon.poll() is None and _has_person()
             if kept:
-                print_summary(tally, program.report, truth, streams)
+                print_summary(tally, program.report, truth)
                 print(f"\nThe page stays open, and the daemon runs on: {self._url}")
                 again = _waits_for_key(daemon)
         if not kept:
-            print_summary(tally, program.report, truth, streams)
+            print_summary(tally, program.report, truth)
         if daemon.returncode != 0 or program.report.error:
             self.well = False
             log = daemon_log.read_text(encoding="utf-8")
@@ -256,21 +250,6 @@ def _watch(
         print()
         return tally, False
     return tally, True
-
-
-def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
-    """Return the streams of the daemon's status; nothing where it refuses or does not answer."""
-    error: ClientError | None = None
-    with GripClient(requests) as requester:
-        for _ in range(FINAL_LOOKS):
-            try:
-                streams: dict[str, dict[str, Any]] = requester.status()["streams"]
-            except ClientError as failed:
-                error = failed
-            else:
-                return streams
-    print(f"the daemon does not report its status at the end: {error}", file=sys.stderr)
-    return {}
 
 
 def _pipe(stream: IO[str] | None) -> IO[str]:

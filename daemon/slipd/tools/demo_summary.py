@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from slipd.tools.sim.robot_program import Report
+from slipd_client.messages import STATUS_TOPIC
 from slipd_client.subscriber import Message
 
 
@@ -22,11 +23,13 @@ class Tally:
         messages: Number of messages of each kind of topic.
         missed: Number of messages that did not arrive.
         latencies_s: Time from the last byte of a reading to its message in this process, s.
+        streams: Streams of the newest message ``status``.
     """
 
     messages: Counter[str] = field(default_factory=Counter)
     missed: int = 0
     latencies_s: list[float] = field(default_factory=list)
+    streams: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, message: Message) -> None:
         """Count one message."""
@@ -34,11 +37,11 @@ class Tally:
         self.missed += message.missed
         if message.topic.startswith("slip."):
             self.latencies_s.append(message.age_s)
+        elif message.topic == STATUS_TOPIC:
+            self.streams = message.raw["streams"]
 
 
-def print_summary(
-    tally: Tally, report: Report, truth: list[dict[str, Any]], streams: dict[str, dict[str, Any]]
-) -> None:
+def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> None:
     """Print what happened, what slipd reported about it, and how many messages there were."""
     begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), report.activated_ns)
 
@@ -58,10 +61,10 @@ def print_summary(
         print(f"  {at(t_ns)}  {line}")
     for line in _verdict_lines(report, truth):
         print(line)
-    lost = sum(stream["lost"] for stream in streams.values())
-    bad = sum(stream["bad"] for stream in streams.values())
+    lost = sum(stream["lost"] for stream in tally.streams.values())
+    bad = sum(stream["bad"] for stream in tally.streams.values())
     latency = statistics.median(tally.latencies_s) * 1e3 if tally.latencies_s else float("nan")
-    print(f"readings: {sum(stream['samples'] for stream in streams.values())} ({bad} bad, {lost} lost)")
+    print(f"readings: {sum(stream['samples'] for stream in tally.streams.values())} ({bad} bad, {lost} lost)")
     counts = ", ".join(f"{count} {kind}" for kind, count in sorted(tally.messages.items()))
     print(f"messages: {tally.messages.total()} ({counts})")
     alarms = sum(change.rising and change.level in ("warning", "slipping") for change in report.changes)

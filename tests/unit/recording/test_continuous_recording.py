@@ -10,7 +10,6 @@ from slipd.config import Continuous
 from slipd.events import LinkUp, Tick
 from slipd.recording.entry_walk import Entered
 from slipd.recording.reader import open_recording
-from slipd.recording.requested_recordings import RequestedRecordings
 from slipd.recording.run_files import RETRY_NS, ContinuousRecording, run_name
 from slipd.recording.writer import Recorder, RecordingLimitError
 from slipd.types.clocks import WallClock
@@ -31,14 +30,17 @@ class Run:
 
     def __init__(self, folder: Path, about_run: dict[str, object], prepare=lambda: None, **limits: object) -> None:
         self.folder, self.prepare = folder, prepare
-        recordings = RequestedRecordings(
-            folder, lambda path, prepare: Recorder(path, prepare=prepare, **about_run), lambda: self.prepare()
+        self.recording = ContinuousRecording(
+            folder,
+            lambda path, prepare: Recorder(path, prepare=prepare, **about_run),
+            lambda: self.prepare(),
+            Continuous(**limits),
+            run_name("b00t", WallClock(0)),
         )
-        self.recording = ContinuousRecording(recordings, Continuous(**limits), run_name("b00t", WallClock(0)))
         self.changes: list = []
 
     def poll(self, t_ns: int) -> None:
-        self.changes += self.recording.changes(t_ns, lambda: OPEN)
+        self.changes += self.recording.follow(t_ns, lambda: OPEN)
 
     def files(self) -> list[Path]:
         return sorted(self.folder.iterdir())
@@ -48,7 +50,7 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
     run = Run(tmp_path, about_run, file_s=1.0)
     for n in range(30):
         run.poll(n * SECOND_NS // 10)
-        wait_until(lambda: run.recording._recordings._running.recorder.begun)
+        wait_until(lambda: run.recording._running.recorder.begun)
         run.recording.event(Tick(n), n * SECOND_NS // 10)
         run.recording.published("status", b"\x80", n * SECOND_NS // 10)
     run.recording.close()
