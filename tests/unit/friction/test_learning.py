@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from learning_hand import STEP_S, Hand, Q, carry, slip
@@ -11,93 +12,99 @@ from slipd.fusion.rows import UNTRUSTED
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
+NAN = math.nan
+CREEP: list[Q] = [(0.45, NAN, NAN, True)] * 5
+"""Motion without a drop of the load."""
+PRIOR, ONE_SLIP = math.exp(1.645 * 0.1), math.exp(1.645 * math.sqrt(2) * 0.05)
+"""Half-widths of the intervals, as factors: of the stated coefficient, and of the next slip after one."""
+Course = list[tuple[list[Q], dict[str, Any]]]
 
-def test_the_stated_coefficient_is_used_as_it_stands_with_the_interval_of_its_spread(hand: Hand) -> None:
-    state = hand.estimate.state
-    assert (state.mu, state.source, state.mu_d, state.carried) == (0.5, "config", None, None)
-    assert (state.mu_low, state.mu_high) == (
-        pytest.approx(0.5 * math.exp(-0.1645)),
-        pytest.approx(0.5 * math.exp(0.1645)),
+
+@pytest.mark.parametrize(
+    ("hand", "course", "expected"),
+    [
+        ({}, [], {"mu": 0.5, "source": "config", "mu_low": 0.5 / PRIOR, "mu_high": 0.5 * PRIOR, "mu_d": None}),
+        # What lasts becomes the lower bound where it is larger, and stays that.
+        ({}, [(carry(0.4), {})], {"mu": 0.5, "source": "config", "carried": 0.4}),
+        ({}, [(carry(0.6), {})], {"mu": 0.6, "source": "learned", "mu_low": 0.6, "mu_high": 0.6 * PRIOR}),
+        ({}, [(carry(0.6), {}), (carry(0.3), {})], {"mu": 0.6, "carried": 0.6}),
+        ({}, [([*carry(0.2), *carry(0.6, 0.05), *carry(0.2)], {})], {"carried": 0.2}),
+        # Noise, few readings and few taxels lower the bound.
+        ({}, [(carry(0.6), {"ratio": 0.2, "shape": 0.1})], {"mu": 0.6 * math.exp(-1.645 * 0.08)}),
+        # Nothing of a prior that is a fifth too high survives a slip: one slip's scatter, and that of the next.
+        (
+            {}, [([*carry(0.35), *slip(0.5 / 1.2, 0.35)], {})],
+            {"mu": 0.5 / 1.2 / ONE_SLIP, "source": "learned", "mu_high": 0.5 / 1.2 * ONE_SLIP, "mu_d": 0.35},
+        ),
+        # More carried than a false slip shows overrides it: first the lower bound, then no slip can have been there.
+        ({}, [([*carry(0.2), *slip(0.25, 0.2)], {}), (carry(0.26), {})], {"mu": 0.26, "source": "learned"}),
+        ({}, [([*carry(0.2), *slip(0.25, 0.2)], {}), (carry(0.3), {})], {"mu": 0.5, "source": "config"}),
+        # Motion without a drop of the load gives a rough sample.
+        (
+            {"mu": None}, [([*carry(0.45), *CREEP], {})],
+            {"mu": 0.45 * math.exp(-1.645 * math.sqrt(0.015)), "source": "learned", "mu_d": None},
+        ),
+        ({"mu": None}, [(carry(0.6), {})], {"mu": None, "source": "none", "mu_low": 0.6, "mu_high": None}),
+        # A coefficient that is known exactly is not learned, and nothing raises one beyond the largest allowed.
+        (
+            {"spread": 0.0}, [([*carry(0.6), *slip(0.4, 0.3)], {})],
+            {"mu": 0.5, "source": "config", "mu_low": 0.5, "mu_high": 0.5, "mu_d": 0.3},
+        ),
+        ({"most": 0.7}, [(carry(0.9), {})], {"mu": 0.7}),
+        ({"most": 0.7}, [(slip(0.9, 0.8), {})], {"mu": 0.7}),
+        ({"mu": None, "most": 0.3}, [(slip(0.9, 0.8), {})], {"mu": 0.3}),
+        # Readings that are not trusted teach nothing and interrupt the dwell; without a zero they raise nothing.
+        ({}, [(carry(0.4), {}), ([*carry(0.8), *slip(0.3, 0.2)], {"phase": UNTRUSTED})], {"mu": 0.5, "carried": 0.4}),
+        ({}, [(carry(0.4), {}), ([*carry(0.8), *slip(0.3, 0.2)], {"teaches": False})], {"mu": 0.5, "carried": 0.4}),
+        (
+            {}, [(carry(0.6, 0.09), {}), (carry(0.6, STEP_S), {"phase": UNTRUSTED}), (carry(0.6, 0.09), {})],
+            {"carried": None},
+        ),
+        ({}, [(carry(0.6), {"raises": False})], {"mu": 0.5, "source": "config", "carried": 0.6}),
+        ({}, [(carry(0.6), {"raises": False}), (slip(0.4, 0.3), {"raises": False})], {"source": "learned"}),
+    ],
+)  # fmt: skip
+def test_what_a_course_teaches(hand: dict[str, Any], course: Course, expected: dict[str, Any]) -> None:
+    felt = Hand(**hand)
+    for readings, how in course:
+        felt.feel(readings, **how)
+    found = felt.estimate.state._asdict()
+    for name, value in expected.items():
+        assert found[name] == (pytest.approx(value) if isinstance(value, float) else value), name
+
+
+@pytest.mark.parametrize(("pause_s", "seconds", "times", "carried"), [(1.0, 0.06, 2, None), (0.095, STEP_S, 5, 0.6)])
+def test_a_gap_in_the_readings_is_not_carried_but_ten_a_second_are_enough(
+    hand: Hand, pause_s: float, seconds: float, times: int, carried: float | None
+) -> None:
+    for _ in range(times):
+        state = hand.feel(carry(0.6, seconds))
+        hand._t_s += pause_s
+    assert state.carried == (None if carried is None else pytest.approx(carried))
+
+
+def test_noise_lowers_the_bound_less_than_few_taxels() -> None:
+    exact, noisy, spinning = (
+        Hand().feel(carry(0.6), **how).mu for how in ({}, {"noise": 0.06}, {"ratio": 0.2, "shape": 0.1})
     )
-
-
-def test_a_load_that_lasts_becomes_the_lower_bound_where_it_is_larger(hand: Hand) -> None:
-    state = hand.feel(carry(0.4))
-    assert (state.mu, state.source, state.carried) == (0.5, "config", pytest.approx(0.4))
-    state = hand.feel(carry(0.6))
-    assert (state.mu, state.source, state.carried) == (pytest.approx(0.6), "learned", pytest.approx(0.6))
-    assert state.mu_low == pytest.approx(0.6)
-    assert state.mu_high == pytest.approx(0.6 * math.exp(0.1645))
-    assert hand.feel(carry(0.3)).mu == pytest.approx(0.6), "it was carried"
-
-
-def test_a_load_shorter_than_the_dwell_raises_nothing(hand: Hand) -> None:
-    assert hand.feel([*carry(0.2), *carry(0.6, 0.05), *carry(0.2)]).carried == pytest.approx(0.2)
-
-
-def test_a_gap_in_the_readings_is_not_carried(hand: Hand) -> None:
-    hand.feel(carry(0.6, 0.06))
-    hand._t_s += 1.0
-    assert hand.feel(carry(0.6, 0.06)).carried is None
-
-
-def test_readings_that_come_ten_times_a_second_are_enough(hand: Hand) -> None:
-    for _ in range(5):
-        state = hand.feel(carry(0.6, STEP_S))
-        hand._t_s += 0.1 - STEP_S
-    assert state.carried == pytest.approx(0.6)
-
-
-def test_noise_few_readings_and_few_taxels_lower_the_bound(hand: Hand) -> None:
-    exact = hand.feel(carry(0.6)).mu
-    noisy = Hand().feel(carry(0.6), noise=0.06).mu
-    spinning = Hand().feel(carry(0.6), ratio=0.2, shape=0.1).mu
     assert spinning < noisy < exact
-    assert spinning == pytest.approx(0.6 * math.exp(-1.645 * 0.08))
-
-
-def test_a_slip_lowers_a_coefficient_that_is_a_fifth_too_high_at_once(hand: Hand) -> None:
-    """Nothing of the prior survives: the bound is below the peak by the scatter of one slip and of the next."""
-    state = hand.feel([*carry(0.35), *slip(0.5 / 1.2, 0.35)])
-    bound = 0.5 / 1.2 * math.exp(-1.645 * math.sqrt(2) * 0.05)
-    assert (state.mu, state.source) == (pytest.approx(bound), "learned")
-    assert state.mu_high == pytest.approx(0.5 / 1.2 * math.exp(1.645 * math.sqrt(2) * 0.05))
-    assert state.mu_d == pytest.approx(0.35)
 
 
 def test_a_slip_inside_the_interval_of_the_prior_is_combined_with_it(hand: Hand) -> None:
-    state = hand.feel(slip(0.47, 0.4))
-    alone = Hand(None).feel(slip(0.47, 0.4))
-    assert alone.mu < state.mu < 0.47
+    assert Hand(None).feel(slip(0.47, 0.4)).mu < hand.feel(slip(0.47, 0.4)).mu < 0.47
 
 
-def test_slips_that_agree_narrow_the_interval_and_slips_that_do_not_widen_it() -> None:
-    def width(*peaks: float) -> float:
-        hand = Hand(None)
-        for peak in peaks:
-            state = hand.feel([*carry(0.3), *slip(peak, 0.3)])
-        return state.mu_high / state.mu_low
-
-    assert width(0.5, 0.5, 0.5) < width(0.5) < width(0.5, 0.35)
-
-
-def test_newer_slips_weigh_more() -> None:
-    def middle(*peaks: float) -> float:
+def test_slips_that_agree_narrow_the_interval_and_newer_ones_weigh_more() -> None:
+    def interval(*peaks: float) -> tuple[float, float]:
+        """Return width and middle, as factor and geometric mean."""
         hand = Hand(None)
         for peak in peaks:
             state = hand.feel([*carry(0.2), *slip(peak, 0.2)])
-        return math.sqrt(state.mu_low * state.mu_high)
+        return state.mu_high / state.mu_low, math.sqrt(state.mu_low * state.mu_high)
 
-    assert middle(0.5, 0.45) < math.sqrt(0.5 * 0.45) < middle(0.45, 0.5)
-    assert middle(*[0.5] * 9, 0.4, 0.4, 0.4, 0.4) == pytest.approx(0.4), "older ones are forgotten"
-
-
-def test_more_carried_than_a_false_slip_shows_overrides_it(hand: Hand) -> None:
-    lowered = hand.feel([*carry(0.2), *slip(0.25, 0.2)]).mu
-    assert lowered < 0.25
-    assert hand.feel(carry(0.26)).mu == pytest.approx(0.26), "the lower bound counts at once"
-    state = hand.feel(carry(0.3))
-    assert (state.mu, state.source) == (0.5, "config"), "no slip can have been there"
+    assert interval(0.5, 0.5, 0.5)[0] < interval(0.5)[0] < interval(0.5, 0.35)[0]
+    assert interval(0.5, 0.45)[1] < math.sqrt(0.5 * 0.45) < interval(0.45, 0.5)[1]
+    assert interval(*[0.5] * 9, 0.4, 0.4, 0.4, 0.4)[1] == pytest.approx(0.4), "older ones are forgotten"
 
 
 def test_what_was_carried_overrides_only_the_slips_that_it_disproves() -> None:
@@ -122,56 +129,9 @@ def test_one_slip_gives_one_sample_however_long_it_lasts() -> None:
     hand.feel(slip(0.5, 0.4))
     chattering = hand.feel(slip(0.42, 0.4))
     assert (chattering.mu_low, chattering.mu_high) == (once.mu_low, once.mu_high)
-
-
-def test_motion_without_a_drop_gives_a_rough_sample_that_a_later_peak_replaces() -> None:
-    hand = Hand(None)
-    creeps = [*carry(0.45), *[(0.45, math.nan, math.nan, True)] * 5]
-    rough = hand.feel(creeps)
-    assert (rough.mu, rough.source) == (pytest.approx(0.45 * math.exp(-1.645 * math.sqrt(0.015))), "learned")
-    assert rough.mu_d is None
-    assert hand.feel(slip(0.5, 0.4)) == Hand(None).feel([*carry(0.45), *slip(0.5, 0.4)])
-
-
-def test_without_a_prior_the_coefficient_is_unknown_until_a_slip_shows_it() -> None:
-    hand = Hand(None)
-    state = hand.feel(carry(0.6))
-    assert (state.mu, state.source, state.mu_low, state.mu_high) == (None, "none", pytest.approx(0.6), None)
-    assert state.carried == pytest.approx(0.6)
-    assert hand.feel(slip(0.7, 0.6)).source == "learned"
-
-
-def test_a_coefficient_known_exactly_is_not_learned() -> None:
-    hand = Hand(0.5, spread=0.0)
-    state = hand.feel([*carry(0.6), *slip(0.4, 0.3)])
-    assert (state.mu, state.source, state.mu_low, state.mu_high) == (0.5, "config", 0.5, 0.5)
-    assert state.mu_d == pytest.approx(0.3)
-
-
-def test_nothing_raises_the_coefficient_beyond_the_largest_that_is_allowed() -> None:
-    hand = Hand(most=0.7)
-    assert hand.feel(carry(0.9)).mu == 0.7
-    assert hand.feel(slip(0.9, 0.8)).mu == 0.7
-    assert Hand(None, most=0.3).feel(slip(0.9, 0.8)).mu == 0.3
-
-
-@pytest.mark.parametrize("untrusted", [{"phase": UNTRUSTED}, {"teaches": False}])
-def test_readings_that_are_not_trusted_teach_nothing(hand: Hand, untrusted: dict[str, int]) -> None:
-    before = hand.feel(carry(0.4))
-    assert hand.feel([*carry(0.8), *slip(0.3, 0.2)], **untrusted) == before  # type: ignore[arg-type]
-
-
-def test_readings_without_a_known_zero_show_slips_but_raise_nothing(hand: Hand) -> None:
-    state = hand.feel(carry(0.6), raises=False)
-    assert (state.mu, state.source, state.carried) == (0.5, "config", pytest.approx(0.6))
-    state = hand.feel(slip(0.4, 0.3), raises=False)
-    assert state.source == "learned"
-
-
-def test_a_reading_that_is_not_trusted_interrupts_the_dwell(hand: Hand) -> None:
-    hand.feel(carry(0.6, 0.09))
-    hand.feel(carry(0.6, STEP_S), phase=UNTRUSTED)
-    assert hand.feel(carry(0.6, 0.09)).carried is None
+    creeping = Hand(None)
+    creeping.feel([*carry(0.45), *CREEP])
+    assert creeping.feel(slip(0.5, 0.4)) == Hand(None).feel([*carry(0.45), *slip(0.5, 0.4)]), "a peak replaces a creep"
 
 
 def test_the_end_of_the_contact_starts_anew(hand: Hand) -> None:

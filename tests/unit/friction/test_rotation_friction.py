@@ -18,53 +18,29 @@ def turn(rotation: RotationFriction, t_s: float, required: float) -> None:
     rotation.slip(t_s + REPORTED_S)
 
 
-def test_nothing_is_known_before_the_object_turned() -> None:
-    rotation = RotationFriction(STATED)
-    rotation.slip(1.0)
-    rotation.carry(1.0, 0.2)
-    assert rotation.learned is None
-
-
-def test_the_largest_spin_before_a_turn_was_the_limit() -> None:
-    rotation = RotationFriction(STATED)
-    rotation.carry(1.0 - ONSET_S - 0.11, 0.2)
-    turn(rotation, 1.0, 0.06)
-    assert rotation.learned == pytest.approx(0.06)
-
-
-def test_a_turn_that_goes_on_is_one_sample() -> None:
-    rotation = RotationFriction(STATED)
-    turn(rotation, 1.0, 0.06)
-    turn(rotation, 1.2, 0.07)
-    assert rotation.learned == pytest.approx(0.07)
-    turn(rotation, 1.4, 0.05)
-    assert rotation.learned == pytest.approx(0.07)
-
-
-def test_the_newest_turn_weighs_most() -> None:
-    rotation = RotationFriction(STATED)
-    turn(rotation, 1.0, 0.10)
-    turn(rotation, 5.0, 0.05)
-    assert rotation.learned == pytest.approx((0.05 * 0.10**0.6) ** (1 / 1.6))
-
-
-def test_a_slip_with_little_spin_is_a_translation() -> None:
-    rotation = RotationFriction(STATED)
-    turn(rotation, 1.0, 0.99 * LEAST_SHARE * STATED)
-    assert rotation.learned is None
-    turn(rotation, 1.2, 0.06)
-    assert rotation.learned == pytest.approx(0.06)
-
-
-def test_a_grasp_that_ends_is_forgotten_and_calibrated_taxels_learn_nothing_here() -> None:
-    rotation = RotationFriction(STATED)
-    turn(rotation, 1.0, 0.06)
+@pytest.mark.parametrize(
+    ("turns", "learned"),
+    [
+        ([], None),
+        ([(1.0, 0.06)], 0.06),
+        ([(1.0, 0.06), (1.2, 0.07), (1.4, 0.05)], 0.07),  # a turn that goes on is one sample
+        ([(1.0, 0.10), (5.0, 0.05)], (0.05 * 0.10**0.6) ** (1 / 1.6)),  # the newest weighs most
+        ([(1.0, 0.99 * LEAST_SHARE * STATED)], None),  # a slip with little spin is a translation
+        ([(1.0, 0.99 * LEAST_SHARE * STATED), (1.2, 0.06)], 0.06),
+    ],
+)
+def test_the_largest_spin_before_a_turn_was_the_limit(turns: list[tuple[float, float]], learned: float | None) -> None:
+    rotation, calibrated = RotationFriction(STATED), RotationFriction(None)
+    for each in (rotation, calibrated):
+        each.slip(0.1)
+        each.carry(1.0 - ONSET_S - 0.11, 0.2)  # too long before
+        for t_s, required in turns:
+            turn(each, t_s, required)
+    assert rotation.learned == (None if learned is None else pytest.approx(learned))
+    assert calibrated.learned is None, "calibrated taxels learn nothing here"
     rotation.forget()
-    rotation.slip(1.4)
-    assert rotation.learned is None
-    calibrated = RotationFriction(None)
-    turn(calibrated, 1.0, 0.06)
-    assert calibrated.learned is None
+    rotation.slip(9.0)
+    assert rotation.learned is None, "the grasp ended"
 
 
 def test_a_spin_uses_more_friction_than_mu_says_and_never_less() -> None:
