@@ -9,51 +9,38 @@ from watched_wrench import MS, take
 from slipd.signals.frozen import Habit, WrenchWatch
 
 
+def watched(rate_hz: float, readings: np.ndarray) -> tuple[list[str], list[bool]]:
+    """Return what is said of readings that come one by one, and whether each is suspect."""
+    watch = WrenchWatch(200.0, gap_ns=200 * MS)
+    said, suspect = [], []
+    for k, six in enumerate(readings):
+        said.append(take(watch, six[:3], six[3:], round(k * 1e9 / rate_hz)))
+        suspect.append(watch.suspect)
+    return said, suspect
+
+
 @pytest.mark.parametrize("rate_hz", [30.0, 43.0, 60.0, 100.0, 200.0, 500.0, 1000.0, 4000.0])
 def test_F1_at_any_rate_a_repeat_is_suspect_at_once_and_a_stuck_sensor_is_reported_within_100_ms(
     rate_hz: float,
 ) -> None:
-    rng = np.random.default_rng(3)
-    watch = WrenchWatch(200.0, gap_ns=200 * MS)
-    live = round(2.0 * rate_hz)
-    said, suspect = [], []
-    for k in range(2 * live):
-        if k < live:
-            six = rng.normal(size=6)
-        said.append(take(watch, six[:3], six[3:], round(k * 1e9 / rate_hz)))
-        suspect.append(watch.suspect)
-    assert not any(suspect[1:live])
-    assert all(suspect[live:])
+    live, late = round(2.0 * rate_hz), round(0.1 * rate_hz)
+    readings = np.random.default_rng(3).normal(size=(live, 6))
+    said, suspect = watched(rate_hz, np.vstack((readings, np.tile(readings[-1], (live, 1)), readings[:1])))
+    assert suspect == [suspect[0], *[False] * (live - 1), *[True] * live, False]
     assert (said.index("stuck") - (live - 1)) / rate_hz <= 0.1
-    assert set(said[live + round(0.1 * rate_hz) :]) == {"stuck"}
-    assert take(watch, -six[:3], six[3:], round(2 * live * 1e9 / rate_hz)) == ""
-    assert not watch.suspect
+    assert (set(said[live + late : -1]), said[-1]) == ({"stuck"}, "")
 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 1000.0])
 def test_F1_what_a_coarse_sensor_is_used_to_is_neither_stuck_nor_suspect(rate_hz: float) -> None:
     """Its noise is 0.3 counts: more than half of its readings repeat the one before."""
-    rng = np.random.default_rng(4)
-    watch = WrenchWatch(200.0, gap_ns=200 * MS)
-    said, suspect = [], []
-    for k in range(20_000):
-        six = 0.01 * np.rint(0.3 * rng.normal(size=6))
-        said.append(take(watch, six[:3], six[3:], round(k * 1e9 / rate_hz)))
-        suspect.append(watch.suspect)
+    said, suspect = watched(rate_hz, 0.01 * np.rint(0.3 * np.random.default_rng(4).normal(size=(20_000, 6))))
     assert set(said) == {""}
     assert np.mean(suspect[5_000:]) < 0.01
 
 
 def test_F1_a_device_that_hands_on_each_conversion_four_times_is_not_suspect() -> None:
-    rng = np.random.default_rng(5)
-    watch = WrenchWatch(200.0)
-    suspect = []
-    for k in range(400):
-        if k % 4 == 0:
-            six = rng.normal(size=6)
-        take(watch, six[:3], six[3:], k * MS)
-        suspect.append(watch.suspect)
-    assert not any(suspect[20:])
+    assert not any(watched(1000.0, np.repeat(np.random.default_rng(5).normal(size=(100, 6)), 4, axis=0))[1][20:])
 
 
 def test_F1_a_sensor_that_hung_twice_is_reported_as_soon_the_third_time() -> None:
