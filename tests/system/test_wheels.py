@@ -106,7 +106,7 @@ def test_an_installed_slipd_prints_its_configs_and_docs_outside_the_repository(i
         (["--version"], f"slipd {__version__}"),
         (["config", "list"], f"{shipped}/"),
         (["config", "show", "external"], (CONFIG / "external.toml").read_text(encoding="utf-8")),
-        (["config", "show", "slipd.service"], own_unit("slipd.service", installed)),
+        (["service", "show", "slipd.service"], own_unit("slipd.service", installed)),
         (["docs"], f"{shipped}/"),
         (["docs", "physics"], (DOCS / "physics.md").read_text(encoding="utf-8")),
     ):

@@ -84,7 +84,7 @@ async def _converse(connection: ServerConnection, guide: asyncio.subprocess.Proc
     out, err = (cast("asyncio.StreamReader", stream) for stream in (guide.stdout, guide.stderr))
     await connection.send(json.dumps({"config": str(config)}))
     choosing = asyncio.create_task(_pass_choices(connection, guide))
-    errors = asyncio.create_task(err.read(STDERR_BYTES))
+    errors = asyncio.create_task(_read_end(err))
     try:
         async for line in out:
             if line.startswith(b"{"):
@@ -95,6 +95,14 @@ async def _converse(connection: ServerConnection, guide: asyncio.subprocess.Proc
         for task in (choosing, errors):
             task.cancel()
         await asyncio.gather(choosing, errors, return_exceptions=True)
+
+
+async def _read_end(stream: asyncio.StreamReader) -> bytes:
+    """Read all of a stream; return its last STDERR_BYTES, since the error of a guide follows its log."""
+    kept = b""
+    while piece := await stream.read(STDERR_BYTES):
+        kept = (kept + piece)[-STDERR_BYTES:]
+    return kept
 
 
 async def _pass_choices(connection: ServerConnection, guide: asyncio.subprocess.Process) -> None:

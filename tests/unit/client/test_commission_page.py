@@ -64,3 +64,16 @@ async def test_a_config_with_faults_ends_the_guide_with_the_reason_and_one_windo
         ended = (await heard(socket))["ended"]
         assert ended["code"] != 0
         assert "finger.left.mu" in ended["error"]
+
+
+async def test_the_error_of_a_guide_is_not_hidden_by_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    guide = tmp_path / "guide"
+    guide.write_text("#!/bin/sh\necho log >&2; sleep 0.1; yes log | head -n 50000 >&2; echo the reason >&2; exit 1\n")
+    guide.chmod(0o700)
+    monkeypatch.setattr(commission_page.sys, "executable", str(guide))
+    async with served(CommissionPage(tmp_path / "rig.toml")) as url, browser(url) as socket:
+        assert "config" in await heard(socket)
+        ended = (await heard(socket))["ended"]
+    assert ended["code"] == 1
+    assert ended["error"].endswith("log\nthe reason")
+    assert len(ended["error"]) <= commission_page.STDERR_BYTES

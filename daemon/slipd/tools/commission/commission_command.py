@@ -11,8 +11,7 @@ from slipd.errors import SlipdError
 from slipd.tools.commission.commission_guide import Allowed, Commission
 from slipd.tools.commission.daemon_link import link_to
 from slipd.tools.commission.dialogue import follow
-from slipd.tools.commission.page_host import PageHost
-from slipd.tools.commission.terminal_host import TerminalHost
+from slipd.tools.commission.hosts import PageHost, TerminalHost
 from slipd_client.errors import SlipdClientError
 
 

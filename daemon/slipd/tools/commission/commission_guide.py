@@ -25,15 +25,12 @@ from slipd.tools.commission.dialogue import (
     choose,
 )
 from slipd.tools.commission.friction_step import measure_friction
-from slipd.tools.commission.grasp_step import first_grasp
-from slipd.tools.commission.grip_step import gentle_force
-from slipd.tools.commission.readings import ReadingListener, read_status
-from slipd.tools.commission.restart_wait import wait_for_restart
+from slipd.tools.commission.gripper_steps import first_grasp, gentle_force, take_zero
+from slipd.tools.commission.readings import ReadingListener, read_status, wait_for_restart
 from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.tools.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
 from slipd.tools.commission.weighing_search import WeightFindings
 from slipd.tools.commission.weight_step import READY, weigh
-from slipd.tools.commission.zero_step import take_zero
 from slipd_client.friction_session import low_estimate, spread
 
 MOUNTING, WEIGHT, FRICTION, GRASP = STEPS = ("mounting", "weight", "friction", "grasp")

@@ -14,7 +14,7 @@ from pathlib import Path
 from slipd import config
 from slipd.config import Pad, Wrench
 from slipd.config.toml_text import marked_keys, with_value
-from slipd.tools.commission.rest_noise import Noise
+from slipd.tools.commission.readings import Noise
 from slipd.tools.commission.touches import Mount, Symmetry, mount_of
 
 PREVIOUS = ".previous"

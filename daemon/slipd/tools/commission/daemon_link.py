@@ -1,14 +1,20 @@
-"""How the guide reaches the daemon of a config: endpoints, and keys where the daemon admits only those."""
+"""How the guide reaches the daemon: endpoints and keys, gravity while a pose is held, and reasons of refusals."""
 
 from __future__ import annotations
 
+import contextlib
+import threading
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from slipd.config import Config
 from slipd.errors import SlipdError
 from slipd_client import keys
-from slipd_client.errors import KeyFileError
+from slipd_client.errors import ClientError, KeyFileError, RequestRefused, TareGivenUp
+from slipd_client.gravity_feed import PERIOD_S
+from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,3 +72,89 @@ def _reachable(endpoint: str | None, option: str) -> str | None:
     if endpoint.startswith("tcp:") and endpoint.endswith(":*"):
         raise SlipdError(f"the config leaves the port of {endpoint} open: give {option} as slipd run printed it")
     return endpoint.replace("tcp://*:", "tcp://127.0.0.1:").replace("tcp://0.0.0.0:", "tcp://127.0.0.1:")
+
+
+Gravities = Mapping[str, tuple[float, float, float]]
+
+
+class GravityTeller:
+    """Repeats ``gravity.set`` from a thread of its own, because a tare keeps the guide's own client waiting.
+
+    A refusal or a stall is left out: it shows in the verdicts.
+    """
+
+    def __init__(self, requests: str | None, keys: Keys | None) -> None:
+        self._requests, self._keys = requests, keys
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def tell(self, by_finger: Gravities) -> None:
+        """Send each finger's gravity from now on: by finger, in its pad's frame, m/s²; an empty map sends nothing."""
+        self.stop()
+        if by_finger:
+            self._ended.clear()
+            self._thread = threading.Thread(target=self._work, args=(by_finger,), name="gravity", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Tell nothing any more."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._thread = None
+
+    def _work(self, by_finger: Gravities) -> None:
+        with GripClient(self._requests, keys=self._keys) as client:
+            while not self._ended.is_set():
+                with contextlib.suppress(ClientError):
+                    for finger, gravity in by_finger.items():
+                        client.gravity_set(finger, gravity)
+                self._ended.wait(PERIOD_S)
+
+
+TOO_BUSY = "the machine was too busy to answer in time: close other programs on it, and try again"
+STATUS = "slipctl status says what is wrong"
+
+LATE_CODES = frozenset({"deadline_passed", "deadline_too_far", "busy", "repeated_id"})
+"""Codes of refusals on a machine that is too busy."""
+
+INSTEAD = {
+    "wrong_boot": "the daemon was restarted meanwhile: try again",
+    "read_only": "the key may only read: name a key that the daemon lists under requesters, with --key",
+    "no_lease": f"the right to move the gripper ended before the request arrived; {TOO_BUSY}",
+    "lease_held": "another program controls the gripper: end that program, or wait until it lets go",
+}
+"""Text that replaces the message of a refusal, by its code."""
+
+BESIDE = {
+    "in_contact": "take away whatever touches the finger",
+    "not_ready": STATUS,
+    "no_gripper": STATUS,
+    "gripper_fault": "look at the gripper; slipctl grip activate clears the fault of most",
+    "not_active": "slipctl grip activate",
+}
+"""What to do, appended to the message of a refusal, by its code."""
+
+TARES = {
+    "contact": "something touched the finger: touch nothing, and leave it free",
+    "pulled": "the finger was pulled at: is a cable taut, or the sign of the sensor wrong?",
+    "moved": "the readings moved: hold the gripper still, away from machines that shake",
+    "turned": "the finger was turned: hold the gripper still",
+    "silent": f"the sensor sent nothing for half a second: is the machine busy, or a cable loose? {STATUS}",
+    "ended": f"the sensor was cut off: are its cable and its power in place? {STATUS}",
+    "undone": "another program took the zero back: end that program",
+}
+"""Cause and remedy of a tare that was given up, by its reason."""
+
+
+def reason_of(error: ClientError) -> str:
+    """Return why a request was not carried out, and what to do."""
+    if isinstance(error, TareGivenUp) and error.reason in TARES:
+        return TARES[error.reason]
+    if not isinstance(error, RequestRefused):
+        return str(error)
+    if error.code in LATE_CODES:
+        return TOO_BUSY
+    if error.code in INSTEAD:
+        return INSTEAD[error.code]
+    return f"{error.message}; {BESIDE[error.code]}" if error.code in BESIDE else error.message

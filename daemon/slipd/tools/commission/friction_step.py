@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Say, Skipped, Steps, choose
-from slipd.tools.commission.grip_step import CLOSE, IF_CLOSED, activate, close, release
+from slipd.tools.commission.gripper_steps import CLOSE, IF_CLOSED, activate, close, release
 from slipd.tools.commission.readings import silence
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_guide import result_lines

@@ -17,12 +17,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.tools.commission.known_rotations import nearest_known
-from slipd.tools.commission.sensor_position import cross_matrix, find_position
+from slipd.tools.commission.sensor_pose import cross_matrix, find_position, nearest_known
 from slipd.tools.commission.touches import (
     CENTRE,
     CORNER,
     END,
+    LEAST_FORCE_N,
     LEAST_TRAVEL_M,
     NAMES,
     PRESSES,
@@ -72,7 +72,7 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
     if axes is None:
         return found
     sign = 1 if np.linalg.det(axes) > 0.0 else -1
-    coarse = Rotation.from_matrix(sign * axes.T)
+    coarse, _ = Rotation.align_vectors(np.eye(3), sign * axes.T)
     travels = _travels(_turned(touches, sign, coarse))
     orientation = _orientation(touches, travels, found, has_pad=has_pad)
     if orientation is None:
@@ -131,8 +131,8 @@ def _add_mount(
 
 
 def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
-    """Return the directions of X, Y and Z of the pad in the signed frame of the sensor, as columns; orthogonal."""
-    missing = [step for step in STEPS if step not in touches or not touches[step].force.any()]
+    """Return the directions of X, Y and Z of the pad in the signed frame of the sensor, as columns."""
+    missing = [step for step in STEPS if step not in touches or not touches[step].felt]
     if missing:
         found.problems.append(f"the force sensor showed nothing at: {', '.join(missing)}")
         return None
@@ -144,7 +144,7 @@ def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
         found.add_problem(text, _slanted(presses))
         return None
     pushes = [touches[step].force - into * (into @ touches[step].force) for step in (PUSH_X, PUSH_Y)]
-    if missing := [step for step, push in zip(PUSHES, pushes, strict=True) if not push.any()]:
+    if missing := [step for step, push in zip(PUSHES, pushes, strict=True) if np.linalg.norm(push) < LEAST_FORCE_N]:
         found.add_problem("the pushes show no force along the pad: push along +X and along +Y", *missing)
         return None
     along_x, along_y = map(_unit, pushes)
@@ -155,8 +155,7 @@ def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
             *PUSHES,
         )
         return None
-    left, _, right = np.linalg.svd(np.column_stack((along_x, along_y, -into)))
-    return np.asarray(left @ right)
+    return np.column_stack((along_x, along_y, -into))
 
 
 def _depth(loads: Mapping[str, tuple[Array, Array]]) -> float:

@@ -1,4 +1,4 @@
-"""The readings of all fingers from the messages of the daemon, and their means while nothing changes."""
+"""The readings of all fingers from the messages of the daemon, their means while nothing changes, and their noise."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from slipd.errors import SlipdError
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Reply, Skipped, Steps, ask, choose
+from slipd.tools.commission.touches import Mount
 from slipd.types.arrays import Array
 from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.schema.replies import HelloReply, StatusReply
@@ -192,3 +193,91 @@ def _add_reading(found: dict[str, FingerReadings], seconds: float, message: Wren
     elif message.force_n is not None and message.torque_nm is not None:
         found[message.finger].wrenches.append(np.array((*message.force_n, *message.torque_nm)))
     return passed_s >= seconds and all(len(each.wrenches) >= LEAST_READINGS for each in found.values())
+
+
+TOUCHED_N = 0.5
+"""Readings that vary by more than this, N, are no noise: the finger was touched, or the gripper moved."""
+
+LEAST_IMAGES = 20
+"""Fewest images that show the noise of their taxels."""
+
+NOISES_PER_THRESHOLD = 10.0
+"""A threshold is this many times the noise of a taxel (docs/config.md)."""
+
+POSITIVE_MEAN = 1.0 / math.sqrt(2.0 * math.pi)
+"""Mean of the positive part of noise about zero, in standard deviations: an image shows no negative load."""
+
+NOISIEST = 0.9
+"""Share of the taxels that are less noisy than the one whose noise counts: a broken one is masked, not averaged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Noise at rest.
+
+    Attributes:
+        force_std_n: Standard deviation of the noisiest force component, N.
+        torque_std_nm: The same of the torque about the origin of the pad, N·m.
+        threshold: Threshold of a taxel that follows from the images, in their unit; None where they show no noise.
+    """
+
+    force_std_n: float
+    torque_std_nm: float
+    threshold: float | None
+
+
+def noise_at_rest(rest: FingerReadings, stated: Mount, found: Mount) -> Noise | None:
+    """Return the noise of the sensors of one finger; None if it was not at rest, or its readings do not change at all.
+
+    Args:
+        rest: Readings while nothing touched.
+        stated: Mounting of the force sensor by the config, with which they were published.
+        found: Mounting that the config will state.
+    """
+    raw = np.linalg.solve(stated.matrix, np.array(rest.wrenches).T)
+    force_std_n, torque_std_nm = _stds((found.matrix @ raw).T)
+    if not (0.0 < force_std_n < TOUCHED_N and torque_std_nm > 0.0):
+        return None
+    return Noise(force_std_n, torque_std_nm, _threshold(rest))
+
+
+def _stds(wrenches: Array) -> tuple[float, float]:
+    """Return the largest standard deviation of a force and of a torque component about their linear trend."""
+    times = np.linspace(-1.0, 1.0, len(wrenches))
+    trend = np.outer(times, times @ wrenches / (times @ times))
+    stds = np.std(wrenches - wrenches.mean(axis=0) - trend, axis=0, ddof=2)
+    return float(stds[:3].max()), float(stds[3:].max())
+
+
+def _threshold(rest: FingerReadings) -> float | None:
+    if len(rest.images) < LEAST_IMAGES:
+        return None
+    stds = np.mean(rest.images, axis=0) / POSITIVE_MEAN
+    noisy = float(np.quantile(stds, NOISIEST))
+    return NOISES_PER_THRESHOLD * noisy if noisy > 0.0 else None
+
+
+def wait_for_restart(config_id: str, how: str, longest_s: float) -> Steps[None]:
+    """Ask for a restart of the daemon, and wait until it runs a config.
+
+    Args:
+        config_id: Of the config that it must run.
+        how: What the person does so that the daemon reads it, for people.
+        longest_s: How long to wait, s.
+
+    Raises:
+        SlipdError: The daemon does not run it in time, or the person does not want to wait.
+    """
+    yield Prompt("restart", f"{how} This goes on by itself when the daemon runs the new config.")
+    elapsed, silent_s = ElapsedTime(), 0.0
+    while elapsed.passed_s + silent_s < longest_s:
+        event = yield None
+        if event is None:
+            silent_s += SILENCE_S
+        elif isinstance(event, Choice) and event.word == SKIP:
+            break
+        elif isinstance(event, Message):
+            if event.config_id == config_id:
+                return
+            elapsed.update(event.t_ns * 1e-9)
+    raise SlipdError("the daemon does not run the new config; start it, and go on with --from and the next step")

@@ -16,10 +16,18 @@ from slipd.config.check_hints import needs_of
 from slipd.tools.commission.config_update import FingerResult
 from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.mounting_search import find_mounting
-from slipd.tools.commission.readings import FingerReadings, ReadingListener
-from slipd.tools.commission.rest_noise import Noise, noise_at_rest
-from slipd.tools.commission.three_axis_search import find_three_axis
-from slipd.tools.commission.touches import CENTRE, NAMES, PUSHES, TEXTS, Findings, Touch, mount_of, scan_centroid
+from slipd.tools.commission.readings import FingerReadings, Noise, ReadingListener, noise_at_rest
+from slipd.tools.commission.touches import (
+    CENTRE,
+    NAMES,
+    PUSHES,
+    TEXTS,
+    Findings,
+    Touch,
+    find_three_axis,
+    mount_of,
+    scan_centroid,
+)
 from slipd.types.arrays import Array
 
 TOUCH_N = 1.5

@@ -1,15 +1,15 @@
 """Find mass and centre of mass of a finger from its readings in a few poses, and check the mounting against them.
 
 Pure. A finger that nothing touches reads F = b + A⁻¹ m g, where A = s R takes forces of the sensor to the pad frame.
-The orthogonal A that fits the poses best solves Wahba's problem, by a singular value decomposition (Markley, 1988); its
-determinant is the sign s. It is compared with the config and never written: a pose that was not the one that was asked
-for looks like a wrong mounting, and the touches decide between the two.
+The rotation that fits the poses best solves Wahba's problem (SciPy's ``align_vectors``), for both signs s. It is
+compared with the config and never written: a pose that was not the one that was asked for looks like a wrong mounting,
+and the touches decide between the two.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -18,10 +18,78 @@ from scipy.spatial.transform import Rotation
 
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
 from slipd.signals.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
-from slipd.tools.commission.known_rotations import STATED, nearest_known
+from slipd.tools.commission.sensor_pose import STATED, cross_matrix, nearest_known
 from slipd.tools.commission.touches import Mount
-from slipd.tools.commission.weighing_misfit import MOST_MISFIT, force_misfit, torque_misfit, worst_pose
 from slipd.types.arrays import Array
+
+MOST_MISFIT = 0.2
+"""Largest residual of the force, as a share of the weight, root mean square over the poses: hands hold a pose to about
+5° (0.1)."""
+
+LEAST_LEVER_M = 0.02
+"""Added to the levers with which residuals of the torque are compared, m: the torque of a light finger is near the
+noise of the sensor."""
+
+Misfit = Callable[[Array, Array], float]
+
+
+def force_misfit(wrenches: Array, gravities: Array) -> float:
+    """Return how far the forces are from those of the best weight, as a share of it, root mean square over the poses.
+
+    Args:
+        wrenches: In the pad frame, shape (poses, 6), N and N·m.
+        gravities: Shape (poses, 3), m/s².
+    """
+    weight_n, d_force, d_gravity = _centred(wrenches, gravities)
+    if weight_n <= 0.0:
+        return math.inf
+    residual_n = float(np.linalg.norm(d_force - weight_n / STANDARD_GRAVITY_MPS2 * d_gravity))
+    return residual_n / math.sqrt(len(gravities)) / weight_n
+
+
+def torque_misfit(wrenches: Array, gravities: Array, sensor_m: float) -> float:
+    """Return how far the torques are from those of the best centre of mass, as a share of the weight times its levers.
+
+    Args:
+        wrenches: In the pad frame, shape (poses, 6), N and N·m.
+        gravities: Shape (poses, 3), m/s².
+        sensor_m: Distance of the sensor from the pad, m.
+    """
+    weight_n, _, _ = _centred(wrenches, gravities)
+    if weight_n <= 0.0:
+        return math.inf
+    matrix = np.vstack([np.hstack((-cross_matrix(each), np.eye(3))) for each in gravities])  # p × g + b
+    torques = wrenches[:, 3:].ravel()
+    found = np.linalg.lstsq(matrix, torques, rcond=None)[0]
+    com_m = float(np.linalg.norm(found[:3])) * STANDARD_GRAVITY_MPS2 / weight_n
+    residual_nm = float(np.linalg.norm(torques - matrix @ found)) / math.sqrt(len(gravities))
+    return residual_nm / (weight_n * (com_m + sensor_m + LEAST_LEVER_M))
+
+
+def worst_pose(misfit: Misfit, wrenches: Array, gravities: Array) -> int | None:
+    """Return the pose without which the others fit; None where all fit, or no single one is to blame.
+
+    Args:
+        misfit: Of some poses.
+        wrenches: In the pad frame, shape (poses, 6), N and N·m.
+        gravities: Shape (poses, 3), m/s².
+    """
+    without = [
+        misfit(np.delete(wrenches, number, axis=0), np.delete(gravities, number, axis=0))
+        for number in range(len(gravities))
+    ]
+    if misfit(wrenches, gravities) <= MOST_MISFIT or min(without) > MOST_MISFIT:
+        return None
+    return int(np.argmin(without))
+
+
+def _centred(wrenches: Array, gravities: Array) -> tuple[float, Array, Array]:
+    """Return the best weight, N, and forces and gravities less their means."""
+    d_force, d_gravity = wrenches[:, :3] - wrenches[:, :3].mean(axis=0), gravities - gravities.mean(axis=0)
+    scatter = float(np.sum(d_gravity**2))
+    mass_kg = float(np.sum(d_gravity * d_force)) / scatter if scatter > 0.0 else 0.0
+    return mass_kg * STANDARD_GRAVITY_MPS2, d_force, d_gravity
+
 
 MASSES_KG = (0.001, 20.0)
 """Least and largest mass of a finger."""
@@ -160,14 +228,16 @@ def _fit(forces: Array, gravities: Array) -> _Fit | None:
     d_force, d_gravity = forces - forces.mean(axis=0), gravities - gravities.mean(axis=0)
     if np.linalg.svd(d_gravity, compute_uv=False)[-1] < LEAST_CHANGE_MPS2 * math.sqrt(len(gravities) - 1):
         return None
-    left, sizes, right = np.linalg.svd(d_gravity.T @ d_force)
-    pad_from_sensor = left @ right
-    sign = 1 if np.linalg.det(pad_from_sensor) > 0.0 else -1
-    mass_kg = float(sizes.sum() / np.sum(d_gravity**2))
-    residual = d_force @ pad_from_sensor.T - mass_kg * d_gravity
+    if not d_force.any():
+        return _Fit(1, Rotation.identity(), 0.0, math.inf)
+    fits = ((Rotation.align_vectors(d_gravity, sign * d_force), sign) for sign in (1, -1))
+    (rotation, _), sign = min(fits, key=lambda fit: fit[0][1])
+    turned = sign * rotation.apply(d_force)
+    mass_kg = float(np.sum(turned * d_gravity) / np.sum(d_gravity**2))
+    residual = turned - mass_kg * d_gravity
     weight = mass_kg * STANDARD_GRAVITY_MPS2 * math.sqrt(len(forces))
     misfit = float(np.linalg.norm(residual)) / weight if weight > 0.0 else math.inf
-    return _Fit(sign, Rotation.from_matrix(sign * pad_from_sensor), mass_kg, misfit)
+    return _Fit(sign, rotation, mass_kg, misfit)
 
 
 def _gravities(poses: Sequence[Pose], findings: WeightFindings) -> Array:

@@ -11,7 +11,7 @@ from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
 from slipd import config
-from slipd.tools.commission import zero_step
+from slipd.tools.commission import gripper_steps
 from slipd.tools.commission.commission_guide import Allowed, Commission
 from slipd.tools.commission.dialogue import Ask, Event, Output, Refusal, follow
 from slipd.tools.sim import touched_devices
@@ -24,7 +24,7 @@ WRONG = charge_rig(left={"sign": -1, "flip_y": "true"})
 def tared(monkeypatch: pytest.MonkeyPatch) -> None:
     """The force sensor has its zero: a charge pad shows nothing before its finger was seen free."""
     monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
-    monkeypatch.setattr(zero_step, "PAUSE_S", 1.0)
+    monkeypatch.setattr(gripper_steps, "PAUSE_S", 1.0)
 
 
 def guided(folder: Path, *, write: bool) -> GuidedEngine:

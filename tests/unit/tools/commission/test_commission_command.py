@@ -10,16 +10,16 @@ import pytest
 
 from slipd import config
 from slipd.errors import ConfigError, SlipdError
-from slipd.tools.commission import readings, terminal_host
+from slipd.tools.commission import hosts, readings
 from slipd.tools.commission.commission_command import CommissionOptions, commission_command
-from slipd.tools.commission.page_host import PageHost
+from slipd.tools.commission.hosts import PageHost
 
 
 @pytest.fixture
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A config without a daemon, and a standard input on which nobody types."""
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
-    monkeypatch.setattr(terminal_host, "SILENCE_S", 0.2)
+    monkeypatch.setattr(hosts, "SILENCE_S", 0.2)
     monkeypatch.setattr(readings, "PAUSE_S", 0.0)
     file = tmp_path / "rig.toml"
     file.write_text(config.shipped("demo.toml").read_text(encoding="utf-8"), encoding="utf-8")

@@ -13,7 +13,7 @@ from guided_engine import GuidedEngine
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.commission import commission_guide, friction_step, grasp_step, weight_step, zero_step
+from slipd.tools.commission import commission_guide, friction_step, gripper_steps, weight_step
 from slipd.tools.commission.commission_guide import Allowed, Commission
 from slipd.tools.commission.config_update import changed_text
 from slipd.tools.commission.dialogue import Ask, Change, Choice, Event, Output, Prompt, Refusal, Say, Written, follow
@@ -29,7 +29,7 @@ def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(friction_step, "SAMPLES", 1)
-    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
+    monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
     read = commission_rig(**WRONG)
     host = guided(tmp_path, commission_rig(), read)
     complete = follow(Commission(read, FINGERS, 20.0, "restart").run(), host.respond)
@@ -233,7 +233,7 @@ def test_touches_that_are_made_again_for_the_weight_count_in_place_of_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(friction_step, "SAMPLES", 1)
-    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
+    monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
     read = commission_rig(quat=TURNED, mass=0.0, com_z=0.0)
     answers = ANSWERS | {"touch_again": ("", "go on"), "mounting_again": ("", "again")}
     host = guided(tmp_path, commission_rig(), read, answers=answers)
@@ -262,7 +262,7 @@ def test_a_zero_that_is_refused_again_and_again_leaves_the_step_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(commission_guide, "MOST_ZEROS", 2)
-    monkeypatch.setattr(zero_step, "PAUSE_S", 0.1)
+    monkeypatch.setattr(gripper_steps, "PAUSE_S", 0.1)
     read = commission_rig(mass=0.0)
     host = guided(tmp_path, read, read, answers={"zero_again": ("", "again")})
 

@@ -11,7 +11,7 @@ from guided_engine import GuidedEngine
 
 from slipd import config
 from slipd.config.toml_text import marked_keys
-from slipd.tools.commission import grasp_step
+from slipd.tools.commission import gripper_steps
 from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, follow
 from slipd.tools.discovery.config_draft import draft
@@ -72,7 +72,7 @@ def replaced(text: str, changed: dict[str, str]) -> str:
 def test_a_rig_of_serial_optoforce_pvdf_and_wsg_is_commissioned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
+    monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
     read = config.parse(replaced(draft(PORTS, [], "rig.toml"), FILLED_IN) + GRIPPER, "read")
     true = config.parse(replaced(read.text, MOUNTED), "true")
     host = Person(EmulatedEngine(true, read, tmp_path), read.text, TOUCHES, ANSWERS | POSES_OF_TWO | LEFT_OUT)

@@ -24,10 +24,9 @@ from slipd.tools.commission.dialogue import (
     choose,
     follow,
 )
-from slipd.tools.commission.grip_step import gentle_force
+from slipd.tools.commission.gripper_steps import gentle_force, take_zero
 from slipd.tools.commission.readings import ReadingListener, pause, read_status
 from slipd.tools.commission.weight_step import POSES, weigh
-from slipd.tools.commission.zero_step import take_zero
 from slipd_client import keys
 from slipd_client.messages.schema.topics import Message
 

@@ -17,12 +17,10 @@ from daemon_peers import PATIENCE_S, Client
 from service_rig import Rig, asked, serving
 
 from slipd import config
-from slipd.tools.commission import page_host
-from slipd.tools.commission.daemon_link import DaemonLink
+from slipd.tools.commission import hosts
+from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller
 from slipd.tools.commission.dialogue import Event, Refusal, Reply, ask
-from slipd.tools.commission.gravity_teller import GravityTeller
-from slipd.tools.commission.page_host import PageHost
-from slipd.tools.commission.terminal_host import TerminalHost
+from slipd.tools.commission.hosts import PageHost, TerminalHost
 from slipd_client.messages.schema.topics import Wrench
 
 
@@ -97,7 +95,7 @@ async def hosted(
 async def test_readings_reach_the_guide_and_the_page_as_often_as_stated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], least_s: float
 ) -> None:
-    monkeypatch.setattr(page_host, "LIVE_S", least_s)
+    monkeypatch.setattr(hosts, "LIVE_S", least_s)
 
     def listen(host: TerminalHost) -> list[Event]:
         """Return some events, with a reading among them."""

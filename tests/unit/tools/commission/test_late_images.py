@@ -14,9 +14,9 @@ from guided_engine import GuidedEngine
 
 from slipd import config
 from slipd.tools.commission.dialogue import Event, Output, Prompt, Say, follow
+from slipd.tools.commission.gripper_steps import take_zero
 from slipd.tools.commission.readings import ReadingListener
 from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
-from slipd.tools.commission.zero_step import take_zero
 from slipd.types.arrays import Array
 from slipd_client.messages.schema.topics import Tactile
 

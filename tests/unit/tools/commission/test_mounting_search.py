@@ -11,9 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slipd.signals.mounting import Mounting
-from slipd.tools.commission.known_rotations import nearest_known
 from slipd.tools.commission.mounting_search import find_mounting
-from slipd.tools.commission.three_axis_search import find_three_axis
+from slipd.tools.commission.sensor_pose import nearest_known
 from slipd.tools.commission.touches import (
     CENTRE,
     CORNER,
@@ -26,6 +25,7 @@ from slipd.tools.commission.touches import (
     Mount,
     Symmetry,
     Touch,
+    find_three_axis,
 )
 
 PLACES = {CENTRE: (0.0, 0.0), END: (0.02, 0.0), CORNER: (0.02, 0.009), PUSH_X: (0.0, 0.0), PUSH_Y: (0.0, 0.0)}

@@ -11,11 +11,10 @@ import pytest
 from pulls import Hand, typed
 
 from slipd.errors import SlipdError
-from slipd.tools.commission import friction_step, grasp_step
+from slipd.tools.commission import friction_step, gripper_steps
 from slipd.tools.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, follow
 from slipd.tools.commission.friction_step import measure_friction
-from slipd.tools.commission.grasp_step import first_grasp
-from slipd.tools.commission.grip_step import MOST_TRIES, release
+from slipd.tools.commission.gripper_steps import MOST_TRIES, first_grasp, release
 from slipd.tools.commission.readings import LEAST_READINGS, ReadingListener
 from slipd_client.friction_session import OBSTACLE_S
 from slipd_client.messages.reader import typed_message
@@ -68,8 +67,8 @@ class Rig:
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(friction_step, "SAMPLES", 1)
-    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
-    monkeypatch.setattr(grasp_step, "SETTLE_S", 1.0)
+    monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
+    monkeypatch.setattr(gripper_steps, "SETTLE_S", 1.0)
 
 
 def endless(hand: Hand, **more: Any) -> Iterator[dict[str, Any]]:

@@ -17,7 +17,7 @@ import pytest
 from slipd import config
 from slipd.tools.commission.daemon_link import DaemonLink
 from slipd.tools.commission.dialogue import Change, Prompt, Say, Written
-from slipd.tools.commission.page_host import PageHost
+from slipd.tools.commission.hosts import PageHost
 
 TEXT = config.shipped("demo.toml").read_text(encoding="utf-8")
 CHANGE = Change({("finger", "left", "mu"): "0.42"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.tools.commission.refusal_words import TARES, reason_of
+from slipd.tools.commission.daemon_link import TARES, reason_of
 from slipd_client.errors import ClientError, NoAnswer, RequestRefused, TareGivenUp
 from slipd_client.messages import ERROR_CODES, TARE_REASONS
 

@@ -7,8 +7,7 @@ import pytest
 
 from slipd.config import parse, shipped
 from slipd.tools.commission.config_update import FingerResult, changes
-from slipd.tools.commission.readings import FingerReadings
-from slipd.tools.commission.rest_noise import Noise, noise_at_rest
+from slipd.tools.commission.readings import FingerReadings, Noise, noise_at_rest
 from slipd.tools.commission.touches import Mount
 
 MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))

@@ -13,10 +13,10 @@ import pytest
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.commission import terminal_host
+from slipd.tools.commission import hosts
 from slipd.tools.commission.daemon_link import DaemonLink
 from slipd.tools.commission.dialogue import Change, Choice, Gravity, Prompt, Refusal, Say, Written, ask
-from slipd.tools.commission.terminal_host import TerminalHost
+from slipd.tools.commission.hosts import TerminalHost
 
 TEXT = config.shipped("demo.toml").read_text(encoding="utf-8")
 CHANGE = Change({("finger", "left", "mu"): "0.42"})
@@ -30,7 +30,7 @@ def hosted(
     """A host of a config, without a daemon, and what the person types into."""
     file = folder / "rig.toml"
     file.write_text(text, encoding="utf-8", newline="")
-    monkeypatch.setattr(terminal_host, "SILENCE_S", 0.3)
+    monkeypatch.setattr(hosts, "SILENCE_S", 0.3)
     read, end = os.pipe()
     with io.open(read) as stdin, io.open(end, "w") as person:  # noqa: UP020 - sys.stdin is a file of io
         monkeypatch.setattr("sys.stdin", stdin)
@@ -127,7 +127,7 @@ def test_a_dry_run_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_program_that_types_without_end_does_not_hold_the_guide_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(terminal_host, "MOST_EARLY", 3)
+    monkeypatch.setattr(hosts, "MOST_EARLY", 3)
     with hosted(tmp_path, monkeypatch) as (host, person):
         for _ in range(5):
             type_line(person, "ready")

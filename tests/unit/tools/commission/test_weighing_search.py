@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import Mounting
 from slipd.tools.commission.touches import Mount
-from slipd.tools.commission.weighing_misfit import force_misfit, torque_misfit
-from slipd.tools.commission.weighing_search import WXYZ, Pose, WeightFindings, find_weight
+from slipd.tools.commission.weighing_search import WXYZ, Pose, WeightFindings, find_weight, force_misfit, torque_misfit
 
 TILTED = (0.9659258, 0.2588190, 0.0, 0.0)
 TRUE = Mount(-1, (0.004, -0.002, -0.025), TILTED)

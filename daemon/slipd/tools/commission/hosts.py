@@ -1,16 +1,25 @@
-"""Runs the guide in a terminal: prints what it says, reads lines, sends its requests, and writes the config."""
+"""Run the guide in a terminal, or for the page ``/commission`` of the live view; send its requests, write the config.
+
+The page reads one JSON object a line and writes one word a line. Each object has one key: ``say`` a line for the
+person, ``prompt`` what to do now, ``change`` the TOML to be written, which waits for the word "write", and ``live`` the
+newest force, N, and torque, N·m, of each finger.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import sys
 import time
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from slipd.errors import SlipdError
 from slipd.tools.commission.config_update import changed_text, fragment, replace_config
-from slipd.tools.commission.daemon_link import DaemonLink
+from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller, reason_of
 from slipd.tools.commission.dialogue import (
     SKIP,
     Ask,
@@ -25,12 +34,10 @@ from slipd.tools.commission.dialogue import (
     Say,
     Written,
 )
-from slipd.tools.commission.gravity_teller import GravityTeller
 from slipd.tools.commission.readings import SILENCE_S
-from slipd.tools.commission.refusal_words import reason_of
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.schema.topics import Message, Wrench
 from slipd_client.subscriber import Subscriber
 
 TOPICS = ("wrench", "tactile", "slip")
@@ -171,3 +178,66 @@ def _word(line: str, choices: tuple[str, ...]) -> str:
     if not line:
         return choices[0] if choices and choices[0] != SKIP else ""
     return next((word for word in choices if line.lower() in (word, word[0])), line)
+
+
+BEGIN, WRITE = "begin", "write"
+
+LIVE_S = 0.1
+"""Least time between two objects of live readings."""
+
+
+class PageHost(TerminalHost):
+    """Answers the guide, and tells the page; for its arguments see `TerminalHost`."""
+
+    _live: Mapping[str, tuple[Any, Any]] = {}
+    _shown_s = 0.0
+
+    def respond(self, output: Output) -> Event:
+        """Carry out one output of the guide, and return what happened."""
+        if isinstance(output, Prompt):
+            self._prompt(output)
+            return None
+        event = super().respond(output)
+        if isinstance(event, Wrench):
+            self._show(event)
+        return event
+
+    def wait_for_begin(self) -> bool:
+        """Return whether the person begins; until then nothing is asked of the daemon, and nothing changes."""
+        text = "The guide takes the zero of the sensors, which must be free, then asks for touches. Nothing moves."
+        return self._chosen(Prompt("begin", text, choices=(BEGIN, SKIP))) == BEGIN
+
+    def say(self, text: str) -> None:
+        """Show a line."""
+        _emit("say", text)
+
+    def _prompt(self, prompt: Prompt) -> None:
+        self._expect(prompt.choices)
+        _emit("prompt", asdict(prompt))
+
+    def _change(self, change: Change) -> Written:
+        """Write a change once the person agrees."""
+        _emit("change", fragment(change.values))
+        prompt = Prompt("write", f"Write these lines into {self._file}?", choices=(WRITE, SKIP))
+        if self._chosen(prompt) == SKIP:
+            self.say("Not written, as you chose.")
+            return Written(None)
+        return self._write_change(change)
+
+    def _chosen(self, prompt: Prompt) -> str:
+        """Ask, and return the word that the person chooses."""
+        self._prompt(prompt)
+        while not isinstance(event := self._next(), Choice) or event.word not in prompt.choices:
+            pass
+        return event.word
+
+    def _show(self, message: Wrench) -> None:
+        self._live = {**self._live, message.finger: (message.force_n, message.torque_nm)}
+        now_s = time.monotonic()
+        if now_s - self._shown_s >= LIVE_S:
+            self._shown_s = now_s
+            _emit("live", self._live)
+
+
+def _emit(kind: str, value: Any) -> None:
+    print(json.dumps({kind: value}), flush=True)
