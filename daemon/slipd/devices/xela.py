@@ -1,9 +1,11 @@
 """XELA uSkin pads through the vendor's server: JSON text over a WebSocket, three axes a taxel.
 
 JSON objects are self-delimiting, so the decoder does not need the transport to deliver messages one by one.
-Source: the messages of the vendor's server, as its public clients read them. From version 1.7.7 on, ``data`` may be a
-list of integers, and sensors carry the fields ``special``, ``ups`` and ``temp``, which slipd ignores. Calibrated values
-are newtons. One real pad gave 1225 counts/N along Z and about 1650 along X and Y.
+Sources: the maker's ROS node, mcsix/xela_server_ros at 21c2970, ``scripts/xela_service``, ``message_parser`` (version
+1.7.6): ``time``, ``sensor``, ``model``, ``taxels``, ``data`` as hexadecimal words, ``calibrated``. That ``data`` may be
+a list of integers from version 1.7.7 on, and that sensors carry the fields ``special``, ``ups`` and ``temp``, is
+reported by users; no public source of it was found, and slipd ignores these fields. Calibrated values are newtons. One
+real pad gave 1225 counts/N along Z and about 1650 along X and Y.
 """
 
 from __future__ import annotations

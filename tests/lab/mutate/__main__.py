@@ -38,7 +38,7 @@ ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for nam
 }
 """Room → folder of its sources and of its tests."""
 
-EVERY_DECODER = "tests/unit/devices/test_every_decoder.py"
+EVERY_DECODER = "test_every_decoder.py"
 
 LIMIT_S = 300.0
 """Longest run of the tests of one room, s; an endless loop is noticed."""
@@ -95,13 +95,14 @@ def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
         path = PROJECT / name
         source = path.read_text(encoding="utf-8")
         mutant = mutate(source, mutation, wire_changes)
-        groups = [group for group in _tests("devices", name) if group != ["tests/unit/devices"]]
-        groups.append([EVERY_DECODER, "-k", device])
-        for group in groups:
+        tests = PROJECT / ROOMS["devices"][1]
+        own = [str(tests / device)] if (tests / device).is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))]
+        groups = [own, [str(tests / "shared")] if "shared" in name else [], [f"{tests}/{EVERY_DECODER}", "-k", device]]
+        for group in filter(None, groups):
             if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, int(LIMIT_S)):
                 raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
             sound.add(tuple(group))
-        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, int(LIMIT_S)) for group in groups)
+        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, int(LIMIT_S)) for group in groups if group)
         yield Outcome(name, mutation, "killed" if noticed else "survived")
 
 

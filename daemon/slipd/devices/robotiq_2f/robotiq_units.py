@@ -22,7 +22,8 @@ OPEN, CLOSED = 3, 230
 """Position bytes that a 2F-85 reports when it is fully open and fully closed.
 
 Source: PickNikRobotics/ros2_robotiq_gripper at 3b6cf8f, ``robotiq_driver/src/hardware_interface.cpp``, lines 45 and 46.
-Robotiq's ROS 1 driver has 13 and 230. They depend on the fingertips, so a site measures its own.
+The ROS 1 driver has 13 and 230 (ros-industrial-attic/robotiq at 1e744f1, ``robotiq_2f_gripper_ctrl.py``, ``get_pos``).
+They depend on the fingertips, so a site measures its own.
 """
 
 FORCE_TABLE: Table = ((0, 20.0), (FULL, 235.0))
