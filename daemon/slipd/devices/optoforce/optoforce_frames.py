@@ -16,9 +16,9 @@ ACK, SERIAL_NUMBER = b"\xaa\x00\x50\x01", b"\xaa\x00\x12\x08"
 NOMINAL, SENSITIVITY = b"\xaa\x01\x5e\x0e", b"\xaa\x01\xc2\x0e"
 """Frames of seven u16 that a six-axis DAQ sends among its readings (shadow-robot/optoforce#31).
 
-No document that explains them was found. The first fits the nominal loads of a HEX-E, Fx Fy Fz in N and Tx Ty Tz in N mm, and the
-second the counts at these loads, the two parts of a sensitivity report. The seventh of each may be Fz in the other
-direction.
+No document that explains them was found, so this is unconfirmed. The first fits the nominal loads of a HEX-E, Fx Fy Fz
+in N and Tx Ty Tz in N mm, and the second the counts at these loads, the two parts of a sensitivity report. The seventh
+of each may be Fz in the other direction.
 """
 SYNC = b"\xaa"
 HEADER = 4
