@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import re
 import subprocess
 import sys
@@ -67,17 +66,6 @@ def test_the_folder_of_shared_parts_is_not_a_device() -> None:
         assert name not in DEVICES
     with pytest.raises(KeyError, match="framing"):
         DEVICES["framing"]
-
-
-@devices
-def test_no_decoder_raises_or_finds_readings_in_noise(device: Device) -> None:
-    rng = random.Random(device.name)
-    decoder = device.decoder()
-    for size in (0, 1, 7, 100, 5000):
-        for _ in range(50):
-            assert list(decoder.receive(rng.randbytes(size), 0)) == []
-    assert decoder.health.good == 0
-    assert decoder.health.bad_bytes > 0
 
 
 @devices

@@ -53,20 +53,6 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
     assert (holding.last.force_n, holding.last.width_m, holding.session.command_lost) == (12.0, 0.04, False)
 
 
-@pytest.mark.parametrize(("requested", "sent"), [(0.5, 2.0), (59.5, 59.5), (500.0, 60.0)])
-def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, requested: float, sent: float) -> None:
-    assert move(bench.session, 0.02, None, requested) == sent
-    bench.run(0.1)
-    assert bench.sent == [{"v": 1, "id": 1, "op": "move", "width_m": 0.02, "speed_mps": None, "force_n": sent}]
-
-
-def test_a_force_after_a_waiting_move_is_sent_with_the_move(bench: Bench) -> None:
-    move(bench.session, 0.02, 0.1, 40.0)
-    set_force(bench.session, 5.0)
-    bench.run(0.1)
-    assert [(body["op"], body["width_m"], body["force_n"]) for body in bench.sent] == [("move", 0.02, 5.0)]
-
-
 def test_stop_goes_before_all_else(bench: Bench) -> None:
     move(bench.session, 0.02, 0.01, 10.0)
     bench.run(0.1)
@@ -267,21 +253,6 @@ def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(hold
     holding.driver._goal_m = None
     holding.run(0.1)
     assert holding.session.force_sent_n is None
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_N2_a_force_that_is_not_finite_is_refused(bench: Bench, value: float) -> None:
-    for ask in (lambda: move(bench.session, 0.0, None, value), lambda: set_force(bench.session, value)):
-        with pytest.raises(ValueError, match="must be finite"):
-            ask()
-
-
-@pytest.mark.parametrize("value", [-0.001, 0.5, math.nan])
-def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(bench: Bench, value: float) -> None:
-    with pytest.raises(ValueError, match=r"the width must be from 0 to 0\.1 m, got"):
-        move(bench.session, value, None, 5.0)
-    with pytest.raises(ValueError, match=r"the speed must be from 0\.01 to 0\.2 m/s, got"):
-        move(bench.session, 0.05, value, 5.0)
 
 
 @pytest.mark.parametrize("answer_ms", [4, 1001, 100.0])

@@ -130,18 +130,6 @@ def test_a_status_received_during_a_queued_activation_counts_after_its_cancellat
     assert (bench.session.state, bench.session.activating) == ("active", False)
 
 
-def test_a_move_is_refused_until_the_activation_is_over_and_the_state_shows_it() -> None:
-    bench = Bench().start()
-    assert not bench.session.activating
-    activate(bench.session, bench.now_ns)
-    for _ in range(3):
-        assert (bench.session.activating, bench.session.state) == (True, "activating")
-        assert (bench.move(1, 2, 3), bench.set_force(4)) == (None, None)
-        bench.steps(1)
-    bench.steps(1)
-    assert (bench.session.activating, bench.move(1, 2, 3)) == (False, 4.0)
-
-
 def test_an_activation_that_the_gripper_refuses_is_over(active: Bench) -> None:
     activate(active.session, active.now_ns)
     active.steps(1)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import pytest
-from permits import forget, halt
+from permits import halt
 from robotiq_bench import FORCE, GO, MS, Bench
 
 from slipd.devices.shared import modbus
@@ -39,21 +38,6 @@ def test_a_halt_drops_a_move_that_never_began_with_its_force(active: Bench) -> N
     halt(active.session)
     active.steps(2)
     assert active.gripper.output == (0x0100, 200, 0x803C)
-
-
-@pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(active: Bench, how: str) -> None:
-    assert active.session.force_sent_n is None, "the gripper was active before"
-    active.move(200, 128, 60)
-    assert active.session.force_sent_n == 61.0
-    active.steps(1)
-    active.set_force(90)
-    active.steps(1)
-    active.move(0, 255, 0)
-    assert (active.session.force_sent_n, forget(active.session, how)) == (1.0, True)
-    assert active.session.force_sent_n == 91.0
-    active.steps(3)
-    assert active.gripper.output == (0x0100 if how == "halt" else 0x0900, 200, 0x805A)
 
 
 def test_the_force_sent_is_that_of_a_force_that_is_repeated_after_a_halt(active: Bench) -> None:
@@ -142,11 +126,6 @@ def test_a_move_that_was_lost_before_it_was_sent_is_not_a_goal(active: Bench) ->
     assert active.gripper.output[2] & 0xFF == 90
 
 
-def test_stopping_with_an_unanswered_command_sends_nothing(active: Bench) -> None:
-    active.move(200, 128, 60)
-    assert (active.session.stop(), active.session.next_deadline()) == (b"", None)
-
-
 def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(active: Bench) -> None:
     active.gripper.mute = True
     active.move(200, 128, 60)
@@ -175,17 +154,6 @@ def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_new_status(active: Be
     assert not active.session.command_lost
 
 
-def test_a_newer_move_replaces_an_unanswered_one(active: Bench) -> None:
-    active.gripper.mute = True
-    active.move(1, 1, 1)
-    active.steps(1)
-    active.move(200, 128, 60)
-    active.gripper.mute = False
-    active.steps(3)
-    assert [data == GO for data in active.commands()] == [False, True]
-    assert active.samples[-1].echo_ok
-
-
 def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
@@ -197,16 +165,6 @@ def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) ->
     active.gripper.mute = False
     active.steps(4)
     assert active.gripper.output == (0x0100, 200, 0x805A)
-
-
-def test_an_unanswered_force_is_not_repeated_after_a_newer_move(active: Bench) -> None:
-    active.gripper.mute = True
-    active.set_force(1)
-    active.steps(1)
-    active.move(200, 128, 60)
-    active.gripper.mute = False
-    active.steps(4)
-    assert active.gripper.output == (0x0900, 200, 0x803C)
 
 
 def test_A6_a_refused_command_is_not_repeated(active: Bench) -> None:

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 from permits import activate, halt, move, set_force
-from robotiq_bench import ACTIVATE, FORCE, GO, MS, OLD_POLL, OPEN, POLL, Bench, Gripper, SplitCheck
+from robotiq_bench import FORCE, GO, MS, OLD_POLL, OPEN, POLL, Bench, Gripper
 
 from slipd.devices import robotiq_2f
 from slipd.devices.robotiq_2f import robotiq_registers
@@ -73,15 +73,6 @@ def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Benc
     assert active.commands() == []
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-def test_N2_a_force_that_is_not_finite_is_refused(active: Bench, value: float) -> None:
-    for ask in (lambda: move(active.session, 0.1, None, value), lambda: set_force(active.session, value)):
-        with pytest.raises(ValueError, match="must be finite"):
-            ask()
-    active.steps(5)
-    assert active.commands() == []
-
-
 def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> None:
     assert move(active.session, 0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
     assert set_force(active.session, 7.999) == 7.0
@@ -109,13 +100,6 @@ def test_the_width_is_read_by_the_table(active: Bench) -> None:
     active.gripper.position = 55
     active.steps(1)
     assert active.samples[-1].width_m == pytest.approx(0.2)
-
-
-def test_nothing_is_commanded_to_a_gripper_that_is_not_active() -> None:
-    bench = Bench().start()
-    assert (bench.move(1, 2, 3), bench.set_force(1), halt(bench.session)) == (None, None, False)
-    bench.steps(5)
-    assert bench.commands() == []
 
 
 @pytest.mark.parametrize("mute_first", [False, True])
@@ -195,24 +179,6 @@ def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
 def test_a_poll_period_below_the_grippers_pause_is_refused(period: float) -> None:
     with pytest.raises(ValueError, match=r"0\.005"):
         robotiq_2f.Session(poll_period_s=period)
-
-
-def test_the_decoder_reads_status_replies_from_any_split(same_for_every_split: SplitCheck) -> None:
-    output = robotiq_registers.Output(activate=True, go=True, release=False, position=255, speed=1, force=2)
-    poll = modbus.Request(9, modbus.READ_HOLDING, 2000, 3)
-    replies = [
-        modbus.encode_reply(
-            poll,
-            robotiq_registers.status_registers(output, stage=3, found=2, fault=0, position=at, current_a=9.0),
-        )
-        for at in range(5)
-    ]
-    stream = b"\x09\x03\x06" + replies[0] + ACTIVATE[:8] + b"".join(replies[1:])
-    assert len(same_for_every_split(robotiq_2f.Decoder, stream)) == 5
-    decoder = robotiq_2f.Decoder()
-    decoder.receive(replies[0][:6], 0)
-    decoder.forget()
-    assert decoder.receive(replies[0][6:], 0) == []
 
 
 @pytest.mark.parametrize("unit", [0, 248, 9.0])

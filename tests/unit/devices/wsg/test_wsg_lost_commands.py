@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from permits import activate, forget, halt, move, set_force
+from permits import activate, halt, move, set_force
 from wsg_bench import GO, Bench
 
 from slipd.devices.shared.command_queue import ATTEMPTS
@@ -42,54 +42,6 @@ def test_a_force_after_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> N
     set_force(bench.session, 12.0)
     bench.run(0.5)
     assert (bench.last.width_m, bench.session.command_lost) == (0.06, False)
-
-
-def test_a_force_after_a_waiting_move_is_sent_with_the_move(bench: Bench) -> None:
-    move(bench.session, 0.1, None, 40.0)
-    set_force(bench.session, 5.0)
-    bench.run(0.5)
-    assert bench.commands() == list(GO)
-    assert (bench.last.width_m, bench.gripper.limit) == (pytest.approx(0.1), 10.0)
-
-
-@pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(holding: Bench, how: str) -> None:
-    assert holding.session.force_sent_n == 10.0
-    set_force(holding.session, 12.0)
-    holding.write(holding.session.on_time(holding.now_ns))
-    holding.swallow = lambda _: True
-    set_force(holding.session, 15.0)
-    holding.write(holding.session.on_time(holding.now_ns))
-    set_force(holding.session, 20.0)
-    assert (holding.session.force_sent_n, forget(holding.session, how)) == (20.0, True)
-    assert holding.session.force_sent_n == 15.0
-    assert holding.session.drop() is False
-
-
-def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(bench: Bench) -> None:
-    bench.swallow = lambda _: True
-    move(bench.session, 0.0, None, 10.0)
-    bench.run(0.001)
-    assert bench.session.drop()
-    bench.run(ANSWER_NS * 1e-9 + 0.1)
-    assert (bench.commands(), bench.session.state) == ([wire.SET_FORCE], "command lost: no answer to force limit")
-
-
-def test_a_dropped_move_is_not_resumed_by_a_later_force(bench: Bench) -> None:
-    move(bench.session, 0.0, None, 10.0)
-    assert bench.session.drop()
-    set_force(bench.session, 12.0)
-    bench.run(0.5)
-    assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
-
-
-def test_a_stop_is_not_dropped(bench: Bench) -> None:
-    move(bench.session, 0.0, 0.05, 10.0)
-    bench.run(0.1)
-    halt(bench.session)
-    assert bench.session.drop() is False
-    bench.run(0.1)
-    assert bench.commands() == [*GO, wire.STOP]
 
 
 def test_a_stop_is_sent_before_all_else_and_nothing_resumes_after_it(bench: Bench) -> None:
@@ -140,18 +92,6 @@ def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(bench: Bench, 
     bench.swallow = lambda _: False
     move(bench.session, 0.02, None, 10.0)
     bench.run(0.1)
-    assert not bench.session.command_lost
-
-
-def test_A6_a_command_that_a_newer_one_replaced_is_not_repeated(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    set_force(bench.session, 20.0)
-    bench.run(0.01)
-    bench.swallow = lambda _: False
-    bench.run(ANSWER_NS * 1e-9)
-    assert [wire.parse_number(packet.payload) for packet in bench.sent if packet.id == wire.SET_FORCE] == [20.0, 40.0]
     assert not bench.session.command_lost
 
 

@@ -66,13 +66,6 @@ def test_a_move_sets_the_force_before_it_goes_and_reads_it_back(bench: Bench) ->
     assert (bench.last.width_m, bench.last.object, bench.last.echo_ok) == (pytest.approx(0.02), "none", True)
 
 
-@pytest.mark.parametrize(("requested", "sent"), [(0.1, 2.5), (39.0, 39.0), (60.0, 40.0), (7.1, wire.at_most(14.2) / 2)])
-def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, requested: float, sent: float) -> None:
-    assert move(bench.session, 0.02, None, requested) == sent
-    bench.run(0.1)
-    assert bench.gripper.limit == 2 * sent
-
-
 def test_forces_above_the_nominal_one_need_the_option_and_the_command() -> None:
     bench = Bench(Session(overdrive=True)).start()
     assert (bench.session.force_range_n, bench.session.state) == ((2.5, 60.0), "active (overdrive)")
@@ -202,23 +195,6 @@ def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
     bench.run(0.1)
     assert bench.session.state == "active (temperature_warning, script_running)"
     assert bench.last.fault == ""
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_N2_a_force_that_is_not_finite_is_refused(bench: Bench, value: float) -> None:
-    for ask in (lambda: move(bench.session, 0.0, None, value), lambda: set_force(bench.session, value)):
-        with pytest.raises(ValueError, match="must be finite"):
-            ask()
-
-
-@pytest.mark.parametrize("value", [-0.001, 0.5, math.nan])
-def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(bench: Bench, value: float) -> None:
-    with pytest.raises(ValueError, match=r"the width must be from 0 to 0\.11 m, got"):
-        move(bench.session, value, None, 5.0)
-    with pytest.raises(ValueError, match=r"the speed must be from 0\.005 to 0\.42 m/s, got"):
-        move(bench.session, 0.05, value, 5.0)
-    bench.run(0.1)
-    assert bench.commands() == []
 
 
 @pytest.mark.parametrize("period", [4, 201, 20.0])

@@ -1,0 +1,121 @@
+"""The same scripts of permits for every gripper: what is then on the wire, and whether a command counts as lost."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from gripper_talk import REACH, Talk
+from permits import forget
+from walk_peers import PEERS
+
+from slipd.types.permit import Permit
+
+SCRIPTS = {
+    "a force after a waiting move is sent with the move": ("move 8, force 12", "move 12"),
+    "a newer command replaces one that waits": ("move 8, force 9, move 10", "move 10"),
+    "a dropped move is not sent": ("move 8, drop", ""),
+    "a dropped move is not begun by a later force": ("move 8, drop, force 9", "force 9"),
+    "a stop is not dropped": ("move 8, run, halt, drop, run", "move 8, stop"),
+    "a force after a stop resumes nothing": ("move 8, run, halt, run, force 9", "move 8, stop, force 9"),
+    "an unanswered command is repeated twice and then lost": ("deaf, force 8, wait", "force 8, force 8, force 8, lost"),
+    "a command that was sent is not repeated after a drop": ("deaf, force 8, send, drop, wait", "force 8, lost"),
+    "a newer force replaces an unanswered one": ("deaf, force 8, send, force 9, hear", "force 8, force 9"),
+    "a refused command is lost and not repeated": ("refuse, force 8, wait", "force 8, lost"),
+    "a command after a lost one is sent": ("refuse, force 8, wait, hear, force 9", "force 8, force 9"),
+    "a lost command is forgotten once acknowledged": ("refuse, force 8, wait, hear, acknowledge", "force 8"),
+    "nothing is sent to a gripper that is closed": ("move 8, stop", ""),
+    "no motion is accepted during an activation": ("activate, force 8, move 8, run, wait", "activate"),
+}
+
+
+class Script(Talk):
+    """A gripper that is ready, and the commands that it gets."""
+
+    def __init__(self, device: str) -> None:
+        ready = REACH[device]("active")
+        self.__dict__ |= vars(ready)
+        self.commands.clear()
+        self.refuses = False
+
+    def exchange(self, data: bytes) -> None:
+        if self.refuses and (commands := self.peer.commands(data)):
+            self.commands += commands
+            for answer in self.peer.refuse(data):
+                self.session.receive(answer, self.now_ns)
+        else:
+            super().exchange(data)
+
+    def play(self, script: str) -> str:
+        for word, *numbers in (step.split() for step in script.split(", ")):
+            if word in ("move", "force"):
+                kind: Any = "set_force" if word == "force" else "move"
+                permit = Permit(kind, 0.02 if word == "move" else None, force_n=float(numbers[0]))
+                self.session.execute(permit, self.now_ns)
+            elif word in ("halt", "activate"):
+                self.session.execute(Permit(word), self.now_ns)  # type: ignore[arg-type]
+            elif word in ("deaf", "hear", "refuse"):
+                self.deaf, self.refuses = word == "deaf", word == "refuse"
+            elif word == "send":
+                self.write()
+            elif word in ("drop", "stop", "acknowledge"):
+                getattr(self.session, word)()
+            else:
+                self.run({"run": 40, "wait": 900}[word])
+        return self.run(250).sent()
+
+    def sent(self) -> str:
+        """Return what was sent: a move of a gripper with a force limit of its own is one command."""
+        found: list[str] = []
+        for command in self.commands:
+            force = f" {command.force_n:.0f}" if command.force_n is not None else ""
+            if command.kind == "move" and not force and found:
+                force = found.pop().removeprefix("force")
+            if command.kind != "other" and [command.kind] != found[-1:]:  # a Robotiq is activated by two writes
+                found.append(command.kind + force)
+        return ", ".join(found + ["lost"] * self.session.command_lost)
+
+
+@pytest.mark.parametrize("device", PEERS)
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_A6_a_script_of_permits_gives_the_same_commands_on_every_gripper(name: str, device: str) -> None:
+    script, expected = SCRIPTS[name]
+    assert Script(device).play(script) == expected
+
+
+@pytest.mark.parametrize("device", PEERS)
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), -0.001, 0.9])
+def test_N2_a_number_that_no_gripper_has_is_refused_and_nothing_is_sent(device: str, wrong: float) -> None:
+    script = Script(device)
+    permits = [Permit("move", wrong, None, 5.0), Permit("move", 0.02, wrong, 5.0)]
+    if not math.isfinite(wrong):
+        permits += [Permit("set_force", force_n=wrong), Permit("move", 0.02, None, wrong)]
+    for permit in permits:
+        with pytest.raises(ValueError, match="must be"):
+            script.session.execute(permit, script.now_ns)
+    assert script.play("run") == ""
+
+
+@pytest.mark.parametrize("device", PEERS)
+def test_no_more_force_is_sent_than_requested_except_the_smallest(device: str) -> None:
+    script = Script(device)
+    least, most = script.session.force_range_n
+    for requested, sent in ((least / 2, least), (most * 2, most), (least + 1.0, least + 1.0)):
+        assert script.session.execute(Permit("set_force", force_n=requested), script.now_ns)
+        assert script.session.force_sent_n == script.session.applied_n(sent) <= max(requested, least)
+
+
+@pytest.mark.parametrize("how", ["halt", "drop"])
+@pytest.mark.parametrize("device", PEERS)
+def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(device: str, how: str) -> None:
+    script = Script(device)
+    script.play("force 10")
+    script.deaf = True
+    session = script.session
+    session.execute(Permit("set_force", force_n=12.0), script.now_ns)
+    script.run(10)  # it is sent, and not answered
+    session.execute(Permit("move", 0.0, force_n=15.0), script.now_ns)
+    assert (session.force_sent_n, forget(session, how)) == (session.applied_n(15.0), True)
+    assert session.force_sent_n == session.applied_n(12.0)
+    assert session.drop() is False
