@@ -91,13 +91,16 @@ def _random(options: argparse.Namespace) -> Iterator[Outcome]:
 def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
     """Try every mutant of a number on the wire."""
     sound: set[tuple[str, ...]] = set()
-    for device, name, mutation in wire_draw(devices):
+    for devices_of_it, name, mutation in wire_draw(devices):
         path = PROJECT / name
         source = path.read_text(encoding="utf-8")
         mutant = mutate(source, mutation, wire_changes)
         tests = PROJECT / ROOMS["devices"][1]
-        own = [str(tests / device)] if (tests / device).is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))]
-        groups = [own, [str(tests / "shared")] if "shared" in name else [], [f"{tests}/{EVERY_DECODER}", "-k", device]]
+        groups = [[str(tests / "shared")]] if "shared" in name else []
+        for device in devices_of_it.split():
+            folder = tests / device
+            groups.append([str(folder)] if folder.is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))])
+            groups.append([f"{tests}/{EVERY_DECODER}", "-k", device])
         for group in filter(None, groups):
             if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, int(LIMIT_S)):
                 raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
@@ -118,18 +121,17 @@ def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mu
 
 
 def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
-    """Yield (device, path, mutation) of every number on the wire of these devices, of all where none is named."""
+    """Yield (devices, path, mutation) of every number on the wire of these devices, of all where none is named."""
     room = PROJECT / ROOMS["devices"][0]
     shared = [room / "shared" / name for name in SHARED]
-    seen = set()
+    users: dict[tuple[Path, Mutation], list[str]] = {}
     for place in sorted(room.iterdir()):
         name = place.stem
-        if name in ("shared", "__init__", "__pycache__") or (devices and name not in devices):
-            continue
-        for path, mutation in wire_mutations(([place] if place.is_file() else [*place.glob("*.py")]) + shared):
-            if (key := (path, mutation)) not in seen:
-                seen.add(key)
-                yield name, path.relative_to(PROJECT).as_posix(), mutation
+        if name not in ("shared", "__init__", "__pycache__") and (not devices or name in devices):
+            for key in wire_mutations(([place] if place.is_file() else [*place.glob("*.py")]) + shared):
+                users.setdefault(key, []).append(name)
+    for (path, mutation), names in users.items():
+        yield " ".join(names), path.relative_to(PROJECT).as_posix(), mutation
 
 
 def _tests(room: str, path: str) -> list[list[str]]:

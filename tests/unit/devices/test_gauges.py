@@ -93,7 +93,7 @@ def test_N3_a_singular_matrix_is_refused(matrix: list[list[float]]) -> None:
         MATRIX.ravel().tolist(),
         [[float("nan")] * 6] * 6,
         [[float("inf")] * 6] * 6,
-        (1e7 * np.eye(6)).tolist(),
+        (1.01e6 * np.eye(6)).tolist(),
         [["a"] * 6] * 6,
     ],
 )
@@ -102,10 +102,20 @@ def test_a_matrix_of_another_shape_or_with_impossible_entries_is_refused(matrix:
         gauges.Decoder(matrix)
 
 
-@pytest.mark.parametrize("offset", [[1.0] * 5, [float("nan")] * 6, 3.0, [1e10] * 6])
+@pytest.mark.parametrize("offset", [[1.0] * 5, [float("nan")] * 6, 3.0, [2.0**32 + 1] * 6])
 def test_an_impossible_offset_is_refused(offset: Any) -> None:
     with pytest.raises(ValueError, match="offset must be 6 finite numbers"):
         gauges.Decoder(offset=offset)
+
+
+def test_the_largest_matrix_and_offset_are_accepted() -> None:
+    gauges.Decoder((1e6 * np.eye(6)).tolist(), offset=[2.0**32] * 6)
+    nearly_singular = np.eye(6)
+    nearly_singular[1, :2] = 1.0, 2.3e-6  # an angle between two rows that gives a condition of 0.87 million
+    gauges.Decoder(nearly_singular.tolist())
+    nearly_singular[1, 1] = 1.7e-6  # 1.18 million
+    with pytest.raises(ValueError, match="must not be"):
+        gauges.Decoder(nearly_singular.tolist())
 
 
 @given(st.lists(st.integers(-(1 << 31), (1 << 31) - 1), min_size=6, max_size=6), st.floats(-1e6, 1e6))

@@ -52,6 +52,13 @@ def test_worked_frame_is_written() -> None:
     assert bota.encode_frame((600, *force[1:]), torque, 124_706, temperature_c=31.5, status=2) == OVERLOAD
 
 
+@pytest.mark.parametrize("status", [0, 1, 2, 4, 8, 15])
+def test_out_of_sync_a_frame_with_known_status_bits_is_accepted_and_rubout_is_no_text(status: int) -> None:
+    decoder = bota.Decoder()
+    (sample,) = decoder.receive(b"\x7f" + bota.encode_frame((1, 2, 3), (4, 5, 6), 7, status=status), 0)
+    assert (len(sample.status), decoder.health.bad_bytes) == (status.bit_count(), 1)
+
+
 def test_worked_overload_is_named() -> None:
     (sample,) = bota.Decoder().receive(OVERLOAD, 0)
     assert sample.force_n[0] == 600

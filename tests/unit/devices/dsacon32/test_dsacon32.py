@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices import dsacon32
-from slipd.devices.dsacon32 import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared import weiss_tactile
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE
@@ -181,7 +180,7 @@ def test_more_cells_than_any_controller_has_are_rejected() -> None:
 
 
 def test_D1_boot_text_is_no_damage() -> None:
-    seen, decoder = decode(BOOT_TEXT * 3, PLAIN, BOOT_TEXT)
+    seen, decoder = decode(b"\x1b[5n" * 3, PLAIN, b"\x1b[5n")
     assert seen == [1000]
     assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
 

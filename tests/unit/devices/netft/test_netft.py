@@ -126,10 +126,16 @@ def test_D3_gap_duplicate_and_restart_are_distinguished() -> None:
     assert decoder.health == DecoderHealth(good=8, lost=2, duplicates=1, restarts=1)
 
 
-@pytest.mark.parametrize("value", [-1, float("nan"), float("inf")])
+def test_F2_a_gauge_out_of_range_explains_the_error_bit() -> None:
+    (sample,) = netft.Decoder().receive(record(1, 1 << 31 | 1 << 27), 0)
+    assert sample.status == ("gauge_range", "overload", "error")
+
+
+@pytest.mark.parametrize("value", [-1, 0.99, 1.01e6, float("nan"), float("inf")])
 def test_an_impossible_rate_is_refused(value: float) -> None:
     with pytest.raises(ValueError, match="internal_hz"):
         netft.Decoder(internal_hz=value)
+    assert [netft.Decoder(internal_hz=hz).health.bad for hz in (1.0, 1e6)] == [0, 0]
 
 
 def test_the_inquiry_follows_the_options() -> None:
