@@ -156,6 +156,11 @@ def test_D3_another_rate_changes_the_step_at_the_cost_of_a_reading() -> None:
     assert (decoder.health.good, decoder.health.duplicates) == (128, 1)
 
 
+def test_a_sensitivity_report_is_unsigned() -> None:
+    nominal, counts = bytes.fromhex("00C8 00C8 00C8 2710 2710 2710 00C8"), bytes.fromhex("9C40" * 7)
+    assert frames.parse_report(nominal, counts) == [200.0] * 3 + [4000.0] * 3
+
+
 def test_an_untrusted_counter_is_not_used() -> None:
     decoder = optoforce.Decoder(counted=False)
     decoder.forget()

@@ -76,6 +76,13 @@ def test_the_commands_are_read_as_they_were_written() -> None:
     assert wire.parse_serial(read(wire.encode_system(123456))[0].data) == 123456
 
 
+def test_limits_and_serial_number_are_little_endian() -> None:
+    """Bytes from the field tables of the public drivers, not from a gripper."""
+    limits = "0000DC42 0000A040 0000D243 0000C842 00409C45 0000A040 0000A042 0000F042"
+    assert wire.parse_limits(bytes.fromhex(limits)) == (110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
+    assert wire.parse_serial(bytes.fromhex("01 00 34 12 78 56 34 92")) == 0x92345678
+
+
 @pytest.mark.parametrize("status", range(1, 31))
 def test_every_status_has_a_word_and_comes_without_data(status: int) -> None:
     assert not weiss.status_word(status).startswith("status")
