@@ -1,15 +1,24 @@
+"""Trials become recordings of live runs, with the zero of the pads from rows in which the fingers are open."""
+
+from __future__ import annotations
+
 import shutil
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from project import TRIAL
+from grip_trials import ZERO, write_trial
+from project import CONFIG, TRIAL
 
+from slipd import config
 from slipd.devices.xela import Decoder
 from slipd.errors import ConfigError, RecordingError, SlipdError
 from slipd.events import Bytes, LinkUp, Tick
 from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
 from slipd.tools.recordings.grips_import import import_trial
 
 LAST_NS = 5_751_000_000
@@ -19,19 +28,6 @@ LAST_NS = 5_751_000_000
 def trial(tmp_path: Path) -> Path:
     """A copy of the trial, to be damaged."""
     return Path(shutil.copytree(TRIAL, tmp_path / "trial"))
-
-
-@pytest.fixture
-def refused(trial: Path, tmp_path: Path, two_pads: str) -> Callable[[str], None]:
-    """Check that the import of the damaged trial is refused with this text and leaves no file."""
-
-    def refused(text: str) -> None:
-        with pytest.raises(RecordingError) as caught:
-            import_trial(trial, tmp_path / "out.mcap", two_pads)
-        assert str(caught.value) == str(trial / text)
-        assert list(tmp_path.iterdir()) == [trial]
-
-    return refused
 
 
 def spoil(path: Path, line: int, column: int, cell: str) -> None:
@@ -86,66 +82,51 @@ def test_other_columns_and_their_order_do_not_matter(trial: Path, tmp_path: Path
     assert list(whole.entries()) == list(reduced.entries())
 
 
-@pytest.mark.parametrize("name", ["xela_sensor1.csv", "xela_sensor2.csv", "robot_state.csv"])
-def test_a_missing_file_is_named(trial: Path, refused: Callable[[str], None], name: str) -> None:
-    (trial / name).unlink()
-    refused(f"{name}: cannot be read: No such file or directory")
+def replaced(line: int, column: int, cell: str) -> Callable[[Path], object]:
+    return lambda path: spoil(path, line, column, cell)
 
 
-@pytest.mark.parametrize(
-    ("cell", "text"),
-    [
-        ("16305.5", "an integer from 0 to 65535, got '16305.5'"),
-        ("-1", "an integer from 0 to 65535, got '-1'"),
-        ("65536.0", "an integer from 0 to 65535, got '65536.0'"),
-        ("high", "a finite number, got 'high'"),
-        ("nan", "a finite number, got 'nan'"),
-        ("1e999", "a finite number, got '1e999'"),
-        ("", "a finite number, got ''"),
+def cut(characters: int, lines: int = 0) -> Callable[[Path], object]:
+    def damage(path: Path) -> None:
+        text = path.read_text()[: -characters or None]
+        path.write_text("\n".join(text.splitlines()[: -lines or None]))
+
+    return damage
+
+
+COUNT, NUMBER = "txl2_y must be an integer from 0 to 65535", "txl2_y must be a finite number"
+DAMAGES: list[tuple[str, Callable[[Path], object], str]] = [
+    ("xela_sensor1.csv", Path.unlink, ": cannot be read: No such file or directory"),
+    ("xela_sensor2.csv", Path.unlink, ": cannot be read: No such file or directory"),
+    ("robot_state.csv", Path.unlink, ": cannot be read: No such file or directory"),
+    *[("xela_sensor2.csv", replaced(17, 4, cell), f":17: {COUNT}, got {cell!r}") for cell in ("1.5", "-1", "65536.0")],
+    *[
+        ("xela_sensor2.csv", replaced(17, 4, cell), f":17: {NUMBER}, got {cell!r}")
+        for cell in ("high", "nan", "1e999", "")
     ],
-)
-def test_an_invalid_count_is_reported_with_file_and_line(
-    trial: Path, refused: Callable[[str], None], cell: str, text: str
+    ("xela_sensor1.csv", replaced(1, 5, "txl2_w"), ":1: must have one column 'txl2_z', got 0"),
+    ("xela_sensor1.csv", replaced(1, 4, "txl2_x"), ":1: must have one column 'txl2_x', got 2"),
+    ("xela_sensor1.csv", cut(30), ":286: must have 48 cells, as the header, got 45"),
+    ("xela_sensor2.csv", cut(0, lines=2), ": must have as many rows as robot_state.csv, 285, got 283"),
+    ("robot_state.csv", replaced(50, 0, "0.001"), ":50: time must not decrease, got '0.001'"),
+    ("robot_state.csv", replaced(50, 0, "soon"), ":50: time must be a finite number, got 'soon'"),
+    (
+        "robot_state.csv",
+        replaced(50, 0, "4751"),
+        ":50: time must be in seconds, within an hour of the first row, got '4751'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "damage", "error"), DAMAGES, ids=[f"{name}{error}" for name, _, error in DAMAGES])
+def test_a_damaged_trial_is_refused_with_file_line_and_rule(
+    trial: Path, tmp_path: Path, two_pads: str, name: str, damage: Callable[[Path], object], error: str
 ) -> None:
-    spoil(trial / "xela_sensor2.csv", 17, 4, cell)
-    refused(f"xela_sensor2.csv:17: txl2_y must be {text}")
-
-
-def test_a_missing_column_is_named(trial: Path, refused: Callable[[str], None]) -> None:
-    spoil(trial / "xela_sensor1.csv", 1, 5, "txl2_w")
-    refused("xela_sensor1.csv:1: must have one column 'txl2_z', got 0")
-
-
-def test_a_duplicate_column_is_named(trial: Path, refused: Callable[[str], None]) -> None:
-    spoil(trial / "xela_sensor1.csv", 1, 4, "txl2_x")
-    refused("xela_sensor1.csv:1: must have one column 'txl2_x', got 2")
-
-
-def test_a_truncated_row_is_reported_with_file_and_line(trial: Path, refused: Callable[[str], None]) -> None:
-    whole = (trial / "xela_sensor1.csv").read_text()
-    (trial / "xela_sensor1.csv").write_text(whole[:-30])
-    refused("xela_sensor1.csv:286: must have 48 cells, as the header, got 45")
-
-
-def test_a_pad_with_another_number_of_rows_than_times_is_refused(trial: Path, refused: Callable[[str], None]) -> None:
-    rows = (trial / "xela_sensor2.csv").read_text().splitlines()
-    (trial / "xela_sensor2.csv").write_text("\n".join(rows[:-2]))
-    refused("xela_sensor2.csv: must have as many rows as robot_state.csv, 285, got 283")
-
-
-@pytest.mark.parametrize(
-    ("cell", "text"),
-    [
-        ("0.001", "must not decrease, got '0.001'"),
-        ("4751", "must be in seconds, within an hour of the first row, got '4751'"),
-        ("soon", "must be a finite number, got 'soon'"),
-    ],
-)
-def test_an_invalid_time_is_reported_with_file_and_line(
-    trial: Path, refused: Callable[[str], None], cell: str, text: str
-) -> None:
-    spoil(trial / "robot_state.csv", 50, 0, cell)
-    refused(f"robot_state.csv:50: time {text}")
+    damage(trial / name)
+    with pytest.raises(RecordingError) as caught:
+        import_trial(trial, tmp_path / "out.mcap", two_pads)
+    assert str(caught.value) == f"{trial / name}{error}"
+    assert list(tmp_path.iterdir()) == [trial]
 
 
 @pytest.mark.parametrize("data", [b"", b"time\n"])
@@ -199,3 +180,88 @@ def test_a_disk_failure_leaves_no_file(tmp_path: Path, two_pads: str, monkeypatc
     with pytest.raises(SlipdError, match="cannot be written: No space left"):
         import_trial(TRIAL, tmp_path / "out.mcap", two_pads)
     assert list(tmp_path.iterdir()) == []
+
+
+SHIPPED = (CONFIG / "grips.toml").read_text(encoding="utf-8")
+OPEN = 40
+
+
+def grasp(open_rows: int, held: float = 20_000.0, after: float = 20_000.0) -> np.ndarray[Any, Any]:
+    """Normal load of each row: open, closing for 5 rows, held, and half a second more with another load."""
+    return np.concatenate([np.zeros(open_rows), np.linspace(0.0, held, 5), np.full(40, held), np.full(20, after)])
+
+
+def imported(tmp_path: Path, normal: np.ndarray[Any, Any], rows: int | None, text: str = SHIPPED) -> Path:
+    out = tmp_path / "out.mcap"
+    write_trial(tmp_path / "trial", normal, 0.1 * normal)
+    import_trial(tmp_path / "trial", out, text, rows)
+    return out
+
+
+def test_the_zero_is_the_mean_of_the_first_rows(tmp_path: Path) -> None:
+    text = open_recording(imported(tmp_path, grasp(OPEN), OPEN)).config_text
+    for name, sensor in (("left", "1"), ("right", "2")):
+        counts = np.loadtxt(tmp_path / "trial" / f"xela_sensor{sensor}.csv", delimiter=",", skiprows=1)
+        np.testing.assert_allclose(config.parse(text, "").finger[name].pad.tare, counts[:OPEN].mean(axis=0), atol=0.051)
+
+
+def test_nothing_else_of_the_config_changes(tmp_path: Path) -> None:
+    text = open_recording(imported(tmp_path, grasp(OPEN), OPEN)).config_text
+    trees = [tomllib.loads(one) for one in (SHIPPED, text)]
+    for tree in trees:
+        for finger in tree["finger"].values():
+            assert len(finger["pad"].pop("tare")) == 48
+    assert trees[0] == trees[1]
+    assert "No other trial shows the pads unloaded" not in text, "the comment was about the old values"
+
+
+def test_the_replay_needs_nothing_else(tmp_path: Path) -> None:
+    """With the tare of the shipped config, which is of other pads, the open fingers read loads."""
+    (tmp_path / "other").mkdir()
+    other, tared = imported(tmp_path / "other", grasp(OPEN), None), imported(tmp_path, grasp(OPEN), OPEN)
+    found = {
+        out: [body for topic, body in replay(open_recording(out)) if topic == "slip.left"] for out in (other, tared)
+    }
+    assert found[other][5]["level"] != "no_contact"
+    assert found[tared][5]["level"] == "no_contact"
+    held = [body["normal_n"] for body in found[tared] if body["level"] == "stable"]
+    assert np.median(held) == pytest.approx(20_000.0, rel=0.01)
+
+
+HELD = np.concatenate([np.full(OPEN, 20_000.0), np.zeros(30)])
+AT_REST = r"finger left, sensor 1: must be at rest in the first \d+ rows, within 250 of their mean"
+
+
+@pytest.mark.parametrize(
+    ("normal", "rows", "text", "error"),
+    [
+        *[
+            (grasp(OPEN), rows, SHIPPED, rf"trial: tare-rows must be from 5 to 105, .*, got {rows}")
+            for rows in (-1, 4, 106)
+        ],
+        *[(grasp(OPEN), rows, SHIPPED, AT_REST) for rows in (OPEN + 2, OPEN + 5, 105)],
+        (HELD, OPEN, SHIPPED, r"must be unloaded .* a pull of 2\.00\d?e\+04 in row \d+: it was pressed at first"),
+        (grasp(OPEN), OPEN, SHIPPED.replace("[1.0, 1.0, -1.0]", "[1.0, 1.0, 1.0]"), "or axis_scale has a wrong sign"),
+    ],
+)
+def test_rows_that_do_not_show_the_zero_are_refused(
+    tmp_path: Path, normal: np.ndarray[Any, Any], rows: int, text: str, error: str
+) -> None:
+    with pytest.raises(RecordingError, match=error):
+        imported(tmp_path, normal, rows, text)
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_a_config_without_a_tare_gets_one(tmp_path: Path) -> None:
+    head, _, tail = SHIPPED.partition("tare = [")
+    text = head + tail[tail.index("\n]\n") + 3 :]
+    tared = open_recording(imported(tmp_path, grasp(OPEN), OPEN, text)).config_text
+    np.testing.assert_allclose(config.parse(tared, "").finger["left"].pad.tare, ZERO, atol=3.0)
+
+
+def test_a_pad_in_one_line_is_refused(tmp_path: Path, two_pads: str) -> None:
+    pads = tomllib.loads(two_pads.replace("0.001]", "-0.001]"))["finger"]
+    keys = {name: [f"{key} = {value!r}" for key, value in finger["pad"].items()] for name, finger in pads.items()}
+    lines = [f"[finger.{name}]\npad = {{{', '.join(pad)}}}" for name, pad in keys.items()]
+    with pytest.raises(RecordingError, match=r"must have a line \[finger\.left\.pad\], to set tare below it"):
+        imported(tmp_path, grasp(OPEN), OPEN, "\n".join(lines).replace("'", '"'))
