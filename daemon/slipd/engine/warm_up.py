@@ -21,6 +21,7 @@ from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
+from slipd.signals.force_image_agreement import Agreement
 from slipd.types.samples import TactileSample, WrenchSample
 
 
@@ -34,7 +35,8 @@ def warm_up() -> None:
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     relative_noise((0.1, 0.0), 0.001, (0.0, 0.0), (1.0, 0.0, 0.0), 0.02, 0.001)
     tipping_margin(x, y, centre)
-    contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
     move_to_pad(new_readings([(0.0,) * 6], [0.0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).conditions)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)

@@ -189,12 +189,12 @@ class Finger:
         t_ns, normal_n, summary = sample.t_ns if acquired_ns is None else acquired_ns, None, NO_SUMMARY
         before_ns = t_ns if image.t_ns is None else image.t_ns
         if check is not None:
-            normal_n = self.state.normal_n
+            normal_n = self._newest.normal_n
             free, agrees = self.level == PAD_FREE.level, not check.disagreement
             summary = check.history.take_summary(normal_n, free=free, agrees=agrees)
         image.update(sample, t_ns, summary, arrival)
         if check is not None:
-            check.update_image(t_ns, self._estimator.least_normal_n, known=normal_n is not None)
+            check.update_image(t_ns, self._estimator, known=normal_n is not None)
             if self.motion is not None:
                 self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = wrench_by_taxels(image, sample, t_ns) if self.force is None and image.three_axis else None

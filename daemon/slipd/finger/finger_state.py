@@ -27,7 +27,7 @@ from slipd.friction.learning import Z
 from slipd.fusion import Contact, Utilisation, grip_needed_n, torque_limit
 from slipd.fusion.levels import Assessment
 from slipd.fusion.load_noise import relative_noise
-from slipd.fusion.rows import FREE, LATE, PULLED, UNKNOWN, UNTRUSTED
+from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED
 from slipd.fusion.streaming import contact_at, reading_at
 from slipd.motion.evidence import evidence_names
 from slipd.types.finite import finite_or_none
@@ -191,6 +191,13 @@ class VerdictBatch:
         if state is None:
             state = self._states[k] = self._make_state(k)
         return state
+
+    @property
+    def normal_n(self) -> float | None:
+        """Normal force of the newest reading as in its `FingerState`, without the work of one."""
+        if self.phases[-1] not in (FREE, TOUCHING):
+            return None
+        return float(self.readings.rows["contact"]["normal_n"][-1])
 
     def force_reading(self, k: int) -> ForceReading:
         """Return the force of reading k, without the work of a whole state."""

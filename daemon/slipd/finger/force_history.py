@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from slipd.fusion.rows import FREE, TOUCHING, Rows
 
@@ -15,8 +15,7 @@ PAST_NS, PASTS = 1_000_000, 128
 """One reading in this time is kept, and so many in all: the longest scan of a pad takes a tenth of a second."""
 
 
-@dataclass(slots=True, frozen=True)
-class ForceSummary:
+class ForceSummary(NamedTuple):
     """Measurements of the finger's force sensor since the image before.
 
     Attributes:

@@ -6,6 +6,7 @@ import math
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
+from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.force_history import ForceHistory
 from slipd.finger.image_channel import ImageChannel
@@ -39,12 +40,12 @@ class ForceImageCheck:
         self._compared_ns = 0
         self.disagreement: tuple[str, ...] = ()
 
-    def update_image(self, t_ns: int, least_normal_n: float, *, known: bool) -> None:
+    def update_image(self, t_ns: int, estimator: ContactEstimator, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
 
         Args:
             t_ns: When the image was acquired.
-            least_normal_n: Least normal force that counts as contact, N.
+            estimator: Knows the least normal force that counts as contact.
             known: The newest force is known.
         """
         image = self._image
@@ -55,7 +56,7 @@ class ForceImageCheck:
             return
         self._compared_ns = t_ns
         uncertainty = self._force.uncertainty(t_ns)
-        contact = _contact(self.history.wrench_at(t_ns), uncertainty, least_normal_n)
+        contact = _contact(self.history.wrench_at(t_ns), uncertainty, estimator.least_normal_n)
         found = self._agreement.update(
             t_ns, contact, uncertainty.force_std_n + uncertainty.force_n, image.x, image.y, image.pressure
         )

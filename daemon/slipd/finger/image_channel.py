@@ -52,6 +52,8 @@ class ImageChannel:
         status: Conditions that the device reported with it.
         is_frozen: The images repeat while the force moves.
         reasons: Why the newest image cannot be used; empty where it can.
+        fresh_until_ns: Until when the newest image is fresh, if its line is read empty; -1 where there is none. See
+            `is_fresh`.
         is_independent: The newest image is usable, and not assumed to be free because the force sensor reads no
             contact.
     """
@@ -83,6 +85,7 @@ class ImageChannel:
         self.freshness = Freshness(stale_after_ns(pad))
         self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
+        self.fresh_until_ns = -1
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
         self.reasons = STALE
@@ -135,7 +138,9 @@ class ImageChannel:
         self.is_independent = self._usable and not assumed_free
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._usable else np.zeros_like(values)
         self.t_ns, self.status = t_ns, sample.status
-        self.freshness.update(sample.t_ns, t_ns, arrival)
+        freshness = self.freshness
+        freshness.update(sample.t_ns, t_ns, arrival)
+        self.fresh_until_ns = -1 if freshness.late else (freshness.came_ns or 0) + freshness.stale_ns
 
     def _find_reasons(self, sample: TactileSample, values: Array, *, possible: bool) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""
@@ -176,14 +181,6 @@ class ImageChannel:
         """Return whether there is an image that is not too old, nor was when it came; see `Freshness.is_stale`."""
         return self.t_ns is not None and not self.freshness.late and not self.freshness.is_stale(t_ns, unread_ns)
 
-    @property
-    def fresh_until_ns(self) -> int:
-        """Until when the newest image is fresh, if its line is read empty; -1 where there is none. See `is_fresh`."""
-        came_ns = self.freshness.came_ns
-        if self.t_ns is None or came_ns is None or self.freshness.late:
-            return -1
-        return came_ns + self.freshness.stale_ns
-
     def expire(self, t_ns: int, unread_ns: int | None) -> bool:
         """Mark the newest image as stale where it is too old; return True once for each image."""
         if self.t_ns is None or self.is_fresh(t_ns, unread_ns):
@@ -195,7 +192,7 @@ class ImageChannel:
     def forget(self) -> None:
         """Drop the newest image: the stream ended."""
         self._usable = self.is_independent = self._distributed = False
-        self.t_ns, self.reasons = None, STALE
+        self.t_ns, self.fresh_until_ns, self.reasons = None, -1, STALE
         if self._charge is not None:
             self._charge.forget()
 

@@ -118,11 +118,15 @@ class ImageShift:
     def _judge(self, fit: ImageFit, block: Block, path: ShiftPath) -> Evidence | None:
         """Return evidence where the path is one of motion along the load, or goes on with one that is known."""
         path.add(fit.shift_m)
-        by_turn = not math.isnan(block.load[4])
+        by_turn, known = not math.isnan(block.load[4]), self._motion.known
+        most = fit.shift_m[2:] if by_turn else fit.shift_m
+        if known is None and not float(most @ most) > LEAST_M**2:
+            self._beyond_before = False
+            return None
         shift = _slide(fit, self._images.growth_m(fit, path.reference, block), *block.tangential)
         if by_turn:
             shift[:2] = 0.0
-        known, squares = self._motion.known, float(shift @ shift)
+        squares = float(shift @ shift)
         pattern = _pattern_surprise(fit, shift)
         if known is not None:
             known_m = self._motion.shift_m(path)

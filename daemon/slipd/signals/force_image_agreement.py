@@ -23,8 +23,9 @@ import math
 import numpy as np
 
 from slipd.fusion import Contact
+from slipd.fusion.compiled import compiled
 from slipd.signals.pad import STEPS, neighbours
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, Indices
 
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""
@@ -59,7 +60,7 @@ class Agreement:
     """
 
     def __init__(self, rows: int, cols: int, pitch_m: float, least_n: float, gain_error: float | None = None) -> None:
-        self._sides = neighbours(rows, cols)[:, _SIDES]
+        self._sides = np.ascontiguousarray(neighbours(rows, cols)[:, _SIDES])
         self._pitch_m, self._least_n, self._gain_error = pitch_m, least_n, gain_error
         self._before: Contact | None = None
         self._since_ns: int | None = None
@@ -108,16 +109,14 @@ class Agreement:
     def _differences(
         self, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array
     ) -> tuple[str, ...]:
-        total = float(pressure.sum())
+        total, x_sum, y_sum, inner = _moments(x, y, pressure, self._sides)
         if not (contact.valid and math.isfinite(total)):
             return ()
         if total <= 0.0:
             return ("contact",) if contact.normal_n > CLEAR * self._least_n else ()
         before = self._before or contact
-        active = np.append(pressure > 0.0, False)  # the last one is beyond the border
-        inner = int(np.count_nonzero(active[:-1] & active[self._sides].all(axis=1)))
         found = []
-        away_m = math.hypot(float(pressure @ x) / total - contact.cx_m, float(pressure @ y) / total - contact.cy_m)
+        away_m = math.hypot(x_sum / total - contact.cx_m, y_sum / total - contact.cy_m)
         # since the last image, whose time is not quite this
         moved_m = math.hypot(contact.cx_m - before.cx_m, contact.cy_m - before.cy_m)
         pitches = INNER_PITCHES if inner else OUTER_PITCHES
@@ -130,3 +129,25 @@ class Agreement:
             if abs(total - contact.normal_n) > tolerance * max(total, contact.normal_n) + least:
                 found.append("force")
         return tuple(found)
+
+
+@compiled
+def _moments(x: Array, y: Array, pressure: Array, sides: Indices) -> tuple[float, float, float, int]:
+    """Return Σ p, Σ p x and Σ p y of an image, and its number of inner taxels.
+
+    Args:
+        x: Centres of the taxels, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        pressure: Readings, shape (n,); a taxel is active when positive.
+        sides: The four side neighbours of each, shape (n, 4); −1 beyond the border.
+    """
+    total, x_sum, y_sum, inner = 0.0, 0.0, 0.0, 0
+    for i in range(len(pressure)):
+        total += pressure[i]
+        x_sum += pressure[i] * x[i]
+        y_sum += pressure[i] * y[i]
+        within = pressure[i] > 0.0
+        for side in sides[i]:
+            within = within and side >= 0 and pressure[side] > 0.0
+        inner += int(within)
+    return total, x_sum, y_sum, inner

@@ -118,6 +118,7 @@ class Blocks:
 
     def _begin(self, values: Array, t_ns: int, shear: Array | None) -> None:
         self._images[:2] = values
+        self._sheared = shear is not None
         if shear is not None:
             self._shears[:2] = shear
         self._filled = 2
@@ -129,23 +130,27 @@ class Blocks:
     def _end_block(self, t_ns: int, pressure: Array | None) -> None:
         """Replace the oldest block by the statistics of the images since."""
         slot, images, shears = self.count % WINDOW, self._images[: self._filled], self._shears[: self._filled]
-        differs = (images[2:] != images[1:-1]).any(axis=1)
-        newest = np.concatenate(([0, 1], 2 + np.flatnonzero(differs)))
-        steps = np.diff(images[newest], axis=0)
-        step = steps[1:]
+        self.means[slot], self.least[slot] = images[2:].mean(axis=0), np.abs(images[2:]).min(axis=0)
+        self.pressures[slot] = self.means[slot] if pressure is None else np.where(np.isnan(pressure), 0.0, pressure)
+        new = np.ones(len(images), dtype=bool)
+        new[2:] = (images[2:] != images[1:-1]).any(axis=1)
+        newest = images[new]
+        steps = newest[1:] - newest[:-1]
+        step, bend = steps[1:], steps[1:] - steps[:-1]
         others = step.sum(axis=1, keepdims=True) - step
-        self.means[slot], self.shear[slot] = images[2:].mean(axis=0), shears[2:].mean(axis=0)
-        self.least[slot] = np.abs(images[2:]).min(axis=0)
-        self.pressures[slot] = self.means[slot] if pressure is None else np.nan_to_num(pressure)
-        self.squares[slot], self.rough[slot] = (step**2).sum(axis=0), (np.diff(steps, axis=0) ** 2).sum(axis=0)
-        self.shared[slot], self.rest[slot] = (step * others).sum(axis=0), (others**2).sum(axis=0)
-        self.shear_squares[slot] = (np.diff(shears[newest], axis=0)[1:] ** 2).sum(axis=(0, 2))
+        self.squares[slot], self.rough[slot] = (step * step).sum(axis=0), (bend * bend).sum(axis=0)
+        self.shared[slot], self.rest[slot] = (step * others).sum(axis=0), (others * others).sum(axis=0)
+        if self._sheared:
+            slid = shears[new]
+            slide = slid[2:] - slid[1:-1]
+            self.shear[slot], self.shear_squares[slot] = shears[2:].mean(axis=0), (slide * slide).sum(axis=(0, 2))
+            shears[:2] = slid[-2:]
         changed = step != 0.0
         self.changes[slot], self.new[slot] = changed.sum(axis=0), len(step)
         since = np.argmax(changed[::-1], axis=0) if len(step) else 0
         self.run = np.where(changed.any(axis=0), since, self.run + len(step))
         self.free[slot], self.steady[slot] = self._all_free, self._all_steady
-        images[:2], shears[:2] = images[newest[-2:]], shears[newest[-2:]]
+        images[:2] = newest[-2:]
         self.count += 1
         self._filled, self._block_ns = 2, t_ns
         self._all_free = self._all_steady = True

@@ -24,7 +24,8 @@ import numpy as np
 
 from slipd.signals.pad import STEPS, neighbours
 from slipd.signals.taxel_blocks import Blocks
-from slipd.types.arrays import Array, Indices, Mask
+from slipd.signals.taxel_surroundings import Surroundings
+from slipd.types.arrays import Array, Mask
 
 STILL = 0.15
 """A taxel that moves less than this fraction of its neighbours' mean is still; gains differ by far less."""
@@ -93,36 +94,6 @@ class Kind(IntEnum):
     SATURATED = 3
 
 
-class Surroundings:
-    """The trusted neighbours of each taxel.
-
-    Args:
-        around: Neighbours, shape (taxels, k), −1 beyond the border.
-        trusted: Neighbours that count, shape (taxels,).
-
-    Attributes:
-        count: How many each taxel has, shape (taxels,).
-    """
-
-    def __init__(self, around: Indices, trusted: Mask) -> None:
-        self._around, self._known = around, (around >= 0) & trusted[around]
-        self.count: Indices = self._known.sum(axis=1)
-
-    def values(self, values: Array | Mask, otherwise: float) -> Array:
-        """Return the neighbours' values, shape (…, taxels, k); ``otherwise`` for one that does not count."""
-        return np.where(self._known, values[..., self._around], otherwise)
-
-    def mean(self, values: Array) -> Array:
-        """Return the mean of the neighbours' values, shape (…, taxels); 0 without any."""
-        means: Array = self.values(values, 0.0).sum(axis=-1) / np.maximum(self.count, 1)
-        return means
-
-    def lowest(self, values: Array, rank: int | Indices, beyond: float) -> Array:
-        """Return the neighbours' value of a rank, 0 for the lowest; ``beyond``, above all, is one that is missing."""
-        ranks = np.broadcast_to(rank, self.count.shape)[:, None]
-        return np.take_along_axis(np.sort(self.values(values, beyond), axis=1), ranks, axis=1)[:, 0]
-
-
 class TaxelFaults:
     """The four tests on one pad, and what they have learned of the pad at rest.
 
@@ -146,14 +117,14 @@ class TaxelFaults:
         self._full = SATURATED * full_scale
         self._threshold, self._light_touch = threshold, light_touch
         taxels = rows * cols
-        self._around = around = neighbours(rows, cols)
-        self._all = self._near = Surroundings(around, np.ones(taxels, dtype=bool))
+        around = neighbours(rows, cols)
+        self._all, self._near = Surroundings(around), Surroundings(around)
         self._corner = self._all.count == 3
         row, col = np.divmod(np.arange(taxels), cols)
         inner_row, inner_col = (row > 0) & (row < rows - 1), (col > 0) & (col < cols - 1)
         self._directions = (
-            (False, inner_row, around[:, _OTHER_ROWS]),
-            (True, inner_col, around[:, _OTHER_COLS]),
+            (False, inner_row, Surroundings(around[:, _OTHER_ROWS])),
+            (True, inner_col, Surroundings(around[:, _OTHER_COLS])),
         )
         self._noise = self._shear_noise = self._spread = math.inf
         self._peak = 0.0
@@ -171,7 +142,8 @@ class TaxelFaults:
         Returns:
             Taxels that each test rates bad, and good; each of shape (4, taxels), first axis `Kind`.
         """
-        self._masked, self._near = masked, Surroundings(self._around, ~masked)
+        self._masked = masked
+        self._near.trust(~masked)
         jitter = self._blocks.jitter()
         floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
         self._noise = _lowest(self._noise, floor)
@@ -179,14 +151,18 @@ class TaxelFaults:
         mean = self._blocks.means[self._blocks.last(1)[0]]
         self._peak *= 1.0 - 1.0 / PEAK_TIMES
         self._peak = max(self._peak, float(np.where(masked, 0.0, mean).max()))
-        middle = max(float(np.median(mean)), 0.0)
-        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - np.median(mean)))))
+        middle = float(np.median(mean))
+        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - middle))))
         self._active = max(self._threshold, JITTER * self._noise)
         self._pressed = max(self._active, LOADED * self._spread)
         rest = max(HOT_THRESHOLDS * self._threshold, HOT * self._noise, HOT * self._spread)
         self.away = np.abs(mean) > rest
         full, _ = saturated = self._saturated()
-        tests = self._still(jitter), self._frozen(np.abs(mean) <= self._pressed), self._hot(jitter, rest, middle)
+        tests = (
+            self._still(jitter),
+            self._frozen(np.abs(mean) <= self._pressed),
+            self._hot(jitter, rest, max(middle, 0.0)),
+        )
         bad, well = zip(*((bad & ~full, well) for bad, well in tests), saturated, strict=True)
         return np.array(bad), np.array(well)
 
@@ -210,7 +186,7 @@ class TaxelFaults:
         rests = span <= np.maximum(self._threshold, ABOVE_NOISE * jitter)
         for down, inner, beside in self._directions:
             if self._lines(rests & inner, down=down).any():
-                moves, judged = surroundings(Surroundings(beside, ~self._masked))
+                moves, judged = surroundings(beside.trust(~self._masked))
                 still = judged & inner & (span <= STILL * moves) & ~sheared
                 bad |= self._lines(still | rests, down=down) & self._several(still, down=down)
             if self._masked.any():
@@ -253,7 +229,7 @@ class TaxelFaults:
         bad = frozen(self._near, 3)
         for down, _, beside in self._directions:
             if self._lines(self._blocks.run >= SHORTEST_RUN, down=down).any():
-                bad |= self._lines(frozen(Surroundings(beside, ~self._masked), 2), down=down)
+                bad |= self._lines(frozen(beside.trust(~self._masked), 2), down=down)
         return bad & (self.away | self._noisy_rest), rate >= 0.5 * CHANGING
 
     def _hot(self, jitter: Array, rest: float, middle: float) -> tuple[Mask, Mask]:
@@ -269,7 +245,7 @@ class TaxelFaults:
         return bad, ~bad & ((loaded >= 3) | ~self.away)
 
     def _jitters_alone(self, jitter: Array) -> Mask:
-        usual = self._near.lowest(jitter, self._near.count // 2, math.inf)  # the median
+        usual = self._near.lowest(jitter, self._near.count.astype(np.int64) // 2, math.inf)  # the median
         blocks = self._blocks.squares > 2 * self._active**2 * np.maximum(self._blocks.new, 1)[:, None]
         alone: Mask = (jitter > np.maximum(self._active, ALONE * usual)) & (blocks.sum(axis=0) >= JUMPY_BLOCKS)
         if not alone.any():
