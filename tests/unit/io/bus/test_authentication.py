@@ -146,14 +146,6 @@ async def test_each_key_is_admitted_only_where_it_is_listed(cell: Cell, connect:
                 assert (reply["id"], reply["error"]["code"]) == ("7", "read_only")
 
 
-async def test_a_client_that_trusts_another_daemon_does_not_talk_to_this_one(cell: Cell, connect: Connect) -> None:
-    keys = cell.client("robot", "requesters")
-    with ExitStack() as stack:
-        _, server = cell.serve(stack)
-        deceived = Keys(keys.public, keys.secret, zmq.curve_keypair()[0])
-        assert await ask(connect(zmq.DEALER, server.endpoint, deceived), "1", HANDSHAKE_S) is None
-
-
 async def test_Z5_the_name_that_a_client_chose_makes_it_nobody_else(cell: Cell, connect: Connect) -> None:
     victim, thief = cell.client("victim", "requesters"), cell.client("thief", "requesters")
     with ExitStack() as stack:

@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import socket
-import time
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
@@ -160,24 +159,6 @@ async def test_P2_a_stalled_stage_is_found_and_only_that(
     stall(daemon)
     await daemon.until_stalled(stage)
     assert await daemon.stalled() == {stage}
-
-
-async def test_a_link_without_readings_is_no_stall(daemon: Daemon) -> None:
-    check = daemon.stages["links"]
-    await asyncio.sleep(0.01)
-    assert [await check() for _ in range(3)] == [""] * 3
-
-
-async def test_P2_a_link_is_read_although_bytes_wait_at_every_look(daemon: Daemon) -> None:
-    connection = daemon.links._links["left.wrench"]._connection
-    assert connection is not None
-    for _ in range(3):
-        os.write(daemon.device, b"a reading")
-        until_s = time.monotonic() + PATIENCE_S
-        while not connection.unread() and time.monotonic() < until_s:  # no turn of the loop, which would read
-            pass
-        assert not await daemon.stages["links"]()
-        await asyncio.sleep(0.01)
 
 
 async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pytest.LogCaptureFixture) -> None:

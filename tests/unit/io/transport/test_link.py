@@ -152,28 +152,25 @@ async def test_any_exception_of_opening_or_closing_is_a_reason_and_does_not_end_
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_nothing_is_written_to_a_connection_that_is_being_closed() -> None:
-    written: list[bytes] = []
+async def test_a_write_reaches_an_open_connection_alone_and_a_refused_one_is_logged_once_a_spell(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    answers = [True, False, False, True, False]
 
-    class Recording(Connection):
+    class Busy(Connection):
         def write(self, data: bytes) -> bool:
-            written.append(data)
-            return True
+            return answers.pop(0)
 
         async def close(self) -> None:
             assert not link.write(b"too late")
 
-    steps = [b"", None]
-
-    async def open_next(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
-        if (step := steps.pop(0)) is None:
-            raise asyncio.CancelledError
-        return Recording(step, on_bytes)
-
-    link = Link(SPEC, open_next, lambda _: link.write(b"in time"))
+    link = Link(SPEC, opener([b""], Busy), lambda _: [link.write(b"command") for _ in answers[:]])
+    assert not link.write(b"too early")
     with pytest.raises(asyncio.CancelledError):
         await link.run()
-    assert written == [b"in time"]
+    assert (answers, link.refused_writes) == ([], 5)
+    line = "left.wrench (somewhere) does not read: a command was dropped"
+    assert [message for message in caplog.messages if "does not read" in message] == [line] * 2
 
 
 @pytest.mark.usefixtures("pauses")

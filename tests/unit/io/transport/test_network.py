@@ -60,18 +60,6 @@ async def test_a_reset_is_an_ordinary_loss(far: TcpDevice, serving: Serving, eve
     assert "reset" in downs(events)[0]
 
 
-async def test_a_device_that_is_not_there_is_reported_once_and_found_later(
-    serving: Serving, eventually: Eventually, quick: None, unused_tcp_port: int
-) -> None:
-    async with serving(LinkSpec("left.pad", "tcp", f"tcp://127.0.0.1:{unused_tcp_port}")) as (_, events):
-        await eventually(lambda: events)
-        await asyncio.sleep(0.05)
-        assert kinds(events) == [LinkDown]
-        assert "switch the device on" in downs(events)[0]
-        with socket.create_server(("127.0.0.1", unused_tcp_port)):
-            await eventually(lambda: kinds(events)[-1] is LinkUp)
-
-
 async def test_a_device_that_does_not_answer_is_reported(
     serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 import serial as pyserial
-from link_events import downs, received, ups
+from link_events import downs, ups
 
-from slipd.events import Bytes, HostNotice, LinkDown, LinkSpec, LinkUp
+from slipd.events import Bytes, HostNotice, LinkDown, LinkSpec
 from slipd.io.transport import serial_port
 from slipd.io.transport.serial_port import why_not_opened
 
@@ -85,25 +85,6 @@ def test_L7_a_reason_names_the_port_and_what_would_be_right(code: int, words: st
     reason = why_not_opened("/dev/ttyUSB7", pyserial.SerialException(code, os.strerror(code)))
     assert reason.startswith("/dev/ttyUSB7: ")
     assert words in reason
-
-
-async def test_a_dropped_command_is_logged_once_a_spell(
-    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture
-) -> None:
-    device.plug()
-    async with serving(spec) as (links, events):
-        await eventually(lambda: ups(events))
-        for _ in range(2):
-            left = 300_000
-            assert links.write("left.wrench", bytes(left))
-            assert not links.write("left.wrench", b"1")
-            assert not links.write("left.wrench", b"2")
-            while left:
-                left -= len(device.read())
-                await asyncio.sleep(0)
-    told = f"left.wrench ({device.path}) does not read: a command was dropped"
-    warned = [record for record in caplog.records if record.name.startswith("slipd") and record.levelname == "WARNING"]
-    assert [record.message for record in warned] == [told] * 2
 
 
 async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
@@ -192,39 +173,6 @@ async def test_a_port_whose_opening_was_given_up_is_closed(
     await asyncio.sleep(0)
     assert events == []
     pyserial.Serial(str(device.path), exclusive=True).close()
-
-
-async def test_L6_a_link_that_names_the_device_finds_it_on_another_path(
-    device: Device, other_device: Device, tmp_path: Path, serving: Serving, eventually: Eventually
-) -> None:
-    by_id = tmp_path / "usb-Maker_Device_1234-if00-port0"
-    device.plug()
-    by_id.symlink_to(device.path)
-    async with serving(LinkSpec("left.wrench", "serial", str(by_id), 115200)) as (_, events):
-        await eventually(lambda: ups(events) == 1)
-        by_id.unlink()
-        device.unplug()
-        await eventually(lambda: downs(events))
-        other_device.plug()
-        by_id.symlink_to(other_device.path)
-        await eventually(lambda: ups(events) == 2)
-        other_device.send(b"here now")
-        await eventually(lambda: received(events) == b"here now")
-    assert {event.identity for event in events if isinstance(event, LinkUp)} == {str(by_id)}
-
-
-async def test_L6_a_device_that_was_long_away_is_opened_without_waiting_for_the_pause(
-    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("slipd.io.transport.link.FIRST_DELAY_S", 1000.0)
-    monkeypatch.setattr("slipd.io.transport.link.MAX_DELAY_S", 1000.0)
-    async with serving(spec) as (_, events):
-        await eventually(lambda: downs(events))
-        for cycle in range(1, 4):
-            device.plug()
-            await eventually(lambda: ups(events) == cycle)  # noqa: B023
-            device.unplug()
-            await eventually(lambda: isinstance(events[-1], LinkDown))
 
 
 def test_L6_what_is_at_a_path_is_told_apart(device: Device, tmp_path: Path) -> None:
