@@ -122,7 +122,7 @@ async def test_G2_a_config_with_which_no_run_can_start_is_left_for_the_one_befor
         process.send_signal(signal.SIGHUP)
         manager.until(b"^RELOADING=1")
         manager.until(b"^READY=1$")
-        manager.until(b"^STATUS=.*the config read before is kept: .*nowhere/publish: cannot be bound")
+        manager.until(b"^STATUS=.*the config read before is kept: .*nowhere/publish: there is no directory")
         status = (await until(lambda: [body for body in client.hear("status") if body["notices"]]))[-1]
         assert status["config_id"] == config_id
         process.terminate()
@@ -149,7 +149,7 @@ async def test_G2_without_any_config_that_starts_the_daemon_ends_and_names_both_
     assert process.returncode == 1
     assert re.search(
         rf"\nslipd: {rig.file}: neither the changed config nor the one before can start"
-        r"\n  changed: .*nowhere/publish: cannot be bound.*\n  before: .*first/publish: cannot be bound.*\n$",
+        r"\n  changed: .*nowhere/publish: there is no directory.*\n  before: .*first/publish: there is no directory.*\n$",
         errors,
     ), errors
     assert "Traceback" not in errors
