@@ -149,7 +149,8 @@ async def test_G2_without_any_config_that_starts_the_daemon_ends_and_names_both_
     assert process.returncode == 1
     assert re.search(
         rf"\nslipd: {rig.file}: neither the changed config nor the one before can start"
-        r"\n  changed: .*nowhere/publish: there is no directory.*\n  before: .*first/publish: there is no directory.*\n$",
+        r"\n  changed: .*nowhere/publish: there is no directory.*"
+        r"\n  before: .*first/publish: there is no directory.*\n$",
         errors,
     ), errors
     assert "Traceback" not in errors

@@ -76,6 +76,15 @@ def test_a_good_config_is_not_warned_of() -> None:
             "finger.left.wrench.com_m",
             "0.5 m from the pad is far",
         ),
+        *(
+            (
+                "rate_hz = 800",
+                f"pad_from_sensor = {{ quat_xyzw = {quaternion} }}\nrate_hz = 800",
+                "finger.left.wrench.pad_from_sensor",
+                "in the order w, x, y, z it would be the identity: is its order x, y, z, w?",
+            )
+            for quaternion in ("[1.0, 0.0, 0.0, 0.0]", "[-1.0, 0.0, 0.0, 0.0]")
+        ),
         ("caution = 0.6", "caution = 0.6\nwarning = 0.99", "levels.warning", "0.99 leaves no time to act"),
         ("max_force_n = 25.0", "", "gripper", "no max_force_n: no request can move the gripper"),
         ("mu = 0.5", "", "finger.left", "no mu: it warns of nothing"),
