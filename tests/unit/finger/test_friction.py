@@ -69,6 +69,7 @@ def test_fall_that_counts_as_slip_follows_dynamic_friction(
 def test_static_friction_alone_keeps_the_fall_set_before(finger: Finger, wrench: Wrench, image: Image) -> None:
     finger.set_friction(0.5, 0.485)
     finger.set_friction(0.5, None)
+    assert finger.friction.drop == pytest.approx(0.5 * 0.03)
     assert levels(finger, wrench, image, FALLS[0.02])[-1] == "slipping"
 
 

@@ -8,6 +8,8 @@ import random
 import pytest
 from learning_hand import Hand, Q, carry, slip
 
+from slipd.friction.friction_estimate import MOST_OBJECTS
+
 pytestmark = pytest.mark.usefixtures("both_ways")
 
 
@@ -42,15 +44,19 @@ def test_the_next_grasp_of_an_object_may_show_otherwise(
         assert known.mu == pytest.approx(0.8 * math.exp(-1.645 * 0.05))
     state = hand.feel(second)
     assert (state.source, state.mu <= 0.5) == (source, True)
+    assert hand.let_go().mu <= 0.5, "and the one after that begins with it"
 
 
-def test_the_object_not_named_for_longest_is_forgotten_when_there_are_too_many(hand: Hand) -> None:
+@pytest.mark.parametrize(("others", "source"), [(MOST_OBJECTS - 1, "learned"), (MOST_OBJECTS, "config")])
+def test_the_object_not_named_for_longest_is_forgotten_when_there_are_too_many(
+    hand: Hand, others: int, source: str
+) -> None:
     hand.estimate.set_object("first")
     hand.feel(slip(0.4, 0.3))
-    for k in range(257):
+    for k in range(others):
         hand.estimate.set_object(f"object {k}")
     hand.estimate.set_object("first")
-    assert hand.estimate.state.source == "config"
+    assert hand.estimate.state.source == source
 
 
 def test_the_least_that_is_known_of_an_object_is_what_its_next_grasp_begins_with(hand: Hand) -> None:

@@ -60,6 +60,10 @@ Course = list[tuple[list[Q], dict[str, Any]]]
             {}, [(carry(0.6, 0.09), {}), (carry(0.6, STEP_S), {"phase": UNTRUSTED}), (carry(0.6, 0.09), {})],
             {"carried": None},
         ),
+        (
+            {}, [(carry(0.6, 0.09), {}), (carry(0.6, STEP_S), {"teaches": False}), (carry(0.6, 0.09), {})],
+            {"carried": None},
+        ),
         ({}, [(carry(0.6), {"raises": False})], {"mu": 0.5, "source": "config", "carried": 0.6}),
         ({}, [(carry(0.6), {"raises": False}), (slip(0.4, 0.3), {"raises": False})], {"source": "learned"}),
     ],
@@ -138,6 +142,9 @@ def test_the_end_of_the_contact_starts_anew(hand: Hand) -> None:
     fresh = hand.estimate.state
     hand.feel([*carry(0.6), *slip(0.4, 0.3)])
     assert hand.let_go() == fresh
+    hand.feel([*carry(0.6), *slip(0.4, 0.3)])
+    assert hand.let_go() == fresh
+    assert hand.feel(carry(0.6, 0.09)).carried is None, "one part of a dwell"
     hand.feel([*carry(0.6), *slip(0.4, 0.3)])
     hand.estimate.end_contact()
     assert hand.estimate.state == fresh
