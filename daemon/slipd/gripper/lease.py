@@ -1,6 +1,7 @@
 """The lease: which client may move the gripper, and until when. Its end moves nothing.
 
-A client that dies stops renewing its lease, which then ends within its own time, at most ``max_lease_ms``.
+A client that dies stops renewing its lease, which then ends within its own time, at most ``max_lease_ms`` (200 ms
+unless the config says otherwise).
 """
 
 from __future__ import annotations

@@ -168,7 +168,12 @@ class DeviceLink:
         pieces: list[bytes] = []
         try:
             if self._begin_again_ns is None:
-                self.due_ns = _collect(session, t_ns, pieces)
+                while (deadline := session.next_deadline()) is not None and deadline <= t_ns:
+                    if piece := session.on_time(t_ns):
+                        pieces.append(piece)
+                    elif session.next_deadline() == deadline:
+                        break
+                self.due_ns = NEVER_NS if deadline is None else deadline
                 return pieces
         except Exception as error:  # the state of a conversation comes from bytes of the device
             self._fail(error, t_ns)
@@ -186,17 +191,6 @@ class DeviceLink:
             return
         with suppress(Exception):
             cast("Decoder", self._decoder).forget()
-
-
-def _collect(session: Session, t_ns: int, pieces: list[bytes]) -> int:
-    """Append what a session writes at ``t_ns``, and return when more is due."""
-    while (deadline := session.next_deadline()) is not None and deadline <= t_ns:
-        piece = session.on_time(t_ns)
-        if piece:
-            pieces.append(piece)
-        elif session.next_deadline() == deadline:
-            return deadline
-    return NEVER_NS if deadline is None else deadline
 
 
 def make_links(config: Config, freshness: Mapping[str, Freshness] = {}) -> dict[str, DeviceLink]:

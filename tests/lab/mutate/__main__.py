@@ -30,8 +30,8 @@ from mutate.wire import SHARED, is_noticed, wire_changes, wire_mutations
 
 PROJECT = Path(__file__).parents[3]
 TRUNK = (
-    "devices", "signals", "fusion", "motion", "friction", "finger", "grasp", "gripper", "requests", "publish", "engine",
-    "config", "io/transport", "io/bus", "io/zmtp",
+    "devices", "signals", "fusion", "motion", "friction", "finger", "grasp", "links", "gripper", "requests", "publish",
+    "engine", "config", "io/transport", "io/bus", "io/zmtp",
 )  # fmt: skip
 ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for name in TRUNK} | {
     "client": ("clients/slipd_client", "tests/unit/client")
