@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from judging import ask, code
 
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.intent import IntentKind
 from slipd.types.permit import Permit
 from slipd.types.refusal import Refusal
 
 MS = 1_000_000
 T0 = 50_000_000_000
+LIMITS = GripLimits(min_n=3.0, max_n=25.0, step_n=2.0, raise_n_per_s=10.0, lower_n_per_s=2.0, budget_n=12.0)
 
 
 def change(policy: GripPolicy, force_n: float, t_ns: int) -> Refusal | None:
@@ -35,59 +38,22 @@ def refusal_of(found: Refusal | Permit | None) -> Refusal | None:
     return found if isinstance(found, Refusal) else None
 
 
-@pytest.mark.parametrize("force_n", [3.0, 10.0, 25.0])
-def test_a_force_within_the_limits_may_be_asked(policy: GripPolicy, force_n: float) -> None:
-    assert first(policy, force_n) is None
-
-
-@pytest.mark.parametrize("force_n", [2.999, -1.0, 0.0, -0.0, 25.001, 1e300])
-def test_A3_a_force_beyond_the_limits_is_refused_and_not_clamped(policy: GripPolicy, force_n: float) -> None:
-    refusal = first(policy, force_n)
-    assert refusal is not None
-    assert (refusal.code, refusal.field) == ("out_of_range", "force_n")
-    assert "3 to 25 N" in refusal.message
-
-
-@pytest.mark.parametrize("force_n", [math.nan, math.inf, -math.inf])
-def test_N2_a_force_that_is_no_number_is_refused(policy: GripPolicy, force_n: float) -> None:
+@given(force_n=st.floats())
+@example(force_n=3.0)
+@example(force_n=2.999)
+@example(force_n=25.0)
+@example(force_n=25.001)
+@example(force_n=math.nan)
+def test_A3_N2_only_finite_forces_between_the_limits_pass_and_none_is_clamped(force_n: float) -> None:
     """max(0, min(255, nan)) is 255 in Python: a comparison alone would let NaN grip with all there is."""
-    refusal = first(policy, force_n)
+    refusal = first(GripPolicy(LIMITS, 1000), force_n)
+    if 3.0 <= force_n <= 25.0:
+        assert refusal is None
+        return
     assert refusal is not None
-    assert (refusal.code, refusal.field) == ("not_finite", "force_n")
-
-
-@given(force_n=st.floats())
-def test_only_forces_between_the_limits_ever_pass(force_n: float) -> None:
-    passed = first(GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), 1000), force_n) is None
-    assert passed == (3.0 <= force_n <= 25.0)
-
-
-@given(force_n=st.floats())
-def test_without_a_limit_nothing_may_be_asked(force_n: float) -> None:
-    assert code(first(GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 1000), force_n)) == "no_limit"
-
-
-@pytest.mark.parametrize("force_n", [3.0, 25.0])
-def test_the_first_force_of_a_grasp_meets_the_limits_alone(policy: GripPolicy, force_n: float) -> None:
-    assert change(policy, force_n, T0) is None
-    assert code(change(policy, 25.1, T0)) == "out_of_range"
-    policy.record_force(force_n, T0)
-    assert (policy.force_n, policy.requested_n) == (force_n, force_n)
-
-
-@pytest.mark.parametrize("force_n", [12.0 + 1e-6, 8.0 - 1e-6, 3.0, 24.0])
-def test_A3_a_held_object_feels_no_more_than_a_step(policy: GripPolicy, force_n: float) -> None:
-    policy.record_force(10.0, T0)
-    refusal = change(policy, force_n, T0 + 10_000 * MS)
-    assert refusal is not None
-    assert (refusal.code, refusal.field) == ("out_of_range", "force_n")
-    assert policy.force_n == 10.0
-
-
-@pytest.mark.parametrize(("from_n", "force_n"), [(3.1, 5.1), (4.1, 6.1), (8.3, 10.3), (10.3, 8.3)])
-def test_a_whole_step_is_a_step_however_it_is_rounded(policy: GripPolicy, from_n: float, force_n: float) -> None:
-    policy.record_force(from_n, T0)
-    assert change(policy, force_n, T0) is None
+    assert (refusal.code, refusal.field) == ("out_of_range" if math.isfinite(force_n) else "not_finite", "force_n")
+    assert ("3 to 25 N" in refusal.message) == math.isfinite(force_n)
+    assert code(first(GripPolicy(replace(LIMITS, max_n=None), 1000), force_n)) == "no_limit"
 
 
 @pytest.mark.parametrize("force_n", [math.nan, math.inf, -math.inf])
@@ -117,34 +83,64 @@ def test_too_fast_names_the_time_after_which_the_request_is_granted(
     assert policy.force_n == now_n, "nothing moves later by itself"
 
 
-def test_raising_does_not_pay_for_lowering_nor_the_other_way(policy: GripPolicy) -> None:
-    policy.record_force(10.0, T0)
-    policy.record_force(12.0, T0)
-    assert change(policy, 10.0, T0) is None
-    policy.record_force(10.0, T0)
-    assert code(change(policy, 10.5, T0)) == "too_fast"
-    assert code(change(policy, 9.5, T0)) == "too_fast"
+CLIENT, REFLEX = "close", "reflex"
+UP = [(10.0, 0, CLIENT), (12.0, 0, CLIENT)]
+UP_AND_DOWN = [*UP, (10.0, 0, CLIENT)]
+BY_REFLEX = [(5.0, 0, CLIENT), (7.0, 0, REFLEX)]
 
 
-def test_to_ask_for_what_is_in_force_is_never_too_fast(policy: GripPolicy) -> None:
-    policy.record_force(10.0, T0)
-    policy.record_force(12.0, T0)
-    policy.record_force(10.0, T0)
-    assert change(policy, 10.0, T0) is None
-
-
-def test_long_rest_allows_one_step_and_not_two(policy: GripPolicy) -> None:
-    policy.record_force(10.0, T0)
-    policy.record_force(12.0, T0 + 3_600_000 * MS)
-    assert code(change(policy, 12.5, T0 + 3_600_000 * MS)) == "too_fast"
-
-
-def test_C4_an_earlier_time_allows_nothing_more(policy: GripPolicy) -> None:
-    policy.record_force(10.0, T0)
-    policy.record_force(12.0, T0)
-    assert code(change(policy, 14.0, T0 - 10_000 * MS)) == "too_fast"
-    assert code(change(policy, 14.0, T0 + 199 * MS)) == "too_fast"
-    assert change(policy, 14.0, T0 + 200 * MS) is None
+@pytest.mark.parametrize(
+    ("sent", "kind", "asked_n", "at_ms", "refused"),
+    [
+        # a held object feels no more than a step, however it is rounded
+        *(([(10.0, 0, CLIENT)], CLIENT, asked_n, 10_000, "out_of_range") for asked_n in (12 + 1e-6, 8 - 1e-6, 3, 24)),
+        *(([(n, 0, CLIENT)], CLIENT, to_n, 0, None) for n, to_n in ((3.1, 5.1), (4.1, 6.1), (8.3, 10.3), (10.3, 8.3))),
+        # raising does not pay for lowering, nor the other way; what is in force is never too fast
+        (UP, CLIENT, 10.0, 0, None),
+        (UP_AND_DOWN, CLIENT, 10.5, 0, "too_fast"),
+        (UP_AND_DOWN, CLIENT, 9.5, 0, "too_fast"),
+        (UP_AND_DOWN, CLIENT, 10.0, 0, None),
+        # a long rest allows one step and not two, an earlier time nothing more
+        ([(10.0, 0, CLIENT), (12.0, 3_600_000, CLIENT)], CLIENT, 12.5, 3_600_000, "too_fast"),
+        (UP, CLIENT, 14.0, -10_000, "too_fast"),
+        (UP, CLIENT, 14.0, 199, "too_fast"),
+        (UP, CLIENT, 14.0, 200, None),
+        # the reflex does nothing where nothing is gripped, and keeps what a client asked for; a client need not
+        ([], REFLEX, 5.0, 0, "not_ready"),
+        (BY_REFLEX, REFLEX, 5.0, 0, None),
+        (BY_REFLEX, REFLEX, 5.1, 0, None),
+        (BY_REFLEX, REFLEX, 4.9, 0, "out_of_range"),
+        (BY_REFLEX, CLIENT, 6.0, 0, None),
+        ([*BY_REFLEX, (6.0, 0, CLIENT)], REFLEX, 5.9, 0, "out_of_range"),
+        # it keeps step and rate, and shares them with the client
+        ([(5.0, 0, CLIENT)], REFLEX, 7.1, 0, "out_of_range"),
+        ([(5.0, 0, CLIENT), (7.0, 0, CLIENT)], REFLEX, 7.1, 0, "too_fast"),
+        ([(5.0, 0, CLIENT), (7.0, 0, CLIENT)], REFLEX, 7.1, 10, None),
+        ([(5.0, 0, CLIENT), (7.0, 0, CLIENT), (7.1, 10, REFLEX)], CLIENT, 7.2, 10, "too_fast"),
+        # what it overspends leaves no debt
+        ([(5.0, 0, CLIENT), (11.0, 0, REFLEX)], CLIENT, 12.0, 0, "too_fast"),
+        ([(5.0, 0, CLIENT), (11.0, 0, REFLEX)], CLIENT, 12.0, 100, None),
+        ([(5.0, 0, CLIENT), (11.0, 0, REFLEX)], CLIENT, 10.0, 0, None),
+        # what is left of its budget may be used up, and is its own
+        ([(5.0, 0, CLIENT), (15.5, 0, REFLEX)], REFLEX, 17.0, 1000, None),
+        ([(5.0, 0, CLIENT), (15.5, 0, REFLEX)], REFLEX, 17.01, 1000, "budget_spent"),
+        ([(5.0, 0, CLIENT), (15.5, 0, REFLEX)], CLIENT, 17.01, 1000, None),
+    ],
+)
+def test_A3_A9_C4_a_force_in_force_changes_within_step_rate_and_budget(
+    policy: GripPolicy,
+    sent: list[tuple[float, int, str]],
+    kind: IntentKind,
+    asked_n: float,
+    at_ms: int,
+    refused: str | None,
+) -> None:
+    for force_n, ms, by in sent:
+        policy.record_force(force_n, T0 + ms * MS, reflex=by == REFLEX)
+    before_n = policy.force_n
+    assert code(refusal_of(ask(policy, kind, asked_n, T0 + at_ms * MS))) == refused
+    assert policy.force_n == before_n, "asking changes nothing"
+    assert policy.requested_n == next((force_n for force_n, _, by in reversed(sent) if by == CLIENT), None)
 
 
 def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: GripPolicy) -> None:
@@ -182,16 +178,6 @@ def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
     assert policy.force_n is policy.requested_n is None
 
 
-def test_what_is_left_of_the_budget_may_be_used_up(policy: GripPolicy) -> None:
-    policy.record_force(5.0, T0)
-    policy.record_force(15.5, T0, reflex=True)
-    later = T0 + 1000 * MS
-    assert policy.reflex_most_n == 17.0
-    assert react(policy, 17.0, later) is None
-    assert code(react(policy, 17.01, later)) == "budget_spent"
-    assert change(policy, 17.01, later) is None, "the reflex has a budget of its own"
-
-
 def test_most_is_the_limit_where_the_budget_leaves_more_and_unknown_where_nothing_is_gripped(
     policy: GripPolicy,
 ) -> None:
@@ -201,46 +187,6 @@ def test_most_is_the_limit_where_the_budget_leaves_more_and_unknown_where_nothin
     unlimited = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 200)
     unlimited.record_force(5.0, T0)
     assert unlimited.reflex_most_n is None
-
-
-def test_the_reflex_may_do_nothing_where_nothing_is_gripped(policy: GripPolicy) -> None:
-    assert code(react(policy, 5.0)) == "not_ready"
-    policy.record_force(5.0, T0)
-    policy.end_grasp()
-    assert code(react(policy, 5.0)) == "not_ready"
-    assert (policy.force_n, policy.requested_n) == (None, None)
-
-
-def test_the_reflex_keeps_what_the_client_asked_for_and_a_client_need_not(policy: GripPolicy) -> None:
-    policy.record_force(5.0, T0)
-    policy.record_force(7.0, T0, reflex=True)
-    assert (policy.force_n, policy.requested_n) == (7.0, 5.0)
-    assert react(policy, 5.0) is None
-    assert react(policy, 5.1) is None
-    assert code(react(policy, 4.9)) == "out_of_range"
-    assert change(policy, 6.0, T0) is None
-    policy.record_force(6.0, T0)
-    assert code(react(policy, 5.9)) == "out_of_range"
-
-
-def test_A9_the_reflex_keeps_step_and_rate_and_shares_them_with_the_client(policy: GripPolicy) -> None:
-    policy.record_force(5.0, T0)
-    assert code(react(policy, 7.1)) == "out_of_range"
-    assert change(policy, 7.0, T0) is None
-    policy.record_force(7.0, T0)
-    assert policy.change_left_n(T0) == (2.0, 0.0)
-    assert code(react(policy, 7.1)) == "too_fast"
-    assert react(policy, 7.1, T0 + 10 * MS) is None
-    policy.record_force(7.1, T0 + 10 * MS, reflex=True)
-    assert code(change(policy, 7.2, T0 + 10 * MS)) == "too_fast"
-
-
-def test_a_raise_by_the_reflex_leaves_a_client_no_allowance_and_no_debt(policy: GripPolicy) -> None:
-    policy.record_force(5.0, T0)
-    policy.record_force(11.0, T0, reflex=True)
-    assert code(change(policy, 12.0, T0)) == "too_fast"
-    assert change(policy, 12.0, T0 + 100 * MS) is None
-    assert change(policy, 10.0, T0) is None
 
 
 @pytest.mark.parametrize("fault", ["E-stop", "no reply", "echo differs"])

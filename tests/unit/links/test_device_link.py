@@ -10,6 +10,7 @@ from slipd.devices import bota, pvdf, xela
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.events import LinkSpec
 from slipd.links.device_link import DeviceLink, make_links
+from slipd.types.clocks import NEVER_NS
 from slipd.types.samples import TactileSample
 from slipd_client.messages import Health
 
@@ -92,10 +93,12 @@ def test_a_session_writes_only_while_its_link_is_up(links: dict[str, DeviceLink]
     assert link.open("port", T0) != b""
     assert status(link, T0)["state"] == "waiting"
     assert link.due(T0) == [], "one transaction at a time"
+    assert link.due_ns == T0 + 100 * MS
     assert link.due(T0 + 100 * MS - 1) == []
     assert link.due(T0 + 100 * MS) != [], "the reply is overdue"
     link.close("unplugged")
     assert link.due(T0 + 1000 * MS) == []
+    assert link.due_ns == NEVER_NS
     assert status(link, T0)["state"] == "closed"
 
 
