@@ -105,6 +105,7 @@ def test_faults_of_streams_are_counted_beside_the_title(run: Any) -> None:
 
 def test_units_are_those_of_all_fingers(run: Any) -> None:
     run.add("slip.left", 0.0)
+    assert title_of(part(chart(run.tracks, LEVELS_IN_FORCE), "normal force")) == "normal force, N"
     run.add("slip.right", 1.0, force_unit="uncalibrated")
     parts = chart(run.tracks, LEVELS_IN_FORCE)
     assert title_of(part(parts, "normal force")) == "normal force, uncalibrated"
@@ -122,6 +123,16 @@ def test_a_coefficient_stays_until_the_next(run: Any) -> None:
     (curve,) = (c for c in part(chart(run.tracks, LEVELS_IN_FORCE), "friction coefficient μ").curves if "use" in c.name)
     corners = [(round(each.begin_s, 3), each.value[0]) for each in curve.points]
     assert corners == [(0.0, 0.5), (1.0, 0.5), (1.0, 0.7), (2.0, 0.7), (2.0, 0.7), (2.0, 0.7)]
+
+
+def test_a_commanded_force_stays_until_the_next(run: Any) -> None:
+    run.add("slip.left", 0.0)
+    for t_s, force_n in ((0.0, 5.0), (1.0, 8.0), (3.0, 8.0)):
+        run.add("gripper", t_s, force_command_n=force_n)
+    (_, curve) = part(chart(run.tracks, LEVELS_IN_FORCE), "grip force on one pad").curves
+    assert (curve.name, curve.kind) == ("commanded", "dashed")
+    corners = [(round(each.begin_s, 3), each.value[0]) for each in curve.points]
+    assert corners[:4] == [(0.0, 5.0), (1.0, 5.0), (1.0, 8.0), (3.0, 8.0)]
 
 
 def held(*values: tuple[float, float]) -> list[Held[tuple[float, float]]]:

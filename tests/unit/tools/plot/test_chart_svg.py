@@ -65,6 +65,17 @@ def test_a_curve_has_a_gap_where_its_value_is_not_known() -> None:
     assert min(x for x, _ in points_of(second)) == pytest.approx(at(5.0), abs=0.1)
 
 
+def test_a_later_window_begins_at_the_left_and_every_ground_is_as_wide_as_the_curves() -> None:
+    begin_s, strip = 2.0, Strip("left", [Span(2.0, 12.0, "stable", ("stable",), "stable")])
+    parts = (Panel("force", "N", [curve((2.0, 0.0, 0.0), (7.0, 1.0, 1.0))]), StripGroup("levels", [strip]))
+    root = ElementTree.fromstring(chart_svg(parts, Window(begin_s, begin_s + END_S)))
+    assert [x for x, _ in points_of(path_of(root, "line"))][:2] == pytest.approx([at(0.0), at(5.0)], abs=0.1)
+    for ground in [*of_class(root, "ground"), *(each for each in root.iter("rect") if each.get("fill"))]:
+        assert float(ground.get("x", "")) == LEFT
+        assert float(ground.get("x", "")) + float(ground.get("width", "")) == WIDTH - RIGHT
+    assert [text.text for text in of_class(root, "middle")][:2] == ["2 s", "3 s"]
+
+
 @pytest.mark.parametrize("kind", ["line", "band"])
 @pytest.mark.parametrize("largest", [2.5, 1e300, math.inf])
 def test_a_value_beyond_the_axis_is_drawn_at_its_edge(largest: float, kind: str) -> None:

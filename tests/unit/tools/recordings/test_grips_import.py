@@ -160,18 +160,6 @@ def test_a_config_with_other_sensors_or_addresses_is_refused(tmp_path: Path, two
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_existing_recording_is_never_overwritten(tmp_path: Path, two_pads: str) -> None:
-    (tmp_path / "out.mcap").write_text("precious")
-    with pytest.raises(SlipdError, match="exists already"):
-        import_trial(TRIAL, tmp_path / "out.mcap", two_pads)
-    assert (tmp_path / "out.mcap").read_text() == "precious"
-
-
-def test_a_folder_that_does_not_exist_is_reported(tmp_path: Path, two_pads: str) -> None:
-    with pytest.raises(SlipdError, match=r"out\.mcap: cannot be written: No such file"):
-        import_trial(TRIAL, tmp_path / "nowhere" / "out.mcap", two_pads)
-
-
 def test_a_disk_failure_leaves_no_file(tmp_path: Path, two_pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def fdatasync(fd: int) -> None:
         raise OSError(28, "No space left on device")
