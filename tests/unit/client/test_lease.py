@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import contextvars
 import threading
 import time
@@ -50,11 +51,45 @@ def refuse(code: str, message: str = "no") -> Callable[[Any], dict[str, Any]]:
     return lambda _: {"error": {"code": code, "message": message, "field": ""}}
 
 
-def test_a_lease_is_given_back_at_the_end_of_the_block(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as client, client.lease(59_000):
-        client.grip_set(5.0)
+@pytest.mark.parametrize(
+    ("refused", "code", "asked"),
+    [
+        ("", "", ["lease.acquire", "grip.set", "lease.release"]),
+        ("grip.set", "no_limit", ["lease.acquire", "grip.set", "lease.release"]),
+        ("grip.set", "no_lease", ["lease.acquire", "grip.set"]),
+        ("grip.set", "wrong_boot", ["lease.acquire", "grip.set"]),
+        ("lease.release", "no_lease", ["lease.acquire", "grip.set", "lease.release"]),
+        ("lease.acquire", "lease_held", ["lease.acquire"]),
+    ],
+)
+def test_a_lease_is_given_back_at_the_end_of_the_block_unless_it_was_refused_or_lost(
+    daemon: Daemon, refused: str, code: str, asked: list[str]
+) -> None:
+    daemon.handlers[refused] = refuse(code)
+    with GripClient(daemon.endpoint) as client, contextlib.ExitStack() as stack:
+        if refused in ("grip.set", "lease.acquire"):
+            stack.enter_context(pytest.raises(RequestRefused, match=code))
+        with client.lease(59_000) as lease:
+            client.grip_set(5.0)
+            assert not lease.lost
     assert daemon.asked[0]["ttl_ms"] == 59_000
-    assert moves(daemon) == ["lease.acquire", "grip.set", "lease.release"]
+    assert moves(daemon) == asked
+
+
+@pytest.mark.parametrize("busy", [0, 2])
+def test_a_lease_renews_itself_while_the_block_runs_and_asks_a_busy_daemon_again(
+    daemon: Daemon, often: int, busy: int
+) -> None:
+    answers = iter([{"error": {"code": "busy", "message": "ask more slowly"}}] * busy)
+    daemon.handlers["lease.renew"] = lambda _: next(answers, {})
+    with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
+        until_s = time.monotonic() + PATIENCE_S
+        while daemon.ops.count("lease.renew") < 4:
+            client.status()
+            lease.wait(0.001)
+            assert time.monotonic() < until_s
+        assert (lease.lost, lease.why) == (False, "")
+    assert daemon.ops[-1] == "lease.release"
 
 
 def greets_slowly(daemon: Daemon) -> None:
@@ -71,17 +106,6 @@ def test_a_lease_begins_with_its_request_and_not_with_the_greetings_before_it(da
     assert "grip.set" in daemon.ops
 
 
-def test_a_lease_renews_itself_while_the_block_runs(daemon: Daemon, often: int) -> None:
-    with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
-        until_s = time.monotonic() + PATIENCE_S
-        while daemon.ops.count("lease.renew") < 3:
-            client.status()
-            lease.wait(0.001)
-            assert time.monotonic() < until_s
-        assert (lease.lost, lease.why) == (False, "")
-    assert daemon.ops[-1] == "lease.release"
-
-
 def test_a_lease_that_is_refused_its_renewal_is_lost_at_once(daemon: Daemon, often: int) -> None:
     daemon.handlers["lease.renew"] = refuse("no_lease", "it has ended")
     with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
@@ -93,25 +117,6 @@ def test_a_lease_that_is_refused_its_renewal_is_lost_at_once(daemon: Daemon, oft
                 move()
         client.status()
     assert not {"grip.set", "gripper.stop", "fault.ack", "lease.release"} & set(daemon.ops)
-
-
-def test_a_renewal_that_the_daemon_is_too_busy_for_is_asked_again(daemon: Daemon, often: int) -> None:
-    answers = iter([{"error": {"code": "busy", "message": "ask more slowly"}}] * 2)
-    daemon.handlers["lease.renew"] = lambda _: next(answers, {})
-    with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
-        until_s = time.monotonic() + PATIENCE_S
-        while daemon.ops.count("lease.renew") < 4:
-            lease.wait(0.001)
-            assert time.monotonic() < until_s
-
-
-@pytest.mark.parametrize("code", ["no_lease", "wrong_boot"])
-def test_a_refusal_for_want_of_the_lease_ends_it(daemon: Daemon, code: str) -> None:
-    daemon.handlers["grip.set"] = refuse(code)
-    with GripClient(daemon.endpoint) as client, client.lease(60_000) as lease:
-        with pytest.raises(RequestRefused, match=code):
-            client.grip_set(5.0)
-        assert lease.lost
 
 
 def test_a_lease_that_was_not_renewed_in_time_is_lost_without_a_word_of_the_daemon(daemon: Daemon) -> None:
@@ -162,15 +167,6 @@ def test_a_connection_that_is_closed_within_the_block_loses_the_lease(daemon: Da
         client.disconnect()
         with pytest.raises(LeaseLost, match="closed"):
             lease.wait(PATIENCE_S)
-
-
-def test_one_client_holds_one_lease(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint) as client, client.lease():
-        with pytest.raises(LeaseInUse, match="one lease at a time") as caught, client.lease():
-            pytest.fail("the block ran")
-        assert isinstance(caught.value, ValueError), "as before it had a class of its own"
-        assert daemon.ops.count("lease.acquire") == 1
-    assert daemon.ops.count("lease.release") == 1
 
 
 def test_threads_cannot_take_each_others_lease(daemon: Daemon) -> None:
@@ -272,6 +268,9 @@ def test_a_thread_does_not_ride_on_the_lease_of_another(daemon: Daemon) -> None:
 
     with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
         in_threads(holder, names=["holder"])
+        with client.lease(60_000):
+            context = contextvars.copy_context()
+            in_threads(lambda: context.run(client.grip_adjust, 0.25))  # a thread is lent the lease with its context
         client.friction_set("left", 0.9)  # no thread holds the lease: it is for the daemon to refuse
     assert daemon.ops.count("grip.set") == 1
 
@@ -290,31 +289,3 @@ def test_a_request_that_waited_for_its_turn_while_the_lease_was_lost_is_not_sent
             lease.lose("in the meantime")
         waiting.join()
     assert "grip.set" not in daemon.ops
-
-
-def test_a_thread_is_lent_the_lease_with_the_context_of_its_holder(daemon: Daemon) -> None:
-    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(60_000):
-        context = contextvars.copy_context()
-        in_threads(lambda: context.run(client.grip_set, 5.0))
-    assert "grip.set" in daemon.ops
-
-
-def test_a_lease_is_given_back_when_the_block_fails(daemon: Daemon) -> None:
-    daemon.handlers["grip.set"] = refuse("no_limit")
-    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="no_limit"), client.lease():
-        client.grip_set(5.0)
-    assert daemon.ops[-1] == "lease.release"
-
-
-def test_a_lease_that_has_ended_by_itself_is_no_error_to_give_back(daemon: Daemon) -> None:
-    daemon.handlers["lease.release"] = refuse("no_lease")
-    with GripClient(daemon.endpoint) as client, client.lease():
-        pass
-    assert daemon.ops[-1] == "lease.release"
-
-
-def test_a_lease_that_is_refused_runs_no_block_and_releases_nothing(daemon: Daemon) -> None:
-    daemon.handlers["lease.acquire"] = refuse("lease_held")
-    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="lease_held"), client.lease():
-        pytest.fail("the block ran")
-    assert "lease.release" not in daemon.ops

@@ -32,25 +32,67 @@ def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[byte
     return [topic.encode(), encode({"v": 1, "seq": seq, "boot": boot, "t_ns": 1} | fields)]
 
 
-def topics_of(newest: Newest, since: int = 0) -> dict[str, int]:
-    return {topic: body["seq"] for topic, body in json.loads(newest.frame(since, 0.0))["topics"].items()}
+FIRST = [message("slip.left", 1), message("status", 1)]
+SECOND = message("slip.left", 2)
+AGAIN = message("slip.left", 3)
+UNREADABLE = [[b"slip.left", b"\xc1"], [b"warning"], [*message("status", 1), b""], message("grasp", 1, v=2)]
+BAD = "unsupported_version: v must be 1, got 2"
+CLEAR: list[list[bytes]] = []
+"""In the place of messages: nobody looks any more."""
 
 
-def test_only_the_newest_message_of_each_topic_is_in_a_frame() -> None:
+@pytest.mark.parametrize(
+    ("ticks", "seen", "now_s", "expected"),
+    [
+        pytest.param(
+            [(0.0, [*FIRST, message("slip.left", 2)])], 0, 0.0, {"slip.left": (2, 0.0), "status": (1, 0.0)}, id="newest"
+        ),
+        pytest.param(
+            [(0.0, FIRST), (0.0, [message("slip.left", 2)])], 1, 0.0, {"slip.left": (2, 0.0)}, id="what is new"
+        ),
+        pytest.param([(0.0, FIRST), (0.0, [message("slip.left", 2)])], 2, 0.0, {}, id="nothing is new"),
+        pytest.param(
+            [(10.0, [AGAIN, message("status", 1)]), (10.5, [AGAIN])],
+            0,
+            11.25,
+            {"slip.left": (3, 1.25), "status": (1, 1.25)},
+            id="one that repeats within a tick that nobody saw",
+        ),
+        pytest.param(
+            [(0.0, [message("slip.left", 9), message("slip.right", 9)]), (0.0, [message("slip.left", 0, "two")])],
+            0,
+            0.0,
+            {"slip.left": (0, 0.0)},
+            id="another run replaces the one before",
+        ),
+        pytest.param(
+            [(0.0, [message("slip.left", 8), message("slip.right", 9), message("slip.left", 0, "two")])],
+            0,
+            0.0,
+            {"slip.left": (0, 0.0)},
+            id="two runs within a tick",
+        ),
+        pytest.param(
+            [(0.0, [AGAIN]), (0.0, CLEAR), (0.0, [AGAIN])], 1, 0.0, {"slip.left": (3, 0.0)}, id="after a pause"
+        ),
+        pytest.param([(0.0, UNREADABLE)], 0, 0.0, {}, id="unreadable"),
+    ],
+)
+def test_a_frame_has_what_is_new_to_a_browser_with_its_age(
+    ticks: list[tuple[float, list[list[bytes]]]], seen: int, now_s: float, expected: dict[str, tuple[int, float]]
+) -> None:
     newest = Newest()
-    assert not newest.add([], 0.0)
-    assert newest.add([message("slip.left", 1), message("status", 1), message("slip.left", 2)], 0.0)
-    assert topics_of(newest) == {"slip.left": 2, "status": 1}
-
-
-def test_a_browser_gets_what_is_new_to_it_and_a_new_one_everything() -> None:
-    newest = Newest()
-    newest.add([message("slip.left", 1), message("status", 1)], 0.0)
-    seen = newest.tick
-    newest.add([message("slip.left", 2)], 0.0)
-    assert topics_of(newest, seen) == {"slip.left": 2}
-    assert topics_of(newest) == {"slip.left": 2, "status": 1}
-    assert topics_of(newest, newest.tick) == {}
+    for at_s, messages in ticks:
+        if messages is CLEAR:
+            newest.clear()
+        assert newest.add(messages, at_s) == bool(messages)
+        newest.frame(newest.tick - 1, at_s)  # another browser has drawn it
+    frame = json.loads(newest.frame(seen, now_s))
+    assert {topic: (body["seq"], frame["ages"][topic]) for topic, body in frame["topics"].items()} == expected
+    assert frame["changes"] == []
+    assert (newest.bad, newest.bad_reason, frame["bad"]) == (
+        (4, BAD, BAD) if ticks[0][1] is UNREADABLE else (0, "", "")
+    )
 
 
 def test_every_change_of_level_is_kept_up_to_a_bound() -> None:
@@ -59,52 +101,6 @@ def test_every_change_of_level_is_kept_up_to_a_bound() -> None:
     changes = json.loads(newest.frame(0, 0.0))["changes"]
     assert [change["seq"] for change in changes] == list(range(5, CHANGES + 5))
     assert json.loads(newest.frame(newest.tick, 0.0)) == {"topics": {}, "ages": {}, "changes": [], "bad": ""}
-
-
-def test_another_run_of_the_daemon_replaces_the_one_before_it() -> None:
-    newest = Newest()
-    newest.add([message("slip.left", 9), message("slip.right", 9)], 0.0)
-    newest.add([message("slip.left", 0, "two")], 0.0)
-    assert topics_of(newest) == {"slip.left": 0}
-
-
-def test_a_message_that_is_sent_again_after_a_reconnection_is_not_new() -> None:
-    newest = Newest()
-    newest.add([message("slip.left", 3)], 0.0)
-    assert topics_of(newest) == {"slip.left": 3}
-    seen = newest.tick
-    newest.add([message("slip.left", 3)], 0.0)
-    assert topics_of(newest, seen) == {}
-    assert topics_of(newest) == {"slip.left": 3}, "a browser that comes later gets it all the same"
-    newest.clear()
-    newest.add([message("slip.left", 3)], 0.0)
-    assert topics_of(newest, seen) == {"slip.left": 3}
-
-
-def test_an_unreadable_message_is_reported() -> None:
-    newest = Newest()
-    newest.add([[b"slip.left", b"\xc1"], [b"warning"], [*message("status", 1), b""], message("grasp", 1, v=2)], 0.0)
-    frame = json.loads(newest.frame(0, 0.0))
-    assert (frame["topics"], frame["changes"], newest.bad) == ({}, [], 4)
-    assert "v must be 1" in newest.bad_reason
-    assert frame["bad"] == newest.bad_reason
-
-
-def test_each_message_comes_with_its_age_for_browsers_that_open_later() -> None:
-    newest = Newest()
-    newest.add([message("slip.left", 3), message("status", 1)], 10.0)
-    newest.add([message("slip.left", 3)], 10.5)
-    assert json.loads(newest.frame(0, 11.25))["ages"] == {"slip.left": 0.75, "status": 1.25}
-    newest.add([message("slip.left", 3), message("status", 2)], 12.0)
-    assert json.loads(newest.frame(0, 12.5))["ages"] == {"slip.left": 2.0, "status": 0.5}, (
-        "one that repeats is not newer"
-    )
-
-
-def test_what_two_runs_send_within_a_tick_is_that_of_the_newer_run() -> None:
-    newest = Newest()
-    newest.add([message("slip.left", 8), message("slip.right", 9), message("slip.left", 0, "two")], 0.0)
-    assert topics_of(newest) == {"slip.left": 0}
 
 
 class Sender:
