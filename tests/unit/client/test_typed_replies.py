@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import types
 import typing
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from slipd_client import client_base
 from slipd_client.errors import NoAnswer
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
+from slipd_client.messages.schema import parts, replies, topics
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.replies import TareResult
 from slipd_client.request_protocol import Steps
@@ -63,3 +65,12 @@ def test_every_op_has_a_method_that_returns_its_reply(op: str) -> None:
     returned = typing.get_type_hints(method, vars(client_base))["return"]
     wanted = TareResult if op == "tare" else OPS[op].reply
     assert returned == Steps[wanted]
+
+
+@pytest.mark.parametrize("module", [parts, replies, topics])
+def test_every_class_of_the_wire_is_frozen_and_takes_its_fields_by_name(module: types.ModuleType) -> None:
+    classes = [each for each in vars(module).values() if isinstance(each, type) and dataclasses.is_dataclass(each)]
+    assert classes
+    for each in classes:
+        assert each.__dataclass_params__.frozen, each  # type: ignore[attr-defined]
+        assert all(field.kw_only for field in dataclasses.fields(each)), each
