@@ -37,7 +37,7 @@ def _limit_faults(gripper: Gripper) -> Iterator[Fault]:
         return
     if low is not None and low >= most:
         yield "gripper.max_force_n", f"must be above min_force_n, {low:g} N, got {most:g}"
-    if table is None or not (gripper.width_table and DEVICES[gripper.device].needs_tables):
+    if table is None:
         return
     least_n, largest_n = table[0][1], table[-1][1]
     if most > largest_n:

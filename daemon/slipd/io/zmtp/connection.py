@@ -8,7 +8,7 @@ queue of messages are kept. Why this is not libzmq: docs/decisions.md, 10.
 from __future__ import annotations
 
 import enum
-import math
+import sys
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -109,7 +109,7 @@ class Connection:
         self._out = encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE")
         # unencoded, so that all slow subscribers share one copy of each message
         self._queue: deque[Message] = deque(maxlen=rules.most_queued if rules.drops_oldest else None)
-        self._most_queued = math.inf if rules.drops_oldest else rules.most_queued
+        self._most_queued = sys.maxsize if rules.drops_oldest else rules.most_queued
 
     @property
     def key(self) -> bytes:

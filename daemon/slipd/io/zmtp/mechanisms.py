@@ -21,7 +21,6 @@ from slipd.io.zmtp.wire import (
     decode_metadata,
     encode_command,
     encode_frame,
-    encode_message,
     encode_metadata,
 )
 
@@ -86,7 +85,10 @@ class Null:
 
     def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
         """Encode a message, or with ``COMMAND`` a command, for the wire."""
-        return encode_message(frames, flags)
+        data = b""
+        for frame in frames[:-1]:
+            data += encode_frame(frame, MORE)
+        return data + encode_frame(frames[-1], flags)
 
 
 class Curve(Null):

@@ -26,14 +26,6 @@ def encode_frame(body: bytes, flags: int = 0) -> bytes:
     return struct.pack(">BQ", flags | LARGE, size) + body
 
 
-def encode_message(frames: tuple[bytes, ...], flags: int = 0) -> bytes:
-    """Return a message of one or more frames, or with ``COMMAND`` a command, as it goes on the wire."""
-    data = b""
-    for frame in frames[:-1]:
-        data += encode_frame(frame, MORE)
-    return data + encode_frame(frames[-1], flags)
-
-
 def encode_command(name: bytes, body: bytes = b"") -> bytes:
     """Return the body of a command frame."""
     return bytes((len(name),)) + name + body

@@ -123,6 +123,8 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Daemon]:
 
 async def test_P2_a_daemon_that_works_has_no_stalled_stage(daemon: Daemon) -> None:
     assert [await daemon.stalled() for _ in range(3)] == [set()] * 3
+    await asyncio.sleep(0.01)
+    assert [await daemon.stages["links"]() for _ in range(3)] == [""] * 3, "no reading comes"
 
 
 async def test_P2_an_engine_without_ticks_is_stalled(daemon: Daemon) -> None:

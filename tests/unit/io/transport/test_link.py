@@ -267,6 +267,7 @@ async def test_two_links_with_the_same_name_are_refused() -> None:
 
 async def test_a_write_to_an_unknown_link_is_refused_with_the_known_names(serving: Serving) -> None:
     async with serving(PORT) as (links, _):
+        assert links.unread() == []
         with pytest.raises(ValueError, match=r"link must be one of left.wrench, got 'left'"):
             links.write("left", b"x")
 

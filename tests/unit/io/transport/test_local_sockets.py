@@ -15,7 +15,7 @@ import zmq
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkSpec, LinkUp
-from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_socket
+from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_socket, open_push_socket
 
 if TYPE_CHECKING:
     from conftest import Serving
@@ -100,6 +100,23 @@ async def test_of_a_message_in_many_parts_no_more_than_two_are_judged(
         push.send(b"whole")
         await eventually(lambda: b"whole" in received(events))
     assert received(events) == [b"part", b"part", b"whole"]
+
+
+async def test_a_failing_consumer_of_readings_gets_no_more_of_them(spec: LinkSpec, pusher: Pusher) -> None:
+    got = []
+
+    def fail(data: bytes) -> None:
+        got.append(data)
+        raise ArithmeticError("a fault of ours")
+
+    push = pusher()
+    for data in (b"1", b"2"):
+        push.send(data)
+    connection = await open_push_socket(spec, fail)
+    with pytest.raises(ArithmeticError):
+        await connection.until_lost()
+    await connection.close()
+    assert got == [b"1"]
 
 
 async def test_a_missing_directory_is_reported(serving: Serving, eventually: Eventually, tmp_path: Path) -> None:

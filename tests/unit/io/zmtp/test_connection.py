@@ -17,7 +17,6 @@ from slipd.io.zmtp.wire import (
     encode_command,
     encode_frame,
     encode_greeting,
-    encode_message,
     encode_metadata,
 )
 
@@ -75,13 +74,13 @@ def test_the_handshake_is_that_of_the_rfc() -> None:
 )
 def test_messages_come_back_from_any_pieces(sent: list[list[bytes]], cuts: list[int]) -> None:
     connection, got = made(), []
-    for piece in pieces(OPENING + b"".join(encode_message(tuple(frames)) for frames in sent), cuts):
+    for piece in pieces(OPENING + b"".join(Null(b"").seal(tuple(frames)) for frames in sent), cuts):
         got += events(connection, piece)
     assert [event for event in got if isinstance(event, list)] == sent
 
 
 VALID = [
-    encode_message((b"a", b"", b"c")),
+    Null(b"").seal((b"a", b"", b"c")),
     command(b"PING", b"\0\0mark"),
     command(b"SUBSCRIBE", b"slip"),
     command(b"CANCEL", b"slip"),
@@ -167,7 +166,7 @@ def test_an_identity_and_a_frame_may_be_as_long_as_the_limit(connection: Connect
 
 
 def test_of_a_long_message_the_first_frames_are_kept_and_the_next_message_is_whole(connection: Connection) -> None:
-    found = events(connection, encode_message((b"0", b"1", b"2", b"3")) + encode_message((b"next",)))
+    found = events(connection, Null(b"").seal((b"0", b"1", b"2", b"3")) + Null(b"").seal((b"next",)))
     assert found == [Event.PART] * 3 + [[b"0", b"1", b"2"], [b"next"]]
 
 
