@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from control_bench import MS, T0, Parse, Recorded, ask, close_, make, open_, reading, refused, took
 
 from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.intent import IntentKind
 from slipd_client.messages import Health
 
 
@@ -38,51 +40,46 @@ def test_opening_takes_the_least_force_that_may_be_asked_for(
     assert session.commands == [("move", 0.085, None, 4.0)]
 
 
-def test_a_gripper_whose_least_force_is_above_the_limit_is_not_opened(
-    control: GripperControl, session: Recorded
+CLOSE_5 = {"force_n": 5.0}
+FORCE_OUT = "out_of_range", "force_n"
+LEAST, RANGE, NO_RANGE, NO_SPEED = (
+    {"force_range_n": (50.0, 200.0)}, {"force_range_n": (2.0, 18.0)}, {"force_range_n": (0.0, math.inf)},
+    {"speed_range_mps": None},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("has", "kind", "wanted", "refusal"),
+    [
+        *(({}, "open", {"width_m": m}, ("out_of_range", "width_m")) for m in (-0.001, 0.086, 1e300)),
+        *(({}, "close", CLOSE_5 | {"width_m": m}, ("out_of_range", "width_m")) for m in (-0.001, 0.086, 1e300)),
+        *(({}, "open", {"speed_mps": v}, ("out_of_range", "speed_mps")) for v in (-0.05, 0.0, 0.019, 0.151)),
+        *(({}, "close", CLOSE_5 | {"speed_mps": v}, ("out_of_range", "speed_mps")) for v in (0.019, 0.151)),
+        *(({}, "close", CLOSE_5 | {"speed_mps": v}, None) for v in (0.02, 0.15)),
+        (NO_SPEED, "close", CLOSE_5 | {"speed_mps": 0.05}, ("out_of_range", "speed_mps")),
+        (NO_SPEED, "close", CLOSE_5, None),
+        (RANGE, "close", {"force_n": 18.1}, FORCE_OUT),
+        (RANGE, "close", {"force_n": 1.9}, FORCE_OUT),
+        (RANGE, "close", {"force_n": 18.0}, None),
+        (NO_RANGE, "close", {"force_n": 25.1}, FORCE_OUT),
+        (NO_RANGE, "close", {"force_n": 25.0}, None),  # what is not reported is not a limit
+        (LEAST, "open", {}, ("out_of_range", "")),
+        ({"force_range_n": (25.0, 200.0)}, "open", {}, None),
+    ],
+)
+def test_G3_what_the_gripper_does_not_have_is_refused(
+    control: GripperControl,
+    session: Recorded,
+    has: dict[str, Any],
+    kind: IntentKind,
+    wanted: dict[str, float],
+    refusal: tuple[str, str] | None,
 ) -> None:
-    session.force_range_n = (50.0, 200.0)
-    assert refused(open_(control, None, None, T0)) == ("out_of_range", "")
-    assert session.commands == []
-    session.force_range_n = (25.0, 200.0)
-    assert took(open_(control, None, None, T0))
-
-
-@pytest.mark.parametrize("width_m", [-0.001, 0.086, 1e300])
-def test_G3_a_width_that_the_gripper_does_not_have_is_refused(
-    control: GripperControl, session: Recorded, width_m: float
-) -> None:
-    assert refused(open_(control, width_m, None, T0)) == ("out_of_range", "width_m")
-    assert refused(close_(control, 5.0, width_m, None, T0)) == ("out_of_range", "width_m")
-    assert session.commands == []
-
-
-@pytest.mark.parametrize("speed_mps", [-0.05, 0.0, 0.019, 0.151])
-def test_a_speed_that_the_gripper_does_not_have_is_refused(
-    control: GripperControl, session: Recorded, speed_mps: float
-) -> None:
-    assert refused(open_(control, None, speed_mps, T0)) == ("out_of_range", "speed_mps")
-    assert refused(close_(control, 5.0, None, speed_mps, T0)) == ("out_of_range", "speed_mps")
-    assert session.commands == []
-
-
-def test_a_gripper_without_speeds_is_commanded_without_one(control: GripperControl, session: Recorded) -> None:
-    session.speed_range_mps = None
-    assert refused(close_(control, 5.0, None, 0.05, T0)) == ("out_of_range", "speed_mps")
-    assert took(close_(control, 5.0, None, None, T0))
-    assert control.force_command_n == 5.0
-
-
-def test_G3_a_force_is_within_the_config_and_within_the_gripper(control: GripperControl, session: Recorded) -> None:
-    session.force_range_n = (2.0, 18.0)
-    assert refused(close_(control, 18.1, None, None, T0)) == ("out_of_range", "force_n")
-    assert refused(close_(control, 1.9, None, None, T0)) == ("out_of_range", "force_n")
-    assert took(close_(control, 18.0, None, None, T0))
-    open_(control, None, None, T0)
-    control.update(reading(t_ns=T0 + MS))
-    session.force_range_n = (0.0, math.inf)
-    assert refused(close_(control, 25.1, None, None, T0 + MS)) == ("out_of_range", "force_n")
-    assert took(close_(control, 25.0, None, None, T0 + MS)), "what is not reported is not a limit"
+    for name, value in has.items():
+        setattr(session, name, value)
+    found = ask(control, kind, T0, **wanted)
+    assert (None if took(found) else refused(found)) == refusal
+    assert len(session.commands) == (refusal is None)
 
 
 def test_a_force_whose_setting_would_fall_below_the_least_is_refused(

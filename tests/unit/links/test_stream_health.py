@@ -26,7 +26,9 @@ def test_the_health_of_a_link_follows_it_from_opening_to_loss(links: dict[str, D
     assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
     link.close("unplugged")
     assert health(link, T0 + 21 * MS) == (Health.ERROR, "unplugged")
+    assert status(link, T0)["clock"] == "settling"
     link.open("/dev/ttyUSB0", T0)
+    assert status(link, T0)["clock"] == "none", "another device may answer"
     assert (status(link, T0)["reconnects"], status(link, T0)["hardware_id"]) == (1, "/dev/ttyUSB0")
 
 

@@ -52,6 +52,21 @@ def test_L12_readings_that_arrive_in_bunches_get_times_of_their_own(stream: Stre
     assert 0 < (stream.clock.uncertainty_ns or 0) < 5 * MS
 
 
+def test_C4_readings_that_waited_are_dated_by_a_clock_that_is_locked_or_the_hosts(
+    stream: StreamMeter, parse: Parse
+) -> None:
+    waited = Arrival(5 * MS, late_ns=5 * MS)
+    for k in range(2000):
+        locked = stream.update([reading(T0 + k * MS, k * MS)], waited)
+        assert locked is not None
+        assert locked.arrival.dated == stream.clock.locked
+    assert locked.arrival == waited
+    external = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
+    pushed = external.update([reading(T0, T0)], waited)
+    assert pushed is not None
+    assert pushed.arrival.dated
+
+
 def test_without_a_device_clock_the_time_is_the_receipt_less_the_wait(stream: StreamMeter) -> None:
     assert date(stream, reading(T0, None)) == T0
     assert date(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
