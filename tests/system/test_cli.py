@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from project import CONFIG, TRIAL
+from project import CONFIG, DOCS, TRIAL
 from replays import RECORDINGS
 
-from slipd import __version__, config
+from slipd import __version__, cli, config
 from slipd.cli import SLIPCTL, main
 from slipd.tools.cli_parser import parser
-from slipd_client import slipctl_parser
+from slipd_client import slipctl, slipctl_commands, slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
@@ -153,12 +155,39 @@ def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().out.endswith(f"slipd {__version__}\n")
 
 
+CODES = {
+    0: (["slipd", "--version"], ["slipctl", "--version"], ["slipd", "config", "list"]),
+    1: (["slipd", "check", "/etc/passwd"], ["slipctl", "status"], ["slipd", "info", "/etc/passwd"]),
+    2: (
+        ["slipd", "fly"],
+        ["slipctl", "fly"],
+        ["slipd", "replay", "/nowhere.mcap"],
+        ["slipctl", "--key", "/no", "status"],
+    ),
+}
+"""Calls of both programs for each exit code but that of Ctrl-C."""
+
+
 @pytest.mark.process
-def test_the_installed_command_returns_the_documented_exit_codes() -> None:
-    for call, ends in ((["--version"], 0), (["replay", "/nowhere.mcap"], 2), (["fly"], 2)):
-        done = subprocess.run([SLIPD, *call], capture_output=True, text=True, timeout=60, check=False)
-        assert done.returncode == ends
+@pytest.mark.parametrize("code", CODES)
+def test_both_installed_programs_return_the_documented_exit_codes(code: int, tmp_path: Path) -> None:
+    for program, *words in CODES[code]:
+        command = [str(Path(SLIPD).with_name(program)), *words]
+        nowhere = os.environ | {"SLIPD_RUNTIME_DIR": str(tmp_path)}
+        done = subprocess.run(command, env=nowhere, capture_output=True, text=True, timeout=60, check=False)
+        assert (command, done.returncode) == (command, code), done.stderr
         assert "Traceback" not in done.stderr
+
+
+def test_ctrl_c_ends_both_programs_with_130_and_the_docs_name_no_other_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(cli.COMMANDS, "info", interrupted)
+    monkeypatch.setattr(slipctl_commands, "run", interrupted)
+    assert (main(["info", "run.mcap"]), slipctl.main(["watch"])) == (130, 130)
+    table = (DOCS / "commands.md").read_text(encoding="utf-8").partition("## Exit codes")[2].partition("## Rules")[0]
+    assert {int(code) for code in re.findall(r"^\| (\d+) \|", table, re.MULTILINE)} == {*CODES, 130}
 
 
 def test_a_command_of_slipctl_is_named_to_those_who_ask_slipd_for_it(capsys: pytest.CaptureFixture[str]) -> None:

@@ -126,7 +126,8 @@ def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
     seconds = sum(end_s - begin_s for begin_s, end_s, _, _ in found)
     yield (
         f"{name}: other levels than {RECORDED} for {seconds:.2f} s; changes {_change(before.changes, after.changes)}, "
-        f"warnings {_change(before.warnings, after.warnings)}, first warning {_first(before, after)}"
+        f"warnings {_change(before.warnings, after.warnings)}, "
+        f"first warning at {_change(before.first_warning_s, after.first_warning_s)} s"
     )
     longest = sorted(found, key=lambda one: one[0] - one[1])[:SHOWN]
     for begin_s, end_s, was, now in sorted(longest):
@@ -135,14 +136,7 @@ def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
         yield f"    and {len(found) - SHOWN} shorter times"
 
 
-def _change(before: int, after: int) -> str:
-    return f"{before} as before" if before == after else f"{before} → {after}"
-
-
-def _first(before: RunFigures, after: RunFigures) -> str:
-    was, now = before.first_warning_s, after.first_warning_s
-    if was is None or now is None:
-        return "none as before" if was is now else "gone" if now is None else f"new, at {now:.3f} s"
-    if abs(now - was) < 0.0005:
-        return "as before"
-    return f"{abs(now - was):.3f} s {'earlier' if now < was else 'later'}"
+def _change(before: float | None, after: float | None) -> str:
+    """Return a figure before and after."""
+    was, now = ("none" if value is None else f"{round(value, 3):g}" for value in (before, after))
+    return f"{was} as before" if was == now else f"{was} → {now}"

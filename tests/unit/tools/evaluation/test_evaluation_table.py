@@ -47,13 +47,13 @@ def test_the_columns_stand_below_each_other() -> None:
 def test_what_a_config_changes_is_told_against_the_recorded_one() -> None:
     assert list(comparisons([evaluation(after=AFTER)])) == [
         "a.mcap, after: other levels than recorded for 1.50 s; changes 1 → 3, warnings 1 as before, "
-        "first warning 0.500 s earlier",
+        "first warning at 2 → 1.5 s",
         "       1.500…2.000 s  stable → warning",
         "       3.000…3.500 s  warning → slipping",
         "       3.500…4.000 s  warning → unknown",
     ]
     (gone, _) = comparisons([evaluation(quiet=QUIET)])
-    assert gone.endswith("changes 1 → 0, warnings 1 → 0, first warning gone")
+    assert gone.endswith("changes 1 → 0, warnings 1 → 0, first warning at 2 → none s")
     again = run(("stable", 0.0, 2.0), ("warning", 2.0, 4.0))
     assert list(comparisons([evaluation(same=again)])) == ["a.mcap, same: the same levels as recorded"]
 
