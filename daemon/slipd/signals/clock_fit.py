@@ -22,7 +22,7 @@ FADE = 0.97
 LEAST_BOUND_NS = 20_000
 """Least bound: the wake-up time varies by this much, however even the readings look."""
 BOUND_FACTOR = 4.0
-"""Bound relative to the mean delay of the kept readings; measured on the delays in docs/time.md."""
+"""Bound relative to the mean delay of the kept readings; measured on the delays in docs/measured/time.md."""
 FEW = 4.0
 """Number of slices at which the bound doubles, because the mean delay is not known well."""
 WANDER = 1e-6
