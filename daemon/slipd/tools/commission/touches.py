@@ -14,7 +14,7 @@ from slipd.signals.mounting import Mounting
 from slipd.types.arrays import Array
 
 CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
-STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
+STEPS = (CENTRE, PUSH_X, PUSH_Y, END, CORNER)
 PRESSES = (CENTRE, END, CORNER)
 PUSHES = (PUSH_X, PUSH_Y)
 
@@ -29,12 +29,16 @@ NAMES = {
 
 TEXTS = {
     CENTRE: "Press the centre of the {finger} pad with a fingertip, at right angles, with about 5 N, and hold still.",
-    END: "Press the middle of the +X end of the {finger} pad (the end towards the fingertip).",
-    CORNER: "Press the corner of the {finger} pad at +X and +Y.",
     PUSH_X: "Press the centre of the {finger} pad again, and push along +X (towards the fingertip) without sliding.",
     PUSH_Y: "Press the centre of the {finger} pad again, and push along +Y without sliding.",
+    END: "Press the middle of the +X end of the {finger} pad (the end towards the fingertip).",
+    CORNER: "Press the corner of the {finger} pad at +X and +Y.",
 }
-"""What the guide asks a person to do for each touch, in the order in which it asks."""
+"""What the guide asks a person to do for each touch, in the order in which it asks.
+
+All at the centre come first: a charge pad keeps some of a touch for seconds where the machine is busy, which moves the
+image of the next, and the pushes are a short lever for the depth of the sensor.
+"""
 
 LEAST_TRAVEL_M = 0.003
 """Presses must be this far apart to show the orientation of the image, m."""

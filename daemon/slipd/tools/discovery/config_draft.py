@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from slipd.config import Wrench
 from slipd.config.check_hints import OPTIONS, default_rate_hz
 from slipd.devices import DEVICES, SLIPD, find_device
-from slipd.tools.discovery.port_probe import Found
-from slipd.tools.discovery.serial_ports import SerialPort
+from slipd.tools.discovery.port_probe import Found, SerialPort
 from slipd.types.device_text import one_line
 
 FINGERS = ("left", "right")

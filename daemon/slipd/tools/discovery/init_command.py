@@ -9,8 +9,7 @@ from pathlib import Path
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.discovery.config_draft import draft
-from slipd.tools.discovery.port_probe import Found, identify_port
-from slipd.tools.discovery.serial_ports import BY_ID, BY_PATH, DEV, SerialPort, list_ports
+from slipd.tools.discovery.port_probe import BY_ID, BY_PATH, DEV, Found, SerialPort, identify_port, list_ports
 from slipd.tools.draft import Kind
 from slipd.tools.draft import draft as whole_file
 from slipd.types.device_text import one_line

@@ -1,4 +1,4 @@
-"""Find out which device is on a serial port: listen at each speed, then ask.
+"""List the serial ports by names that stay the same, and find the device on each: listen at each speed, then ask.
 
 Nothing that is sent moves a gripper or writes a setting that outlives the power: a gripper is asked for its status
 registers only, a Robotous sensor for its name only, and the other sensors by the start-up of their own session.
@@ -11,12 +11,19 @@ import contextlib
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import serial
 
 from slipd.devices import DEVICES, Device, Session, pvdf, robotous
 from slipd.types.samples import TactileSample
+
+BY_ID, BY_PATH, DEV = Path("/dev/serial/by-id"), Path("/dev/serial/by-path"), Path("/dev")
+NUMBERED = ("ttyUSB*", "ttyACM*")
+
+SAME_SOCKET = "the name is that of the USB socket: keep the device in it, because it reports no serial number"
+NUMBER = "the number belongs to whichever device is plugged in first; give it a name by a udev rule"
 
 LISTEN_S = 0.6
 """Time of listening at each speed, s: a device that streams sends many readings within, after a boot of 0.2 s."""
@@ -31,6 +38,40 @@ MOST_SIDE = 64
 
 ASKED = ("robotiq_2f", "tsf85", "wts", "dsacon32", "robotous")
 """Devices that are silent until they are asked, in the order of asking."""
+
+
+@dataclass(frozen=True, slots=True)
+class SerialPort:
+    """A serial port.
+
+    Attributes:
+        path: Its most stable name.
+        warning: Why the name may belong to another device after a restart; "" if it will not.
+    """
+
+    path: Path
+    warning: str = ""
+
+
+def list_ports(by_id: Path = BY_ID, by_path: Path = BY_PATH, dev: Path = DEV) -> list[SerialPort]:
+    """Return every serial port once, by id if it has one, else by path, else by its number.
+
+    Other files of the folders, such as those beside the ports of an emulated rig, are left out.
+
+    Args:
+        by_id: Folder of links named after vendor, product and serial number.
+        by_path: Folder of links named after the socket.
+        dev: Folder of the numbered ports.
+    """
+    numbered = [path for pattern in NUMBERED for path in sorted(dev.glob(pattern))] if dev.is_dir() else []
+    ports: dict[Path, SerialPort] = {}
+    for folder, warning in ((by_id, ""), (by_path, SAME_SOCKET)):
+        for path in sorted(folder.iterdir()) if folder.is_dir() else []:
+            if path.is_char_device():
+                ports.setdefault(path.resolve(), SerialPort(path, warning))
+    for path in numbered:
+        ports.setdefault(path.resolve(), SerialPort(path, NUMBER))
+    return list(ports.values())
 
 
 @dataclass(frozen=True, slots=True)

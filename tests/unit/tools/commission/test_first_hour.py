@@ -15,8 +15,7 @@ from slipd.tools.commission import gripper_steps
 from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, follow
 from slipd.tools.discovery.config_draft import draft
-from slipd.tools.discovery.port_probe import Found
-from slipd.tools.discovery.serial_ports import SerialPort
+from slipd.tools.discovery.port_probe import Found, SerialPort
 
 FOUND = {"wrench": Found("optoforce", 100.0), "pad": Found("pvdf", 50.0, taxels=128, rows=8)}
 PORTS = [(SerialPort(Path(f"/dev/{name}-{kind}")), FOUND[kind]) for name in ("left", "right") for kind in FOUND]

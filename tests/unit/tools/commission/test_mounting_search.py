@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from slipd.signals.mounting import Mounting
@@ -32,6 +34,7 @@ PLACES = {CENTRE: (0.0, 0.0), END: (0.02, 0.0), CORNER: (0.02, 0.009), PUSH_X: (
 PUSHES = {PUSH_X: (2.0, 0.0), PUSH_Y: (0.0, 2.0)}
 TILTED = (0.9659258, 0.2588190, 0.0, 0.0)
 TRUE = Mount(-1, (0.004, -0.002, -0.025), TILTED)
+SEEDS = st.none() | st.integers(0, 19)
 
 
 def touches(
@@ -92,28 +95,16 @@ def away_deg(first: Mount, second: Mount) -> float:
     return math.degrees((Rotation.from_quat(first.quat_xyzw) * Rotation.from_quat(second.quat_xyzw).inv()).magnitude())
 
 
-@pytest.mark.parametrize("fault", list(wrong(TRUE)))
-@pytest.mark.parametrize("symmetry", SYMMETRIES, ids=str)
-def test_every_wrong_mounting_is_found_with_every_orientation_of_the_image(symmetry: Symmetry, fault: str) -> None:
-    for sign in (1, -1):
-        true = replace(TRUE, sign=sign)
-        found = find_mounting(touches(true, symmetry), wrong(true)[fault])
-        assert found.problems == []
-        assert found.symmetry == symmetry
-        assert found.mount is not None
-        assert found.mount.sign == sign
-        assert away_deg(found.mount, true) < 0.1
-        assert found.mount.xyz_m == pytest.approx(true.xyz_m, abs=2e-4)
-
-
-@pytest.mark.parametrize("fault", ["right", "sign", "wxyz", "inverse", "turned by z90", "turned by x180"])
-def test_an_inexact_hand_finds_the_same_rotation(fault: str) -> None:
-    for seed in range(20):
-        found = find_mounting(touches(symmetry=SYMMETRIES[seed % 8], seed=seed), wrong(TRUE)[fault])
-        assert found.mount is not None, found.problems
-        assert (found.mount.sign, found.symmetry) == (TRUE.sign, SYMMETRIES[seed % 8])
-        assert away_deg(found.mount, TRUE) < 0.1
-        assert found.mount.xyz_m == pytest.approx(TRUE.xyz_m, abs=0.004)
+@given(st.sampled_from(sorted(wrong(TRUE))), st.sampled_from(SYMMETRIES), st.sampled_from((1, -1)), SEEDS)
+def test_every_wrong_mounting_is_found_with_every_orientation_of_the_image_by_an_inexact_hand_too(
+    fault: str, symmetry: Symmetry, sign: int, seed: int | None
+) -> None:
+    true = replace(TRUE, sign=sign)
+    found = find_mounting(touches(true, symmetry, seed=seed), wrong(true)[fault])
+    assert found.mount is not None, found.problems
+    assert (found.mount.sign, found.symmetry, found.problems) == (sign, symmetry, [])
+    assert away_deg(found.mount, true) < 0.1
+    assert found.mount.xyz_m == pytest.approx(true.xyz_m, abs=2e-4 if seed is None else 4e-3)
 
 
 @pytest.mark.parametrize("fault", ["right", "sign"])
@@ -145,31 +136,39 @@ Change = Callable[[], dict[str, Touch]]
 
 
 @pytest.mark.parametrize(
-    ("made", "words"),
+    ("made", "words", "doubtful"),
     [
-        (lambda: touches(places=ONE_PLACE), "all presses were at one place"),
-        (lambda: touches(places=ONE_PLACE, symmetry=None), "all presses were at one place"),
-        (lambda: touches(places=PLACES | {END: (-0.02, 0.0), CORNER: (-0.02, 0.009)}), "on the other side"),
-        (lambda: touches(places=PLACES | {CORNER: (0.02, -0.009)}), "on the other side"),
-        (lambda: touches(places=PLACES | {END: (0.0, 0.009)}), "on the other side"),
-        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (0.0, -2.0)}), "on the other side"),
-        (lambda: touches(pushes={PUSH_X: (-2.0, 0.0), PUSH_Y: (0.0, 2.0)}), "on the other side"),
-        (lambda: touches(pushes={PUSH_X: (0.0, 2.0), PUSH_Y: (2.0, 0.0)}), "on the other side"),
-        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (2.0, 0.0)}), "0° apart, not 90°"),
-        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (1.5, 1.5)}), "45° apart, not 90°"),
-        (lambda: touches(torque_gain=1000.0), "in N·mm"),
-        (lambda: touches(torque_gain=0.001), "in kN·m"),
-        (lambda: touches(torque_gain=1.7), "1.70 times as far as the image: pitch_m"),
-        (lambda: {step: touch for step, touch in touches().items() if step != PUSH_Y}, "showed nothing at: push_y"),
-        (lambda: touches() | {END: replace(touches()[END], force=touches()[PUSH_X].force * (1, -1, -1))}, "different"),
+        (lambda: touches(places=ONE_PLACE), "all presses were at one place", (END, CORNER)),
+        (lambda: touches(places=ONE_PLACE, symmetry=None), "all presses were at one place", (END, CORNER)),
+        (lambda: touches(places=PLACES | {CORNER: (0.02, -0.009)}), "on the other side", (CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(places=PLACES | {END: (0.0, 0.009)}), "on the other side", (END, CORNER, PUSH_X, PUSH_Y)),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (0.0, -2.0)}), "on the other side", None),
+        (
+            lambda: touches(pushes={PUSH_X: (-2.0, 0.0), PUSH_Y: (0.0, 2.0)}),
+            "on the other side",
+            (CORNER, PUSH_X, PUSH_Y),
+        ),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (2.0, 0.0)}), "0° apart, not 90°", (PUSH_X, PUSH_Y)),
+        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (1.5, 1.5)}), "45° apart, not 90°", (PUSH_X, PUSH_Y)),
+        (lambda: touches(torque_gain=1000.0), "in N·mm", ()),
+        (lambda: touches(torque_gain=0.001), "in kN·m", ()),
+        (lambda: touches(torque_gain=1.7), "1.70 times as far as the image: pitch_m", (CENTRE, END, CORNER)),
+        (lambda: {step: touch for step, touch in touches().items() if step != PUSH_Y}, "nothing at: push_y", ()),
+        (
+            lambda: touches() | {END: replace(touches()[END], force=touches()[PUSH_X].force * (1, -1, -1))},
+            "different",
+            (END,),
+        ),
     ],
 )  # fmt: skip
-def test_what_does_not_follow_is_reported_and_not_guessed(made: Change, words: str) -> None:
-    for present in (TRUE, *wrong(TRUE).values()):
+def test_what_does_not_follow_is_reported_and_not_guessed_and_what_made_again_may_help_is_named(
+    made: Change, words: str, doubtful: tuple[str, ...] | None
+) -> None:
+    for present in wrong(TRUE).values():
         found = find_mounting(made(), present)
-        assert found.mount is None
-        assert found.symmetry is None
+        assert (found.mount, found.symmetry) == (None, None)
         assert any(words in problem for problem in found.problems), found.problems
+        assert doubtful in (None, found.doubtful)
 
 
 @pytest.mark.parametrize("has_pad", [True, False])
@@ -182,23 +181,6 @@ def test_a_touch_that_no_position_of_the_sensor_explains_is_named(step: str, has
     assert (found.mount, found.symmetry) == (None, None)
     assert f"{NAMES[step]} fits the others worst" in found.problems[0]
     assert found.doubtful == (step,)
-
-
-@pytest.mark.parametrize(
-    ("made", "doubtful"),
-    [
-        (lambda: touches(places=ONE_PLACE), (END, CORNER)),
-        (lambda: touches(places=PLACES | {CORNER: (0.02, -0.009)}), (CORNER, PUSH_X, PUSH_Y)),
-        (lambda: touches(pushes={PUSH_X: (-2.0, 0.0), PUSH_Y: (0.0, 2.0)}), (CORNER, PUSH_X, PUSH_Y)),
-        (lambda: touches(places=PLACES | {END: (0.0, 0.009)}), (END, CORNER, PUSH_X, PUSH_Y)),
-        (lambda: touches(pushes={PUSH_X: (2.0, 0.0), PUSH_Y: (2.0, 0.0)}), (PUSH_X, PUSH_Y)),
-        (lambda: touches(torque_gain=1.7), (CENTRE, END, CORNER)),
-        (lambda: touches(torque_gain=1000.0), ()),
-        (lambda: touches() | {END: replace(touches()[END], force=touches()[PUSH_X].force * (1, -1, -1))}, (END,)),
-    ],
-)  # fmt: skip
-def test_what_made_again_may_help_is_named(made: Change, doubtful: tuple[str, ...]) -> None:
-    assert find_mounting(made(), TRUE).doubtful == doubtful
 
 
 def test_an_image_that_fits_in_two_orientations_is_reported() -> None:

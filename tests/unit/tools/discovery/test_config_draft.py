@@ -9,8 +9,7 @@ from slipd import config
 from slipd.config.toml_text import marked_keys
 from slipd.devices import DEVICES
 from slipd.tools.discovery.config_draft import draft
-from slipd.tools.discovery.port_probe import Found
-from slipd.tools.discovery.serial_ports import NUMBER, SerialPort
+from slipd.tools.discovery.port_probe import NUMBER, Found, SerialPort
 
 __all__ = ["install"]
 

@@ -16,7 +16,7 @@ from slipd.errors import SlipdError
 from slipd.tools.discovery import init_command as init_command_module
 from slipd.tools.discovery import port_probe
 from slipd.tools.discovery.init_command import init_command
-from slipd.tools.discovery.serial_ports import SAME_SOCKET, list_ports
+from slipd.tools.discovery.port_probe import SAME_SOCKET, list_ports
 from slipd.tools.sim.emulate import emulated, emulator_for
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from slipd.tools.discovery.serial_ports import NUMBER, SAME_SOCKET, SerialPort, list_ports
+from slipd.tools.discovery.port_probe import NUMBER, SAME_SOCKET, SerialPort, list_ports
 
 
 @pytest.fixture
