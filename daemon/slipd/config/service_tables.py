@@ -196,6 +196,11 @@ class Restart(StrictModel):
             may be older. An hour covers a crash, an update and a reboot; a sensor that rested for longer has cooled
             down or was changed. Wrong: too large, and verdicts rest on a zero that has moved; too small, and each
             restart needs a tare of free fingers.
+        temperature_k: Largest change of the temperature that a sensor reports since its tare, K. Sensors that report
+            none are not checked. The default is a first guess, about the warming of a sensor from switched off to its
+            working temperature. Wrong: too large, and verdicts rest on a zero that has moved; too small, and each
+            restart needs a tare of free fingers.
     """
 
     gap_s: float = Field(default=3600.0, ge=0.0, le=604_800.0)
+    temperature_k: float = Field(default=10.0, gt=0.0, le=100.0)

@@ -118,7 +118,7 @@ class Decoder(FrameDecoder):
         self.text_passed = len(found) * FRAME_LENGTH != len(buffer)
         samples: list[WrenchSample] = []
         for at, in_sync in found:
-            _, status, *values, time_us, _ = _FRAME.unpack_from(buffer, at)
+            _, status, *values, time_us, temperature_c = _FRAME.unpack_from(buffer, at)
             if status & _RESERVED_STATUS and not in_sync:
                 # In noise, a 16-bit checksum matches after one header byte in 65,536. Out of sync, the reserved status
                 # bits must be zero as well; frames of a device that sets them are accepted from the second one on.
@@ -128,6 +128,7 @@ class Decoder(FrameDecoder):
             if not math.isfinite(sum(values)) and "invalid" not in names:
                 names = (*names, "invalid")
             samples.append(WrenchSample(t_ns, time_us * 1000, values[:3], values[3:], names))
+            self.health.temperature_c = temperature_c
         self.health.good += len(samples)
         return samples
 

@@ -21,6 +21,7 @@ from slipd.links.device_link import DeviceLink
 from slipd.links.link_guards import Identity
 from slipd.signals.tare import Offset
 from slipd.types.clocks import WallClock
+from slipd.types.finite import finite_or_none
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS
@@ -134,8 +135,20 @@ class KeptState:
             self.problems[name] = f"{_TARE_NOT_USED}: it is of {tare.device or tare.opened}"
         elif self._until_ns is not None and t_ns > self._until_ns:
             self.problems[name] = f"{_TARE_NOT_USED}: the device answers too late for restart.gap_s"
+        elif warmed := self._warming(name, tare):
+            self.problems[name] = f"{_TARE_NOT_USED}: {warmed}"
         else:
             channel.tare.restore(self._offset(tare, channel))
+
+    def _warming(self, name: str, tare: StoredTare) -> str:
+        """Return how far the sensor's temperature has moved since a tare, if that is too far; else ""."""
+        now_c, most_k = self._temperature_c(name), self._config.restart.temperature_k
+        if tare.temperature_c is None or now_c is None or abs(now_c - tare.temperature_c) <= most_k:
+            return ""
+        return f"the sensor had {tare.temperature_c:.1f} °C, has {now_c:.1f}, and restart.temperature_k is {most_k:g}"
+
+    def _temperature_c(self, name: str) -> float | None:
+        return finite_or_none(self._of_stream[name].counters.temperature_c)
 
     def _offset(self, tare: StoredTare, channel: ForceChannel | ImageChannel) -> Offset:
         shape = channel.tare.current.value.shape
@@ -187,6 +200,7 @@ class KeptState:
             offset=offset.value.ravel().tolist(),
             std=std.ravel().tolist(),
             gravity_mps2=None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
+            temperature_c=self._temperature_c(name),
             origin=cast("Literal['observed', 'measured', 'stored']", offset.origin),
         )
         self._kept[name] = offset, stored

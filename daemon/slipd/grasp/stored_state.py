@@ -37,6 +37,7 @@ class StoredTare(_Stored):
         std: Standard deviation of a single reading, likewise.
         gravity_mps2: As `slipd.signals.tare.Offset.gravity_mps2`.
         origin: Where it came from in the run that kept it; see `slipd.signals.tare.Origin`.
+        temperature_c: Temperature that the sensor reported then, °C; None: it reports none.
     """
 
     device: str
@@ -50,6 +51,7 @@ class StoredTare(_Stored):
     std: list[float]
     gravity_mps2: list[float] | None
     origin: Literal["observed", "measured", "stored"]
+    temperature_c: float | None = None
 
 
 class StoredGrip(_Stored):

@@ -261,6 +261,7 @@ DAMAGED: dict[str, Change] = {
     "config": lambda state: state["tares"]["left.wrench"].update(basis="0" * 12),
     "size": lambda state: state["tares"]["left.wrench"]["offset"].pop(),
     "gravity": lambda state: state["tares"]["left.wrench"].update(gravity_mps2=[0.0]),
+    "temperature": lambda state: state["tares"]["left.wrench"].update(temperature_c=14.9),
     "age": lambda state: state.update(kept_wall_ns=WALL_NS - 3600 * SECOND),
     "future": lambda state: state.update(kept_wall_ns=WALL_NS + 3600 * SECOND),
 }
@@ -285,6 +286,14 @@ def test_a_tare_that_may_be_wrong_is_not_used_and_the_reason_is_reported(what: s
     assert "is not used: " in reason
     alone = what in DAMAGED and what not in ("age", "future")
     assert zeros(run)["right.pad"] == ((1, "stored") if alone else (0, "config")), "the others are used"
+
+
+@pytest.mark.parametrize("temperature_c", [15.0, 35.0, None])
+def test_a_tare_serves_at_about_the_temperature_of_its_sensor(temperature_c: float | None) -> None:
+    before, state = held()
+    assert state["tares"]["left.wrench"]["temperature_c"] == 25.0
+    state["tares"]["left.wrench"]["temperature_c"] = temperature_c
+    assert zeros(restarted(before, state))["left.wrench"] == (1, "stored")
 
 
 def test_a_stored_tare_waits_for_its_device_and_gives_way_to_one_of_this_run() -> None:

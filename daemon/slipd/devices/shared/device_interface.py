@@ -234,6 +234,7 @@ class DecoderHealth:
         restarts: Times that the device's own sequence numbers started again.
         note: For people: how the bytes are interpreted, or why they give no readings; "" if there is nothing to say.
         warning: What is wrong with the device although its readings count; "" if nothing is.
+        temperature_c: Temperature that the sensor reported last, °C; None if it reports none.
     """
 
     good: int = 0
@@ -244,6 +245,7 @@ class DecoderHealth:
     restarts: int = 0
     note: str = ""
     warning: str = ""
+    temperature_c: float | None = None
 
 
 def check_integer(name: str, value: object, least: int, most: int) -> None:
