@@ -78,8 +78,8 @@ def test_a_change_in_another_file_of_the_folder_is_seen_in_spite_of_the_cache(tm
     package, cache = tmp_path / "package", tmp_path / "cache"
     fusion = package / "slipd" / "fusion"
     shutil.copytree(ROOT / "fusion", fusion, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "arrays.py", "source_stamp.py"):
-        shutil.copy(ROOT / name, package / "slipd" / name)
+    shutil.copytree(ROOT / "types", package / "slipd" / "types", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "__init__.py", package / "slipd" / "__init__.py")
     assert ask(package, cache) == (0.001, 0)
     assert ask(package, cache) == (0.001, 2), "the second process compiles nothing"
     callee = fusion / "contact.py"

@@ -51,16 +51,19 @@ def test_the_margins_of_many_points_are_those_of_each(seed: int, taxels: int) ->
         assert np.array_equal(margin, tipping_margin(x, y, (px, py)), equal_nan=True)
 
 
-def test_points_and_segments_have_no_inside() -> None:
-    assert tipping_margin([1.0], [1.0], (1.0, 1.0)) == 0.0
-    assert tipping_margin([1.0, 1.0], [1.0, 1.0], (1.0, 3.0)) == -2.0
-    assert tipping_margin([0, 1, 2], [0, 0, 0], (1.0, 0.0)) == 0.0
-    assert tipping_margin([0, 1, 2], [0, 0, 0], (1.0, 0.5)) == -0.5
-
-
-def test_nothing_to_stand_on_is_not_a_number() -> None:
-    assert math.isnan(tipping_margin([], [], (0, 0)))
-    assert math.isnan(tipping_margin([0, 1, 2], [0, 1, 0], (math.nan, 0)))
+@pytest.mark.parametrize(
+    ("x", "y", "point", "margin"),
+    [
+        ([1.0], [1.0], (1.0, 1.0), 0.0),
+        ([1.0, 1.0], [1.0, 1.0], (1.0, 3.0), -2.0),
+        ([0, 1, 2], [0, 0, 0], (1.0, 0.0), 0.0),
+        ([0, 1, 2], [0, 0, 0], (1.0, 0.5), -0.5),
+        ([], [], (0, 0), math.nan),
+        ([0, 1, 2], [0, 1, 0], (math.nan, 0), math.nan),
+    ],
+)
+def test_points_and_segments_have_no_inside_and_nothing_to_stand_on_is_no_number(x, y, point, margin) -> None:
+    assert tipping_margin(x, y, point) == pytest.approx(margin, nan_ok=True)
 
 
 def test_a_bad_call_raises() -> None:

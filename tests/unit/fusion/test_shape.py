@@ -28,16 +28,11 @@ def test_a_rectangle_has_its_area_axis_and_four_corners() -> None:
     assert np.abs(found.corners_m).max(axis=0) == pytest.approx((3.5 * PITCH, 1.5 * PITCH))
 
 
-def test_a_triangle_has_three_corners() -> None:
-    x, y = (X / PITCH + 7.5), (Y / PITCH + 3.5)
-    assert len(shape(2 * y <= x).corners_m) == 3
-
-
-def test_a_round_contact_has_no_axis_and_many_corners() -> None:
+def test_a_triangle_has_three_corners_and_a_round_contact_many_and_no_axis() -> None:
+    assert len(shape(2 * (Y / PITCH + 3.5) <= X / PITCH + 7.5).corners_m) == 3
     found = shape(R < 0.0113)
     assert math.isnan(found.axis_rad)
-    assert found.elongation == 1.0
-    assert found.holes == 0
+    assert (found.elongation, found.holes) == (1.0, 0)
     assert len(found.corners_m) > 5
 
 
@@ -65,24 +60,16 @@ def test_the_centroid_is_that_of_the_pressure_and_the_axis_that_of_the_area() ->
     assert tilted.elongation == pytest.approx(shape(bar).elongation)
 
 
-def test_a_line_of_taxels_is_endlessly_long() -> None:
-    found = shape((abs(Y - 0.5 * PITCH) < 1e-9) & (abs(X) < 0.01))
-    assert found.elongation == math.inf
-    assert len(found.corners_m) == 2
+def test_a_line_of_taxels_is_endlessly_long_and_one_is_a_point() -> None:
+    along, across = abs(X) < 0.01, abs(Y - 0.5 * PITCH) < 1e-9
+    for on, elongation, corners in ((along & across, math.inf, 2), (across & (abs(X - X[3, 5]) < 1e-9), 1.0, 1)):
+        found = shape(on)
+        assert (found.elongation, len(found.corners_m), found.holes) == (elongation, corners, 0)
 
 
-def test_no_contact_has_no_shape() -> None:
+def test_no_contact_has_no_shape_and_a_bad_call_raises() -> None:
     found = shape(np.zeros_like(X))
     assert (found.active, found.area_m2, found.holes, len(found.corners_m)) == (0, 0.0, 0, 0)
     assert np.isnan(found.centroid_m).all()
-
-
-def test_one_taxel_is_a_point() -> None:
-    found = shape((abs(X - X[3, 5]) < 1e-9) & (abs(Y - Y[3, 5]) < 1e-9))
-    assert found.elongation == 1.0
-    assert len(found.corners_m) == 1
-
-
-def test_a_bad_call_raises() -> None:
     with pytest.raises(ValueError, match="rows, cols"):
         contact_shape(X, Y, np.zeros(128), PITCH)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -70,9 +70,6 @@ class Hand:
         assert decode(encode(body), MESSAGE_LIMITS) == body, "plain finite values"
         return body
 
-    def nil(self, **more: Any) -> set[str]:
-        return {name for name, value in self.body(**more).items() if value is None}
-
 
 MakeHand = Callable[..., Hand]
 
@@ -98,30 +95,85 @@ def hand(make_hand: MakeHand) -> Hand:
     return make_hand()
 
 
-def fields() -> Iterable[str]:
-    section = PROTOCOL.partition("### `grasp`")[2].partition("\n##")[0]
-    return re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)))
+def nil(body: dict[str, Any]) -> set[str]:
+    return {name for name, value in body.items() if value is None}
 
 
 def test_protocol_document_lists_the_fields_of_grasp(hand: Hand) -> None:
-    assert set(fields()) == set(hand.body())
+    section = PROTOCOL.partition("### `grasp`")[2].partition("\n##")[0]
+    assert set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)))) == set(
+        hand.body()
+    )
 
 
-def test_held_box_has_every_field(hand: Hand) -> None:
-    hand.hold()
-    body = hand.body(T0 + 2 * MS)
-    assert hand.nil() == set()
-    assert (body["level"], body["level_code"], body["reasons"]) == ("stable", 1, [])
-    assert body["fingers"] == ["left", "right"]
-    assert body["internal_n"] == pytest.approx(10.0)
-    assert body["utilisation"] == pytest.approx(0.24, rel=1e-5)
-    assert body["grip_needed_n"] == pytest.approx(1.3 * 2.4, rel=1e-5)
-    assert body["external_force_n"] == pytest.approx([0.0, 0.0, 2.4], abs=1e-12)
-    assert body["external_torque_nm"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
-    assert body["load_share"] == {"left": 0.5, "right": 0.5}
-    assert body["asymmetry"] == pytest.approx(0.0)
-    assert body["width_m"] == WIDTH_M
-    assert body["age_s"] == pytest.approx(0.002)
+NEEDS_MU, LIGHT = ("mu = 0.5\n", ""), ("mu = 0.5", "mu = 0.25\ngrip_safety = 2.0")
+ONE_TAXEL = np.where(np.arange(16).reshape(4, 4) == 5, 100, 0)
+NO_NEED = {"grip_needed_n", "utilisation"}
+Press = tuple[tuple[Any, ...], dict[str, Any]]
+GRASPS: dict[str, tuple[list[tuple[str, str]], Press, Press, set[str], dict[str, Any]]] = {
+    "a held box": (
+        [], ((10.0, (1.2, 0.0)), {}), ((10.0, (1.2, 0.0)), {}), set(),
+        {"level": "stable", "level_code": 1, "internal_n": 10.0, "utilisation": 0.24, "grip_needed_n": 1.3 * 2.4,
+         "external_force_n": [0.0, 0.0, 2.4], "external_torque_nm": [0.0, 0.0, 0.0], "asymmetry": 0.0,
+         "load_share": {"left": 0.5, "right": 0.5}, "width_m": WIDTH_M, "age_s": 0.0, "fingers": ["left", "right"]},
+    ),
+    "an axial push: 3 N against the left pad, which looks along -Y, is external and no grip": (
+        [], ((13.0, (1.2, 0.0)), {}), ((10.0, (1.2, 0.0)), {}), set(),
+        {"internal_n": 10.0, "external_force_n": [0.0, 3.0, 2.4], "asymmetry": 3.0 / 23.0, "utilisation": 0.24,
+         "grip_needed_n": 1.3 * 2.4},
+    ),
+    "the finger that lacks most decides; its pad has 3 N more than the grip": (
+        [LIGHT], ((13.0, (3.0, 0.0)), {}), ((10.0, (1.0, 0.0)), {}), set(),
+        {"grip_needed_n": 24.0 - 3.0, "utilisation": 3.0 / (0.25 * 13.0), "load_share": {"left": 0.75, "right": 0.25},
+         "level": "warning", "reasons": ["translation"]},
+    ),
+    "free fingers": (
+        [], ((0.1, (0.02, 0.0)), {}), ((-0.1,), {}), {*NO_NEED, "load_share", "asymmetry"},
+        {"level": "no_contact", "internal_n": 0.0, "external_force_n": [0.0, 0.2, 0.02]},
+    ),
+    "one finger against a wall": (
+        [], ((10.0, (1.0, 0.0)), {}), ((0.0,), {}), NO_NEED,
+        {"internal_n": 0.0, "asymmetry": 1.0, "level": "stable", "load_share": {"left": 1.0, "right": 0.0}},
+    ),
+    "a finger without an image": (
+        [], ((10.0, (1.2, 0.0)), {"counts": None}), ((10.0, (1.2, 0.0)), {}), NO_NEED, {"level": "unknown"}),
+    "a finger without friction": (
+        [NEEDS_MU], ((10.0, (1.2, 0.0)), {}), ((10.0, (1.2, 0.0)), {}), NO_NEED, {"level": "unknown"}),
+    "a load that no grip holds": (
+        [], ((10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)), {"counts": ONE_TAXEL}), ((10.0, (1.2, 0.0)), {}), NO_NEED,
+        {"level": "warning", "internal_n": 10.0},
+    ),
+    "a reason of both fingers": (
+        [], ((10.0, (4.6, 0.0)), {}), ((10.0, (4.6, 0.0)), {}), set(),
+        {"level": "warning", "reasons": ["translation"]},
+    ),
+    "caution is more severe than nothing to say": (
+        [], ((10.0, (3.7, 0.0)), {}), ((10.0,), {}), set(),
+        {"level": "caution", "reasons": ["translation"]},
+    ),
+    "the finger at caution adds no reason": (
+        [], ((10.0, (3.7, 0.0)), {}), ((10.0, (0.0, 0.0), 0.028), {}), set(),
+        {"level": "warning", "reasons": ["rotation"]},
+    ),
+    "both fingers at one level": (
+        [], ((10.0, (4.6, 0.0)), {}), ((10.0, (0.0, 0.0), 0.028), {}), set(), {"reasons": ["translation", "rotation"]}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GRASPS)
+def test_a_grasp_is_what_both_fingers_make_of_it(make_hand: MakeHand, name: str) -> None:
+    changes, left, right, unknown, expected = GRASPS[name]
+    hand = make_hand(*changes)
+    for side, (contact, more) in (("left", left), ("right", right)):
+        hand.press(side, *contact, **more)
+    body = hand.body()
+    assert nil(body) == unknown
+    words = {"level", "reasons", "fingers"}
+    for key, value in expected.items():
+        assert body[key] == (value if key in words else pytest.approx(value, rel=1e-5, abs=1e-9)), key
+    for finger in hand.fingers.values():
+        needed = slip_body(finger, finger.state)["grip_needed_n"]
+        assert needed == finger.state.needed_normal_n(finger.config), "solved once for one state"
 
 
 def test_pads_move_with_the_width(hand: Hand) -> None:
@@ -132,6 +184,9 @@ def test_pads_move_with_the_width(hand: Hand) -> None:
         body = hand.body(width_m=width_m)
         assert body["external_force_n"] == pytest.approx([1.0, 0.0, 0.0])
         assert body["external_torque_nm"] == pytest.approx([0.0, lever_m, 0.0])
+    for width_m in (-0.001, 0.081, None, math.nan):
+        known = width_m is not None and math.isfinite(width_m)
+        assert nil(hand.body(width_m=width_m)) == {"external_torque_nm"} | (set() if known else {"width_m"})
 
 
 def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None:
@@ -151,46 +206,6 @@ def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None
     assert body["external_torque_nm"] == pytest.approx(torque.tolist())
 
 
-@pytest.mark.parametrize("width_m", [-0.001, 0.081])
-def test_torque_is_nil_outside_the_configured_widths(hand: Hand, width_m: float) -> None:
-    hand.hold()
-    assert hand.nil(width_m=width_m) == {"external_torque_nm"}
-
-
-@pytest.mark.parametrize("width_m", [None, math.nan])
-def test_torque_alone_is_nil_without_a_width(hand: Hand, width_m: float | None) -> None:
-    hand.hold()
-    assert hand.nil(width_m=width_m) == {"external_torque_nm", "width_m"}
-
-
-def test_axial_push_is_external_force_not_grip(hand: Hand) -> None:
-    """3 N against the left pad, which looks along −Y: the world pushes the box along +Y."""
-    hand.press("left", 13.0, (1.2, 0.0))
-    hand.press("right", 10.0, (1.2, 0.0))
-    body = hand.body()
-    assert body["internal_n"] == pytest.approx(10.0)
-    assert body["external_force_n"] == pytest.approx([0.0, 3.0, 2.4])
-    assert body["asymmetry"] == pytest.approx(3.0 / 23.0)
-    assert body["utilisation"] == pytest.approx(0.24, rel=1e-5), "of the right finger, which is pressed less"
-    assert body["grip_needed_n"] == pytest.approx(1.3 * 2.4, rel=1e-5)
-
-
-def test_grip_needed_is_that_of_the_finger_that_lacks_most(make_hand: MakeHand) -> None:
-    hand = make_hand(("mu = 0.5", "mu = 0.25\ngrip_safety = 2.0"))
-    hand.press("left", 13.0, (3.0, 0.0))
-    hand.press("right", 10.0, (1.0, 0.0))
-    body = hand.body()
-    needs = slip_body(hand.fingers["left"], hand.fingers["left"].state)["grip_needed_n"]
-    assert needs == pytest.approx(24.0, rel=1e-5)
-    assert body["grip_needed_n"] == pytest.approx(24.0 - 3.0, rel=1e-5), "its pad has 3 N more than the grip"
-    assert body["utilisation"] == pytest.approx(3.0 / (0.25 * 13.0), rel=1e-5)
-    assert body["load_share"] == pytest.approx({"left": 0.75, "right": 0.25})
-    assert body["level"] == "warning"
-    state = hand.view.state
-    assert (state.level, state.reasons) == ("warning", ("translation",))
-    assert (state.internal_n, state.grip_needed_n) == (body["internal_n"], body["grip_needed_n"])
-
-
 @pytest.mark.parametrize("name", ["left", "right"])
 @pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "never"])
 def test_grasp_is_unknown_where_one_finger_is(hand: Hand, name: str, what: str) -> None:
@@ -204,8 +219,7 @@ def test_grasp_is_unknown_where_one_finger_is(hand: Hand, name: str, what: str) 
     elif what == "not_finite":
         hand.press(name, math.nan)
     body = hand.body()
-    unknown = {key for key, value in body.items() if value is None}
-    assert unknown == (set(body) - ALWAYS) | ({"age_s"} if what == "never" else set())
+    assert nil(body) == (set(body) - ALWAYS) | ({"age_s"} if what == "never" else set())
     assert body["level"] == "unknown", "one finger that holds makes no grasp"
     assert body["reasons"] == ["stale" if what == "never" else what]
 
@@ -219,26 +233,7 @@ def test_finger_in_disagreement_is_unknown(make_hand: MakeHand) -> None:
     assert hand.fingers["left"].state.utilisation is not None
     body = hand.body(T0 + 1990 * MS)
     assert body["reasons"][0] == "disagreement"
-    assert {key for key, value in body.items() if value is None} == set(body) - ALWAYS
-
-
-def test_free_fingers_have_no_grip_and_are_known(hand: Hand) -> None:
-    hand.press("left", 0.1, (0.02, 0.0))
-    hand.press("right", -0.1)
-    body = hand.body()
-    assert (body["level"], body["internal_n"]) == ("no_contact", 0.0)
-    assert body["external_force_n"] == pytest.approx([0.0, 0.2, 0.02])
-    unknown = {key for key, value in body.items() if value is None}
-    assert unknown == {"utilisation", "grip_needed_n", "load_share", "asymmetry"}
-
-
-def test_one_finger_against_a_wall_is_no_grip(hand: Hand) -> None:
-    hand.press("left", 10.0, (1.0, 0.0))
-    hand.press("right", 0.0)
-    body = hand.body()
-    assert (body["internal_n"], body["asymmetry"], body["level"]) == (0.0, 1.0, "stable")
-    assert body["load_share"] == {"left": 1.0, "right": 0.0}
-    assert body["grip_needed_n"] is body["utilisation"] is None
+    assert nil(body) == set(body) - ALWAYS
 
 
 def test_learned_friction_lowers_the_need_but_not_what_the_reflex_keeps(hand: Hand) -> None:
@@ -262,56 +257,15 @@ def test_the_reflex_keeps_all_that_it_added_where_friction_is_only_learned(make_
     assert state.grip_kept_n is None
 
 
-def test_grip_needed_is_nil_without_image_or_mu(make_hand: MakeHand) -> None:
-    for hand, counts in ((make_hand(), None), (make_hand(("mu = 0.5\n", "")), FULL)):
-        hand.press("left", 10.0, (1.2, 0.0), counts=counts)
-        hand.press("right", 10.0, (1.2, 0.0))
-        body = hand.body()
-        assert body["level"] == "unknown"
-        assert {key for key, value in body.items() if value is None} == {"grip_needed_n", "utilisation"}
-
-
-def test_grip_needed_is_nil_where_no_grip_holds(hand: Hand) -> None:
-    one = np.zeros((4, 4))
-    one[1, 1] = 100
-    hand.press("left", 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002), counts=one)
-    hand.press("right", 10.0, (1.2, 0.0))
-    body = hand.body()
-    assert body["level"] == "warning"
-    assert body["utilisation"] is body["grip_needed_n"] is None
-    assert body["internal_n"] == pytest.approx(10.0)
-
-
-def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
-    def level_and_reasons() -> tuple[str, list[str]]:
-        body = hand.body()
-        return body["level"], body["reasons"]
-
-    hand.press("left", 10.0, (3.7, 0.0))
-    assert level_and_reasons() == ("caution", ["translation"]), "more severe than an unknown finger"
-    hand.press("right", 10.0)
-    assert level_and_reasons() == ("caution", ["translation"])
-    hand.press("right", 10.0, (0.0, 0.0), 0.028)
-    assert level_and_reasons() == ("warning", ["rotation"]), "the finger at caution adds no reason"
-    hand.press("left", 10.0, (4.6, 0.0))
-    assert level_and_reasons() == ("warning", ["translation", "rotation"])
-
-
-def test_reason_of_both_fingers_is_listed_once(hand: Hand) -> None:
-    hand.press("left", 10.0, (4.6, 0.0))
-    hand.press("right", 10.0, (4.6, 0.0))
-    assert hand.body()["reasons"] == ["translation"]
-
-
 def test_unknown_finger_weight_hides_the_load_but_not_the_grip(make_hand: MakeHand) -> None:
     hand = make_hand(("stuck_after = 0", "stuck_after = 0\nmass_kg = 0.05"))
     hand.hold()
-    assert hand.nil() == {"external_force_n", "external_torque_nm"}
+    assert nil(hand.body()) == {"external_force_n", "external_torque_nm"}
     force = hand.fingers["left"].force
     assert force is not None
     force.set_gravity((0.0, 0.0, 0.0), T0)
     hand.hold()
-    assert hand.nil() == set()
+    assert nil(hand.body()) == set()
 
 
 def test_three_axis_pads_make_a_grasp(left: str, right: str, parse: Parse, wrench: Wrench, image: Image) -> None:
