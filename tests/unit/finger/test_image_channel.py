@@ -129,108 +129,77 @@ def press(normal_n: float = 8.0, centroid_m: tuple[float, float] = (0.0, 0.0)) -
     return contact_from_wrench(force, np.cross((*centroid_m, 0.0), force))
 
 
-def test_nothing_is_known_before_the_first_image(make: Callable[..., ImageChannel]) -> None:
-    pad = make()
-    assert pad.load_distribution(press) is None
-    assert pad.shape() is None
-    assert pad.shows_contact() is None
-    assert pad.wrench() is None
+def known(pad: ImageChannel) -> tuple[bool, bool, bool]:
+    """Return whether the pad knows a load distribution, a shape, and whether something touches."""
+    return pad.load_distribution(press) is not None, pad.shape() is not None, pad.shows_contact() is not None
+
+
+def test_an_image_is_known_from_its_coming_until_it_is_spoilt_or_forgotten(
+    make: Callable[..., ImageChannel], image: Image
+) -> None:
+    pad, spoilt = make(), RAMP.copy()
+    spoilt[2, 2] = np.nan
+    assert (known(pad), pad.wrench(), pad.fresh_until_ns) == ((False,) * 3, None, -1)
+    for counts in (RAMP, spoilt, RAMP):
+        pad.update(image(T0, counts))
+        assert known(pad) == (counts is RAMP,) * 3
+        assert pad.pressure.any() == (counts is RAMP)
+    assert pad.fresh_until_ns == T0 + pad.freshness.stale_ns
+    pad.forget()
+    assert (known(pad), pad.t_ns, pad.fresh_until_ns) == ((False,) * 3, None, -1)
 
 
 def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChannel], image: Image) -> None:
     pad = make(more=f"tare = {[100.0] * 16}\n")
     counts = np.full(16, 100.0)
-    counts[3], counts[4], counts[5], counts[6] = 300.0, 106.0, 105.0, 0.0
+    counts[3:7] = 300.0, 106.0, 105.0, 0.0
     pad.update(image(T0, counts))
-    expected = np.zeros(16)
-    expected[3], expected[4] = 2.0, 0.06
-    assert pad.pressure == pytest.approx(expected)
+    assert pad.pressure == pytest.approx([0.0] * 3 + [2.0, 0.06] + [0.0] * 11)
     assert pad.shows_contact() is True
-    assert pad.t_ns == T0
-
-
-def test_image_below_the_threshold_shows_no_contact_and_has_no_loads(
-    make: Callable[..., ImageChannel], image: Image
-) -> None:
-    pad = make()
-    pad.update(image(T0, np.full(16, 5.0)))
-    assert pad.shows_contact() is False
-    assert pad.load_distribution(press) is None
+    pad.update(image(T0 + 1, np.full(16, 105.0)))
+    assert (pad.shows_contact(), pad.load_distribution(press)) == (False, None)
     shape = pad.shape()
     assert shape is not None
     assert shape.active == 0
 
 
-def test_image_with_a_value_that_is_not_finite_is_unknown(make: Callable[..., ImageChannel], image: Image) -> None:
-    pad = make()
-    pad.update(image(T0, RAMP))
-    spoilt = RAMP.copy()
-    spoilt[2, 2] = np.nan
-    pad.update(image(T0 + 1, spoilt))
-    assert pad.shows_contact() is None
-    assert pad.load_distribution(press) is None
-    assert pad.shape() is None
-    assert not pad.pressure.any()
-    pad.update(image(T0 + 2, RAMP))
-    assert pad.load_distribution(press) is not None
-
-
 def test_image_states_why_it_cannot_be_used(make: Callable[..., ImageChannel], image: Image) -> None:
     spoilt = RAMP.copy()
     spoilt[2, 2] = np.nan
-    charge = make(more="charge_tau_s = 2.0\n")
-    for pad, counts, status, reasons in (
-        (make(), RAMP, (), ()),
-        (make(), RAMP, ("saturated",), ()),
-        (make(), RAMP, ("overload", "invalid"), ("invalid", "overload")),
-        (make(), spoilt, ("invalid",), ("invalid", "not_finite")),
-        (make(), 1e15 * RAMP, (), ("garbage",)),
-        (make(more="gain_error = 0.1\n"), 1e9 * RAMP, (), ("garbage",)),
-        (charge, RAMP, (), ("contact_unseen",)),
+    for more, counts, status, reasons in (
+        ("", RAMP, (), ()),
+        ("", RAMP, ("saturated",), ()),
+        ("", RAMP, ("overload", "invalid"), ("invalid", "overload")),
+        ("", spoilt, ("invalid",), ("invalid", "not_finite")),
+        ("", 1e15 * RAMP, (), ("garbage",)),
+        ("gain_error = 0.1\n", 1e9 * RAMP, (), ("garbage",)),
+        ("charge_tau_s = 2.0\n", RAMP, (), ("contact_unseen",)),
     ):
-        assert pad.reasons == ("stale",)
-        sample = image(T0, counts)
+        pad, sample = make(more=more), image(T0, counts)
         sample.status = status
+        assert pad.reasons == ("stale",)
         pad.update(sample)
         assert pad.reasons == reasons
-        assert (pad.shape() is not None) is not bool(reasons)
-        pad.forget()
-        assert pad.reasons == ("stale",)
+        assert pad.is_independent is known(pad)[1] is not bool(reasons)
 
 
-def test_forgotten_image_is_unknown(make: Callable[..., ImageChannel], image: Image) -> None:
-    pad = make()
-    pad.update(image(T0, RAMP))
-    pad.forget()
-    assert (pad.t_ns, pad.shows_contact(), pad.load_distribution(press)) == (None, None, None)
-
-
-def test_three_axis_taxels_give_a_wrench(right: str, parse: Parse) -> None:
-    pad = make_finger(right, parse, "right").image
+@pytest.mark.parametrize(
+    ("swap", "force_n", "at_m"),
+    [("", (0.2, -0.1, -3.0), (0.002, -0.002, 0.0)), ("swap_xy = true\n", (-0.1, 0.2, -3.0), (-0.002, 0.002, 0.0))],
+)
+def test_three_axis_taxels_give_a_wrench_that_is_turned_with_the_pad(
+    right: str, parse: Parse, swap: str, force_n: tuple[float, ...], at_m: tuple[float, ...]
+) -> None:
+    """0.2 N and −0.1 N of shear, 3 N into the pad at (+2, −2) mm."""
+    config = parse(right.replace("pitch_m", swap + "pitch_m"))
+    pad = known_finger("right", config.finger["right"], Levels()).image
     assert pad is not None
     assert pad.three_axis
     counts = np.full((4, 3), 1000.0)
-    counts[1] += (200.0, -100.0, 3000.0)  # at (+2, −2) mm: 0.2 N and −0.1 N of shear, 3 N into the pad
-    pad.update(TactileSample(T0, None, counts))
-    wrench = pad.wrench()
-    assert wrench is not None
-    force, torque = wrench[:3], wrench[3:]
-    assert force == pytest.approx((0.2, -0.1, -3.0))
-    assert torque == pytest.approx(np.cross((0.002, -0.002, 0.0), force))
-    assert pad.pressure == pytest.approx((0.0, 3.0, 0.0, 0.0))
-
-
-def test_swap_xy_of_a_three_axis_pad_swaps_its_shear_too(right: str, parse: Parse) -> None:
-    config = parse(right.replace("pitch_m", "swap_xy = true\npitch_m"))
-    pad = known_finger("right", config.finger["right"], Levels()).image
-    assert pad is not None
-    counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)
     pad.update(TactileSample(T0, None, counts))
-    wrench = pad.wrench()
-    assert wrench is not None
-    assert wrench[:3] == pytest.approx((-0.1, 0.2, -3.0))
-    assert wrench[3:] == pytest.approx(np.cross((-0.002, 0.002, 0.0), wrench[:3]))
+    assert pad.wrench() == pytest.approx((*force_n, *np.cross(at_m, force_n)))
+    assert sorted(pad.pressure) == pytest.approx([0.0, 0.0, 0.0, 3.0])
 
 
 def test_contact_shape_is_in_the_pad_frame(make: Callable[..., ImageChannel], image: Image) -> None:
