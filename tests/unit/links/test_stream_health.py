@@ -7,7 +7,9 @@ from device_links import MS, T0, Parse, S, frame, health, status
 
 from slipd.devices import DEVICES, tsf85
 from slipd.links.device_link import DeviceLink, make_links
+from slipd.links.link_guards import FloodGuard
 from slipd.tools.sim.emulators import make_emulator
+from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 
 
@@ -91,6 +93,13 @@ def test_L9_a_flood_drops_the_oldest_readings_and_is_reported(links: dict[str, D
     now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
     assert health(link, now) == (Health.OK, "")
     assert status(link, now)["dropped"] == 500 + 1460
+
+
+def test_L9_a_slow_stream_may_bring_32_readings_at_once() -> None:
+    guard, bunch = FloodGuard(), [WrenchSample(T0, None, [0.0] * 3, None)] * 33
+    guard.rate_hz = 1.0
+    guard.open(T0)
+    assert (guard.left, len(guard.limit(bunch, T0)), guard.dropped, guard.dropped_ns) == (32.0, 32, 1, T0)
 
 
 def test_L9_both_arrays_of_a_tsf85_in_each_of_1000_packets_a_second_are_no_flood(parse: Parse) -> None:
