@@ -30,6 +30,7 @@ def test_a_named_object_keeps_what_was_learned_for_its_next_grasp_with_a_wider_s
     ("first", "second", "source"),
     [
         (carry(0.8), slip(0.5, 0.4), "learned"),  # a slip ends what the object carried before
+        (carry(0.8), [(0.5, 0.5, math.nan, True)] * 5, "learned"),  # also one without a plateau
         (slip(0.3, 0.2), carry(0.4), "config"),  # what it carries disproves an earlier slip
     ],
 )

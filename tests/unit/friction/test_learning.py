@@ -89,9 +89,10 @@ def test_a_gap_in_the_readings_is_not_carried_but_ten_a_second_are_enough(
 
 def test_noise_lowers_the_bound_less_than_few_taxels() -> None:
     exact, noisy, spinning = (
-        Hand().feel(carry(0.6), **how).mu for how in ({}, {"noise": 0.06}, {"ratio": 0.2, "shape": 0.1})
+        Hand().feel(carry(0.6), **how) for how in ({}, {"noise": 0.06}, {"ratio": 0.2, "shape": 0.1})
     )
-    assert spinning < noisy < exact
+    assert spinning.mu < noisy.mu < exact.mu
+    assert noisy.carried == pytest.approx(0.6), "what was carried is a mean, no bound"
 
 
 def test_a_slip_inside_the_interval_of_the_prior_is_combined_with_it(hand: Hand) -> None:
@@ -143,6 +144,8 @@ def test_the_end_of_the_contact_starts_anew(hand: Hand) -> None:
     hand.feel([*carry(0.6), *slip(0.4, 0.3)])
     assert hand.let_go() == fresh
     hand.feel([*carry(0.6), *slip(0.4, 0.3)])
+    assert hand.let_go() == fresh
+    hand.feel(carry(0.6))
     assert hand.let_go() == fresh
     assert hand.feel(carry(0.6, 0.09)).carried is None, "one part of a dwell"
     hand.feel([*carry(0.6), *slip(0.4, 0.3)])
