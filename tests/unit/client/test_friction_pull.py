@@ -92,7 +92,7 @@ def slide_that_ends_in_a_gap(hand: Hand) -> Bodies:
             for late in (0.0, 0.02, 0.15)
         ],
         (creeping, [SAMPLE], "pull"),
-        (lambda hand: changed([*hand.once()], 200, required_friction=3.0), [SAMPLE], "pull"),
+        (lambda hand: changed([*hand.once()], 290, required_friction=3.0), [SAMPLE], "pull"),
         (lambda hand: [*hand.rest(), *hand.pull(slides_s=0.04), *hand.rest()], ["0.60, None"], "pull"),
         (uneven, ["0.60, None"], "pull"),
         (lambda hand: [body | {"level": "unknown", "reasons": ["no_mu"]} for body in hand.once()], [SAMPLE], None),
@@ -167,6 +167,12 @@ def test_a_grip_that_is_not_ready_says_why(hand: Hand, obstacle: str) -> None:
     outcomes(watch, hand.rest(1.0))
     assert watch.phase == "grip"
     assert watch.obstacle.startswith(obstacle)
+
+
+def test_a_grip_at_rest_has_no_obstacle_while_it_is_watched() -> None:
+    watch = PullWatch()
+    outcomes(watch, Hand().rest(0.1))
+    assert (watch.phase, watch.obstacle) == ("grip", "")
 
 
 @pytest.mark.parametrize("sensor_hz", [40.0, 60.0, 100.0, 800.0])
