@@ -17,6 +17,7 @@ from slipd_client.errors import CallError, NoAnswer, RequestRefused, TareGivenUp
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages import MessageError, encode
+from slipd_client.request_protocol import TARE_POLL_S
 
 if TYPE_CHECKING:
     from conftest import Daemon
@@ -314,6 +315,17 @@ def test_a_tare_is_waited_for_until_it_is_taken_of_each_stream_that_was_named(da
     states["pad"] = 1
     with pytest.raises(RequestRefused, match="tare of left pad was given up"):
         client.tare("left", "all")
+
+
+def test_a_tare_in_progress_is_asked_for_with_pauses(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    paused: list[float] = []
+    looks = iter([{"busy": True, "tare_id": 1}] * 2 + [{"busy": False, "tare_id": 2}])
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: next(looks)
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
+        monkeypatch.setattr(time, "sleep", paused.append)
+        client.tare("left", seconds=0.1)
+    assert paused == [TARE_POLL_S] * 2
 
 
 @pytest.mark.parametrize(
