@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from slipd.motion.evidence import Evidence
+from slipd.motion.evidence import Evidence, f_surprise
 from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import AGAIN_M, LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
@@ -150,8 +150,11 @@ def test_the_surprise_of_a_path_is_as_rare_as_it_says(walks: float) -> None:
         assert sum(surprise > limit for surprise in surprises) <= expected + 4.0 * math.sqrt(expected)
 
 
-def test_a_path_of_which_no_noise_is_known_is_no_surprise() -> None:
-    assert PathNoise().surprise(np.array((1.0, 0.0, 0.0)), 1e-3, 1) == 0.0
+def test_the_surprise_of_a_path_is_that_of_its_known_noise_and_none_without() -> None:
+    along = np.array((1.0, 0.0, 0.0))
+    assert PathNoise().surprise(along, 1e-3, 1) == 0.0
+    known = PathNoise(np.full(3, 1e-5))  # worth 20 second differences: all of it may be a walk
+    assert known.surprise(along, 1e-4, 1) == pytest.approx(f_surprise(1e-8 / (2e-10 + 3e-10), 1, 10))
 
 
 def test_images_without_load_or_without_grip_show_nothing() -> None:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from slipd.motion.evidence import Evidence
-from slipd.motion.width_change import WidthChange
+from slipd.motion.evidence import Evidence, f_surprise
+from slipd.motion.width_change import REFERENCE, WidthChange
 
 STEP_M = 0.085 / 255
 PERIOD_NS = 20_000_000
@@ -79,6 +79,11 @@ def test_a_shaken_gripper_swings_back() -> None:
 def test_creep_of_the_pads_is_followed() -> None:
     t = np.arange(3000) * 0.02
     assert watch(0.03 - 2e-4 * np.log1p(t)) == []
+
+
+def test_a_jump_without_noise_is_as_surprising_as_the_least_variance_says() -> None:
+    found = watch(np.where(np.arange(130) < 100, 0.03, 0.0295))
+    assert found[0].surprise == pytest.approx(f_surprise(25e-8 / 1e-12, 1, REFERENCE - 1), rel=0.01)
 
 
 def test_another_command_or_an_unknown_width_begins_another_hold_and_a_release_ends_it() -> None:
