@@ -177,6 +177,7 @@ async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reaso
     [
         ("udp://", "has no host"),
         ("udp://127.0.0.1", "has no port; a valid address is udp://127.0.0.1:49152"),
+        ("tcp://127.0.0.1:1", "cannot be reached (Connect call failed"),  # nothing listens there
         ("udp://127.0.0.1:70000", "not an address"),
         ("udp://[::1:80", "not an address"),
         ("udp://no-such-host.invalid:49152", "cannot be reached"),
@@ -187,7 +188,7 @@ async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reaso
 async def test_an_address_that_cannot_be_reached_is_reported(
     address: str, words: str, serving: Serving, eventually: Eventually
 ) -> None:
-    async with serving(LinkSpec("left.wrench", "udp", address)) as (_, events):
+    async with serving(LinkSpec("left.wrench", address[:3], address)) as (_, events):
         await eventually(lambda: events)
     assert kinds(events) == [LinkDown]
     assert downs(events)[0].startswith(f"{address}: ")

@@ -109,6 +109,19 @@ async def test_messages_are_delivered_as_one_stream_in_order(serving: Serving, e
     assert max(map(len, received(events))) <= PIECE_BYTES
 
 
+async def test_a_ping_of_the_server_is_answered(serving: Serving, eventually: Eventually) -> None:
+    async def handle(client: ServerConnection) -> None:
+        await (await client.ping())
+        await client.send("answered")
+        await client.wait_closed()
+
+    async with (
+        serve(handle, "127.0.0.1", 0) as server,
+        serving(link_to(next(iter(server.sockets)).getsockname()[1])) as (_, events),
+    ):
+        await eventually(lambda: received(events) == [b"answered"])
+
+
 async def test_a_message_in_fragments_is_handed_on(serving: Serving, eventually: Eventually) -> None:
     async with (
         websocket_server(b"\x01\x02{}" + b"\x89\x00" + b"\x00\x01x" + b"\x80\x00" + b"\x82\x01y") as port,
