@@ -16,7 +16,7 @@ from slipd.config.check_hints import needs_of
 from slipd.tools.commission.config_update import FingerResult
 from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.mounting_search import find_mounting
-from slipd.tools.commission.readings import FingerReadings, Noise, ReadingListener, noise_at_rest
+from slipd.tools.commission.readings import FingerReadings, Noise, ReadingListener, noise_at_rest, pause
 from slipd.tools.commission.touches import (
     CENTRE,
     NAMES,
@@ -35,6 +35,9 @@ TOUCH_N = 1.5
 
 RELEASE_SHARE = 0.5
 REST_S, SETTLE_S, HOLD_S = 0.5, 0.3, 0.6
+RECOVERY_TAUS = 1.5
+"""Time between two touches in leak time constants of a charge pad, which keeps some of a touch until then."""
+
 STEADY = 0.3
 """Largest relative change of the force and of the image within HOLD_S."""
 
@@ -88,6 +91,8 @@ class TouchGuide:
 
     def __init__(self, rig: Config, listener: ReadingListener, patience_s: float) -> None:
         self._rig, self._listener, self._patience_s = rig, listener, patience_s
+        taus_s = (finger.pad.charge_tau_s for finger in rig.finger.values() if finger.pad is not None)
+        self._recovery_s = RECOVERY_TAUS * max((tau_s or 0.0 for tau_s in taus_s), default=0.0)
         self._rest: dict[str, FingerReadings] = {}
         self._noise: dict[str, FingerReadings] | None = None
 
@@ -110,7 +115,7 @@ class TouchGuide:
         while True:
             yield from self._ask(finger, asked, touches, streams)
             outcome = self._outcome(finger, streams, touches)
-            asked = outcome.findings.doubtful
+            asked = [step for step in TEXTS if step in outcome.findings.doubtful]
             if not asked or repeats == MOST_REPEATS or not (yield from _agree(finger, outcome.findings)):
                 return outcome
             repeats += 1
@@ -121,7 +126,7 @@ class TouchGuide:
         """Ask for touches; add them to ``touches``, and the sensors that felt the first of all to ``streams``."""
         yield Say("Touch nothing.")
         for step in steps:
-            # The image of a charge pad may keep some of the last touch where scans were lost; force sensors creep.
+            yield from pause(self._recovery_s if touches else 0.0)
             self._rest = yield from self._listener.collect(REST_S)
             self._noise = self._noise or self._rest
             prompt = Prompt(step, TEXTS[step].format(finger=finger), finger)
