@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slipd.motion.evidence import Evidence, f_surprise
-from slipd.motion.image_blocks import LoadNoise
+from slipd.motion.image_blocks import ImageBlocks, LoadNoise
 from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import AGAIN_M, LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
 from slipd.signals.pad import PadGeometry
@@ -194,3 +194,21 @@ def test_a_contact_that_turns_about_its_centroid_is_found_where_it_follows_its_t
         image = 0.3 * np.exp(-((u / 0.014) ** 4) - (v / 0.009) ** 4) + rng.normal(0.0, 0.002, X.size)
         found.append(shift.update(T0 + k * PERIOD_NS, image, measured(rng, (0.5, 0.0, -10.0, 0.0, 0.0, 0.05))))
     assert any(evidence is not None and evidence.surprise > CERTAIN for evidence in found) == (turns > 0.0)
+
+
+def test_loads_are_the_same_within_shares_of_themselves_and_the_noise() -> None:
+    """4 N along X and 10 N of grip: 15 % of the one, 7 % of the other, and four standard deviations of the noise."""
+    blocks = ImageBlocks(GEOMETRY, NOISE)
+    wrench = (4.0, 0.0, -10.0, 0.0, 0.0, 0.0)
+    found = [blocks.update(T0 + k * PERIOD_NS, np.full(128, 0.1), wrench) for k in range(60)]
+    block = next(block for block in found if block is not None)
+    reach_m = 0.25 * math.hypot(8, 16) * GEOMETRY.pitch_m
+    along, across, spin, centroid = 0.6 + 0.08, 0.7 + 0.08, reach_m * 0.6 + 0.002, 1e-3 + 0.002 / 10.0
+    assert block.tolerance == pytest.approx([along, along, across, spin, centroid, centroid])
+    assert block.rise_n == pytest.approx(0.03 * 4.0 + 0.08 / math.sqrt(len(block.wrenches)))
+    assert block.same_load(block, np.zeros(2))
+    for k in range(6):
+        for share in (0.99, 1.01):
+            moved = block.load + (np.arange(6) == k) * share * block.tolerance
+            same = block.same_load(block._replace(load=moved), np.zeros(2))
+            assert same == (k > 0 and share < 1.0), "a larger tangential force is another load"
