@@ -1,4 +1,4 @@
-"""Parts of the parsers of ``slipctl`` and ``slipd``: types of arguments, and the address where a server listens."""
+"""Parts of the parsers of ``slipctl`` and ``slipd``: commands, options and types that several of them have."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import ipaddress
 import math
 import re
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+
+from slipd_client.paths import publish_endpoint, requests_endpoint
 
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
@@ -67,6 +70,53 @@ def parse_listen(text: str) -> ListenAddress:
     if found is None or int(found["port"]) > 65535:
         raise argparse.ArgumentTypeError(f"must be HOST:PORT, e.g. {DEFAULT_LISTEN}, got {text!r:.80}")
     return ListenAddress(found["host"].strip("[]"), int(found["port"]))
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser of commands.
+
+    Attributes:
+        default: The command that may be left out; "" where every command must be named.
+        names: All of them, in a map.
+        now: What to type instead of arguments of an earlier version; "" where there were none.
+    """
+
+    default = ""
+    names: Mapping[str, object] = {}
+    now = ""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Put the default before arguments that begin with no command and no option."""
+        known = not args or args[0].startswith("-") or args[0] in self.names
+        if self.now and not (known and self.names):
+            self.exit(2, f"{self.now}\n")
+        if self.default and not known:
+            args = [self.default, *args]
+        return super().parse_known_args(args, namespace)
+
+
+def add_connection(command: argparse.ArgumentParser, default: str | None) -> None:
+    """Add the options of the connection, which may stand before and after a command."""
+    group = command.add_argument_group("connection")
+    for name, what, where in (
+        ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
+        ("--requests", "endpoint on which slipd accepts requests", requests_endpoint()),
+    ):
+        group.add_argument(name, metavar="ENDPOINT", default=default, help=f"{what} (default: {escaped(where)})")
+    group.add_argument(
+        "--key", metavar="FILE", default=default, help="secret key of this client, for a daemon across a network"
+    )
+    group.add_argument("--server-key", metavar="FILE", default=default, help="public key of the daemon")
+
+
+def add_json(command: argparse.ArgumentParser) -> None:
+    """Add ``--json`` to a command that prints one result."""
+    command.add_argument("--json", action="store_true", help="print one JSON document")
+
+
+def escaped(text: str) -> str:
+    """Return a text as argparse wants it in a help text."""
+    return text.replace("%", "%%")
 
 
 def add_listen(parser: argparse.ArgumentParser) -> None:

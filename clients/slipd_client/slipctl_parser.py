@@ -6,16 +6,14 @@ import argparse
 import os
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from slipd_client.arguments import Add, add_listen, finite
+from slipd_client.arguments import Add, CommandParser, add_connection, add_json, add_listen, escaped, finite
 from slipd_client.friction_session import MOST_SAMPLES
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
-from slipd_client.paths import publish_endpoint, requests_endpoint
 from slipd_client.serve_arguments import add_fleet, add_serve
 
 SAMPLES = 3
@@ -35,29 +33,6 @@ _NOW = {
 """Commands of earlier versions, and what to type instead."""
 
 
-class CommandParser(argparse.ArgumentParser):
-    """A parser of commands.
-
-    Attributes:
-        default: The command that may be left out; "" where every command must be named.
-        names: All of them, in a map.
-        now: What to type instead of arguments of an earlier version; "" where there were none.
-    """
-
-    default = ""
-    names: Mapping[str, object] = {}
-    now = ""
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Put the default before arguments that begin with no command and no option."""
-        known = not args or args[0].startswith("-") or args[0] in self.names
-        if self.now and not (known and self.names):
-            self.exit(2, f"{self.now}\n")
-        if self.default and not known:
-            args = [self.default, *args]
-        return super().parse_known_args(args, namespace)
-
-
 def parser() -> argparse.ArgumentParser:
     """Return the parser.
 
@@ -67,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     """
     top = CommandParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
     top.add_argument("--version", action="store_true", help="print the version and exit")
-    _connection(top, None)
+    add_connection(top, None)
     add = _commands(top, "")
 
     watch = add("watch", "show levels, forces and health as they change")
@@ -101,7 +76,7 @@ def parser() -> argparse.ArgumentParser:
     )
     add_serve(_commands(add("serve", "serve live messages to other programs, until Ctrl-C"), "serve "))
     add_fleet(add("fleet", "show level, health and age of every robot of a fleet (docs/fleet.md)"))
-    _add_json(add("status", "show what needs a repair, and the state of the daemon and its streams"))
+    add_json(add("status", "show what needs a repair, and the state of the daemon and its streams"))
     diagnose = add("diagnose", "collect status, messages, log and recordings in one file for those who help")
     diagnose.add_argument(
         "out",
@@ -115,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
     diagnose.add_argument(
         "--seconds", type=_seconds, default=5.0, metavar="S", help="how long to listen to messages (default: 5)"
     )
-    _add_json(diagnose)
+    add_json(diagnose)
 
     _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
     _tare(add("tare", "take, show or undo the zero of a finger's sensors: slipctl tare left pad"))
@@ -137,29 +112,11 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def _connection(command: argparse.ArgumentParser, default: str | None) -> None:
-    """Add the options of the connection, which may stand before and after a command."""
-    group = command.add_argument_group("connection")
-    for name, what, where in (
-        ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
-        ("--requests", "endpoint on which slipd accepts requests", requests_endpoint()),
-    ):
-        group.add_argument(name, metavar="ENDPOINT", default=default, help=f"{what} (default: {_escaped(where)})")
-    group.add_argument(
-        "--key", metavar="FILE", default=default, help="secret key of this client, for a daemon across a network"
-    )
-    group.add_argument("--server-key", metavar="FILE", default=default, help="public key of the daemon")
-
-
 def _request(command: argparse.ArgumentParser, op: str, *names: str) -> None:
     """Make a command one that sends a request: arguments for these fields of its op, and ``--json``."""
     _fields(command, op, *names)
     command.set_defaults(op=op, fields=names)
-    _add_json(command)
-
-
-def _add_json(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", action="store_true", help="print one JSON document")
+    add_json(command)
 
 
 def _grip(add: Add) -> None:
@@ -205,7 +162,7 @@ def _friction(friction: CommandParser) -> None:
         metavar="S",
         help="how long to wait for each pull (default: %(default)g)",
     )
-    _add_json(measure)
+    add_json(measure)
     setting = add("set", "set the friction of one finger; acquires the lease where it can")
     _request(setting, "friction.set", "finger", "mu_s", "mu_d")
 
@@ -255,7 +212,7 @@ def _keys(add: Add) -> None:
             metavar="DIRECTORY",
             help="directory of the keys (default: %(default)s)",
         )
-        _add_json(each)
+        add_json(each)
 
 
 def keys_directory() -> Path:
@@ -276,7 +233,7 @@ def _commands(parent: CommandParser, prefix: str) -> Callable[[str, str], Comman
         command = group.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
         command.set_defaults(command=prefix + name)
         if name not in ("fleet", "keys"):
-            _connection(command, argparse.SUPPRESS)
+            add_connection(command, argparse.SUPPRESS)
         return command
 
     return add
@@ -317,12 +274,7 @@ def _help(field: Field) -> str:
         if part
     )
     meaning = field.meaning.partition("; nil")[0]  # nobody types nil
-    return _escaped(f"{meaning} ({facts})" if facts else meaning).replace("`", "")
-
-
-def _escaped(text: str) -> str:
-    """Return a text as argparse wants it in a help text."""
-    return text.replace("%", "%%")
+    return escaped(f"{meaning} ({facts})" if facts else meaning).replace("`", "")
 
 
 def _type(field: Field) -> Callable[[str], str | float]:
