@@ -17,7 +17,7 @@ MEASURED := build/measured
 
 # What runs whole daemons, in real time: of these `make test` runs one demo, one client, and one page in a browser.
 DAEMONS := tests/system
-ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py client.py page.py)
+ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py)
 # Programs of long runs: their targets test them first.
 LONG := $(addprefix tests/lab/,bench chart soak)
 # The tests of one file with daemons stay together on one core.
