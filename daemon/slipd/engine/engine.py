@@ -118,7 +118,7 @@ class Engine:
             named,
             self._gripper,
             self._lateness,
-            lambda: (self._recordings.requested, self._recordings.whole_run),
+            self._recordings.newest,
             self.kept.problems,
             sequencer,
         )

@@ -54,14 +54,15 @@ class RequestHandlers:
         status: Callable[[int], Body],
     ) -> None:
         self._boot, self._policy, self._recordings = boot, gripper.policy, recordings
+        self._fingers, self._status = fingers, status
         free = {name for name, key in _FREED_BY.items() if getattr(requests, key)}
         self._steering = {name: op.steers for name, op in OPS.items() if reflex and name not in free}
         self._kept = IdempotencyCache()
         self._pending: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Handler] = {
-            "hello": lambda _, t_ns: replies.hello(boot, t_ns, fingers),
-            "status": lambda _, t_ns: status(t_ns),
-            "record.stop": lambda _, __: replies.recording_file(recordings.stop()),
+            "hello": self._hello,
+            "status": self._status_now,
+            "record.stop": self._stop_recording,
             **FingerHandlers(fingers, named, gripper.policy, requests).ops,
             **grip_handlers(gripper),
         }
@@ -95,6 +96,15 @@ class RequestHandlers:
             return replies.granted(number, self._ops[op](request, t_ns), t_ns)
         except RefusalError as error:
             return replies.refused(number, error.refusal, t_ns)
+
+    def _hello(self, _: Request, t_ns: int) -> Body:
+        return replies.hello(self._boot, t_ns, self._fingers)
+
+    def _status_now(self, _: Request, t_ns: int) -> Body:
+        return self._status(t_ns)
+
+    def _stop_recording(self, *_: object) -> Body:
+        return replies.recording_file(self._recordings.stop())
 
     def _check_steering(self, request: Request, t_ns: int) -> None:
         """Refuse what the reflex would act on to a client that may not move the gripper."""

@@ -42,6 +42,10 @@ class RecordingState:
         self._waiting: dict[str, Request] = {}
         self._due: list[Record] = []
 
+    def newest(self) -> tuple[RecordingChanged, RecordingChanged | None]:
+        """Return the newest recording on request, and that of the whole run; None where there is none."""
+        return self.requested, self.whole_run
+
     def start(self, request: Request, t_ns: int) -> None:
         """Start a recording; the reply waits for the disk (`note`).
 
