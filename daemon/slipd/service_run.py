@@ -54,7 +54,7 @@ class ServiceRun:
         record: New file for every event and message; None: nothing is recorded.
         stop: Set where a failure ends the run.
         show_status: Called with a line that sums up each message of the topic ``status``.
-        now_ns: The clock of the run; a simulation passes its own.
+        now_ns: The clock of the run; None: CLOCK_MONOTONIC. A simulation passes its own.
 
     Attributes:
         recorders: All recordings of the run.
@@ -68,9 +68,10 @@ class ServiceRun:
         record: Path | None,
         stop: asyncio.Event,
         show_status: Callable[[str], None],
-        now_ns: Callable[[], int] = time.monotonic_ns,
+        now_ns: Callable[[], int] | None = None,
     ) -> None:
         self.boot = secrets.token_hex(8)
+        now_ns = now_ns or time.monotonic_ns
         self.engine = Engine(config, boot=self.boot, wall_minus_monotonic_ns=time.time_ns() - now_ns())
         self._config, self._record = config, record
         self._stop, self._show_status, self._now_ns = stop, show_status, now_ns
