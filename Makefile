@@ -21,7 +21,9 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py)
 # Programs of long runs: their targets test them first.
 LONG := $(addprefix tests/lab/,bench chart soak)
 # The tests of one file with daemons stay together on one core.
-PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadgroup -m "not long"
+PYTEST := $(BIN)/pytest --quiet --dist loadgroup -m "not long"
+# What guides a person, and what draws and exports recordings, is tested by `make check` alone.
+LATER := $(addprefix tests/unit/tools/,commission discovery evaluation export plot)
 
 .PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
 
@@ -34,13 +36,13 @@ test: $(KERNELS) lint
 	@$(BIN)/pytest $(TESTS)
 else
 test: $(KERNELS) lint
-	@echo "== tests of every room, one demo, one client, one page (about 3 minutes on two idle cores)"
-	@$(PYTEST) tests/unit $(ONE_OF_EACH)
+	@echo "== tests of the service and its clients, one demo, one client, one page (about 3 minutes on two idle cores)"
+	@$(PYTEST) --numprocesses=3 $(addprefix --ignore=,$(LATER)) tests/unit $(ONE_OF_EACH)
 endif
 
 check: $(KERNELS) lint portable_quick
 	@echo "== all tests but those of long runs, with coverage (about 10 minutes on two idle cores)"
-	@$(PYTEST) --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests
+	@$(PYTEST) --numprocesses=2 --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
