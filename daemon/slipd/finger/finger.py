@@ -193,10 +193,9 @@ class Finger:
             free, agrees = self.level == PAD_FREE.level, not check.disagreement
             summary = check.history.take_summary(normal_n, free=free, agrees=agrees)
         image.update(sample, t_ns, summary, arrival)
-        if check is not None:
+        if check is not None and self.motion is not None:
             check.update_image(t_ns, self._estimator, known=normal_n is not None)
-            if self.motion is not None:
-                self._look_for_motion(self.motion, image, check, before_ns, t_ns)
+            self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         readings = wrench_by_taxels(image, sample, t_ns) if self.force is None and image.three_axis else None
         self._follow_image()
         return None if readings is None else self._judge(readings, arrival)
@@ -256,9 +255,8 @@ class Finger:
         image = self.image
         if image is None or not image.is_fresh(readings.received_ns, arrival.unread_ns):
             return False
-        if not arrival.waited_ns:
-            return True
-        until_ns = image.freshness.serves_until_ns(readings.received_ns - arrival.waited_ns)
+        waited_ns = arrival.waited_ns
+        until_ns = image.freshness.serves_until_ns(readings.received_ns - waited_ns) if waited_ns else None
         return until_ns is None or readings.times_ns[-1] <= until_ns
 
     def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:

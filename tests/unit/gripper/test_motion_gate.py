@@ -16,6 +16,7 @@ import slipd
 from slipd.gripper.grip_policy import GripLimits, GripState
 from slipd.gripper.intent import Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import KINDS, TABLE, judge, why_not_sent
+from slipd.gripper.no_gripper import NoGripper
 from slipd.types.permit import Permit
 from slipd.types.refusal import Refusal
 
@@ -301,3 +302,7 @@ def test_only_the_gripper_control_hands_permits_to_a_session() -> None:
 @pytest.mark.parametrize("method", ["activate", "move", "set_force", "halt"])
 def test_no_other_method_moves_a_session(method: str) -> None:
     assert callers(f"session.{method}") == set()
+
+
+def test_a_rig_without_a_gripper_has_nothing_to_report() -> None:
+    assert NoGripper().conditions() == []

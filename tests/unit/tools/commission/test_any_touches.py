@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.tools.commission.mounting_search import find_mounting
-from slipd.tools.commission.touches import STEPS, Mount, Touch, find_three_axis
+from slipd.tools.commission.touches import CENTRE, CORNER, END, STEPS, Mount, Touch, find_three_axis
 from slipd.tools.commission.weighing_search import Pose, find_weight
 
 MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -30,3 +30,11 @@ def test_any_touches_give_a_mounting_or_problems(touches: dict[str, Touch]) -> N
 def test_any_poses_give_a_weight_or_problems(poses: list[Pose]) -> None:
     findings = find_weight(poses, MOUNT)
     assert (findings.found is None) <= bool(findings.problems)
+
+
+def test_a_press_along_the_pad_shows_no_signs() -> None:
+    places = {CENTRE: (0.0, 0.0), END: (0.01, 0.0), CORNER: (0.01, 0.005)}
+    along = np.array((1.0, 0.0, 0.1))
+    found, signs = find_three_axis({step: Touch(along, along, places.get(step, (0.0, 0.0))) for step in STEPS})
+    assert signs is None
+    assert [text for text in map(str, found.problems) if "right angles" in text]

@@ -13,7 +13,15 @@ from scipy.spatial.transform import Rotation
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import Mounting
 from slipd.tools.commission.touches import Mount
-from slipd.tools.commission.weighing_search import WXYZ, Pose, WeightFindings, find_weight, force_misfit, torque_misfit
+from slipd.tools.commission.weighing_search import (
+    WXYZ,
+    Pose,
+    WeightFindings,
+    _fit,
+    find_weight,
+    force_misfit,
+    torque_misfit,
+)
 
 TILTED = (0.9659258, 0.2588190, 0.0, 0.0)
 TRUE = Mount(-1, (0.004, -0.002, -0.025), TILTED)
@@ -159,3 +167,9 @@ def test_quaternions_in_the_order_w_x_y_z_are_found() -> None:
     assert findings.notes[0] == WXYZ
     assert findings.found is not None
     assert findings.found.mass_kg == pytest.approx(0.08, rel=0.001)
+
+
+def test_forces_that_never_change_show_no_mass() -> None:
+    found = _fit(np.ones((len(DOWN), 3)), np.array(DOWN))
+    assert found is not None
+    assert (found.mass_kg, found.misfit) == (0.0, math.inf)
