@@ -138,7 +138,8 @@ class KeptState:
         elif warmed := self._warming(name, tare):
             self.problems[name] = f"{_TARE_NOT_USED}: {warmed}"
         else:
-            channel.tare.restore(self._offset(tare, channel))
+            channel.tare.restore(offset := self._offset(tare, channel))
+            self._kept[name] = offset, tare  # its temperature stays that of the tare, however often it is restored
 
     def _warming(self, name: str, tare: StoredTare) -> str:
         """Return how far the sensor's temperature has moved since a tare, if that is too far; else ""."""

@@ -293,7 +293,9 @@ def test_a_tare_serves_at_about_the_temperature_of_its_sensor(temperature_c: flo
     before, state = held()
     assert state["tares"]["left.wrench"]["temperature_c"] == 25.0
     state["tares"]["left.wrench"]["temperature_c"] = temperature_c
-    assert zeros(restarted(before, state))["left.wrench"] == (1, "stored")
+    run = restarted(before, state)
+    assert zeros(run)["left.wrench"] == (1, "stored")
+    assert kept(run)["tares"]["left.wrench"]["temperature_c"] == temperature_c
 
 
 def test_a_stored_tare_waits_for_its_device_and_gives_way_to_one_of_this_run() -> None:
