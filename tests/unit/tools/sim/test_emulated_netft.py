@@ -127,7 +127,8 @@ async def test_the_output_rate_is_set_over_http_before_the_records_start(
     kind: type[NetftSensor], asked_hz: int, rate_hz: float, warning: str, unused_udp_port: int, eventually: Eventually
 ) -> None:
     """The page is served at the port of the emulated calibration: port 80 needs the rights for it."""
-    sensor, address = kind(9, rate_hz=100.0), f"udp://127.0.0.5:{unused_udp_port}"
+    host = f"127.1.{unused_udp_port >> 8}.{unused_udp_port & 255}"  # of this case alone: its TCP port is always 49151
+    sensor, address = kind(9, rate_hz=100.0), f"udp://{host}:{unused_udp_port}"
     session = netft.Session("xml", buffered=False, output_hz=asked_hz)
     inquiry = netft.inquiry("xml", output_hz=asked_hz)
     assert inquiry is not None
