@@ -216,6 +216,7 @@ async def test_a_server_that_does_not_answer_pings_is_lost(
             silent_s = float(reason.partition("no answer for ")[2].partition(" s")[0])
             assert 0.0 <= silent_s < PATIENCE_S
         else:
+            await eventually(lambda: events)
             await asyncio.sleep(0.3)
             assert kinds(events) == [LinkUp]
 
