@@ -10,10 +10,10 @@ import pytest
 from slipd.config import Config
 from slipd.devices import bota
 from slipd.events import RecordingChanged
-from slipd.grasp.named_object import NamedObject
+from slipd.finger.freshness import Lateness
+from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.no_gripper import NoGripper
 from slipd.links.device_link import DeviceLink, make_links
-from slipd.links.lateness import Lateness
 from slipd.links.link_health import link_condition
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher

@@ -18,7 +18,7 @@ from bed.rig import config_text, make_rig, plan_text
 from project import MODULES
 
 from slipd.events import Bytes, Tick
-from slipd.links.lateness import LATE_NS, LEAST_CATCH_UP_NS
+from slipd.finger.freshness import LATE_NS, LEAST_CATCH_UP_NS
 from slipd.recording.entry_walk import Published
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay

@@ -32,18 +32,15 @@ from slipd.events import (
 )
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
-from slipd.finger.freshness import PROMPT
-from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.named_object import NamedObject
+from slipd.finger.freshness import PROMPT, Lateness
+from slipd.grasp.grasp_view import GraspView, NamedObject
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.gripper.reflex import make_reflex_controller
 from slipd.links.device_link import DeviceLink, make_links
-from slipd.links.lateness import Lateness
 from slipd.links.stream_meter import Read
-from slipd.publish.finger_publisher import FingerPublisher
-from slipd.publish.grasp_publisher import GraspPublisher
-from slipd.publish.gripper_publisher import GripperPublisher
+from slipd.publish.finger_messages import FingerPublisher
+from slipd.publish.grasp_messages import GraspPublisher, GripperPublisher
 from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers

@@ -13,12 +13,11 @@ from slipd.events import FirstEvents, HostNotice, LinkUp, StateRestored
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.grasp.named_object import NamedObject
+from slipd.grasp.grasp_view import NamedObject
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
-from slipd.links.device_link import DeviceLink
-from slipd.links.link_guards import Identity
+from slipd.links.device_link import DeviceLink, Identity
 from slipd.signals.tare import Offset
 from slipd.types.clocks import WallClock
 from slipd.types.finite import finite_or_none

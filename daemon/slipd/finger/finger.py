@@ -21,16 +21,13 @@ from slipd.finger.contact_estimator import ContactEstimator, Learning
 from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState, VerdictBatch
+from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
-from slipd.finger.force_history import NO_SUMMARY
-from slipd.finger.force_image_check import ForceImageCheck
+from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.finger.image_channel import ImageChannel
+from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.stream_health import Condition, force_conditions, image_conditions, pulled_condition
-from slipd.finger.tare_guard import TareGuard
-from slipd.finger.three_axis import wrench_by_taxels
-from slipd.finger.trust import Trust
-from slipd.finger.verdict import PAD_FREE, PAD_PULLED, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, ROTATION_UNOBSERVED, STREAM_STALE, Trust, Verdict
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import LATE, PULLED
 from slipd.motion.evidence import evidence_mask

@@ -1,4 +1,7 @@
-"""Condition the images of one pad: from taxel readings to the normal force on each taxel, in the pad frame."""
+"""Condition the images of one pad: from taxel readings to the normal force on each taxel, in the pad frame.
+
+A pad whose taxels measure three axes each needs no force sensor behind it: its images are force readings too.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,14 @@ from collections.abc import Callable
 import numpy as np
 
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
-from slipd.finger.force_history import NO_SUMMARY, ForceSummary
+from slipd.finger.force_channel import WrenchBatch
+from slipd.finger.force_image_check import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.finger.pad_zero import PadZero
 from slipd.fusion import Contact, ContactShape, contact_shape
+from slipd.fusion.rows import UNTRUSTED as UNTRUSTED_PHASE
+from slipd.fusion.streaming import new_readings
 from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
@@ -26,6 +32,7 @@ STALE: tuple[str, ...] = ("stale",)
 """Reason why an image that is too old, or missing, cannot be used."""
 FROZEN_STDS = 6.0
 """An image must show a movement of the normal force beyond this many standard deviations of its noise."""
+_UNKNOWN = (math.nan,) * 6
 
 
 class ImageChannel:
@@ -248,3 +255,25 @@ class ImageChannel:
         grid = (self.geometry.rows, self.geometry.cols)
         x, y, p = self.x.reshape(grid), self.y.reshape(grid), self.pressure.reshape(grid)
         return contact_shape(x, y, p, self.geometry.pitch_m)
+
+
+def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> WrenchBatch:
+    """Return the newest image of a pad as a batch of one force reading, in the pad frame.
+
+    Args:
+        image: The pad, updated with ``sample``.
+        sample: The image.
+        t_ns: When it was acquired, CLOCK_MONOTONIC.
+    """
+    reasons = tuple(sorted(UNTRUSTED.intersection(sample.status)))
+    if not image.zero_known:
+        reasons = ("not_tared", *reasons)
+    wrench = image.wrench()
+    if wrench is None:
+        reasons = reasons or ("not_finite",)
+    rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns * 1e-9])
+    if wrench is not None and image.is_stuck(rows["wrench"], t_ns):
+        reasons = ("stuck", *reasons)
+    if reasons:
+        rows["phase"] = UNTRUSTED_PHASE
+    return WrenchBatch((t_ns,), sample.t_ns, rows, True, {0: reasons} if reasons else {}, (sample.status,))

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from slipd.friction.friction_state import FrictionState, Taught
+from slipd.friction.friction_state import FrictionState, RotationFriction, Taught
 from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp
-from slipd.friction.rotation_friction import RotationFriction
 from slipd.fusion.rows import new_rows
 from slipd.types.finite import finite_or_none
 

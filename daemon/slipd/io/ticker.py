@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from slipd.events import Tick
-from slipd.links.lateness import LATE_NS
+from slipd.finger.freshness import LATE_NS
 
 TICK_S = 0.005
 """Period of the ticks, s; sessions and staleness (20 ms or more by default) are checked at each."""

@@ -1,4 +1,4 @@
-"""One stream of a link: the times of its readings, their count and their rate."""
+"""One stream of a link: the times of its readings, their count and rate, and the most that a link may bring."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.signals.clock import DeviceClock
-from slipd.signals.host_time import host_time
 from slipd.types.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 
 RATE_TOLERANCE = 0.2
@@ -20,6 +19,15 @@ RATE_TOLERANCE = 0.2
 
 RATE_WINDOW_NS = 500_000_000
 """Least time over which the rate is counted; a shorter one counts jitter."""
+
+OLDEST_HOST_NS = 10_000_000_000
+"""Oldest time that another process may state: the longest wait of a reading for a stalled loop."""
+FLOOD_FACTOR = 4.0
+"""Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two."""
+BURST_S = 1.0
+"""Readings that may arrive at once after a stall of the daemon, as time at the expected rate."""
+LEAST_BURST = 32.0
+"""Least number of readings that may arrive at once: slow streams come in bunches too."""
 
 
 class Read(NamedTuple):
@@ -177,3 +185,49 @@ def make_stream(name: str, config: StreamConfig, freshness: Freshness | None = N
 def _shape(shape: tuple[int, ...]) -> str:
     axes = "three axes" if len(shape) > 1 else "one axis"
     return f"{shape[0]} taxels of {axes}"
+
+
+def host_time(device_time_ns: int | None, receipt_ns: int) -> tuple[int, bool]:
+    """Return the time of acquisition of a reading whose clock is the host's CLOCK_MONOTONIC.
+
+    Returns:
+        The stated time and True; the receipt and False if no time is stated, or one in the future or older than
+        ``OLDEST_HOST_NS``.
+    """
+    if device_time_ns is not None and 0 <= receipt_ns - device_time_ns <= OLDEST_HOST_NS:
+        return device_time_ns, True
+    return receipt_ns, False
+
+
+class FloodGuard:
+    """The readings that a link may bring now: a store that fills at a multiple of the expected rate.
+
+    Attributes:
+        rate_hz: Expected rate of all streams of the link, Hz.
+        left: Readings that it may bring before `limit` must look at the time; the caller subtracts what came.
+        dropped: Readings dropped since the daemon began.
+        dropped_ns: When readings were dropped last; None: never.
+    """
+
+    def __init__(self) -> None:
+        self.rate_hz = self.left = 0.0
+        self.dropped = 0
+        self.dropped_ns: int | None = None
+        self._filled_ns = 0
+
+    def open(self, t_ns: int) -> None:
+        """Begin with a full store on a link opened at ``t_ns``."""
+        self._filled_ns, self.left = t_ns, self._burst()
+
+    def limit(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
+        """Return readings received at ``t_ns``, more than are left, without the oldest that exceed the limit."""
+        refill = (t_ns - self._filled_ns) * 1e-9 * FLOOD_FACTOR * self.rate_hz
+        self.left, self._filled_ns = min(self.left + refill, self._burst()), t_ns
+        surplus = max(len(samples) - int(self.left), 0)
+        if surplus:
+            self.dropped += surplus
+            self.dropped_ns = t_ns
+        return samples[surplus:]
+
+    def _burst(self) -> float:
+        return max(BURST_S * self.rate_hz, LEAST_BURST)

@@ -1,15 +1,35 @@
-"""Head of every message, and the largest rate of a topic."""
+"""Head and values of every message, and the largest rate of a topic. What is not known is nil, never 0, NaN or inf."""
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
 
 from slipd.events import Publish
+from slipd.types.arrays import Array
 from slipd.types.clocks import WallClock
 from slipd_client.messages import PROTOCOL_VERSION
 
+Body = dict[str, Any]
+"""A map on the wire: a message, the result of a reply, or a part of either."""
 NO_FRAME = ""
 """Frame of messages without vectors."""
+
+
+def finite(body: Body) -> Body:
+    """Set every number of a body that is not finite to None, and every list of numbers that has such a number."""
+    for key, value in body.items():
+        if isinstance(value, float):
+            if not isfinite(value):
+                body[key] = None
+        elif type(value) is list and value and isinstance(value[0], float) and not all(map(isfinite, value)):
+            body[key] = None
+    return body
+
+
+def array(values: Array | None) -> list[float] | None:
+    """Return an array as a list; None where there is none."""
+    return None if values is None else values.tolist()
 
 
 class MessageSequencer:

@@ -8,10 +8,10 @@ from slipd.events import RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
-from slipd.grasp.named_object import NamedObject
+from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.finger_messages import friction_body, friction_setter_body
-from slipd.publish.wire_values import Body
+from slipd.publish.message_sequencer import Body
 from slipd.types.finite import finite_or_none
 from slipd.types.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION

@@ -10,18 +10,17 @@ from slipd import __version__
 from slipd.events import HostNotice, IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
+from slipd.finger.freshness import Lateness
 from slipd.finger.image_channel import ImageChannel
-from slipd.grasp.named_object import NamedObject
+from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.links.device_link import DeviceLink
-from slipd.links.lateness import Lateness
 from slipd.links.link_health import Condition, link_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
-from slipd.publish.gripper_publisher import gripper_body, lease_body
-from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
-from slipd.publish.wire_values import Body
+from slipd.publish.grasp_messages import gripper_body, lease_body
+from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer
 from slipd.types.device_text import one_line
 from slipd.types.finite import finite_or_none
 from slipd_client.messages import STATUS_TOPIC, Health

@@ -10,11 +10,11 @@ from slipd.config import Requests
 from slipd.events import Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
-from slipd.grasp.named_object import NamedObject
+from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.lease import Lease
 from slipd.publish import replies
-from slipd.publish.wire_values import Body
+from slipd.publish.message_sequencer import Body
 from slipd.requests.grip_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
 from slipd.types.refusal import Refusal, RefusalError, require

@@ -11,7 +11,7 @@ from slipd.gripper.intent import IntentKind
 from slipd.gripper.lease import Lease
 from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
-from slipd.publish.wire_values import Body
+from slipd.publish.message_sequencer import Body
 from slipd.types.refusal import Refusal, RefusalError, require
 
 Handler = Callable[[Request, int], Body]

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
-from slipd.grasp.named_object import NamedObject
+from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
-from slipd.publish.wire_values import Body
+from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.grip_handlers import Handler, grip_handlers
 from slipd.requests.idempotency import IdempotencyCache

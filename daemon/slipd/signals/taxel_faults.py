@@ -23,8 +23,7 @@ from enum import IntEnum
 import numpy as np
 
 from slipd.signals.pad import STEPS, neighbours
-from slipd.signals.taxel_blocks import Blocks
-from slipd.signals.taxel_surroundings import Surroundings
+from slipd.signals.taxel_blocks import Blocks, Surroundings
 from slipd.types.arrays import Array, Mask
 
 STILL = 0.15

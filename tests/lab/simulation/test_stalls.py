@@ -16,7 +16,7 @@ from simulation.faults import Delay, Drop, Edit
 from simulation.watch import STALE_NS
 
 from slipd.events import Bytes, Tick
-from slipd.links.lateness import LATE_NS, LEAST_CATCH_UP_NS
+from slipd.finger.freshness import LATE_NS, LEAST_CATCH_UP_NS
 from slipd_client.messages import Health
 
 PIECE_BYTES = 1024

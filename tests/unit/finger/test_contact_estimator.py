@@ -17,7 +17,7 @@ from slipd.config import Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
-from slipd.publish.finger_publisher import FingerPublisher
+from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.types.clocks import WallClock
 from slipd.types.samples import TactileSample, WrenchSample

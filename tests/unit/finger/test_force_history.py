@@ -6,7 +6,7 @@ import pytest
 from finger_bench import MS, T0, Wrench
 
 from slipd.finger.finger import Finger
-from slipd.finger.force_history import ForceHistory
+from slipd.finger.force_image_check import ForceHistory
 
 
 def test_the_mean_is_that_of_the_readings_between_two_times(finger: Finger, wrench: Wrench) -> None:

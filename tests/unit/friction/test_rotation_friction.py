@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.friction.friction_state import FrictionState
-from slipd.friction.rotation_friction import LEAST_SHARE, ONSET_S, RotationFriction
+from slipd.friction.friction_state import LEAST_SHARE, ONSET_S, FrictionState, RotationFriction
 
 STATED = 0.08
 REPORTED_S = 0.3

@@ -16,10 +16,9 @@ from project import DOCS
 
 from slipd import config
 from slipd.config import Config, Levels
-from slipd.grasp.grasp_view import GraspView
-from slipd.grasp.hold_state import HoldState
+from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.publish.finger_messages import slip_body
-from slipd.publish.grasp_publisher import grasp_body
+from slipd.publish.grasp_messages import grasp_body
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 

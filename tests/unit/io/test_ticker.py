@@ -10,8 +10,8 @@ from collections.abc import Callable
 import pytest
 
 from slipd.events import Tick
+from slipd.finger.freshness import LATE_NS
 from slipd.io.ticker import Ticker
-from slipd.links.lateness import LATE_NS
 
 WAITING = 200
 PATIENCE_S = 30.0

@@ -7,7 +7,7 @@ from device_links import MS, T0, Parse, S, frame, health, status
 
 from slipd.devices import DEVICES, tsf85
 from slipd.links.device_link import DeviceLink, make_links
-from slipd.links.link_guards import FloodGuard
+from slipd.links.stream_meter import FloodGuard
 from slipd.tools.sim.emulators import make_emulator
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health

@@ -14,7 +14,7 @@ from known_zeros import known_finger
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
-from slipd.publish.wire_values import array, finite
+from slipd.publish.message_sequencer import array, finite
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages.schema.fields import fields_of
 from slipd_client.messages.schema.topics import Message, Slip

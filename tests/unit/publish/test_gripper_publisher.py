@@ -11,7 +11,7 @@ import pytest
 from slipd.config import Config, device_options
 from slipd.devices import DEVICES, GripperSession
 from slipd.gripper.gripper_control import GripperControl
-from slipd.publish.gripper_publisher import gripper_body
+from slipd.publish.grasp_messages import gripper_body
 from slipd.types.samples import GripperSample
 
 MS = 1_000_000

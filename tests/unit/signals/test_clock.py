@@ -8,9 +8,9 @@ from device_clocks import BOOT_NS, Stream, follow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slipd.links.stream_meter import OLDEST_HOST_NS, host_time
 from slipd.signals.clock import PROBATION_NS, DeviceClock
 from slipd.signals.clock_fit import MAX_PPM
-from slipd.signals.host_time import OLDEST_HOST_NS, host_time
 
 MS = 1_000_000
 S = 1_000_000_000
