@@ -12,6 +12,8 @@ row is a family at one μ factor (μ of the config over the true one; "no" where
 - ``--factors 0.8,1,no``: default 0.8, 1.0, 1.2 and no μ.
 - ``--extra TEXT``, ``--finger TEXT``: more lines for the config, such as ``--finger 'mu_spread = 0.0'``.
 - ``--runs``: also one line for every run with a missed, silent, early or false report, to look at it.
+- ``--world second``: in the world of other physics, see `second_world`.
+- ``--detection``: instead of this table, how soon sliding is reported, see `evaluate.detection`.
 - ``--workers N``: processes (default 1).
 
 Without ``--quick`` it writes the report and its pictures; ``--seeds`` is then their number of grasps of each family,
@@ -39,9 +41,11 @@ from pathlib import Path
 from bench.commit import measured_on
 from bench.tables import Table
 from evaluate.campaign import run_campaign
+from evaluate.detection import detection
 from evaluate.families import DEVELOPMENT, EVALUATION, FAMILIES
 from evaluate.running import Result, Task, Variant, run_all
 from evaluate.summary import Summary, summarise
+from evaluate.worlds import WORLDS
 from project import MEASURED
 
 QUICK_SEEDS, QUICK_SEEDS_OF_ALL = 3, 1
@@ -59,6 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run and print; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m evaluate", description="Score slipd's warnings.")
     parser.add_argument("--quick", action="store_true", help="one compact table from development seeds")
+    parser.add_argument("--detection", action="store_true", help="one table of how soon sliding is reported, likewise")
+    parser.add_argument("--world", choices=WORLDS, default="first", help="which simulated world (default: first)")
     parser.add_argument("--families", default="", metavar="A,B", help="names, or parts of them (default: all)")
     parser.add_argument("--seeds", type=count, metavar="N", help="grasps of each family")
     parser.add_argument("--first", type=int, default=0, metavar="K", help="first seed")
@@ -74,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--into", type=Path, default=MEASURED, metavar="FOLDER", help="folder of the report")
     parser.add_argument("--workers", type=count, metavar="N", help="processes (default 1; report: 2)")
     options = parser.parse_args(argv)
-    if not options.quick:
+    if not (options.quick or options.detection):
         return report(options)
     families = chosen(options.families)
     if not families:
@@ -141,9 +147,12 @@ def quick(families: list[str], seeds: range, variants: tuple[Variant, ...], opti
         print(f"seeds must be below {DEVELOPMENT.stop}: the others are the report's", file=sys.stderr)
         return 2
     begun = time.monotonic()
-    tasks = [Task(family, seed, variants) for family in families for seed in seeds]
+    tasks = [Task(family, seed, variants, options.world) for family in families for seed in seeds]
     results = list(run_all(tasks, options.workers or 1))
-    print(table(results, families, variants).text())
+    if options.detection:
+        print(detection(results, families, f"detection, {options.world} world, μ factors {options.factors}").text())
+    else:
+        print(table(results, families, variants).text())
     if options.runs:
         print("\n".join(faults(results)))
     print(f"{len(results)} runs in {time.monotonic() - begun:.0f} s")

@@ -28,6 +28,7 @@ FAMILIES: dict[str, Callable[[Random], Scene]] = {
     "set down": loads_that_hold.set_down,
     "grip closes": loads_that_hold.grip_closes,
     "pull released": loads_that_hold.pull_released,
+    "swing": loads_that_hold.swing,
     "micro-slip": loads_that_hold.micro_slip,
     "actuation noise": loads_that_hold.actuation_noise,
     "change of grip": loads_that_hold.change_of_grip,

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from evaluate.draw import Course, Random, combined, draw_contact, log_uniform, pull
 from evaluate.scene import Contact, Load, Scene
+
+SWING_DEG = (1.0, 3.0)
+"""How far a box turns on its pads while an arm swings it, as in real grips."""
 
 
 def hold(rng: Random, seconds: float = 4.0) -> Scene:
@@ -95,6 +99,24 @@ def pull_released(rng: Random) -> Scene:
     at_s, up_s = course.held_s + 0.3, rng.uniform(0.2, 0.6)
     pulled = course.smooth(at_s, at_s + up_s) - course.smooth(at_s + up_s + 0.05, at_s + up_s + 0.05 + _short(rng))
     course.add(contact.load(direction, rng.uniform(0.82, 0.97) - used), pulled)
+    return course.scene("recovers")
+
+
+def swing(rng: Random) -> Scene:
+    """An arm swings a box: soft pads let it turn by 1 to 3 degrees, and it springs back."""
+    contact = draw_contact(rng)
+    course = Course(rng, contact, 3.0)
+    used, most = rng.uniform(0.05, 0.25), rng.uniform(0.45, 0.8)
+    course.add(contact.load(pull(rng, contact), used), course.smooth(course.held_s, course.held_s + 0.2))
+    angle, torque_n = rng.uniform(0.0, 2.0 * math.pi), contact.reach_m * rng.uniform(2.0, 6.0)
+    swung = contact.load(contact.about_centre(1.0, float(rng.choice((-1.0, 1.0))) * torque_n, angle), most - used)
+    at_s, seconds = course.held_s + 0.4, log_uniform(rng, 0.25, 0.9)
+    course.add(swung, course.bump(at_s, seconds) - rng.uniform(0.0, 0.8) * course.bump(at_s + seconds, seconds))
+    a, b = contact.patch.half_length_m, contact.patch.width_m
+    x, y = contact.patch.centre_m
+    torque = abs(swung[2] - x * swung[1] + y * swung[0])
+    stiffness = torque / (math.radians(rng.uniform(*SWING_DEG)) * math.pi * a * b * (a * a + b * b) / 2.0)
+    course.contact = replace(contact, compliance=replace(contact.compliance, stiffness_n_per_m3=float(stiffness)))
     return course.scene("recovers")
 
 

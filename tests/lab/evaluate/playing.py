@@ -38,7 +38,7 @@ def play(scene: Scene) -> GraspTrace:
         if i == begin:
             held_at = grasp.displacement()
         if i:
-            fx, fy, torque = _load(scene, i, loads[i], grasp, held_at if i >= begin else None)
+            fx, fy, torque = load_at(scene, i, loads[i], grasp, held_at if i >= begin else None)
             grasp.advance(STEP_S, (fx, fy), torque, grips[i])
         write_sample(trace, i, grasp)
         if math.hypot(*trace.displacement[i, :2].tolist()) > scene.lost_m or abs(trace.displacement[i, 2]) > 1.0:
@@ -46,7 +46,7 @@ def play(scene: Scene) -> GraspTrace:
     return trace
 
 
-def _load(
+def load_at(
     scene: Scene, i: int, load: list[float], grasp: SteppedGrasp, held_at: Array | None
 ) -> tuple[float, float, float]:
     """Return the load at a step: what is given, and the spring of a hand that took the object at a displacement."""

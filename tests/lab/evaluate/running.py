@@ -17,12 +17,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from evaluate.families import draw
-from evaluate.playing import SAFETY, play, truth_of
+from evaluate.playing import SAFETY
 from evaluate.reports import Reports, reports_of
 from evaluate.scene import Scene
 from evaluate.score import RunScore, score
 from evaluate.user_errors import ERRORS
+from evaluate.worlds import WORLDS
 from project import DAEMON
 
 from slipd import config
@@ -57,11 +57,12 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One grasp and the ways in which it is run."""
+    """One grasp and the ways in which it is run, in one of the `evaluate.worlds`."""
 
     family: str
     seed: int
     variants: tuple[Variant, ...]
+    world: str = "first"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +73,7 @@ class Result:
     seed: int
     variant: Variant
     score: RunScore
+    world: str = "first"
 
 
 class Tape:
@@ -137,16 +139,17 @@ def config_text(scene: Scene, variant: Variant) -> str:
 
 def run_task(task: Task) -> list[Result]:
     """Simulate a grasp once and run and score it in every way."""
-    scene = draw(task.family, task.seed)
-    trace = play(scene)
-    truth = truth_of(scene, trace)
+    world = WORLDS[task.world]
+    scene = world.draw(task.family, task.seed)
+    trace = world.play(scene)
+    truth = world.truth_of(scene, trace)
     noise = zlib.crc32(f"{task.family} {task.seed}".encode())
     found = []
     record_once = cache(lambda error: record(scene, trace, error, noise))
     for variant in task.variants:
         published = reports(scene, record_once(variant.error), variant)
         figures = score(truth, published, steady=scene.steady, closed_s=scene.closed_s)
-        found.append(Result(task.family, task.seed, variant, figures))
+        found.append(Result(task.family, task.seed, variant, figures, task.world))
     return found
 
 
@@ -160,7 +163,7 @@ def run_all(tasks: Iterable[Task], workers: int = 1) -> Iterator[Result]:
             if found is None:
                 missing.append(variant)
             else:
-                yield Result(task.family, task.seed, variant, found)
+                yield Result(task.family, task.seed, variant, found, task.world)
         if missing:
             left.append(replace(task, variants=tuple(missing)))
     if workers <= 1 or len(left) <= 1:
@@ -174,7 +177,7 @@ def run_all(tasks: Iterable[Task], workers: int = 1) -> Iterator[Result]:
 
 def _keep(result: Result) -> Result:
     """Write a score to the cache; whole or not at all."""
-    path = _path(Task(result.family, result.seed, ()), result.variant)
+    path = _path(Task(result.family, result.seed, (), result.world), result.variant)
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_suffix(f".{os.getpid()}")
     draft.write_bytes(pickle.dumps(result.score))
@@ -191,7 +194,7 @@ def _kept(path: Path) -> RunScore | None:
 
 
 def _path(task: Task, variant: Variant) -> Path:
-    name = hashlib.sha256(repr((task.family, task.seed, variant)).encode()).hexdigest()
+    name = hashlib.sha256(repr((task.world, task.family, task.seed, variant)).encode()).hexdigest()
     return cache_folder() / code_hash() / name[:32]
 
 
@@ -206,7 +209,8 @@ def code_hash() -> str:
     found = hashlib.sha256()
     own = Path(__file__).parent
     scoring = ("draw", "families", "loads_that_hold", "loads_that_slip", "playing", "reports", "running", "scene",
-               "score", "truth", "user_errors")  # fmt: skip
-    for path in (*sorted(DAEMON.rglob("*.py")), *(own / f"{name}.py" for name in scoring)):
+               "score", "truth", "user_errors", "worlds")  # fmt: skip
+    second = sorted((own.parent / "second_world").glob("rubber_*.py"))
+    for path in (*sorted(DAEMON.rglob("*.py")), *(own / f"{name}.py" for name in scoring), *second):
         found.update(path.name.encode() + b"\0" + path.read_bytes())
     return found.hexdigest()[:24]

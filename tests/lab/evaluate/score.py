@@ -33,7 +33,8 @@ as sliding time.
 - **visible**: the oracle of the fall finds the slip. It is told the onset, and compares the mean of the measured q over
   the `ORACLE_S` before it with that over the `ORACLE_S` that begin 20 ms after it. The slip is visible if the second
   mean is lower by 3 standard errors or more; the noise is that of q before the onset. No detector of a fall can find a
-  slip that is not visible, but other evidence may show that the object moves.
+  slip that is not visible, but other evidence may show that the object moves. Its **path** is how far the contact
+  slides until the second mean, over the second half of the time since the onset, is lower by as much.
 - **overstay**: how long after the end of a gross slip the level is still "slipping".
 """
 
@@ -56,7 +57,7 @@ LEAST_USED = 0.3
 STATED_LOW = 0.9
 """μ of the user whom the oracle of the warnings must give no false warnings, over the true one."""
 ORACLE_BEGIN, ORACLE_USED = 0.5, SAFE / STATED_LOW
-ORACLE_S, ORACLE_AFTER_S, ORACLE_ERRORS = 0.04, 0.02, 3.0
+ORACLE_S, ORACLE_AFTER_S, ORACLE_FIRST_S, ORACLE_ERRORS = 0.04, 0.02, 0.01, 3.0
 SHORT = 0.05
 """A grip force counts as too small if it is short of the true need by more than this."""
 LEAST_GRIP_N = 1.0
@@ -75,6 +76,8 @@ class EpisodeScore:
         oracle_lead_s: Of the oracle of the warnings; NaN where it does not warn.
         latency_s: Infinite where it was not reported.
         path_m: NaN where it was not reported.
+        slid_m: How far the contact slides in all.
+        oracle_path_m: How far it slides until the oracle of the fall finds the slip; infinite where it does not.
         missed: See the module.
         silent: Likewise.
         visible: See the module.
@@ -88,6 +91,8 @@ class EpisodeScore:
     oracle_lead_s: float
     latency_s: float
     path_m: float
+    slid_m: float
+    oracle_path_m: float
     missed: bool
     silent: bool
     visible: bool
@@ -172,6 +177,8 @@ def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth, r
         oracle_lead_s=_oracle_lead_s(truth, begin_s),
         latency_s=reported_s - begin_s,
         path_m=truth.path_m(begin_s, reported_s) if slipping else math.nan,
+        slid_m=truth.path_m(begin_s, end_s),
+        oracle_path_m=_oracle_path_m(truth, reports, k, episodes),
         missed=long and not _overlap(spans, soon, (SLIPPING,)),
         silent=long and not _overlap(alarms, soon, (WARNING,)),
         visible=_visible(reports, begin_s),
@@ -188,13 +195,22 @@ def _oracle_lead_s(truth: Truth, onset_s: float) -> float:
     return onset_s - float(truth.t_s[begin + reached[0]]) if reached.size else math.nan
 
 
-def _visible(reports: Reports, onset_s: float) -> bool:
-    """Return whether q falls at a known onset by more than its noise."""
+def _oracle_path_m(truth: Truth, reports: Reports, k: int, episodes: list[Episode]) -> float:
+    """Return how far a slip gets until the oracle finds it, which sees the fall over ever longer times."""
+    begin_s, end_s = episodes[k]
+    for after_s in np.arange(ORACLE_FIRST_S, end_s - begin_s, ORACLE_FIRST_S / 2.0).tolist():
+        if _visible(reports, begin_s, after_s / 2.0, after_s / 2.0):
+            return truth.path_m(begin_s, begin_s + after_s)
+    return math.inf
+
+
+def _visible(reports: Reports, onset_s: float, after_s: float = ORACLE_AFTER_S, seconds: float = ORACLE_S) -> bool:
+    """Return whether q falls at a known onset by more than its noise, from ``after_s`` on for some ``seconds``."""
     at, q = reports.acquired_s, reports.required
     before = q[(at >= onset_s - ORACLE_S) & (at < onset_s)]
-    after = q[(at >= onset_s + ORACLE_AFTER_S) & (at < onset_s + ORACLE_AFTER_S + ORACLE_S)]
+    after = q[(at >= onset_s + after_s) & (at < onset_s + after_s + seconds)]
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
-    if before.size < 4 or after.size < 4:
+    if before.size < 4 or after.size < (4 if seconds >= ORACLE_S else 2):
         return False
     noise = float(np.diff(before).std()) / math.sqrt(2.0)
     error = noise * math.sqrt(1.0 / before.size + 1.0 / after.size)
