@@ -15,9 +15,14 @@ PEERS := $(VENV)/.peers
 # Whole reports; docs/measured has what a reader needs of them.
 MEASURED := build/measured
 
-# What runs whole daemons, in real time: of these `make test` runs one demo, one client, and one page in a browser.
+# What runs whole daemons, in real time: of these `make test` runs one demo, one client, one page in a browser, and an
+# example of each fault that only a process can have.
 DAEMONS := tests/system
-ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py)
+ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py \
+	service.py::test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised \
+	service_process.py::test_P4_a_signal_ends_the_process_well \
+	service_unit.py::test_P5_a_daemon_that_crashes_is_started_again_without_limit \
+	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
 LONG := $(addprefix tests/lab/,bench chart soak)
 # The tests of one file with daemons stay together on one core.

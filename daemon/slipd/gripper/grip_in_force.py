@@ -206,7 +206,7 @@ class GripInForce:
         """
         stored, self._stored = self._stored, None
         if stored is not None and _confirms(sample, stored):
-            self._held, self._claimed, self.closed_to_m = True, True, stored.closed_to_m
+            self._claimed, self.closed_to_m = True, stored.closed_to_m
             self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n, stored.reflexed_n)
             self._confirmed()
             return

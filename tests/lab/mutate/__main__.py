@@ -19,24 +19,32 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
 
 from bench.commit import measured_on
+from mutate.forked import is_noticed
 from mutate.mutations import Mutation, mutate, mutations
 from mutate.trial import Copy, Outcome
-from mutate.wire import SHARED, is_noticed, wire_changes, wire_mutations
+from mutate.wire import SHARED, wire_changes, wire_mutations
 
 PROJECT = Path(__file__).parents[3]
-TRUNK = (
-    "devices", "signals", "fusion", "motion", "friction", "finger", "grasp", "links", "gripper", "requests", "publish",
-    "engine", "config", "io/transport", "io/bus", "io/zmtp",
-)  # fmt: skip
-ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for name in TRUNK} | {
+KERNELS = ("signals", "fusion", "motion", "friction")
+"""Rooms with compiled code: a mutant is compiled in a copy of the project, so that no cache holds it."""
+
+DAEMON = (
+    *KERNELS,
+    *("devices", "finger", "grasp", "links", "gripper", "requests", "publish", "engine", "config", "recording"),
+    *("io", "io/transport", "io/bus", "io/zmtp", "io/host"),
+    *("tools", "tools/sim", "tools/evaluation", "tools/recordings", "tools/plot", "tools/export"),
+    *("tools/discovery", "tools/commission"),
+)
+ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for name in DAEMON} | {
     "client": ("clients/slipd_client", "tests/unit/client")
 }
-"""Room → folder of its sources and of its tests."""
+"""Room → folder of its sources and of its tests; a folder inside another room is no part of it."""
 
 EVERY_DECODER = "test_every_decoder.py"
 
@@ -70,9 +78,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _random(options: argparse.Namespace) -> Iterator[Outcome]:
-    """Try random mutants, each in a copy of the project."""
+    """Try random mutants: of compiled code each in a copy of the project, of the rest each in a fork."""
     drawn = draw(options.room or list(ROOMS), options.mutants, options.seed)
-    with tempfile.TemporaryDirectory(prefix="slipd-mutants-") as name, ThreadPoolExecutor(options.workers) as pool:
+    with ProcessPoolExecutor(options.workers, get_context("fork")) as pool:
+        rooms = sorted({room for room, _, _ in drawn if room not in KERNELS})
+        for room, passed in zip(rooms, pool.map(_passes, rooms), strict=True):
+            if not passed:
+                raise SystemExit(f"mutate: {ROOMS[room][1]} must pass without a mutant")
+        yield from pool.map(_try_forked, [place for place in drawn if place[0] not in KERNELS])
+    compiled = [place for place in drawn if place[0] in KERNELS]
+    if not compiled:
+        return
+    with tempfile.TemporaryDirectory(prefix="slipd-mutants-") as name, ThreadPoolExecutor(options.workers) as threads:
         free: SimpleQueue[Copy] = SimpleQueue()
         for number in range(options.workers):
             free.put(Copy(PROJECT, Path(name) / str(number)))
@@ -85,7 +102,22 @@ def _random(options: argparse.Namespace) -> Iterator[Outcome]:
             finally:
                 free.put(copy)
 
-        yield from pool.map(attempt, drawn)
+        yield from threads.map(attempt, compiled)
+
+
+def _passes(room: str) -> bool:
+    """Whether the tests of a room pass without a mutant."""
+    path = PROJECT / ROOMS[room][0] / "__init__.py"
+    return not is_noticed(path.parents[1], path, path.read_text(encoding="utf-8"), [ROOMS[room][1]], int(LIMIT_S))
+
+
+def _try_forked(place: tuple[str, str, Mutation]) -> Outcome:
+    room, name, mutation = place
+    path = PROJECT / name
+    root = PROJECT / Path(name).parts[0]
+    mutant = mutate(path.read_text(encoding="utf-8"), mutation)
+    noticed = any(is_noticed(root, path, mutant, group, int(LIMIT_S)) for group in _tests(room, name))
+    return Outcome(name, mutation, "killed" if noticed else "survived")
 
 
 def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
@@ -114,10 +146,18 @@ def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mu
     places = [
         (room, path.relative_to(PROJECT).as_posix(), mutation)
         for room in rooms
-        for path in sorted((PROJECT / ROOMS[room][0]).rglob("*.py"))
+        for path in files_of(room)
         for mutation in mutations(path.read_text(encoding="utf-8"))
     ]
     return random.Random(seed).sample(places, min(count, len(places)))
+
+
+def files_of(room: str) -> list[Path]:
+    """Return the sources of a room."""
+    folder = PROJECT / ROOMS[room][0]
+    inner = [PROJECT / sources for sources, _ in ROOMS.values() if f"{sources}/".startswith(f"{ROOMS[room][0]}/")]
+    inner.remove(folder)
+    return [path for path in sorted(folder.rglob("*.py")) if not any(path.is_relative_to(other) for other in inner)]
 
 
 def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
@@ -171,7 +211,10 @@ def _page(outcomes: Sequence[Outcome], noticed: int, seed: int | None) -> Iterat
 
 
 def _room(outcome: Outcome) -> str:
-    return next(room for room, (sources, _) in ROOMS.items() if outcome.path.startswith(sources + "/"))
+    return max(
+        (room for room, (sources, _) in ROOMS.items() if outcome.path.startswith(sources + "/")),
+        key=lambda room: len(ROOMS[room][0]),
+    )
 
 
 def _device(outcome: Outcome) -> str:

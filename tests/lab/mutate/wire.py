@@ -7,28 +7,14 @@ share, that the class leads to.
 from __future__ import annotations
 
 import ast
-import os
 import re
-import signal
-import sys
 from collections.abc import Callable, Iterator
-from importlib.machinery import ModuleSpec, SourceFileLoader
-from importlib.util import spec_from_file_location
 from pathlib import Path
-from types import CodeType
 
-import hypothesis.strategies  # noqa: F401 - imported once, for all forks
-import numpy as np  # noqa: F401
-import pytest
 from mutate.mutations import Mutation, change_at, other_value, short, skipped_nodes
 
 SHARED = ("rdt_records.py", "weiss_packets.py", "weiss_tactile.py", "checksums.py", "modbus.py")
 """Shared parts with layouts of their own."""
-
-OPTIONS = (
-    *("-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not process"),
-    *("-W", "ignore::pytest.PytestAssertRewriteWarning"),
-)
 
 _FORMAT = re.compile(r"[<>]?(\d*[bBhHiIqQfsx])+|[<>][ui]\d")
 _SIGNS = str.maketrans("bBhHiIqQ", "BbHhIiQq")
@@ -95,39 +81,3 @@ def wire_changes(node: ast.AST) -> Iterator[tuple[str, Callable[[ast.AST], None]
         yield "order", lambda node: setattr(node, "value", swapped)
         signs = value.translate(str.maketrans("ui", "iu")) if value[1] in "ui" and value[2:].isdigit() else None
         yield "signed", lambda node: setattr(node, "value", signs or value.translate(_SIGNS))
-
-
-class _Loader(SourceFileLoader):
-    """Loads a mutant in place of the source."""
-
-    def __init__(self, name: str, path: str, source: str) -> None:
-        super().__init__(name, path)
-        self._source = source
-
-    def get_code(self, fullname: str) -> CodeType:
-        return compile(self._source, self.path, "exec")
-
-
-class _Finder:
-    """Finds the mutated module, and leaves all others to Python."""
-
-    def __init__(self, module: str, path: Path, source: str) -> None:
-        self._module, self._path, self._source = module, path, source
-
-    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        if name != self._module:
-            return None
-        loader = _Loader(name, str(self._path), self._source)
-        return spec_from_file_location(name, self._path, loader=loader)
-
-
-def is_noticed(root: Path, path: Path, source: str, tests: list[str], limit_s: int) -> bool:
-    """Return whether tests notice a mutant of a file; a fork runs them, so nothing is imported twice."""
-    module = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
-    if (child := os.fork()) == 0:
-        signal.alarm(limit_s)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        os.dup2(1, 2)
-        sys.meta_path.insert(0, _Finder(module, path, source))
-        os._exit(int(pytest.main([*OPTIONS, *tests])))
-    return os.waitpid(child, 0)[1] != 0

@@ -76,6 +76,20 @@ def test_a_row_names_tests_that_exist_and_carry_its_id(identifier: str) -> None:
     assert set(cited) <= {(file, name) for file, name in TESTS if identifier in ids_of(name)}
 
 
+def test_make_test_runs_a_test_of_each_fault() -> None:
+    words = " ".join((ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ").split())
+    (later,) = re.findall(r"LATER := \$\(addprefix (\S+),([^)]+)\)", words)
+    (system,) = re.findall(r"DAEMONS := (\S+)", words)
+    (examples,) = re.findall(r"ONE_OF_EACH := \$\(addprefix \$\(DAEMONS\)/test_,([^)]+)\)", words)
+    left_out = tuple(f"{later[0]}{room}/" for room in later[1].split())
+    chosen = {f"{system}/test_{example}" for example in examples.split()}
+    run = [
+        name for file, name in TESTS
+        if (file.startswith("tests/unit/") and not file.startswith(left_out)) or chosen & {file, f"{file}::{name}"}
+    ]  # fmt: skip
+    assert set(ROWS) - {identifier for name in run for identifier in ids_of(name)} == set()
+
+
 @pages
 def test_a_path_that_a_page_names_exists(page: Path) -> None:
     made_by_the_reader = {

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from engine_rig import wrench_of
 
 from slipd.devices import bota, xela
 from slipd.devices.wsg import wsg_messages
@@ -50,6 +51,20 @@ def test_a_reading_is_published_in_the_call_that_brings_its_bytes(run: Run) -> N
     published = [output for output in out if isinstance(output, Publish)]
     assert [message.topic for message in published] == ["warning", "slip.left", "wrench.left"]
     assert {message.body["t_ns"] for message in published} == {run.t_ns}
+
+
+def test_L11_bytes_that_trickle_in_are_no_stream(run: Run) -> None:
+    run.image()
+    run.wrench(10.0, (1.0, 0.0))
+    run.image()
+    assert run.level()[0] == "stable"
+    frame = bota.encode_frame(*wrench_of(10.0), 0)
+    for byte in frame[:-1]:
+        run.wait(5)
+        run.image()
+        run.feed(Bytes("left.wrench", bytes((byte,))))
+        run.tick()
+    assert run.level() == ("unknown", ["stale"])
 
 
 def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(

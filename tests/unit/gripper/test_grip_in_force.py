@@ -25,8 +25,10 @@ def test_a_grasp_does_not_end_on_the_word_of_the_gripper_while_a_finger_presses(
     pad.press(False)
     control.update(reading(0.02, T0 + 3 * MS, object="moving"))
     assert control.policy.force_n == 5.0
+    assert control.command == (5.0, 0.0)
     control.update(reading(0.0, T0 + 4 * MS, object="none"))
     assert control.policy.force_n is None
+    assert control.command == (5.0, None)
 
 
 def test_a_lost_gripper_has_no_lease(control: GripperControl) -> None:

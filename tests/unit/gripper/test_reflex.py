@@ -61,6 +61,15 @@ def test_a_gripper_that_grips_more_than_commanded_is_commanded_less() -> None:
     assert held.watch("warning", 6.9, 50, internal_n=7.0) == []
 
 
+def test_what_one_grasp_taught_is_forgotten_with_it() -> None:
+    held = Held()
+    held.watch("caution", 5.0, 200, internal_n=3.0)
+    held.policy.end_grasp()
+    held.watch("no_contact", None, 5)
+    held.policy.record_force(5.0, held.t_ns)
+    assert held.watch("warning", 4.9, 20) == []
+
+
 def test_A8_a_gripper_that_follows_late_is_not_wound_up() -> None:
     held = Held()
     held.watch("caution", 5.0, 200, internal_n=5.0)
