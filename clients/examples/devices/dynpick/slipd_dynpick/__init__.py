@@ -1,0 +1,156 @@
+"""Decode Wacoh-Tech DynPick force/torque sensors: ASCII on a serial line, one poll per reading.
+
+Source: the vendor's commands as public drivers use them; not tried on hardware.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from slipd.devices import DecoderHealth, Device
+from slipd.types.samples import WrenchSample
+
+ASK = b"R"
+REPLY_LENGTH = 27
+ZERO = 8192
+SENSITIVITY = (32.765, 32.765, 32.765, 1639.0, 1639.0, 1639.0)
+REPLY_TIMEOUT_NS = 50_000_000
+"""A reply takes a millisecond; a poll without a reply for this long was lost."""
+
+_REPLY = re.compile(rb"[0-9]([0-9A-Fa-f]{24})\r\n")
+_FULL_SCALE = (0, (1 << 14) - 1)
+"""Ends of the converter's range; a force beyond the range reads as one of them."""
+
+
+class Decoder:
+    """Decode every reply into a wrench sample. The meaning of the counter digit is unpublished: `health.lost` stays 0.
+
+    Args:
+        sensitivity: Counts per N (3) and per N·m (3), from the data sheet of the sensor.
+
+    Raises:
+        ValueError: There are not six sensitivities, or one is not positive.
+    """
+
+    def __init__(self, sensitivity: Sequence[float] = SENSITIVITY) -> None:
+        if len(sensitivity) != 6 or min(sensitivity) <= 0.0:
+            raise ValueError(f"sensitivity must be six positive numbers, got {sensitivity}")
+        self.health = DecoderHealth()
+        self._sensitivity = np.array(sensitivity)
+        self._tail = b""
+        self._in_step = True
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        """Return the readings that bytes received at ``t_ns`` complete, in the sensor frame."""
+        buffer = self._tail + data
+        samples, done = [], 0
+        for reply in _REPLY.finditer(buffer):
+            self._skip(reply.start() - done)
+            self._in_step = True
+            samples.append(self._sample(reply[1], t_ns))
+            done = reply.end()
+        keep = max(done, len(buffer) - REPLY_LENGTH + 1)
+        self._skip(keep - done)
+        self._tail = buffer[keep:]
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Discard an incomplete reply: the line was closed."""
+        self._skip(len(self._tail))
+        self._tail = b""
+
+    def _sample(self, digits: bytes, t_ns: int) -> WrenchSample:
+        counts = [int(digits[at : at + 4], 16) for at in range(0, len(digits), 4)]
+        status = ("overload",) if any(not _FULL_SCALE[0] < count < _FULL_SCALE[1] for count in counts) else ()
+        values = ((np.array(counts) - ZERO) / self._sensitivity).tolist()
+        return WrenchSample(t_ns, None, values[:3], values[3:], status)
+
+    def _skip(self, count: int) -> None:
+        if count:
+            self.health.bad_bytes += count
+            self.health.bad += self._in_step
+            self._in_step = False
+
+
+class Session:
+    """Keep one poll outstanding. `state` is "closed", "waiting" or "running".
+
+    Args:
+        sensitivity: See `Decoder`.
+    """
+
+    identity = ""
+
+    def __init__(self, sensitivity: Sequence[float] = SENSITIVITY) -> None:
+        self.decoder = Decoder(sensitivity)
+        self.health = self.decoder.health
+        self.state = "closed"
+        self._due_ns: int | None = None
+
+    def start(self, now_ns: int) -> bytes:
+        """Start on a newly opened link and return the first poll."""
+        self.decoder.forget()
+        self.state = "waiting"
+        self._due_ns = now_ns + REPLY_TIMEOUT_NS
+        return ASK
+
+    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
+        """Return the readings that bytes received at ``now_ns`` complete; a reading makes the next poll due."""
+        samples = self.decoder.receive(data, now_ns)
+        if samples and self._due_ns is not None:
+            self.state = "running"
+            self._due_ns = now_ns
+        return samples
+
+    def next_deadline(self) -> int | None:
+        """Return the time at which `on_time` is due, ns; None while closed."""
+        return self._due_ns
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the poll that is due at ``now_ns``, or no bytes."""
+        if self._due_ns is None or now_ns < self._due_ns:
+            return b""
+        self._due_ns = now_ns + REPLY_TIMEOUT_NS
+        return ASK
+
+    def stop(self) -> bytes:
+        """End the session; the sensor needs no command."""
+        self.state = "closed"
+        self._due_ns = None
+        return b""
+
+
+def encode_reply(counts: Sequence[int], tick: int = 0) -> bytes:
+    """Encode a reply as the sensor sends it: the counter digit and six 16-bit counts."""
+    return b"%d" % (tick % 10) + b"".join(b"%04X" % count for count in counts) + b"\r\n"
+
+
+ABOUT = """\
+Wacoh-Tech DynPick on a serial line, 921600 8N1. Not confirmed: the meaning of the counter digit.
+
+    [finger.left.wrench]
+    device = "dynpick"
+    package = "slipd-dynpick"
+    port = "/dev/serial/by-id/usb-Wacoh-Tech_DynPick-if00-port0"
+    rate_hz = 1000.0
+    options = { sensitivity = [32.765, 32.765, 32.765, 1639.0, 1639.0, 1639.0] }  # MEASURE: on the sensor's data sheet
+"""
+
+DEVICE = Device(
+    "dynpick",
+    "wrench",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(1.0, 1000.0),
+    baud=921_600,
+    frame="a reply of a DynPick",
+    evidence="document",
+    emulator="slipd_dynpick.emulator",
+    about=ABOUT,
+    interface=1,
+)
