@@ -247,7 +247,7 @@ def _commission(arguments: argparse.Namespace) -> bool:
 def _emulate(arguments: argparse.Namespace) -> None:
     from slipd.tools.sim.emulate_command import emulate_command
 
-    emulate_command(arguments.file, arguments.dir, arguments.script, arguments.seed)
+    emulate_command(arguments.file, arguments.dir, arguments.script, arguments.seed, unkind=arguments.unkind)
 
 
 def _touch(arguments: argparse.Namespace) -> bool:

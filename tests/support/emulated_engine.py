@@ -30,10 +30,11 @@ class EmulatedEngine:
         true: How the sensors are mounted.
         read: What the daemon believes; ports as in ``true``.
         folder: For addresses, which nobody opens.
+        unkind: Whether the sensors are as unkind as real ones.
     """
 
-    def __init__(self, true: config.Config, read: config.Config, folder: Path) -> None:
-        self.devices = TouchedDevices(true, folder)
+    def __init__(self, true: config.Config, read: config.Config, folder: Path, *, unkind: bool = False) -> None:
+        self.devices = TouchedDevices(true, folder, unkind=unkind)
         ports = list(dict.fromkeys(stream.port for stream in true.streams().values()))
         self._by_port = {port: device[1] for port, device in zip(ports, self.devices.devices, strict=True)}
         self._t_ns = self._asked = 0
@@ -64,6 +65,11 @@ class EmulatedEngine:
         if fault := reply.get("error"):
             raise RequestRefused(fault["code"], fault["message"], fault.get("field", ""))
         return replies.typed_reply(OPS[op].reply, reply["result"])
+
+    @property
+    def now_ns(self) -> int:
+        """Time since the start."""
+        return self._t_ns
 
     def drop_messages(self) -> None:
         """Forget the messages that nobody received."""

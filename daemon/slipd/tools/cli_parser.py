@@ -377,6 +377,9 @@ def _add_emulation(commands: Any) -> None:
         "--dir", type=Path, metavar="DIR", help="folder for the lines and the copy (default: a temporary one)"
     )
     emulate.add_argument("--script", type=Path, metavar="FILE", help="carry out the commands of this file first")
+    emulate.add_argument(
+        "--unkind", action="store_true", help="sensors with clocks, taxels and lines as unkind as those of real ones"
+    )
     _add_seed(emulate)
     touch = add_command(commands, "touch", "press, push or twist a pad of a running emulation")
     touch.add_argument("dir", type=Path, metavar="DIR", help="folder of the emulation, which it prints")

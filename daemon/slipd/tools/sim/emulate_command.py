@@ -33,7 +33,7 @@ OK, ERROR, END = "ok", "error: ", "end"
 """First words of the last line of each answer on the socket."""
 
 
-def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: int) -> None:
+def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: int, *, unkind: bool = False) -> None:
     """Emulate the devices of a config until Ctrl-C, SIGTERM, ``quit`` or the end of standard input.
 
     Args:
@@ -42,6 +42,7 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
             that was changed, as by ``slipd commission``, is kept in the working directory.
         script: Commands to carry out first.
         seed: Seed of the noise.
+        unkind: Whether the sensors are as unkind as real ones.
 
     Raises:
         ConfigError: The config has faults.
@@ -57,7 +58,7 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             _check_free(folder)
-            devices = TouchedDevices(rig, folder.absolute(), seed)
+            devices = TouchedDevices(rig, folder.absolute(), seed, unkind=unkind)
             place = folder.absolute() / file.name
             copy = EmulatedCopy(place, devices.config_text(), file, devices.addresses)
             stack.callback(copy.remove)

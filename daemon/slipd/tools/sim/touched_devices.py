@@ -28,6 +28,7 @@ from slipd.tools.sim.emulated_pvdf import PressedPad, PvdfElectronics
 from slipd.tools.sim.emulated_xela import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator, accepted, make_emulator
 from slipd.tools.sim.hand import Hand, PadLoad
+from slipd.tools.sim.unkind import Unkind
 from slipd.types.arrays import Array
 
 BIAS = np.array((0.6, -0.4, 0.9, 0.004, -0.003, 0.002))
@@ -57,6 +58,7 @@ class TouchedDevices:
         rig: The config.
         folder: For pseudo-terminals and local sockets.
         seed: Seed of the noise.
+        unkind: Whether the sensors are as unkind as real ones, see `slipd.tools.sim.unkind`.
 
     Attributes:
         devices: Name, emulator and address of each, for `slipd.tools.sim.emulate.emulated`.
@@ -67,7 +69,7 @@ class TouchedDevices:
         OSError: No port of this machine is free.
     """
 
-    def __init__(self, rig: config.Config, folder: Path, seed: int = 0) -> None:
+    def __init__(self, rig: config.Config, folder: Path, seed: int = 0, *, unkind: bool = False) -> None:
         self._rig = rig
         self._by_port: dict[str, Emulator] = {}
         self.addresses: dict[str, str] = {}
@@ -75,6 +77,9 @@ class TouchedDevices:
         for number, (port, streams) in enumerate(_ports(rig)):
             name = next(iter(streams))
             emulator = _emulator(streams, seed + number)
+            first = streams[name]
+            if unkind and not isinstance(first, config.Gripper):
+                emulator = Unkind(emulator, seed + number, first.cols if isinstance(first, config.Pad) else 1)
             self._by_port[port] = emulator
             self.addresses[port] = _address(folder, port, name.replace(".", "-"), number)
             self.devices.append((streams[name].device, emulator, self.addresses[port]))
