@@ -32,6 +32,9 @@ from slipd_client.messages.schema.topics import TOPICS, Message
 _OTHERWISE = {"lease.acquire": "lease"}
 """Methods that are not named like their op."""
 
+_AS_IN_SLIP = "as in `slip`"
+_OF_SLIP = {field.name: field for field in fields_of(TOPICS["slip"])[len(fields_of(Message)) :]}
+
 _MARKED = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 
@@ -78,11 +81,24 @@ def filled(document: str) -> str:
 
 
 def _fields(fields: Iterable[Field]) -> str:
-    return table(("field", "type", "meaning"), ((f"`{each.name}`", each.type_name, _meaning(each)) for each in fields))
+    return table(("field", "type", "meaning"), _rows(fields))
+
+
+def _rows(fields: Iterable[Field]) -> list[tuple[str, ...]]:
+    """Return a row for each field, and one for neighbours that are all as in ``slip``."""
+    rows: list[tuple[str, ...]] = []
+    for each in fields:
+        if rows and rows[-1][2] == _meaning(each) == _AS_IN_SLIP:
+            rows[-1] = (f"{rows[-1][0]}, `{each.name}`", "", _AS_IN_SLIP)
+        else:
+            rows.append((f"`{each.name}`", each.type_name, _meaning(each)))
+    return rows
 
 
 def _meaning(field: Field) -> str:
-    return f"{field.only}: {field.meaning}" if field.only else field.meaning
+    same = _OF_SLIP.get(field.name)
+    meaning = _AS_IN_SLIP if same is not None and same is not field and same.meaning == field.meaning else field.meaning
+    return f"{field.only}: {meaning}" if field.only else meaning
 
 
 def _request_fields() -> str:
@@ -111,7 +127,7 @@ def _replies() -> str:
         elif cls is StatusReply:
             rows.append((ops, "", "", "the fields of the topic `status`, without those of every message"))
         else:
-            rows += [(ops, f"`{each.name}`", each.type_name, _meaning(each)) for each in fields_of(cls)]
+            rows += [(ops, *row) for row in _rows(fields_of(cls))]
     return table(("reply to", "field", "type", "meaning"), rows)
 
 
@@ -136,9 +152,8 @@ def _methods() -> str:
         method = getattr(GripClient, _OTHERWISE.get(op.name, op.name.replace(".", "_")), None)
         if method is not None:
             parameters = list(inspect.signature(method).parameters.values())[1:]
-            call = f"`{method.__name__}({_call(parameters)})`"
-            rows.append((call, op.does, _arguments(op, parameters), _returned(op), _linked(op.needs)))
-    return table(("method", "what it does", "arguments", "returns", "needs, and is refused without (`code`)"), rows)
+            rows.append((f"`{method.__name__}({_call(parameters)})`", op.does, _returned(op)))
+    return table(("method", "what it does", "returns"), rows)
 
 
 def _call(parameters: list[inspect.Parameter]) -> str:
@@ -151,15 +166,6 @@ def _call(parameters: list[inspect.Parameter]) -> str:
     return ", ".join(parts)
 
 
-def _arguments(op: Op, parameters: list[inspect.Parameter]) -> str:
-    """Return what each argument is, with its unit and range."""
-    found = []
-    for field in (op.fields[each.name] for each in parameters):
-        facts = ", ".join(part for part in (field.unit, field.range_text) if part)
-        found.append(f"`{field.name}`: {field.meaning}" + (f" ({facts})" if facts else ""))
-    return "; ".join(found)
-
-
 def _returned(op: Op) -> str:
     if op.name in _OTHERWISE:
         return "a `with` block that holds the lease"
@@ -168,10 +174,6 @@ def _returned(op: Op) -> str:
     names = ", ".join(f"`{field.name}`" for field in fields_of(op.reply))
     result = "TareResult" if op.name == "tare" else op.reply.__name__
     return "" if op.reply is Reply else f"`{result}`: {names}"
-
-
-def _linked(needs: str) -> str:
-    return needs.replace("](#", "](protocol.md#")
 
 
 if __name__ == "__main__":
