@@ -114,7 +114,7 @@ def _first_steps(_: argparse.Namespace) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from slipd.serve_file import run_command
+    from slipd.service import run_command
 
     run_command(arguments.config, arguments.record)
 
@@ -222,7 +222,7 @@ def _doctor(arguments: argparse.Namespace) -> bool:
 
 
 def _init(arguments: argparse.Namespace) -> None:
-    from slipd.tools.discovery.init_command import init_command
+    from slipd.tools.discovery.config_draft import init_command
 
     init_command(arguments.file, arguments.ports, only_list=arguments.list)
 

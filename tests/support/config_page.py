@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 from slipd.config import Finger, Stream
 from slipd.config.model import TABLES
 from slipd.config.value_bounds import Bounds, unit_quaternion
-from slipd.tools.device_options import attributes_of, option_rows, sentence, summary_of
+from slipd.tools.devices_command import attributes_of, option_rows, sentence, summary_of
 
 HEAD = """\
 # Config

@@ -79,5 +79,5 @@ def test_P4_an_interrupt_while_kernels_are_loaded_or_compiled_ends_the_daemon_be
     variables = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")} if callback == "store" else {}
     code, output, errors = interrupted(callback, "run", str(rig.file), **variables)
     assert (code, output) == (0, "")
-    assert all(line.startswith("WARNING slipd.serve_file") for line in errors.splitlines()), "remarks on the config"
+    assert all(line.startswith("WARNING slipd.service") for line in errors.splitlines()), "remarks on the config"
     assert not list(tmp_path.rglob("vibration*")), "the last kernels were compiled too"

@@ -47,7 +47,7 @@ async def test_P4_a_signal_ends_the_process_well(
         assert process.stdout.read() == ""
         errors = process.stderr.read()
         assert "Traceback" not in errors
-        assert f"WARNING slipd.serve_file: {hint}\n" in errors, "as slipd check prints it"
+        assert f"WARNING slipd.service: {hint}\n" in errors, "as slipd check prints it"
     recorded = open_recording(tmp_path / "run.mcap")
     assert recorded.closed
     assert sum(1 for _ in recorded.entries()) > 0

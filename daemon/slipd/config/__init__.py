@@ -7,6 +7,7 @@ has the range of each quantity.
 
 from slipd.config.check_hints import hints
 from slipd.config.checks import missing_keys
+from slipd.config.config_file import config_file as shipped
 from slipd.config.config_file import load, parse
 from slipd.config.gripper_tables import Grasp, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.model import Config, axes_of, device_options, in_newtons, stale_after_ns, transport_of
@@ -21,7 +22,6 @@ from slipd.config.service_tables import (
     Requests,
     Restart,
 )
-from slipd.config.shipped_files import config_file as shipped
 from slipd.config.stream_tables import Finger, Pad, Pose, Slip, Stream, Wrench
 
 __all__ = [

@@ -19,8 +19,8 @@ from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.links.device_link import DeviceLink, Identity
 from slipd.signals.tare import Offset
+from slipd.types.arrays import finite_or_none
 from slipd.types.clocks import WallClock
-from slipd.types.finite import finite_or_none
 
 _NS = 1_000_000_000
 _MINUTE_NS = 60 * _NS

@@ -13,10 +13,9 @@ import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
-from slipd.finger.finger_state import VerdictBatch
+from slipd.finger.finger_state import LoadDistribution, VerdictBatch
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.load_distribution import LoadDistribution
 from slipd.friction.friction_estimate import STEP_NS, FrictionEstimate
 from slipd.friction.friction_state import FrictionState
 from slipd.friction.learning import learn

@@ -11,10 +11,10 @@ from collections.abc import Callable
 import numpy as np
 
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
+from slipd.finger.finger_state import LoadDistribution, distribute
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.finger.pad_zero import PadZero
 from slipd.fusion import Contact, ContactShape, contact_shape
 from slipd.fusion.rows import UNTRUSTED as UNTRUSTED_PHASE
@@ -22,9 +22,8 @@ from slipd.fusion.streaming import new_readings
 from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
-from slipd.signals.frozen_image import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
-from slipd.signals.taxel_health import TaxelHealth
+from slipd.signals.taxel_health import FrozenImage, TaxelHealth
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED, TactileSample
 

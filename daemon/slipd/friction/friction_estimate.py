@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from slipd.friction.friction_state import FrictionState, RotationFriction, Taught
 from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp
 from slipd.fusion.rows import new_rows
-from slipd.types.finite import finite_or_none
+from slipd.types.arrays import finite_or_none
 
 STEP_NS = 20_000_000
 """A verdict takes over what was learned at multiples of this time, so that it does not depend on how readings are split

@@ -10,14 +10,14 @@ writable directory to avoid it.
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+
+from slipd.types.source_stamp import source_stamp
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -72,14 +72,3 @@ def _date_by_folder(kernel: Any) -> None:
     """
     cache_file = kernel._cache._cache_file  # noqa: SLF001
     cache_file._version = f"{cache_file._version} {source_stamp(Path(__file__).parent)}"  # noqa: SLF001
-
-
-@functools.cache
-def source_stamp(folder: Path) -> str:
-    """Return a hash of the names and contents of all Python files in and below a folder."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        text = path.read_bytes()
-        digest.update(f"{path.relative_to(folder).as_posix()} {len(text)}\n".encode())
-        digest.update(text)
-    return digest.hexdigest()

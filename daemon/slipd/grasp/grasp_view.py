@@ -25,8 +25,7 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
-from slipd.types.arrays import Array
-from slipd.types.finite import finite_or_none
+from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import SEVERITY
 
 _NO_WRENCH = (math.nan,) * 6

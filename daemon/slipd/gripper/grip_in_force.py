@@ -11,7 +11,7 @@ from slipd.finger.finger import Finger
 from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
-from slipd.types.finite import finite_or_none
+from slipd.types.arrays import finite_or_none
 from slipd.types.permit import Permit
 from slipd.types.samples import GripperSample
 

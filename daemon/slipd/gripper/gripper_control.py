@@ -19,7 +19,7 @@ from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, Gri
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge, why_not_sent
 from slipd.gripper.motion_rules import PUT_DOWN
-from slipd.types.finite import finite_or_none
+from slipd.types.arrays import finite_or_none
 from slipd.types.permit import Permit
 from slipd.types.refusal import Refusal
 from slipd.types.samples import GripperSample

@@ -15,7 +15,7 @@ from slipd.grasp.grasp_view import GraspView
 from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
-from slipd.types.finite import finite_or_none
+from slipd.types.arrays import finite_or_none
 
 PERIOD_NS = 20_000_000
 """Least time between two acts, and the time over which one act ramps: grippers take about 50 commands a second."""

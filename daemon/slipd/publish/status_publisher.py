@@ -21,8 +21,8 @@ from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer
+from slipd.types.arrays import finite_or_none
 from slipd.types.device_text import one_line
-from slipd.types.finite import finite_or_none
 from slipd_client.messages import STATUS_TOPIC, Health
 
 

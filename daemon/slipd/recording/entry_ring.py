@@ -14,7 +14,7 @@ from slipd.events import Bytes, Event, FirstEvents, LinkDown, LinkUp, Request, S
 from slipd.recording.entry_walk import Entered
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
-from slipd.recording.mcap_stream import trimmed
+from slipd.recording.mcap_records import trimmed
 
 BLOCK_BYTES = 256 * 1024
 """Bytes of entries that are compressed at once, which takes a millisecond without the interpreter lock."""

@@ -32,7 +32,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording.event_codec import encode_event
-from slipd.recording.mcap_stream import RecordStream, keep_index_packed
+from slipd.recording.mcap_records import RecordStream, keep_index_packed
 
 PROFILE = "slipd"
 FORMAT = "1"

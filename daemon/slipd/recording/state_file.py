@@ -5,13 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import stat
-import tempfile
 import threading
-from contextlib import suppress
 from pathlib import Path
 
 from slipd.errors import RecordingError
 from slipd.events import StateRestored
+from slipd.io.replaced_file import replace_file
 from slipd.recording.requested_recordings import private_directory
 
 MOST_BYTES = 1_000_000
@@ -78,7 +77,7 @@ class StateFile:
             if text is None:
                 return
             try:
-                _replace(self._path, text)
+                replace_file(self._path, text)
                 self.problem = ""
             except OSError as error:
                 if not self.problem:
@@ -96,23 +95,3 @@ def _read(path: Path) -> str:
         if found.st_size > MOST_BYTES:
             raise RecordingError(f"must have at most {MOST_BYTES} bytes, got {found.st_size}")
         return file.read(MOST_BYTES).decode()
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file beside its place, readable by this user alone, and rename it once it is on the disk."""
-    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with open(handle, "w", encoding="utf-8") as file:  # noqa: PTH123 - the handle of the draft
-            file.write(text)
-            file.flush()
-            os.fsync(handle)
-        Path(draft).replace(path)
-    except BaseException:
-        with suppress(OSError):
-            Path(draft).unlink()
-        raise
-    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

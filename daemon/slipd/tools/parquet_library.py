@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from slipd.errors import UsageError
+
+MARK = "slipd_export"
+"""Key in the metadata that marks a file as part of an export of slipd."""
 
 
 def parquet_library(option: str, extra: str = "parquet") -> tuple[ModuleType, ModuleType]:
@@ -28,3 +35,67 @@ def parquet_library(option: str, extra: str = "parquet") -> tuple[ModuleType, Mo
 def storable(text: str) -> str:
     r"""Return a text that Arrow can store: an undecodable byte of a file name becomes an escape such as ``\xff``."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+@contextmanager
+def parquet_file(path: Path, schema: Any) -> Iterator[Callable[[Any], None]]:
+    """Create a file, and yield what writes an Arrow table of this schema as one row group.
+
+    Raises:
+        SlipdError: pyarrow is not installed.
+        OSError: The file cannot be written.
+    """
+    _, parquet = parquet_library("--to parquet")
+    marked = schema.with_metadata({**(schema.metadata or {}), MARK: "1"})
+    with path.open("xb") as file:
+        writer = parquet.ParquetWriter(file, marked, compression="zstd")
+        try:
+            yield writer.write_table
+            writer.close()
+        finally:
+            writer.is_open = False  # after a failure its destructor would try again
+
+
+@contextmanager
+def parquet_rows(path: Path, schema: Any, at_once: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Create a file, and yield what writes a row, a value for each column that is known; errors are as above.
+
+    Args:
+        path: File to create.
+        schema: Its Arrow schema.
+        at_once: Rows that are kept in memory until they are written as one row group.
+    """
+    arrow, _ = parquet_library("--to parquet")
+    rows: list[dict[str, Any]] = []
+    with parquet_file(path, schema) as put:
+
+        def flush() -> None:
+            put(arrow.Table.from_pylist(rows, schema=schema))
+            rows.clear()
+
+        def add(row: dict[str, Any]) -> None:
+            rows.append(row)
+            if len(rows) == at_once:
+                flush()
+
+        yield add
+        if rows:
+            flush()
+
+
+def is_marked(path: Path) -> bool:
+    """Return whether a file is a Parquet file of an export, by the metadata at its end.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        if size < 12:
+            return False
+        file.seek(size - 8)
+        length, magic = int.from_bytes(file.read(4), "little"), file.read(4)
+        if magic != b"PAR1" or length > size - 12:
+            return False
+        file.seek(size - 8 - length)
+        return MARK.encode() in file.read(length)

@@ -11,8 +11,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipd.config.shipped_files import system_file
+from slipd.config.config_file import system_file
 from slipd.errors import SlipdError
+from slipd.io.replaced_file import replace_file
 
 DESCRIPTION = "Description=Slip warnings for a gripper"
 """The line by which a unit of slipd is known."""
@@ -135,10 +136,7 @@ def _text(path: Path) -> str:
 
 def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.new")
-    part.write_text(text, "utf-8")
-    part.chmod(0o644)
-    part.replace(path)
+    replace_file(path, text, mode=0o644)
     print(f"{path}: written")
 
 

@@ -8,7 +8,7 @@ import textwrap
 from pathlib import Path
 
 from slipd import __version__
-from slipd.config.shipped_files import (
+from slipd.config.config_file import (
     CONFIGS,
     DOCS,
     config_file,

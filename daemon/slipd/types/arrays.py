@@ -1,6 +1,8 @@
-"""Array types that every room shares."""
+"""Array types that every room shares, and numbers that may not be known."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,3 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+
+
+def finite_or_none(value: float | None) -> float | None:
+    """Return a finite number as a float; None for NaN, an infinity, or None."""
+    return None if value is None or not math.isfinite(value) else float(value)

@@ -14,7 +14,7 @@ from slipd.config import Config, Stream
 from slipd.config.config_file import explain
 from slipd.config.model import TABLES
 from slipd.devices import DEVICES
-from slipd.tools.device_options import attributes_of
+from slipd.tools.devices_command import attributes_of
 
 
 def test_the_page_is_that_of_the_model() -> None:

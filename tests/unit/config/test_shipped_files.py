@@ -8,7 +8,7 @@ import pytest
 from project import CONFIG, DOCS, ROOT
 
 from slipd import config
-from slipd.config.shipped_files import config_file, config_files, page_file, pages, system_file, system_files
+from slipd.config.config_file import config_file, config_files, page_file, pages, system_file, system_files
 from slipd.errors import SlipdError
 
 

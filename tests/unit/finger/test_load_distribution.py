@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slipd.finger.load_distribution import LoadDistribution, distribute
+from slipd.finger.finger_state import LoadDistribution, distribute
 from slipd.fusion import Contact, contact_from_wrench
 
 X, Y = (axis.ravel() for axis in np.meshgrid(0.004 * np.arange(4.0) - 0.006, 0.004 * np.arange(4.0) - 0.006))

@@ -7,7 +7,7 @@ from io import BytesIO
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from slipd.recording.mcap_stream import BLOCK_CHUNKS, PackedChunkIndices, keep_index_packed
+from slipd.recording.mcap_records import BLOCK_CHUNKS, PackedChunkIndices, keep_index_packed
 
 
 def written(*, packed: bool, chunks: int) -> bytes:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from project import TRIAL
 
-from slipd.signals.frozen_image import FrozenImage
+from slipd.signals.taxel_health import FrozenImage
 
 MS = 1_000_000
 

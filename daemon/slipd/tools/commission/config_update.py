@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import shutil
-import tempfile
+import stat
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ from pathlib import Path
 from slipd import config
 from slipd.config import Pad, Wrench
 from slipd.config.toml_text import marked_keys, with_value
+from slipd.io.replaced_file import replace_file
 from slipd.tools.commission.readings import Noise
 from slipd.tools.commission.touches import Mount, Symmetry, mount_of
 
@@ -109,22 +108,8 @@ def replace_config(file: Path, text: str, *, keep: bool = True) -> Path:
     if keep:
         shutil.copy2(file, previous)
     file = file.resolve()  # a link stays one
-    with _beside(file) as new:
-        new.write_text(text, encoding="utf-8", newline="")
-        shutil.copymode(file, new)
-        new.replace(file)
+    replace_file(file, text, mode=stat.S_IMODE(file.stat().st_mode))
     return previous
-
-
-@contextlib.contextmanager
-def _beside(file: Path) -> Iterator[Path]:
-    """Create a file in the same folder; remove it if it is still there at the end."""
-    handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-    os.close(handle)
-    try:
-        yield Path(name)
-    finally:
-        Path(name).unlink(missing_ok=True)
 
 
 def _wrench_values(sensor: Wrench, mount: Mount | None, noise: Noise | None) -> Iterator[_Value]:

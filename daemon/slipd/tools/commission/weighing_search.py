@@ -17,9 +17,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
-from slipd.signals.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
 from slipd.tools.commission.sensor_pose import STATED, cross_matrix, nearest_known
 from slipd.tools.commission.touches import Mount
+from slipd.tools.commission.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
 from slipd.types.arrays import Array
 
 MOST_MISFIT = 0.2

@@ -11,11 +11,11 @@ from slipd.config import Config, Wrench
 from slipd.errors import SlipdError
 from slipd.signals.averaging import most_std
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
-from slipd.signals.weight_identification import MIN_POSES
 from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.readings import ReadingListener, read_status
 from slipd.tools.commission.touches import Mount, mount_of
 from slipd.tools.commission.weighing_search import Pose, WeightFindings, find_weight
+from slipd.tools.commission.weight_identification import MIN_POSES
 from slipd.types.arrays import Array
 from slipd_client.errors import CallError
 from slipd_client.gravity_feed import gravity_of, parse_numbers

@@ -7,7 +7,6 @@ there. It takes a few jobs more than it has workers: a million of them need no m
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import multiprocessing
 import os
 import signal
@@ -17,12 +16,12 @@ import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 from slipd.errors import SlipdError, UsageError
-from slipd.tools.evaluation.config_run import ConfigRun
+from slipd.tools.evaluation.config_replay import ConfigRun
+from slipd.types.source_stamp import source_stamp
 
 Run = ConfigRun | str
 
@@ -69,13 +68,9 @@ ENGINE = "slipd.tools.evaluation.config_replay"
 """The module that loads the engine: once for all processes of a pool, and never in this one."""
 
 
-@cache
 def own_stamp() -> str:
-    """Return a hash of the source code of slipd; that of `slipd.fusion` would load the kernels with it."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[2].rglob("*.py")):
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()
+    """Return a hash of the source code of slipd."""
+    return source_stamp(Path(__file__).parents[2])
 
 
 def replay_job(job: Job) -> Run:

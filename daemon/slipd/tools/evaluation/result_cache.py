@@ -10,11 +10,11 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from slipd.tools.evaluation.config_run import ConfigRun
+from slipd.io.replaced_file import replace_file
+from slipd.tools.evaluation.config_replay import ConfigRun
 from slipd.tools.evaluation.executors import Job, LastingFault, own_stamp
 
 MOST_RESULTS = 2000
@@ -79,11 +79,7 @@ class ResultCache:
     def _write(self, path: Path, content: object) -> None:
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile("w", dir=self._folder, suffix=".part", delete=False) as file:
-                json.dump(content, file)
-            written = Path(file.name)
-            written.chmod(0o644)  # several users may share the folder
-            written.replace(path)
+            replace_file(path, json.dumps(content), mode=0o644)  # several users may share the folder
 
     def _run_file(self, job: Job) -> Path:
         return self._folder / f"{job.key}.json"
@@ -100,5 +96,5 @@ class ResultCache:
         most = max(MOST_RESULTS, needed)
         with contextlib.suppress(OSError):
             files = sorted(self._folder.glob("*.json"), key=lambda file: file.stat().st_mtime, reverse=True)
-            for file in [*files[most:], *self._folder.glob("*.part")]:
+            for file in [*files[most:], *self._folder.glob(".*.json.*")]:
                 file.unlink(missing_ok=True)

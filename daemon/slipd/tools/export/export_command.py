@@ -20,9 +20,8 @@ from slipd.tools.draft import Kind, draft
 from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
 from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
-from slipd.tools.export.parquet_file import is_marked
 from slipd.tools.export.ros2_bag import ros2_bag
-from slipd.tools.parquet_library import storable
+from slipd.tools.parquet_library import is_marked, storable
 from slipd.types.device_text import printable
 
 FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {

@@ -16,8 +16,7 @@ import numpy as np
 
 from slipd.tools.export.feature_stats import QUANTILES, FeatureStats
 from slipd.tools.export.frames import Feature, Frame, FrameLayout
-from slipd.tools.export.parquet_file import parquet_file, parquet_rows
-from slipd.tools.parquet_library import parquet_library
+from slipd.tools.parquet_library import parquet_file, parquet_library, parquet_rows
 
 ROBOT = "slipd"
 """``robot_type`` of a data set, and the first key of its ``meta/info.json``."""

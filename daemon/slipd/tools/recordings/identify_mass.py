@@ -26,7 +26,7 @@ from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import MIN_READINGS
-from slipd.signals.weight_identification import Identification, identify
+from slipd.tools.commission.weight_identification import Identification, identify
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED, WrenchSample
 

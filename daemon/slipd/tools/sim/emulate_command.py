@@ -17,7 +17,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 from slipd import config
-from slipd.config.shipped_files import config_file
+from slipd.config.config_file import config_file
 from slipd.errors import SlipdError
 from slipd.tools.sim.emulate import emulated, prepare_process
 from slipd.tools.sim.emulated_copy import EmulatedCopy

@@ -20,8 +20,7 @@ from slipd.tools.sim.emulated_gauges import GaugeAmplifier
 from slipd.tools.sim.emulated_pvdf import PvdfPad
 from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing
 from slipd.tools.sim.stickslip import GraspTrace
-from slipd.types.arrays import Array
-from slipd.types.finite import finite_or_none
+from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import encode
 
 LEAD_S = 1.5

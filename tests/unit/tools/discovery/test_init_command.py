@@ -13,9 +13,8 @@ import pytest
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.discovery import init_command as init_command_module
-from slipd.tools.discovery import port_probe
-from slipd.tools.discovery.init_command import init_command
+from slipd.tools.discovery import config_draft, port_probe
+from slipd.tools.discovery.config_draft import init_command
 from slipd.tools.discovery.port_probe import SAME_SOCKET, list_ports
 from slipd.tools.sim.emulate import emulated, emulator_for
 
@@ -117,9 +116,7 @@ def test_a_port_that_is_silent_and_a_name_that_may_change_are_told(
         monkeypatch.setattr(port_probe, name, 0.02)
     by_path = tmp_path / "by-path"
     by_path.mkdir()
-    monkeypatch.setattr(
-        init_command_module, "list_ports", lambda: list_ports(tmp_path / "none", by_path, tmp_path / "none")
-    )
+    monkeypatch.setattr(config_draft, "list_ports", lambda: list_ports(tmp_path / "none", by_path, tmp_path / "none"))
     master, slave = os.openpty()
     try:
         (by_path / "usb-1").symlink_to(os.ttyname(slave))

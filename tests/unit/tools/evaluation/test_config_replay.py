@@ -13,8 +13,7 @@ from slipd.errors import ConfigError, RecordingError
 from slipd.events import Tick
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.tools.evaluation.config_replay import outline, run_config
-from slipd.tools.evaluation.config_run import ConfigRun
+from slipd.tools.evaluation.config_replay import ConfigRun, outline, run_config
 from slipd.tools.evaluation.level_spans import NOT_RECORDED
 from slipd.tools.sim.offline_grasp import TRUTH
 from slipd_client.messages import encode

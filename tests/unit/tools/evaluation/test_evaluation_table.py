@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Interval, Largest
+from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun, Interval, Largest
 from slipd.tools.evaluation.evaluate import Evaluation
 from slipd.tools.evaluation.evaluation_table import as_map, comparisons, table
 from slipd.tools.evaluation.level_spans import LevelSpan

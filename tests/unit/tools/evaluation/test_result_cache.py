@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from slipd.tools.evaluation import result_cache
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest
+from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun, Largest
 from slipd.tools.evaluation.executors import Job, LastingFault, NamedConfig
 from slipd.tools.evaluation.level_spans import LevelSpan
 from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
@@ -108,7 +108,7 @@ def test_the_oldest_results_make_room(
         cache.put(job(name), RUN)
         os.utime(tmp_path / f"{name}.json", (1000.0 - age, 1000.0 - age))
     cache.get(job("b"))  # what is used counts as new
-    (tmp_path / "left.part").write_text("of a run that was killed")
+    (tmp_path / ".left.json.x1").write_text("of a run that was killed")
     cache.prune(needed)
     assert sorted(path.name[0] for path in tmp_path.glob("*.json")) == list(left)
-    assert (tmp_path / "left.part").exists() == (not pruned)
+    assert (tmp_path / ".left.json.x1").exists() == (not pruned)

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
-from slipd.signals.weight_identification import Identification, identify
+from slipd.tools.commission.weight_identification import Identification, identify
 
 G = STANDARD_GRAVITY_MPS2
 COM = (0.002, -0.001, -0.012)
