@@ -25,6 +25,7 @@ NEAR = tuple(Variant(factor) for factor in (0.9, 1.0, 1.1))
 EARLY = (
     (("torsion", "combined", "edge"), 3.0),
     (("set down",), 5.0),
+    (("swing",), 3.0),
     (("pull released",), 10.0),
     (("micro-slip",), 10.0),
 )

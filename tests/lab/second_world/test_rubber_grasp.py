@@ -55,6 +55,18 @@ def test_below_the_limit_only_the_rim_slides() -> None:
     assert abs(found.displacement()[0]) > 5e-5, "the pads are elastic"
 
 
+@pytest.mark.parametrize("part", [0.5, 0.75])
+def test_partial_slip_of_a_round_pad_follows_the_closed_form(part: float) -> None:
+    """With a paraboloid of independent springs the load is 2 s − s² of the limit at the share s of the displacement."""
+    smooth = Rubber(branch=(1e-3, 1e-3), distance_m=1.0, rate=0.0, roughness=1e-6, scatter=0.0)
+    found = grasp(smooth, patch=ContactPatch("disc", 0.008, 0.008))
+    for k in range(1, 201):
+        run(found, STEP_S, (part * LIMIT_N * k / 200, 0.0, 0.0))
+    run(found, 0.1, (part * LIMIT_N, 0.0, 0.0))
+    most_m = MU_S * 2.0 * GRIP_N / (math.pi * 0.008**2) / 1e8
+    assert found.displacement()[0] / most_m == pytest.approx(1.0 - math.sqrt(1.0 - part), rel=0.05)
+
+
 def test_above_the_limit_it_slides_and_friction_is_the_dynamic_one() -> None:
     found = grasp()
     forces = run(found, 0.1, (1.3 * LIMIT_N, 0.0, 0.0))
