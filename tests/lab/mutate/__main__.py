@@ -5,7 +5,8 @@
 
 A mutant changes one operator, constant or condition, or deletes one statement. The test file of the mutated file runs
 first, then the other tests of its room. A mutant that no test notices is either a hole of the tests or changes nothing
-that can be seen; the report lists them all. The draw depends on the seed and the sources alone.
+that can be seen: `equivalent.txt` lists those with the reason, the report all others. The draw depends on the seed and
+the sources alone.
 
 ``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
 tests of its device, and then of all devices.
@@ -20,6 +21,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
@@ -63,18 +65,35 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--wire", nargs="*", metavar="DEVICE", help="every number of these decoders (default: all)")
     options = parser.parse_args(argv)
     outcomes = []
+    known = equivalents()
     for outcome in _random(options) if options.wire is None else _wire(options.wire):
+        if (outcome.path, _line(outcome), outcome.mutation.text) in known:
+            outcome = replace(outcome, verdict="equal")
         outcomes.append(outcome)
         print(f"{outcome.verdict:9} {outcome.path}:{outcome.mutation.line}  {outcome.mutation.text}", flush=True)
     counts = Counter(outcome.verdict for outcome in outcomes)
+    outcomes = [outcome for outcome in outcomes if outcome.verdict != "equal"]
     noticed = len(outcomes) - counts["survived"]
-    print(f"{noticed} of {len(outcomes)} mutants noticed ({noticed / max(len(outcomes), 1):.1%})")
+    print(
+        f"{noticed} of {len(outcomes)} mutants noticed ({noticed / max(len(outcomes), 1):.1%}), {counts['equal']} equal"
+    )
     if options.report:
         options.report.parent.mkdir(exist_ok=True)
         options.report.write_text(
             "\n".join(_page(outcomes, noticed, options.seed if options.wire is None else None)) + "\n", encoding="utf-8"
         )
     return 0
+
+
+def equivalents() -> set[tuple[str, str, str]]:
+    """Return file, source line and change of each mutant that changes nothing that can be seen."""
+    lines = Path(__file__).with_name("equivalent.txt").read_text(encoding="utf-8").splitlines()
+    rows = [tuple(part.strip() for part in line.split(" | ")) for line in lines if not line.startswith("#")]
+    return {(path, source, change) for path, source, change, _ in rows}
+
+
+def _line(outcome: Outcome) -> str:
+    return (PROJECT / outcome.path).read_text(encoding="utf-8").splitlines()[outcome.mutation.line - 1].strip()
 
 
 def _random(options: argparse.Namespace) -> Iterator[Outcome]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 
+from mutate.__main__ import PROJECT, equivalents
 from mutate.mutations import mutate, mutations
 
 SOURCE = '''"""A docstring."""
@@ -32,3 +33,10 @@ def test_a_mutant_differs_from_its_source_and_parses() -> None:
 def test_a_byte_order_is_reversed() -> None:
     changed = [mutate(SOURCE, mutation) for mutation in mutations(SOURCE) if mutation.line == 3]
     assert "'>hH'" in changed[0]
+
+
+def test_a_mutant_that_is_called_equal_exists() -> None:
+    for path, source, change in equivalents():
+        text = (PROJECT / path).read_text(encoding="utf-8")
+        found = {(text.splitlines()[each.line - 1].strip(), each.text) for each in mutations(text)}
+        assert (source, change) in found, path

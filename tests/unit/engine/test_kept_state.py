@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 import json
 import random
 from collections.abc import Callable
@@ -26,8 +28,15 @@ def kept(run: Run) -> dict[str, Any]:
     return json.loads(run.engine.kept.text(run.t_ns).partition(" ")[2])
 
 
-def held(force_n: float = 5.0) -> tuple[Run, dict[str, Any]]:
+def held() -> tuple[Run, dict[str, Any]]:
     """A run that holds an object, and what it keeps, as by another boot."""
+    run = copy.deepcopy(holding())
+    return run, kept(run) | {"boot": EARLIER}
+
+
+@functools.cache
+def holding() -> Run:
+    """What all tests begin with is run once."""
     run = Run(RIG, zeros=False)
     run.up()
     run.bring_up()
@@ -37,9 +46,9 @@ def held(force_n: float = 5.0) -> tuple[Run, dict[str, Any]]:
     run.ask("tare", finger="right", seconds=0.05)
     for _ in range(12):
         run.skin(0.0)
-    run.grip(force_n)
+    run.grip(5.0)
     run.serve_gripper(50)
-    return run, kept(run) | {"boot": EARLIER}
+    return run
 
 
 def restarted(before: Run, state: dict[str, Any] | str | None, text: str = RIG, after_s: float = 1.0) -> Run:
@@ -174,13 +183,19 @@ def friction(run: Run) -> tuple[str | None, float, float]:
 
 def slipped(name: str | None = "mug") -> tuple[Run, dict[str, Any], float]:
     """A run that learned the friction of a named object by a slip, what it keeps, and the coefficient."""
+    run = copy.deepcopy(slipping(name))
+    found, mu, right = friction(run)
+    assert (found, mu, right) == (name, pytest.approx(0.21, abs=0.01), 0.5)
+    return run, kept(run) | {"boot": EARLIER}, mu
+
+
+@functools.cache
+def slipping(name: str | None) -> Run:
     run, _ = held()
     if name is not None:
         run.ask("object.set", name=name)
     slip(run)
-    found, mu, right = friction(run)
-    assert (found, mu, right) == (name, pytest.approx(0.21, abs=0.01), 0.5)
-    return run, kept(run) | {"boot": EARLIER}, mu
+    return run
 
 
 @pytest.mark.parametrize("name", ["mug", None])

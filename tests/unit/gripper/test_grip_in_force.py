@@ -102,6 +102,7 @@ def test_what_waited_while_the_daemon_stood_still_is_dropped_and_latched(
     session.send()
     ask(control, "set", T0, force_n=6.0)
     assert (control.policy.force_n, control.policy.fault) == (6.0, "")
+    assert control.command == (6.0, 0.0), "the goal stays"
     control.drop_after_pause(51 * MS)
     assert control.policy.fault == "command_lost"
     assert (

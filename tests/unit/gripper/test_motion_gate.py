@@ -176,6 +176,17 @@ def test_a_raise_on_a_blind_finger_is_refused_and_lowering_is_not() -> None:
     assert isinstance(judge(intent("close", force_wanted_n=20.0), situation(blind=("right",))), Permit)
 
 
+@pytest.mark.parametrize(("now_n", "wanted_n", "refused"), [(6.0, 6.5, False), (9.0, 8.0, False), (9.0, 7.9, True)])
+def test_the_reflex_lowers_no_further_than_requested_and_may_raise_below_it(
+    now_n: float, wanted_n: float, refused: bool
+) -> None:
+    found = judge(
+        intent("reflex", force_in_force_n=now_n, force_wanted_n=wanted_n),
+        situation(replace(HELD, force_n=now_n, requested_n=8.0)),
+    )
+    assert (code(found) == "out_of_range") is refused
+
+
 @pytest.mark.parametrize("kind", FORCING)
 @pytest.mark.parametrize("force_n", [3.0, 6.0, 25.0])
 def test_an_unknown_force_is_neither_raised_nor_lowered(kind: IntentKind, force_n: float) -> None:
