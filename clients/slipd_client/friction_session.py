@@ -119,6 +119,8 @@ OBSTACLE_S = 3.0
 
 GRIP_IT = "Grip a sample of the object, for example with: slipctl grip close 10"
 
+NO_SLIP = "it did not slip, or noise hides it: squeeze harder"
+
 MOST_PULLS = 4
 """Pulls for each sample that is wanted: beyond it the samples do not agree, and something else is wrong."""
 
@@ -179,7 +181,11 @@ class FrictionSession:
         return {finger: group for finger, group in groups.items() if len(group) >= self._wanted}
 
     def resume(self) -> None:
-        """Continue after a FrictionNotMeasured whose cause is removed; samples that do not agree are dropped."""
+        """Continue after a FrictionNotMeasured whose cause is removed; samples that do not agree are dropped.
+
+        What happened meanwhile was not followed, so every finger waits for a grip at rest first.
+        """
+        self._watches = {finger: PullWatch() for finger in self._watches}
         self._asked = ""
         self._since_s = self._sample_s = self._time.passed_s
         self._blocked_s, self._rejected, self._disturbed = 0.0, dict.fromkeys(self._rejected, 0), ""
@@ -280,5 +286,5 @@ class FrictionSession:
                 f"again. The last time, {self._disturbed}"
             )
         if now_s - self._since_s > self._patience_s:
-            why = "; ".join(f"finger {finger}: {each}" for finger, each in obstacles.items()) or "it did not slip"
+            why = "; ".join(f"finger {finger}: {each}" for finger, each in obstacles.items()) or NO_SLIP
             raise FrictionNotMeasured(f"nothing more was measured for {self._patience_s:g} s: {why}")

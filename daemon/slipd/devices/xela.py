@@ -2,10 +2,11 @@
 
 JSON objects are self-delimiting, so the decoder does not need the transport to deliver messages one by one.
 Sources: the maker's ROS node, mcsix/xela_server_ros at 21c2970, ``scripts/xela_service``, ``message_parser`` (version
-1.7.6): ``time``, ``sensor``, ``model``, ``taxels``, ``data`` as hexadecimal words, ``calibrated``. That ``data`` may be
-a list of integers from version 1.7.7 on, and that sensors carry the fields ``special``, ``ups`` and ``temp``, is
-reported by users; no public source of it was found, and slipd ignores these fields. Calibrated values are newtons. One
-real pad gave 1225 counts/N along Z and about 1650 along X and Y.
+1.7.6): ``time``, ``sensor``, ``model``, ``taxels``, ``data`` as hexadecimal words, ``calibrated``. Version 1.7.7:
+omron-sinicx/xela_server_ros at f978386, ``notes/websocket-data-structure.md``: ``data`` is a list of integers, three a
+taxel; calibrated values are newtons; every message carries ``type`` and ``version`` too; ``special`` is twelve numbers
+a taxel (its raw values first), ``temp`` and ``ups`` one each, a temperature and an update rate in Hz (both ignored).
+One real pad gave 1225 counts/N along Z and about 1650 along X and Y.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from pulls import Hand
 
+from slipd_client.friction_session import NO_SLIP
 from slipd_client.slipctl import main
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def test_what_one_finger_showed_is_printed_where_the_other_shows_nothing(
             "Grip a sample of the object, for example with: slipctl grip close 10\n",
             "finger left: nothing touches the pad",
         ),
-        ({}, "Pull slowly along the pads until it slips, 1 of 3 (left 10.0 N).\n", "it did not slip"),
+        ({}, "Pull slowly along the pads until it slips, 1 of 3 (left 10.0 N).\n", NO_SLIP),
     ],
 )
 def test_where_nothing_happens_it_says_what_to_do_and_gives_up_in_the_end(

@@ -23,6 +23,14 @@ WORKED = bytes.fromhex(
 """Both computed from the manufacturer's field table; not recorded from a sensor."""
 
 
+KINDS = bytes.fromhex(
+    f"9A 00 61 4C 50 00 01 00 02 00 03 60 0C E4 70 00 00 00 00 00 00 6C 1F 10 {28 * '01 2C '}"
+    "9A 00 59 03 60 0C E4 9A 00 E3 06 31 2E 32 2E 33 00"
+)
+"""By the maker's table of sizes and commands (``sensor_quickstart/protocol.py`` at 8cb0219): a packet that was asked
+for, with magnetometer (6 bytes), temperature (2), time (8) and array (56), one that came by itself, and a version."""
+
+
 def image(number: int, finger: int = 0) -> np.ndarray:
     return np.random.default_rng((number, finger)).integers(0, 1 << 16, tsf85.TAXELS)
 
@@ -66,6 +74,15 @@ def test_the_worked_packets_are_written() -> None:
     assert encode_packet(tsf85.AUTOSEND, b"".join(encode_block(*block) for block in blocks)) == WORKED
     dynamic = encode_block(tsf85.DYNAMIC, 0, [4]) + encode_block(tsf85.DYNAMIC, 1, [-3])
     assert encode_packet(tsf85.AUTOSEND, dynamic) == SMALL
+
+
+def test_every_kind_of_block_has_the_makers_size_and_every_command_its_number() -> None:
+    decoder = tsf85.Decoder(timestamp_unit_ns=1_000)
+    (sample,) = decoder.receive(KINDS, 0)
+    assert sample.values.tolist() == 28 * [300.0]
+    assert sample.device_time_ns == 27_679_000
+    assert (decoder.firmware, decoder.health.bad, decoder.health.bad_bytes) == ("1.2.3", 0, 0)
+    assert encode_packet(tsf85.VERSION) == bytes.fromhex("9A 00 E3 00")
 
 
 def test_a_packet_without_an_array_gives_no_sample_and_is_not_damage() -> None:

@@ -73,6 +73,26 @@ def test_calibrated_values_are_used_if_configured() -> None:
     assert decoder.health.bad == 1  # the server calibrates only the first
 
 
+NOTED_1_7_7 = b"""{"message": 983, "time": 1768296808.5623617, "sensors": 1, "type": "welcome",
+"version": "1.7.7_161703", "1": {"time": 1768296808.5565615, "sensor": "1", "data": [33175, 33434, 37350],
+"model": "uSPa11", "taxels": 1, "calibrated": [0.0031005585792, -0.0022188552824, 0.017302689426],
+"extradots": [["1.0", "1.42", "21.62"]],
+"special": [[33175, 33434, 37350, 0.0, 0, 0, 0, 0.0, 0, 0, 0, 0.0]], "temp": [0.0], "ups": [105.2]},
+"complete": 1768296808.562364}"""
+"""The message in the notes of a user of version 1.7.7 (see the docstring of the decoder), cut to one taxel."""
+
+
+def test_a_message_that_a_user_noted_from_version_1_7_7_is_read() -> None:
+    for calibrated, values in (
+        (False, [33175.0, 33434.0, 37350.0]),
+        (True, [0.0031005585792, -0.0022188552824, 0.017302689426]),
+    ):
+        (sample,), decoder = receive(NOTED_1_7_7, calibrated=calibrated)
+        assert sample.values.tolist() == [values]
+        assert sample.device_time_ns == pytest.approx(1_768_296_808_556_561_500, abs=1000)
+        assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
+
+
 def as_version_1_7_7(number: int, time_s: float, values: np.ndarray) -> dict[str, Any]:
     """Return a sensor with the fields of the server's version 1.7.7: a list of integers, and three further fields."""
     return {
@@ -82,8 +102,8 @@ def as_version_1_7_7(number: int, time_s: float, values: np.ndarray) -> dict[str
         "time": time_s,
         "data": values.ravel().tolist(),
         "calibrated": (values.ravel() / 1225.0).tolist(),
-        "special": [0.0] * values.size,
-        "ups": [False] * len(values),
+        "special": [[*taxel, *[0.0] * 9] for taxel in values.tolist()],
+        "ups": [105.2] * len(values),
         "temp": [31.25] * len(values),
     }
 

@@ -179,8 +179,9 @@ def set_force(newtons: float) -> bytes:
 def overdrive() -> bytes:
     """Return the command that allows forces above the nominal one.
 
-    Source of id and length: roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``. It means
-    bit 0 of the one byte for "on", but writes that bit into the length by mistake, so the byte is unconfirmed.
+    Sources: MaKaNu/WSGToolbox at 1d27ea1, ``@wsg50/overdrive.m``: one byte, 1 for on and 0 for off. The Robotics
+    Library agrees on id and bit 0 (roboticslibrary/rl at 91df9f2, ``src/rl/hal/WeissWsg50.cpp``, ``doOverdriveMode``,
+    which writes the bit into the length by mistake).
     """
     return encode(OVERDRIVE, b"\1")
 

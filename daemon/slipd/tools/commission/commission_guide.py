@@ -25,7 +25,7 @@ from slipd.tools.commission.dialogue import (
     choose,
 )
 from slipd.tools.commission.friction_step import measure_friction
-from slipd.tools.commission.gripper_steps import first_grasp, gentle_force, take_zero
+from slipd.tools.commission.gripper_steps import GENTLE_N, first_grasp, gentle_force, pulling_force, take_zero
 from slipd.tools.commission.readings import ReadingListener, read_status, wait_for_restart
 from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.tools.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
@@ -194,7 +194,9 @@ class Commission:
     def _measure_friction(self) -> Steps[bool]:
         if not (yield from self._ready()):
             return False
-        force_n = gentle_force(self._rig.gripper)
+        needed_n = pulling_force(self._rig.finger[name] for name in self._fingers)
+        force_n = gentle_force(self._rig.gripper, needed_n)
+        yield from _report_noise(needed_n, force_n)
         by_gripper = None if isinstance(force_n, str) or not self._allowed.move else force_n
         results = yield from measure_friction(self._fingers, by_gripper, self._patience_s)
         found: Values = {}
@@ -279,6 +281,14 @@ class Commission:
     def _take_mounts(self) -> None:
         sensors = {name: finger.wrench for name, finger in self._rig.finger.items()}
         self._mounts |= {name: mount_of(sensor) for name, sensor in sensors.items() if sensor is not None}
+
+
+def _report_noise(needed_n: float, force_n: float | str) -> Steps[None]:
+    """Say which grip the noise of the force sensors asks for, where a gentle one does not show a slip."""
+    if needed_n > GENTLE_N:
+        yield Say(f"  the noise of the force sensors hides a slip at less than {needed_n:g} N on each pad")
+    if not isinstance(force_n, str) and force_n < needed_n:
+        yield Say(f"  max_force_n allows {force_n:g} N: a slip may not be seen; this step can be left out")
 
 
 def _report(name: str, notes: Sequence[str], problems: Sequence[str]) -> Steps[None]:

@@ -6,10 +6,12 @@ it. However the guide ends, the gripper keeps its force.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from slipd.config import Finger, Gripper
+from slipd.fusion.assess import SPIN_ARM_M
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Say, Skipped, Steps, ask, choose
 from slipd.tools.commission.readings import pause, read_status, silence
 from slipd_client.friction_session import ElapsedTime
@@ -76,15 +78,39 @@ TRY = (AGAIN, SKIP)
 LATCHED = "{fault} is latched: look at the gripper, then in another terminal: slipctl grip ack"
 
 
-def gentle_force(gripper: Gripper | None) -> float | str:
-    """Return the force with which the guide grips, N on one pad, or why it does not move the gripper."""
+def gentle_force(gripper: Gripper | None, least_n: float = GENTLE_N) -> float | str:
+    """Return the force with which the guide grips, N on one pad, or why it does not move the gripper.
+
+    Args:
+        gripper: Config of the gripper; None without one.
+        least_n: Force that the step needs, N.
+    """
     if gripper is None:
         return "the config has no [gripper]"
     if gripper.max_force_n is None:
         return "[gripper] has no max_force_n, so nothing may be moved: state the largest force on one pad there"
     least = gripper.force_table[0][1] if gripper.force_table else 0.0
-    force_n = max(GENTLE_N, least, gripper.min_force_n or 0.0)
+    force_n = max(GENTLE_N, least_n, least, gripper.min_force_n or 0.0)
     return float(min(force_n, gripper.max_force_n))
+
+
+NOISE_RATIO = 0.014
+"""Largest noise of the required friction with which slipd still sees a load fall from static to dynamic friction by a
+quarter, at the 100 readings per second of the slowest force sensors (`slipd.fusion.load_drop`)."""
+
+
+def pulling_force(fingers: Iterable[Finger]) -> float:
+    """Return the least force on one pad at which slipd sees a pulled object slip, N; noise hides it below.
+
+    Args:
+        fingers: Config of the fingers, with the noise of their force sensors.
+    """
+    noises_n = [
+        math.hypot(sensor.force_std_n * math.sqrt(2.0), sensor.torque_std_nm / SPIN_ARM_M)
+        for finger in fingers
+        if (sensor := finger.wrench) is not None
+    ]
+    return math.ceil(max(noises_n, default=0.0) / NOISE_RATIO)
 
 
 def activate() -> Steps[bool]:

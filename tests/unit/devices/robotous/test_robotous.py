@@ -74,9 +74,14 @@ def test_L3_out_of_sync_unused_bytes_must_be_zero_and_in_sync_they_need_not() ->
         ((robotous.SET_RATE, b"\x05"), "55 0F 05 00 00 00 00 00 00 14 AA"),
         ((robotous.SET_FILTER, b"\x01\x0a"), "55 08 01 0A 00 00 00 00 00 13 AA"),
         ((robotous.PRODUCT_NAME, b""), "55 01 00 00 00 00 00 00 00 01 AA"),
+        ((robotous.SERIAL_NUMBER, b""), "55 02 00 00 00 00 00 00 00 02 AA"),
+        ((robotous.GET_FILTER, b""), "55 09 00 00 00 00 00 00 00 09 AA"),
+        ((robotous.READ_ONCE, b""), "55 0A 00 00 00 00 00 00 00 0A AA"),
+        ((robotous.GET_RATE, b""), "55 10 00 00 00 00 00 00 00 10 AA"),
     ],
 )
 def test_the_worked_commands_are_written_and_read(command: tuple[int, bytes], wire: str) -> None:
+    """By the numbers and packets of the maker's driver, ``RFT_IF_PACKET_Rev1.2.cpp`` beside the file named above."""
     number, arguments = command
     assert robotous.encode_command(number, arguments) == bytes.fromhex(wire)
     assert robotous.parse_commands(bytes.fromhex(wire)) == ([(number, arguments.ljust(7, b"\0"))], b"")

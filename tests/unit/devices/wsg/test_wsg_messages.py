@@ -46,6 +46,10 @@ def floats(*numbers: float) -> bytes:
         (wire.encode_number(wire.FORCE, 12.5), "AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D"),
         (wire.encode_state({"referenced", "target_reached"}), "AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"),
         (wire.encode_grasping("holding"), "AA AA AA 41 03 00 00 00 04 5A 02"),
+        (wire.update_request(wire.WIDTH, 20), "AA AA AA 43 03 00 01 14 00 36 8D"),
+        (wire.encode(wire.SYSTEM), "AA AA AA 50 00 00 DB 87"),
+        (wire.encode(wire.LIMITS), "AA AA AA 53 00 00 3D 38"),
+        (wire.overdrive(), "AA AA AA 37 01 00 01 04 8D"),
     ],
 )
 def test_worked_frames_are_written(made: bytes, sent: str) -> None:

@@ -13,7 +13,7 @@ from slipd import config
 from slipd.config.toml_text import marked_keys
 from slipd.tools.commission import gripper_steps
 from slipd.tools.commission.commission_guide import Commission
-from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, follow
+from slipd.tools.commission.dialogue import AGAIN, Prompt, Say, follow
 from slipd.tools.discovery.config_draft import draft
 from slipd.tools.discovery.port_probe import Found, SerialPort
 
@@ -36,8 +36,8 @@ port = "tcp://192.168.1.20:1000"
 rate_hz = 50.0
 max_force_n = 30.0
 """
-LEFT_OUT = {"sample": ("", SKIP), "close_again": ("", AGAIN)}
-"""Friction is left out; a close that is refused is tried again."""
+TRIED_AGAIN = {"close_again": ("", AGAIN)}
+"""A close that is refused is tried again."""
 
 MOUNTED = {
     "sign = 1 ": "sign = -1 ",
@@ -74,7 +74,7 @@ def test_a_rig_of_serial_optoforce_pvdf_and_wsg_is_commissioned(
     monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
     read = config.parse(replaced(draft(PORTS, [], "rig.toml"), FILLED_IN) + GRIPPER, "read")
     true = config.parse(replaced(read.text, MOUNTED), "true")
-    host = Person(EmulatedEngine(true, read, tmp_path), read.text, TOUCHES, ANSWERS | POSES_OF_TWO | LEFT_OUT)
+    host = Person(EmulatedEngine(true, read, tmp_path), read.text, TOUCHES, ANSWERS | POSES_OF_TWO | TRIED_AGAIN)
     follow(Commission(read, ["left", "right"], 20.0, "restart").run(), host.respond)
     assert any("left stable" in line and "right stable" in line for line in host.printed), "\n".join(host.printed)
     found = config.parse(host.text, "found")
@@ -83,8 +83,11 @@ def test_a_rig_of_serial_optoforce_pvdf_and_wsg_is_commissioned(
         assert finger.pad is not None
         assert (finger.wrench.sign, finger.pad.flip_x) == (-1, True)
         assert finger.wrench.mass_kg == pytest.approx(0.1, abs=0.005)
+        assert finger.mu == pytest.approx(0.57, abs=0.02), "a low estimate of 0.6"
+    assert sum("hides a slip at less than" in line for line in host.printed) == 1
+    assert not [line for line in host.printed if "not counted" in line or "not measured" in line]
     left = {key for *_, key in marked_keys(found.text)}
-    assert left == {"mu", "rate_hz", "rows", "cols", "pitch_m", "electrode_m"}, "friction was left out"
+    assert left == {"rate_hz", "rows", "cols", "pitch_m", "electrode_m"}
 
 
 def test_readings_in_counts_are_remarked_on_every_finger_and_end_what_builds_on_them(tmp_path: Path) -> None:

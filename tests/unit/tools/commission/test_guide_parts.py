@@ -24,7 +24,7 @@ from slipd.tools.commission.dialogue import (
     choose,
     follow,
 )
-from slipd.tools.commission.gripper_steps import gentle_force, take_zero
+from slipd.tools.commission.gripper_steps import gentle_force, pulling_force, take_zero
 from slipd.tools.commission.readings import ReadingListener, pause, read_status
 from slipd.tools.commission.weight_step import POSES, weigh
 from slipd_client import keys
@@ -151,6 +151,17 @@ def test_too_few_poses_are_a_problem_of_this_step_alone() -> None:
 def test_the_guide_grips_gently_and_within_the_limits(least: float, limits: str, force: float | str) -> None:
     found = gentle_force(config.parse(RIG + GRIPPER.format(least=least) + limits + "\n", "rig").gripper)
     assert str(found).startswith(force) if isinstance(force, str) else found == force
+
+
+def test_a_noisy_force_sensor_asks_for_a_firmer_grip_to_show_a_slip() -> None:
+    quiet = config.parse(RIG, "rig").finger.values()
+    noisy = config.parse(RIG.replace("rate_hz", "torque_std_nm = 0.0015\nrate_hz", 1), "rig").finger.values()
+    assert pulling_force(quiet) == 8.0
+    assert pulling_force(noisy) == 22.0
+    assert pulling_force([]) == 0.0
+    gripper = config.parse(RIG + GRIPPER.format(least=2.0) + "max_force_n = 15.0\n", "rig").gripper
+    assert gentle_force(gripper, pulling_force(quiet)) == 8.0
+    assert gentle_force(gripper, pulling_force(noisy)) == 15.0
 
 
 def test_keys_are_asked_for_where_the_daemon_needs_them(tmp_path: Path) -> None:
