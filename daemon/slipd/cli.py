@@ -256,13 +256,10 @@ def _touch(arguments: argparse.Namespace) -> bool:
     return touch_command(arguments.dir, arguments.words) == DONE
 
 
-def _import_grips(arguments: argparse.Namespace) -> None:
-    from slipd import config
-    from slipd.tools.recordings.grips_import import import_trial
+def _import(arguments: argparse.Namespace) -> None:
+    from slipd.tools.recordings.import_command import import_command
 
-    rig = config.load(arguments.config or config.shipped("grips.toml"))
-    import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows)
-    print(f"{arguments.out}: written; replay it with: slipd replay {arguments.out} --speed max")
+    import_command(arguments)
 
 
 COMMANDS = {
@@ -290,6 +287,7 @@ COMMANDS = {
     "commission": _commission,
     "emulate": _emulate,
     "touch": _touch,
-    "import grips": _import_grips,
+    "import grips": _import,
+    "import pushes": _import,
 }
 """What carries out each command of the parser."""

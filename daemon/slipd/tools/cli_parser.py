@@ -218,6 +218,30 @@ def _add_recordings(commands: Any) -> None:
         metavar="N",
         help="the fingers are open in the first N rows: take the zero of the pads from them (default: the config's)",
     )
+    pushes = add_command(formats, "import pushes", "import measured pushes of an object over a board")
+    pushes.add_argument(
+        "source",
+        type=Path,
+        metavar="SRC",
+        help="ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ",
+    )
+    pushes.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    pushes.add_argument("--config", type=Path, metavar="FILE", help="config (default: the shipped pushes.toml)")
+    pushes.add_argument(
+        "--mass-kg",
+        type=float,
+        default=0.15,
+        metavar="M",
+        help="mass of the object; where it is not known, mu is relative to this (default: %(default)s)",
+    )
+    pushes.add_argument(
+        "--clear-s",
+        type=float,
+        nargs=2,
+        default=(0.0, 0.4),
+        metavar=("BEGIN", "END"),
+        help="time in which the pusher is clear of the object: the zero of the sensor (default: 0 to 0.4 s)",
+    )
 
 
 def _add_batches(commands: Any) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from project import TRIAL
+from project import DATA, TRIAL
 from replays import RECORDINGS
 
 from slipd.cli import WRONG, main
@@ -24,7 +24,8 @@ COMMANDS: dict[str, Call] = {
     "evaluate": ("evaluate", "RUN", "--config", "RIG", "--out", "OUT"),
     "plot": ("plot", "RUN", "--config", "RIG", "--out", "OUT"),
     "recover": ("recover", "RUN", "OUT"),
-    "import": ("import", "grips", "TRIAL", "OUT", "--config", "RIG"),
+    "import grips": ("import", "grips", "TRIAL", "OUT", "--config", "RIG"),
+    "import pushes": ("import", "pushes", "PUSHES", "OUT"),
     **{f"export {to}": ("export", "RUN", "OUT", "--to", to, "--overwrite") for to in ("ros2", "csv", "parquet")},
     "export lerobot": ("export", "RUN", "OUT", "--to", "lerobot", "--rate", "10", "--overwrite"),
 }
@@ -51,7 +52,7 @@ def writers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> It
 
 def test_every_command_with_an_output_is_tried() -> None:
     (commands,) = (each for each in parser()._actions if isinstance(each, argparse._SubParsersAction))
-    tried = {"import grips" if call[0] == "import" else call[0] for call in COMMANDS.values()}
+    tried = {" ".join(call[:2]) if call[0] == "import" else call[0] for call in COMMANDS.values()}
     assert set(writers(commands)) - {"doctor"} == tried, "slipd doctor reads no file and names its own"
 
 
@@ -74,7 +75,8 @@ def test_what_a_command_reads_is_never_its_output(
     shutil.copy(RECORDINGS / "bota.mcap", folder / "run.mcap")
     shutil.copy(RECORDINGS.parents[2] / "config" / "grips.toml", folder / "rig.toml")
     shutil.copytree(TRIAL, folder / "trial")
-    places = {"RUN": "run.mcap", "RIG": "rig.toml", "TRIAL": "trial"}
+    shutil.copy(DATA / "pushes" / "runs" / "robot_push_1.npz", folder / "pushes.npz")
+    places = {"RUN": "run.mcap", "RIG": "rig.toml", "TRIAL": "trial", "PUSHES": "pushes.npz"}
     out = folder / f"out{SUFFIXES.get(name, '')}"
     if target == "TRIAL":
         way = "a symbolic link" if way == "a hard link" else way

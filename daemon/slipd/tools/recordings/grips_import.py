@@ -8,9 +8,7 @@ so that everything from the decoder on runs as in a live run.
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import heapq
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -23,11 +21,9 @@ from numpy.typing import NDArray
 from slipd import config
 from slipd.config.toml_text import with_numbers
 from slipd.devices import xela
-from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, LinkSpec, LinkUp, Tick
-from slipd.recording.mcap_file import RecordingFile
-from slipd.tools.draft import RECORDING, draft
+from slipd.events import Bytes, Event, LinkSpec, LinkUp
+from slipd.tools.recordings.imported_run import START_NS, links_of, write_run
 from slipd.types.arrays import Array
 
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
@@ -36,14 +32,6 @@ TAXELS = 16
 LONGEST_S = 3600.0
 """Longest trial, s: trials last seconds, so a longer one has its times in another unit."""
 
-START_NS = 1_000_000_000
-"""Time of the first row, ns; the wall-clock time too, because it is not known."""
-
-TICK_NS = 10_000_000
-AFTER_NS = 500_000_000
-"""Recorded time after the last row, ns: long enough for every stream to become stale."""
-
-BOOT = "imported"
 WELCOME = b'{"message":"Welcome"}'
 
 FEWEST_ROWS = 5
@@ -92,8 +80,7 @@ def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | Non
             config_text = tared_config(config_text, file_name, pads, tare_rows)
         except RecordingError as error:
             raise RecordingError(f"{source}: {error}") from error
-    with draft(out, RECORDING) as written:
-        _write(written, config_text, _events(link, times_ns, pads))
+    write_run(out, config_text, _server_events(link, times_ns, pads), times_ns[-1])
 
 
 def _server(config_text: str, file_name: str) -> LinkSpec:
@@ -106,16 +93,7 @@ def _server(config_text: str, file_name: str) -> LinkSpec:
             f"{file_name}: must have the XELA sensors {' and '.join(SENSORS)} at one address, "
             f"got {sorted(sensors)} at {len(ports)} addresses"
         )
-    links = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links
-    return next(link for link in links.values() if link.address in ports)
-
-
-def _events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts]) -> Iterator[tuple[int, Event]]:
-    """Yield ``(t_ns, event)`` in order of time."""
-    ticks = range(START_NS, times_ns[-1] + AFTER_NS + 1, TICK_NS)
-    return heapq.merge(
-        _server_events(link, times_ns, pads), ((t_ns, Tick()) for t_ns in ticks), key=lambda timed: timed[0]
-    )
+    return next(link for link in links_of(settings).values() if link.address in ports)
 
 
 def _server_events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts]) -> Iterator[tuple[int, Event]]:
@@ -124,16 +102,6 @@ def _server_events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts])
     for row, t_ns in enumerate(times_ns):
         counts = {sensor: pad[row] for sensor, pad in pads.items()}
         yield t_ns, Bytes(link.name, xela.encode_message(row, counts, t_ns / 1e9))
-
-
-def _write(path: Path, config_text: str, events: Iterator[tuple[int, Event]]) -> None:
-    file = RecordingFile(path, config_text=config_text, boot=BOOT, wall_minus_monotonic_ns=0)
-    with contextlib.closing(file):
-        count = 0
-        for t_ns, event in events:
-            file.event(count, t_ns, event)
-            count += 1
-        file.finish(count)
 
 
 @dataclass(frozen=True)

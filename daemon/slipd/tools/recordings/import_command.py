@@ -1,0 +1,27 @@
+"""``slipd import``: make a recording of measurements from elsewhere."""
+
+from __future__ import annotations
+
+import argparse
+
+from slipd import config
+from slipd.tools.recordings.grips_import import import_trial
+from slipd.tools.recordings.pushes_import import import_pushes
+
+SHIPPED = {"import grips": "grips.toml", "import pushes": "pushes.toml"}
+"""Config of each format where none is given."""
+
+
+def import_command(arguments: argparse.Namespace) -> None:
+    """Import what the arguments name, and print what follows.
+
+    Raises:
+        SlipdError: The source or the config has faults, or the recording cannot be written.
+    """
+    rig = config.load(arguments.config or config.shipped(SHIPPED[arguments.command]))
+    if arguments.command == "import grips":
+        import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows)
+    else:
+        begin_s, end_s = arguments.clear_s
+        import_pushes(arguments.source, arguments.out, rig.text, arguments.mass_kg, (begin_s, end_s))
+    print(f"{arguments.out}: written; replay it with: slipd replay {arguments.out} --speed max")
