@@ -24,7 +24,7 @@ ENDED_IN_ORDER = ("run", "demo")
 """Commands that Ctrl-C ends in good order: recordings are closed, and the demo prints its summary."""
 
 SERVING = ("view", "emulate")
-"""Commands that run until Ctrl-C, of which nobody has to be told."""
+"""Commands that run until Ctrl-C, which ends them without a message."""
 
 SLIPCTL = {
     **{name: name for name in ("watch", "status", "diagnose", "grip", "tare", "friction", "gravity", "object")},

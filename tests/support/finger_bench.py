@@ -11,6 +11,7 @@ from known_zeros import known_finger
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
+from slipd.finger.stream_health import finger_conditions
 from slipd.friction.learning import learn
 from slipd.fusion import torque_limit
 from slipd.fusion.rows import READING, TOUCHING, new_rows
@@ -125,4 +126,4 @@ class NoisyFinger:
 
     def conditions(self, stream: str) -> list[tuple[Health, str]]:
         """Health of the stream "wrench" or "pad"."""
-        return self.finger.conditions(stream, self.t_ns)
+        return finger_conditions(self.finger, stream, self.t_ns)

@@ -149,7 +149,7 @@ class Engine:
 
     @property
     def links(self) -> dict[str, LinkSpec]:
-        """The links that are to be opened, by name."""
+        """Links to open, by name."""
         return {name: link.spec for name, link in self._links.items()}
 
     def handle(self, event: Event, t_ns: int) -> list[Output]:

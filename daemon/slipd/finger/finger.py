@@ -10,10 +10,8 @@ force reading too. What a verdict depends on and what changes rarely is noted wh
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, in_newtons, stale_after_ns
@@ -24,10 +22,10 @@ from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
-from slipd.finger.freshness import PROMPT, Arrival, Freshness
+from slipd.finger.freshness import PROMPT, Arrival, DelayedReads, Freshness
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
-from slipd.finger.stream_health import Condition, force_conditions, image_conditions, pulled_condition
-from slipd.finger.verdict import PAD_FREE, PAD_PULLED, ROTATION_UNOBSERVED, STREAM_STALE, Trust, Verdict
+from slipd.finger.trust import Trust
+from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import LATE, PULLED
 from slipd.motion.evidence import evidence_mask
@@ -36,18 +34,6 @@ from slipd_client.messages import LEVELS
 
 LEVELS_BY_IMAGE = frozenset({"stable", "caution"})
 """Levels that need an image. Without it they become unknown; a worse level stays as it is."""
-
-
-class DelayedRead(NamedTuple):
-    """Arguments of `Finger.decide`, for readings that wait for the image of their time.
-
-    After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
-    before the stall could call a slipping grip safe, and one without an image would report a healthy pad as silent.
-    """
-
-    samples: Sequence[WrenchSample]
-    times_ns: Sequence[int]
-    arrival: Arrival
 
 
 class Finger:
@@ -99,7 +85,7 @@ class Finger:
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image)
         self.motion = None if wrench is None else ContactMotion(wrench, self.image)
-        self._delayed: deque[DelayedRead] = deque()
+        self._delayed = DelayedReads()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level, self._is_stale = self._newest.verdict.level, True
         self._tares = [channel.tare for channel in (self.force, self.image) if channel is not None]
@@ -130,7 +116,7 @@ class Finger:
         if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
         if arrival.waited_ns or self._delayed:
-            self._delayed.append(DelayedRead(samples, times_ns, arrival))
+            self._delayed.append(samples, times_ns, arrival)
             return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
         if force.waited_undated or force.tare.busy:
             return self._decide_singly(force, samples, times_ns, arrival)
@@ -158,13 +144,12 @@ class Finger:
             t_ns: Now.
             unread_ns: How long the image's line counts as unread; None: it is empty, and no image is awaited.
         """
+        if self.force is None or not self._delayed:
+            return
         image, until_ns = self.image, None
-        if self._delayed and unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
+        if unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
             until_ns = image.freshness.serves_until_ns(t_ns - unread_ns)
-        while self.force and self._delayed and (until_ns is None or self._delayed[0].times_ns[-1] <= until_ns):
-            samples, times_ns, arrival = self._delayed.popleft()
-            waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
-            arrival = Arrival(waited_ns, unread_ns, arrival.dated)
+        for samples, times_ns, arrival in self._delayed.pop_until(until_ns, t_ns, unread_ns):
             yield from self._decide_singly(self.force, samples, times_ns, arrival, t_ns)
 
     def update_image(
@@ -221,7 +206,8 @@ class Finger:
         if sure and self._image_teaches and not arrival.waited_ns:
             learning = Learning.ALL if self.zero_known else Learning.SLIPS
         if arrival.waited_ns or arrival.unread_ns is not None:
-            serves = self._serves(readings, arrival)
+            image = self.image
+            serves = image is not None and image.serves(readings.times_ns[-1], readings.received_ns, arrival)
         else:
             serves = readings.received_ns <= self._image_until_ns
         batch = self._estimator.estimate(
@@ -246,15 +232,6 @@ class Finger:
         if self._taring:
             self._guard.check_load()
         return batch
-
-    def _serves(self, readings: WrenchBatch, arrival: Arrival) -> bool:
-        """Return whether the newest image is fresh, and of the time of the readings where they waited."""
-        image = self.image
-        if image is None or not image.is_fresh(readings.received_ns, arrival.unread_ns):
-            return False
-        waited_ns = arrival.waited_ns
-        until_ns = image.freshness.serves_until_ns(readings.received_ns - waited_ns) if waited_ns else None
-        return until_ns is None or readings.times_ns[-1] <= until_ns
 
     def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:
         """Mark readings that are too old.
@@ -421,20 +398,6 @@ class Finger:
         if stream == "wrench" or self.force is None:
             return not self._is_stale
         return self.image is not None and self.image.is_fresh(t_ns, None)
-
-    def conditions(self, stream: str, t_ns: int) -> list[Condition]:
-        """Return what people should know of the readings of the stream "wrench" or "pad" at ``t_ns``.
-
-        Raises:
-            ValueError: The finger has no such stream.
-        """
-        channel, state = self.channel(stream), self.state
-        found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
-        if state.verdict is PAD_PULLED and stream == self.main_stream:
-            normal_n = math.nan if state.wrench is None else -state.wrench[2]
-            shown = self.presence.shown_by_image()
-            found.append(pulled_condition(normal_n, by_pad=self.force is None, tared=self.zero_known, pressed=shown))
-        return found
 
     @property
     def in_contact(self) -> bool:

@@ -20,9 +20,12 @@ Silence and age count against a stream only for the time in which the daemon rea
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from slipd.events import Event, Tick
+from slipd.types.samples import WrenchSample
 
 LATE_NS = 10_000_000
 """Least gap between ticks that counts as a stall. Ticks come every 5 ms; no stream is stale before twice this gap."""
@@ -121,6 +124,49 @@ class Freshness:
         if not self._dated and (self.came_ns or 0) > since_ns:
             return None
         return self.acquired_ns + self.stale_ns
+
+
+class DelayedRead(NamedTuple):
+    """Force readings that wait for the image of their time: arguments of `Finger.decide`."""
+
+    samples: Sequence[WrenchSample]
+    times_ns: Sequence[int]
+    arrival: Arrival
+
+
+class DelayedReads:
+    """Reads of a force sensor that wait for the image of their time.
+
+    After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
+    before the stall could call a slipping grip safe, and one without an image would report a healthy pad as silent.
+    """
+
+    def __init__(self) -> None:
+        self._reads: deque[DelayedRead] = deque()
+
+    def __bool__(self) -> bool:
+        return bool(self._reads)
+
+    def append(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival) -> None:
+        """Let a read wait."""
+        self._reads.append(DelayedRead(samples, times_ns, arrival))
+
+    def pop_until(self, until_ns: int | None, t_ns: int, unread_ns: int | None) -> Iterator[DelayedRead]:
+        """Remove and yield the reads that the newest image serves, with the time that they have waited by now.
+
+        Args:
+            until_ns: Latest acquisition time that it serves; None: any, as no image is awaited.
+            t_ns: Now.
+            unread_ns: How long the image's line counts as unread; None: it is empty.
+        """
+        while self._reads and (until_ns is None or self._reads[0].times_ns[-1] <= until_ns):
+            samples, times_ns, arrival = self._reads.popleft()
+            waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
+            yield DelayedRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
+
+    def clear(self) -> None:
+        """Drop all reads: their stream ended."""
+        self._reads.clear()
 
 
 class Lateness:

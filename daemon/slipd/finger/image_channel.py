@@ -187,6 +187,20 @@ class ImageChannel:
         """Return whether there is an image that is not too old, nor was when it came; see `Freshness.is_stale`."""
         return self.t_ns is not None and not self.freshness.late and not self.freshness.is_stale(t_ns, unread_ns)
 
+    def serves(self, acquired_ns: int, received_ns: int, arrival: Arrival) -> bool:
+        """Return whether the newest image is fresh, and of the time of force readings where these waited.
+
+        Args:
+            acquired_ns: When the newest of them was acquired.
+            received_ns: When they were received.
+            arrival: How they reached the daemon.
+        """
+        if not self.is_fresh(received_ns, arrival.unread_ns):
+            return False
+        waited_ns = arrival.waited_ns
+        until_ns = self.freshness.serves_until_ns(received_ns - waited_ns) if waited_ns else None
+        return until_ns is None or acquired_ns <= until_ns
+
     def expire(self, t_ns: int, unread_ns: int | None) -> bool:
         """Mark the newest image as stale where it is too old; return True once for each image."""
         if self.t_ns is None or self.is_fresh(t_ns, unread_ns):

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
+from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
+from slipd.finger.verdict import PAD_PULLED
 from slipd.signals.tare import Tare
 from slipd.types.samples import UNTRUSTED
 from slipd_client.messages import Health
@@ -26,6 +30,21 @@ _UNUSABLE_IMAGES = {
     "not_finite": "its images hold readings that are not finite numbers",
     "garbage": "its readings are larger than those of any pad: check axis_scale and the configuration of the pad",
 }
+
+
+def finger_conditions(finger: Finger, stream: str, t_ns: int) -> list[Condition]:
+    """Return what people should know of the readings of the stream "wrench" or "pad" of a finger at ``t_ns``.
+
+    Raises:
+        ValueError: The finger has no such stream.
+    """
+    channel, state = finger.channel(stream), finger.state
+    found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
+    if state.verdict is PAD_PULLED and stream == finger.main_stream:
+        normal_n = math.nan if state.wrench is None else -state.wrench[2]
+        shown = finger.presence.shown_by_image()
+        found.append(pulled_condition(normal_n, by_pad=finger.force is None, tared=finger.zero_known, pressed=shown))
+    return found
 
 
 def pulled_condition(normal_n: float, *, by_pad: bool, tared: bool, pressed: bool | None) -> Condition:

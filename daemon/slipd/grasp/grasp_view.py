@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
-from slipd.finger.verdict import is_trusted
+from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import (
     PadPose,
     asymmetry,

@@ -18,7 +18,7 @@ from slipd.links.stream_meter import FloodGuard, Read, StreamMeter, make_stream
 from slipd.types.clocks import NEVER_NS
 
 RESTART_NS = 1_000_000_000
-"""A session that failed begins anew at once, but no more often than this."""
+"""A session that failed restarts at once, but no more often than this."""
 _SOURCE = attrgetter("source")
 
 
@@ -98,7 +98,7 @@ class DeviceLink:
         up: The link is open.
         message: Why it is not open, for people.
         reconnects: Times that the link came up again.
-        failed: The session failed, and whoever relies on what it knew has not been told; reset it then.
+        failed: The session failed, and whatever relies on its state must still be reset; the caller clears this.
         fault: The newest failure, for people; "" before one.
         fault_ns: When it came.
         guard: Compares the device with the one that is expected.
@@ -132,7 +132,7 @@ class DeviceLink:
         self.flood.rate_hz += stream.expected_hz
 
     def open(self, identity: str, t_ns: int) -> bytes:
-        """Begin anew on an opened link; return the first bytes for the device."""
+        """Restart on an opened link; return the first bytes for the device."""
         self.reconnects += self.guard.open(identity)
         self.up, self.message = True, ""
         self.flood.open(t_ns)
@@ -234,7 +234,7 @@ class DeviceLink:
         return pieces
 
     def _fail(self, error: Exception, t_ns: int) -> None:
-        """Report bytes that the decoder cannot handle, and begin anew after them."""
+        """Report bytes that the decoder cannot handle, and restart after them."""
         self.fault = f"its bytes cannot be read ({type(error).__name__}: {error}): they are dropped"
         self.fault_ns = t_ns
         if self.session is not None:

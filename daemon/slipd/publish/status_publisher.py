@@ -12,6 +12,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Lateness
 from slipd.finger.image_channel import ImageChannel
+from slipd.finger.stream_health import finger_conditions
 from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
@@ -128,7 +129,7 @@ class StatusPublisher:
         found = [link_condition(link, stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
         owner, _, kind = stream.name.partition(".")
         if kind:
-            found += self._fingers[owner].conditions(kind, t_ns)
+            found += finger_conditions(self._fingers[owner], kind, t_ns)
         elif owner == "gripper":
             found += self._gripper.conditions()
         if problem := self._not_restored.get(stream.name):

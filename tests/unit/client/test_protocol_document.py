@@ -55,6 +55,7 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
         "types/samples",
         "finger/verdict",
         "finger/image_channel",
+        "finger/trust",
         "finger/finger_state",
         "finger/force_channel",
     ):

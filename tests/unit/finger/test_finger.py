@@ -11,6 +11,7 @@ from known_zeros import known_finger
 
 from slipd.config import Levels, stale_after_ns
 from slipd.finger.finger import Finger
+from slipd.finger.stream_health import finger_conditions
 from slipd.types.samples import TactileSample, WrenchSample
 
 
@@ -94,7 +95,7 @@ def test_finger_refuses_streams_that_it_does_not_have(left: str, right: str, par
     assert padless.update_image(TactileSample(T0, None, np.zeros(16))) is None
     padless.disconnect_image()
     assert list(padless.channels) == ["wrench"]
-    for refused in (lambda: padless.channel("pad"), lambda: padless.conditions("pad", T0)):
+    for refused in (lambda: padless.channel("pad"), lambda: finger_conditions(padless, "pad", T0)):
         with pytest.raises(ValueError, match="finger left has no pad"):
             refused()
 

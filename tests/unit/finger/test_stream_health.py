@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from finger_bench import MS, T0, NoisyFinger, Parse, make_finger, taxel_faults
 
+from slipd.finger.stream_health import finger_conditions
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -91,7 +92,7 @@ def test_tare_that_was_given_up_is_reported(right: str, parse: Parse) -> None:
     finger = make_finger(right, parse, "right")
     finger.begin_tare(T0, 0.1, "someone")
     finger.disconnect(T0)
-    assert finger.conditions("pad", T0) == [(Health.OK, "the last tare was given up: the stream ended")]
+    assert finger_conditions(finger, "pad", T0) == [(Health.OK, "the last tare was given up: the stream ended")]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """ATI Net F/T and Ethernet Axia force/torque sensors (also Schunk FTN-Axia): RDT records over UDP.
 
+Records that are lost or come out of order: `slipd.devices.shared.rdt_records`, which other devices share.
+
 The session first requests the calibration, which is the value of one count, over TCP or from the sensor's web page.
 Source: ATI Ethernet Axia manual, table 4.7 (status bits). Classic Net F/T boxes: pyNetFT (netft/pyNetFT,
 ``classify_status``), where 0x80010000 is a warning and every other status but 0 an error. The output rate is a setting

@@ -80,7 +80,7 @@ class Gravity:
     """Which way is down, from now on. The host answers with None, and tells the daemon ten times a second.
 
     Attributes:
-        by_finger: Gravity in the frame of the pad of each finger, m/s²; empty: nothing is told any more.
+        by_finger: Gravity in the frame of the pad of each finger, m/s²; empty: it is not sent any more.
     """
 
     by_finger: Mapping[str, tuple[float, float, float]]
