@@ -49,8 +49,8 @@ _COLUMNS = [f"txl{taxel}_{axis}" for taxel in range(1, TAXELS + 1) for axis in "
 _COUNT_MAX = 2**16 - 1
 
 
-def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | None = None) -> None:
-    """Write one trial as the recording of a live run with this config.
+def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | None = None) -> list[str]:
+    """Write one trial as the recording of a live run with this config; return what the tare found, for people.
 
     The server connects and sends its welcome at ``START_NS``, then one message per row with both pads, at the time of
     the row. A tick comes every 10 ms, until half a second after the last row.
@@ -75,12 +75,14 @@ def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | Non
         if len(pad) != len(times_ns):
             path = source / SENSORS[sensor]
             raise RecordingError(f"{path}: must have as many rows as {TIMES}, {len(times_ns)}, got {len(pad)}")
+    findings: list[str] = []
     if tare_rows is not None:
         try:
-            config_text = tared_config(config_text, file_name, pads, tare_rows)
+            config_text, findings = tared_config(config_text, file_name, pads, tare_rows)
         except RecordingError as error:
             raise RecordingError(f"{source}: {error}") from error
     write_run(out, config_text, _server_events(link, times_ns, pads), times_ns[-1])
+    return findings
 
 
 def _server(config_text: str, file_name: str) -> LinkSpec:
@@ -176,8 +178,8 @@ def _counts(path: Path) -> Counts:
     return counts.astype(np.uint16).reshape(-1, TAXELS, 3)
 
 
-def tared_config(config_text: str, file_name: str, pads: Mapping[str, Counts], rows: int) -> str:
-    """Return a config whose XELA pads have the mean of the first rows of a trial as their ``tare``.
+def tared_config(config_text: str, file_name: str, pads: Mapping[str, Counts], rows: int) -> tuple[str, list[str]]:
+    """Return a config whose XELA pads have the mean of the first rows of a trial as their ``tare``, and what was found.
 
     Args:
         config_text: The config, TOML; other values and comments stay.
@@ -187,13 +189,13 @@ def tared_config(config_text: str, file_name: str, pads: Mapping[str, Counts], r
 
     Raises:
         ConfigError: The config has faults.
-        RecordingError: There are too few or too many rows, a pad is not at rest in them, it was pressed in them as it
-            reads a clear pull later, or the config cannot hold the key ``tare``.
+        RecordingError: There are too few or too many rows, a pad is not at rest in them, or the config cannot hold the
+            key ``tare``.
     """
     count = len(next(iter(pads.values())))
     if not FEWEST_ROWS <= rows <= count:
         raise RecordingError(f"tare-rows must be from {FEWEST_ROWS} to {count}, the rows of the trial, got {rows}")
-    text = config_text
+    text, findings = config_text, list[str]()
     for name, finger in config.parse(config_text, file_name).finger.items():
         if finger.pad is None or finger.pad.device != "xela":
             continue
@@ -201,21 +203,23 @@ def tared_config(config_text: str, file_name: str, pads: Mapping[str, Counts], r
         counts = pads[pad.sensor].astype(np.float64)
         zero = counts[:rows].mean(axis=0)
         forces = (counts - zero).sum(axis=1) * np.array(pad.axis_scale)
-        _check_rest(f"finger {name}, sensor {pad.sensor}", forces, rows, finger.min_normal_n)
+        findings.extend(_findings(f"finger {name}, sensor {pad.sensor}", forces, rows, finger.min_normal_n))
         comment = f"Unloaded counts, x y z of each taxel: mean of the first {rows} rows of the trial."
         try:
             text = with_numbers(text, ("finger", name, "pad", "tare"), zero.ravel().round(DIGITS).tolist(), comment)
         except ValueError as error:
             raise RecordingError(f"{file_name}: {error}") from error
     config.parse(text, f"{file_name} with the tare of {rows} rows")
-    return text
+    return text, findings
 
 
-def _check_rest(pad: str, forces: Array, rows: int, min_normal: float) -> None:
-    """Refuse rows in which a pad moves or is pressed.
+def _findings(pad: str, forces: Array, rows: int, min_normal: float) -> Iterator[str]:
+    """Yield what the tare of a pad found; refuse rows in which it moves, because then no zero is known.
+
+    A pull is no reason to refuse: the run marks such readings as not trusted.
 
     Args:
-        pad: What to call it in an error.
+        pad: What to call it.
         forces: Force on the pad above the zero, shape (rows of the trial, 3), in the unit of its ``axis_scale``.
         rows: Number of rows without load.
         min_normal: Least normal force of a contact, in the same unit.
@@ -227,9 +231,18 @@ def _check_rest(pad: str, forces: Array, rows: int, min_normal: float) -> None:
             f"{pad}: must be at rest in the first {rows} rows, within {limit:g} of their mean "
             f"({REST:g} · min_normal_n), got {away.max():.4g} in row {away.argmax() + 1}: give fewer rows"
         )
+    yield f"{pad}: zero from the first {rows} rows, at rest within {away.max():.3g}"
     pull = forces[:, 2]  # the force on the finger points into the pad, so a pull is positive
-    if pull.max() > min_normal:
-        raise RecordingError(
-            f"{pad}: must be unloaded in the first {rows} rows, but reads a pull of {pull.max():.4g} in row "
-            f"{pull.argmax() + 1}: it was pressed at first, or axis_scale has a wrong sign"
-        )
+    pulled = int((pull > min_normal).sum())
+    if not pulled:
+        return
+    pressed = int((pull < -min_normal).sum())
+    cause = (
+        "it was pressed in the first rows, or axis_scale has a wrong sign"
+        if pulled > pressed
+        else "crosstalk of pressed taxels, for example"
+    )
+    yield (
+        f"{pad}: reads a pull in {pulled} rows, of up to {pull.max():.4g} in row {pull.argmax() + 1}, and is pressed "
+        f"in {pressed}: {cause}; in the run these readings are no contact, or not trusted"
+    )

@@ -20,7 +20,8 @@ def import_command(arguments: argparse.Namespace) -> None:
     """
     rig = config.load(arguments.config or config.shipped(SHIPPED[arguments.command]))
     if arguments.command == "import grips":
-        import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows)
+        for finding in import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows):
+            print(finding)
     else:
         begin_s, end_s = arguments.clear_s
         import_pushes(arguments.source, arguments.out, rig.text, arguments.mass_kg, (begin_s, end_s))

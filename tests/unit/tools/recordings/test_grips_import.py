@@ -14,6 +14,7 @@ from grip_trials import ZERO, write_trial
 from project import CONFIG, TRIAL
 
 from slipd import config
+from slipd.cli import main
 from slipd.devices.xela import Decoder
 from slipd.errors import ConfigError, RecordingError, SlipdError
 from slipd.events import Bytes, LinkUp, Tick
@@ -228,8 +229,6 @@ AT_REST = r"finger left, sensor 1: must be at rest in the first \d+ rows, within
             for rows in (-1, 4, 106)
         ],
         *[(grasp(OPEN), rows, SHIPPED, AT_REST) for rows in (OPEN + 2, OPEN + 5, 105)],
-        (HELD, OPEN, SHIPPED, r"must be unloaded .* a pull of 2\.00\d?e\+04 in row \d+: it was pressed at first"),
-        (grasp(OPEN), OPEN, SHIPPED.replace("[1.0, 1.0, -1.0]", "[1.0, 1.0, 1.0]"), "or axis_scale has a wrong sign"),
     ],
 )
 def test_rows_that_do_not_show_the_zero_are_refused(
@@ -238,6 +237,36 @@ def test_rows_that_do_not_show_the_zero_are_refused(
     with pytest.raises(RecordingError, match=error):
         imported(tmp_path, normal, rows, text)
     assert not (tmp_path / "out.mcap").exists()
+
+
+CROSSTALK = np.where(np.arange(105) == 60, -600.0, grasp(OPEN))
+
+
+@pytest.mark.parametrize(
+    ("normal", "text", "cause", "lasts"),
+    [
+        (HELD, SHIPPED, "is pressed in 0: it was pressed in the first rows, or axis_scale has a wrong sign", True),
+        (grasp(OPEN), SHIPPED.replace("[1.0, 1.0, -1.0]", "[1.0, 1.0, 1.0]"), "or axis_scale has a wrong sign", True),
+        (CROSSTALK, SHIPPED, "reads a pull in 1 rows, of up to 6", False),
+    ],
+)
+def test_a_pull_is_reported_and_left_to_the_run(
+    tmp_path: Path, normal: np.ndarray[Any, Any], text: str, cause: str, lasts: bool
+) -> None:
+    write_trial(tmp_path / "trial", normal, 0.1 * np.abs(normal))
+    found = import_trial(tmp_path / "trial", tmp_path / "out.mcap", text, OPEN)
+    assert [line.split(",")[0] for line in found] == ["finger left", "finger left", "finger right", "finger right"]
+    assert "zero from the first 40 rows, at rest within" in found[0]
+    assert cause in found[1]
+    slips = [body for topic, body in replay(open_recording(tmp_path / "out.mcap")) if topic == "slip.left"]
+    assert ("pulled" in {reason for body in slips for reason in body["reasons"]}) == lasts
+    assert "slipping" not in {body["level"] for body in slips}
+
+
+def test_the_command_prints_what_the_tare_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_trial(tmp_path / "trial", grasp(OPEN), 0.1 * grasp(OPEN))
+    assert main(["import", "grips", str(tmp_path / "trial"), str(tmp_path / "out.mcap"), "--tare-rows", "10"]) == 0
+    assert "finger right, sensor 2: zero from the first 10 rows, at rest within" in capsys.readouterr().out
 
 
 def test_a_config_without_a_tare_gets_one(tmp_path: Path) -> None:
