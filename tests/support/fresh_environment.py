@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
+"""Longest time of one command, s: a busy machine must not decide."""
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 OFFLINE = ("install", "--quiet", "--no-index", "--no-build-isolation")
 
@@ -30,13 +31,13 @@ class Environment:
 
     def pip(self, *arguments: str | Path) -> None:
         command = (*PIP, "--python", self.python, *arguments)
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
         assert done.returncode == 0, done.stdout + done.stderr
 
     def slipd(self, *arguments: str | Path, module: str = "slipd") -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             (self.python, "-m", module, *arguments),
-            cwd=self._folder, env=self._variables, capture_output=True, text=True, check=False, timeout=100,
+            cwd=self._folder, env=self._variables, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
         )  # fmt: skip
 
     @contextmanager

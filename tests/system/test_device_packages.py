@@ -13,7 +13,7 @@ from project import ROOT
 from slipd_client.messages.typed import Slip
 from slipd_client.subscriber import Subscriber
 
-pytestmark = [pytest.mark.process, pytest.mark.long]
+pytestmark = [pytest.mark.process, pytest.mark.long, pytest.mark.timeout(1800)]
 
 PACKAGES = ROOT / "clients" / "examples" / "devices"
 
@@ -88,3 +88,12 @@ def test_a_device_of_another_package_from_its_installation_to_its_removal(tmp_pa
     pads = [each for each in replayed if each["topic"] == "tactile.left"]
     assert pads
     assert all({"raw", "stale"} & {*each["image_reasons"]} for each in pads), "no conclusion from the field"
+    environment.pip("uninstall", "--quiet", "--yes", "slipd-paxini")
+    left = environment.slipd("devices").stdout
+    assert "slipd-anyskin" in left
+    assert "paxini" not in left
+    for command in (("check", rig), ("run", rig), ("replay", recording, "--speed", "max")):
+        refused = environment.slipd(*command)
+        assert refused.returncode != 0
+        assert "slipd-paxini" in refused.stdout + refused.stderr, "the error names the package that the config needs"
+        assert "Traceback" not in refused.stderr
