@@ -12,17 +12,12 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from replays import RECORDINGS
 from terminals import PseudoTerminal
 
 from slipd.cli import main
-from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.tools.sim.finger_sensing import FingerSensing, offline_config
-from slipd.tools.sim.offline_grasp import BEGIN_NS, BOOT, TruthLog, run_offline
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -124,27 +119,6 @@ def test_wrong_files_are_told_before_anything_is_replayed(
     assert told in captured.err
     assert captured.out == ""
     assert not cache_home.exists()
-
-
-def test_a_simulated_grasp_is_compared_with_its_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    t_s = np.arange(0.0, 1.4, 0.001)
-    force_n = np.zeros((t_s.size, 2))
-    force_n[:, 1] = np.clip((t_s - 0.4) * 20.0, 0.0, 12.0)
-    history = LoadHistory(t_s, force_n, np.zeros(t_s.size), np.full(t_s.size, 8.0))
-    trace = simulate(GraspedObject(), ContactPatch(), FrictionLaw(), PadCompliance(), history)
-    sensors = {"left": FingerSensing()}
-    text = offline_config(sensors, 0.55)
-    path = tmp_path / "pulled.mcap"
-    file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=0)
-    log = TruthLog(file, trace, BEGIN_NS)
-    run_offline(trace, sensors, text, 1, log=log)
-    file.finish(log.entries)
-    assert main(["evaluate", str(path), "--json"]) == 0
-    ((one),) = json.loads(capsys.readouterr().out)
-    slides_s = t_s[trace.gross][0] + 1.5
-    assert one["runs"]["recorded"]["truly_sliding"][0][0] == pytest.approx(slides_s, abs=0.002)
-    assert main(["evaluate", str(path)]) == 0
-    assert "pulled.mcap, recorded: warned 0." in capsys.readouterr().out
 
 
 LISTS_MODULES = """

@@ -6,9 +6,8 @@ An MCAP file (https://mcap.dev/spec) of profile ``slipd``:
   CRC-32 of these and the config (MCAP does not protect metadata, and its Python reader does not check attachments);
 - an attachment ``config.toml``: the config of the run;
 - chunks of messages, in the order in which things happened. Channel ``slipd/event`` carries the events that entered the
-  engine (event_codec.py); every other channel carries the bytes published under its topic. The recording of a
-  simulated grasp may have a channel ``truth`` too (offline_grasp.py). The MCAP ``sequence`` of a message is its running
-  index over *all* channels, modulo 2³², so that a loss is a gap;
+  engine (event_codec.py); every other channel carries the bytes published under its topic. The MCAP
+  ``sequence`` of a message is its running index over *all* channels, modulo 2³², so that a loss is a gap;
 - a metadata record ``slipd/end``: the number of entries, lost ones included, and a CRC-32 of them. If the disk failed
   before the run ended, this record follows the last entry that reached the file, and ``stopped`` holds the reason.
 """

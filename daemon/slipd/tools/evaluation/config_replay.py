@@ -5,25 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from slipd import config
 from slipd.config import Config
 from slipd.errors import RecordingError
-from slipd.recording.entry_walk import Published
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import replay
 from slipd.tools.evaluation.level_spans import LevelSpan, level_spans
-from slipd.tools.sim.offline_grasp import TRUTH
-from slipd_client.messages import STATUS_TOPIC, MessageError, decode, slip_topic
+from slipd_client.messages import STATUS_TOPIC, slip_topic
 
 RECORDED = "recorded"
 """What the config of the recording itself is called."""
 
-Interval = tuple[float, float]
-"""Begin and end, s."""
 _SLIP = slip_topic("")
 
 
@@ -79,7 +74,6 @@ class ConfigRun:
         largest: Largest utilisation; None where none was known.
         end_s: Time of the last event.
         fault: Why events are missing, for people; "" where none are.
-        sliding: When a simulated object truly slid as a whole; None where the recording does not say so.
         streams: Health of every stream, of recordings that are long enough for a `status` message.
         gaps: Times without events: entries are missing, or the daemon stood still.
         compute_s: Processor time of the replay.
@@ -89,7 +83,6 @@ class ConfigRun:
     largest: Largest | None = None
     end_s: float = 0.0
     fault: str = ""
-    sliding: list[Interval] | None = None
     streams: list[StreamHealth] = field(default_factory=list)
     gaps: int = 0
     compute_s: float = field(default=0.0, compare=False)
@@ -108,7 +101,6 @@ class ConfigRun:
         known = {
             "spans": {source: [_span(*span) for span in spans] for source, spans in found["spans"].items()},
             "largest": None if found["largest"] is None else Largest(*found["largest"]),
-            "sliding": None if found["sliding"] is None else [(begin_s, end_s) for begin_s, end_s in found["sliding"]],
             "streams": [StreamHealth(*stream) for stream in found["streams"]],
         }
         return cls(**(found | known))
@@ -131,15 +123,15 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
 
     Raises:
         ConfigError: The config has faults.
-        RecordingError: The file cannot be read, its truth is malformed, or an event does not fit the config.
+        RecordingError: The file cannot be read, or an event does not fit the config.
     """
     began_s = time.process_time()
     recording = open_recording(path)
     settings = None
     if config_text is not None:
         settings = with_recorded_tares(config.parse(config_text, name), recording)
-    begin_s, end_s, sliding = outline(recording)
-    run = ConfigRun({}, end_s=end_s - begin_s, sliding=sliding)
+    begin_s, end_s = outline(recording)
+    run = ConfigRun({}, end_s=end_s - begin_s)
     gaps = EventGaps()
     messages = replay(recording, settings=settings, on_event=gaps.add)
     try:
@@ -182,32 +174,13 @@ def with_recorded_tares(settings: Config, recording: Recording) -> Config:
     return settings.model_copy(update={"finger": fingers})
 
 
-def outline(recording: Recording) -> tuple[float, float, list[Interval] | None]:
-    """Return the times of the first and last event, s, and when a simulated object slid; None in a live recording.
-
-    The events count on CLOCK_MONOTONIC, the slides from the first event on.
+def outline(recording: Recording) -> tuple[float, float]:
+    """Return the times of the first and last event on CLOCK_MONOTONIC, s; 0 without any.
 
     Raises:
-        RecordingError: The file cannot be read, or its truth is malformed.
+        RecordingError: The file cannot be read.
     """
     times_ns: list[int] = []
-    states: list[tuple[int, bool]] = []
     for entry in recording.entries():
         times_ns = [times_ns[0] if times_ns else entry.t_ns, entry.t_ns]
-        if isinstance(entry, Published) and entry.topic == TRUTH:
-            try:
-                states.append((entry.t_ns, bool(decode(entry.payload)["sliding"])))
-            except (MessageError, KeyError) as error:
-                text = f"{recording.path}: entry {entry.n} is no truth of a simulated grasp: {error}"
-                raise RecordingError(text) from error
-    if not times_ns:
-        return 0.0, 0.0, None
-    first_ns, last_ns = times_ns
-    sliding: list[Interval] = []
-    for (begin_ns, slides), (end_ns, _) in pairwise([*states, (last_ns, False)]):
-        begin_s, end_s = (begin_ns - first_ns) * 1e-9, (end_ns - first_ns) * 1e-9
-        if slides and sliding and sliding[-1][1] == begin_s:
-            sliding[-1] = (sliding[-1][0], end_s)
-        elif slides:
-            sliding.append((begin_s, end_s))
-    return first_ns * 1e-9, last_ns * 1e-9, sliding if states else None
+    return (times_ns[0] * 1e-9, times_ns[1] * 1e-9) if times_ns else (0.0, 0.0)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun, Interval
+from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun
 from slipd.tools.evaluation.evaluate import Evaluation
 from slipd.tools.evaluation.executors import Run
 from slipd.tools.evaluation.run_figures import (
     BY_SEVERITY,
+    Interval,
     RunFigures,
-    against_truth,
     differences,
     figures,
     worst_spans,
@@ -50,14 +50,12 @@ def table(evaluations: Sequence[Evaluation]) -> Iterator[str]:
 
 
 def comparisons(evaluations: Sequence[Evaluation]) -> Iterator[str]:
-    """Yield what every other config changes against the recorded one, and how each run compares with the truth."""
+    """Yield what every other config changes against the recorded one."""
     for one in evaluations:
         recorded = one.runs[RECORDED]
         for name, run in one.runs.items():
             if isinstance(run, str):
                 continue
-            if run.sliding is not None:
-                yield f"{one.name}, {name}: {against_truth(run.sliding, figures(run))}"
             if isinstance(recorded, ConfigRun) and run is not recorded:
                 yield from _compared(f"{one.name}, {name}", recorded, run)
 
@@ -80,7 +78,6 @@ def _run_map(recorded: Run, run: Run) -> dict[str, Any]:
     return figures(run).as_map() | {
         "spans": {source: [span._asdict() for span in spans] for source, spans in run.spans.items()},
         "fault": run.fault,
-        "truly_sliding": run.sliding,
         "differences": differences(before, worst_spans(run.spans)),
     }
 

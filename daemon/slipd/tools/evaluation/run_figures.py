@@ -1,4 +1,4 @@
-"""What a user compares about a run: time at each level, changes, alarms, the worse finger, and the true slips."""
+"""What a user compares about a run: time at each level, changes, alarms, and the worse finger."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
-from slipd.tools.evaluation.config_replay import ConfigRun, Interval, Largest
+from slipd.tools.evaluation.config_replay import ConfigRun, Largest
 from slipd.tools.evaluation.level_spans import LevelSpan
 from slipd_client.messages import GRASP_TOPIC, SEVERITY
 
 ALARMS = ("warning", "slipping")
 BY_SEVERITY = sorted(SEVERITY, key=lambda level: SEVERITY[level])
 
-IN_TIME_S = 1.0
-"""An alarm that ended is a warning of a slip within this time, s: the load of a grip that slips wavers about the
-threshold. One that ended before that was false, whatever follows later."""
-
-SHORT_S = 0.0005
-"""What is shorter than this is not said, s."""
+Interval = tuple[float, float]
+"""Begin and end, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,43 +129,3 @@ def _together(rows: list[list[LevelSpan]]) -> Iterator[tuple[float, float, list[
                 now.append(spans[at[row]])
         if now:
             yield begin_s, end_s, now
-
-
-def against_truth(sliding: list[Interval], found: RunFigures) -> str:
-    """Return in words how the alarms of a run compare with the first true slip, and which had no slip."""
-    parts: list[str] = []
-    for begin_s, end_s in sliding[:1]:
-        in_time_s = [begin for begin, end in found.alarms if end >= begin_s - IN_TIME_S and begin <= end_s]
-        if not in_time_s:
-            parts.append("the slip was not warned of")
-        elif in_time_s[0] <= begin_s:
-            parts.append(f"warned {begin_s - in_time_s[0]:.3f} s before the slip")
-        else:
-            parts.append(f"warned {in_time_s[0] - begin_s:.3f} s after the slip began")
-        reported_s = [max(begin - begin_s, 0.0) for begin, end in found.slipping if end > begin_s and begin < end_s]
-        parts.append(
-            f"slipping reported {reported_s[0]:.3f} s after it began" if reported_s else "never reported as slipping"
-        )
-    false = sum(
-        not any(begin <= slid_until and end >= slides - IN_TIME_S for slides, slid_until in sliding)
-        for begin, end in found.alarms
-    )
-    if false:
-        parts.append(f"{false} warnings without a slip")
-    elif not sliding:
-        parts.append("no slip and no warning")
-    slid_s, slipping_s = _length(sliding), _length(found.slipping)
-    both_s = sum(
-        max(0.0, min(end, true_end) - max(begin, true_begin))
-        for begin, end in found.slipping
-        for true_begin, true_end in sliding
-    )
-    if sliding:
-        parts.append(f"{both_s:.3f} s of {slid_s:.3f} s of sliding reported as slipping")
-    if slipping_s - both_s > SHORT_S:
-        parts.append(f"slipping for {slipping_s - both_s:.3f} s without motion")
-    return "; ".join(parts)
-
-
-def _length(found: list[Interval]) -> float:
-    return sum(end - begin for begin, end in found)

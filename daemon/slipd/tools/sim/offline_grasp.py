@@ -20,7 +20,7 @@ from slipd.tools.sim.emulated_gauges import GaugeAmplifier
 from slipd.tools.sim.emulated_pvdf import PvdfPad
 from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing
 from slipd.tools.sim.stickslip import GraspTrace
-from slipd.types.arrays import Array, finite_or_none
+from slipd.types.arrays import Array
 from slipd_client.messages import encode
 
 LEAD_S = 1.5
@@ -240,60 +240,3 @@ class _View:
 def _pressed(t_s: Array) -> Array:
     """Return the part of the grip that has grown: from none at ``-CLOSE_S`` to all of it at 0."""
     return np.asarray(np.clip(1.0 + t_s / CLOSE_S, 0.0, 1.0), dtype=np.float64)
-
-
-TRUTH = "truth"
-"""Channel of a recording with the truth; no daemon publishes such a topic.
-
-An entry has ``t_ns`` (CLOCK_MONOTONIC), ``sliding`` (the object slides as a whole) and ``utilisation`` (1 slips; nil
-without a contact). It holds until the next.
-"""
-
-EVERY_S = 0.01
-"""Longest time from one entry to the next, s; a change of ``sliding`` is written at once."""
-
-
-class TruthLog:
-    """Pass the entries of a run on to a recording, with the truth between them.
-
-    Args:
-        log: The recording.
-        trace: The grasp.
-        begin_ns: CLOCK_MONOTONIC at the first sample of the trace.
-
-    Attributes:
-        entries: Number of entries so far, for ``finish``.
-    """
-
-    def __init__(self, log: Log, trace: GraspTrace, begin_ns: int) -> None:
-        self.entries = 0
-        self._log = log
-        self._truth = _due(trace, begin_ns)
-        self._next = next(self._truth, None)
-
-    def event(self, n: int, t_ns: int, event: Event) -> None:
-        """Write an event, after the truth that is due by then; its own index takes the place of ``n``."""
-        while self._next is not None and self._next[0] <= t_ns:
-            at_ns, payload = self._next
-            self._log.published(self.entries, at_ns, TRUTH, payload)
-            self.entries += 1
-            self._next = next(self._truth, None)
-        self._log.event(self.entries, t_ns, event)
-        self.entries += 1
-
-    def published(self, n: int, t_ns: int, topic: str, payload: bytes) -> None:
-        """Write a message; its own index takes the place of ``n``."""
-        self._log.published(self.entries, t_ns, topic, payload)
-        self.entries += 1
-
-
-def _due(trace: GraspTrace, begin_ns: int) -> Iterator[tuple[int, bytes]]:
-    """Yield when each entry is due, and its bytes."""
-    last_s, was_sliding = float("-inf"), False
-    times_s = (trace.t_s - trace.t_s[0]).tolist()
-    for t_s, sliding, used in zip(times_s, trace.gross.tolist(), trace.utilisation.tolist(), strict=True):
-        if t_s - last_s < EVERY_S - 1e-9 and sliding == was_sliding:
-            continue
-        last_s, was_sliding = t_s, sliding
-        t_ns = begin_ns + round(t_s * 1e9)
-        yield t_ns, encode({"t_ns": t_ns, "sliding": sliding, "utilisation": finite_or_none(used)})

@@ -15,8 +15,6 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.tools.evaluation.config_replay import ConfigRun, outline, run_config
 from slipd.tools.evaluation.level_spans import NOT_RECORDED
-from slipd.tools.sim.offline_grasp import TRUTH
-from slipd_client.messages import encode
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]
@@ -94,33 +92,14 @@ def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
         assert not [span for span in spans if span is not lost and span.begin_s < 1.98 and span.end_s > 1.02]
 
 
-def simulated(path: Path, *truth: tuple[float, bytes], ticks: range = range(7, 11)) -> Path:
-    """A recording of ticks from 7 to 10 s, with entries of the truth."""
+def ticks(path: Path, times_s: range) -> Path:
     file = RecordingFile(path, config_text="", boot="b", wall_minus_monotonic_ns=0)
-    entries = [(float(t_s), None) for t_s in ticks] + [(7.0 + t_s, payload) for t_s, payload in truth]
-    for n, (t_s, payload) in enumerate(sorted(entries, key=lambda entry: entry[0])):
-        if payload is None:
-            file.event(n, round(t_s * 1e9), Tick(n))
-        else:
-            file.published(n, round(t_s * 1e9), TRUTH, payload)
-    file.finish(len(entries))
+    for n, t_s in enumerate(times_s):
+        file.event(n, t_s * 1_000_000_000, Tick(n))
+    file.finish(len(times_s))
     return path
 
 
-def test_the_truth_counts_from_the_first_event_and_lasts_until_the_next_entry(tmp_path: Path) -> None:
-    slides = [(0.5, False), (1.0, True), (1.25, True), (1.5, False), (2.5, True)]
-    truth = [(t_s, encode({"t_ns": 0, "sliding": sliding})) for t_s, sliding in slides]
-    path = simulated(tmp_path / "a.mcap", *truth)
-    assert outline(open_recording(path)) == (7.0, 10.0, [(1.0, 1.5), (2.5, 3.0)])
-
-
-def test_a_live_run_has_no_truth_and_an_empty_one_no_length(tmp_path: Path) -> None:
-    assert outline(open_recording(DEMO))[2] is None
-    assert outline(open_recording(simulated(tmp_path / "a.mcap"))) == (7.0, 10.0, None)
-    assert outline(open_recording(simulated(tmp_path / "b.mcap", ticks=range(0)))) == (0.0, 0.0, None)
-
-
-@pytest.mark.parametrize("payload", [b"\xc1", encode({"t_ns": 0})])
-def test_what_is_no_truth_is_refused(tmp_path: Path, payload: bytes) -> None:
-    with pytest.raises(RecordingError, match="entry 2 is no truth of a simulated grasp"):
-        outline(open_recording(simulated(tmp_path / "a.mcap", (1.5, payload))))
+def test_the_length_of_a_recording_is_that_of_its_events(tmp_path: Path) -> None:
+    assert outline(open_recording(ticks(tmp_path / "a.mcap", range(7, 11)))) == (7.0, 10.0)
+    assert outline(open_recording(ticks(tmp_path / "b.mcap", range(0)))) == (0.0, 0.0)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
-from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun, Interval, Largest
+from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun, Largest
 from slipd.tools.evaluation.evaluate import Evaluation
 from slipd.tools.evaluation.evaluation_table import as_map, comparisons, table
 from slipd.tools.evaluation.level_spans import LevelSpan
@@ -22,9 +21,8 @@ AFTER = run(("stable", 0.0, 1.5), ("warning", 1.5, 3.0), ("slipping", 3.0, 3.5),
 QUIET = run(("stable", 0.0, 4.0))
 
 
-def evaluation(sliding: list[Interval] | None = None, **runs: ConfigRun | str) -> Evaluation:
-    recorded = replace(BEFORE, sliding=sliding)
-    return Evaluation("a.mcap", Path("/data/a.mcap"), {RECORDED: recorded, **runs})
+def evaluation(**runs: ConfigRun | str) -> Evaluation:
+    return Evaluation("a.mcap", Path("/data/a.mcap"), {RECORDED: BEFORE, **runs})
 
 
 def test_the_table_has_a_row_for_each_recording_and_config() -> None:
@@ -70,11 +68,6 @@ def test_only_the_longest_differences_are_listed() -> None:
     assert lines[-1].endswith("shorter times")
 
 
-def test_the_truth_has_a_sentence_for_each_config() -> None:
-    (told,) = comparisons([evaluation([(2.5, 3.0)])])
-    assert told.startswith("a.mcap, recorded: warned 0.500 s before the slip")
-
-
 def test_without_a_recorded_run_nothing_is_compared() -> None:
     one = evaluation(after=AFTER)
     one.runs[RECORDED] = "its config has faults"
@@ -83,9 +76,8 @@ def test_without_a_recorded_run_nothing_is_compared() -> None:
 
 
 def test_the_map_has_everything() -> None:
-    (found,) = json.loads(json.dumps(as_map([evaluation([(2.5, 3.0)], after=AFTER, broken="no such file")])))
+    (found,) = json.loads(json.dumps(as_map([evaluation(after=AFTER, broken="no such file")])))
     assert found["recording"] == "/data/a.mcap"
-    assert found["runs"][RECORDED]["truly_sliding"] == [[2.5, 3.0]]
     assert found["runs"][RECORDED]["largest"]["finger"] == "left"
     assert found["runs"]["broken"] == {"fault": "no such file"}
     after = found["runs"]["after"]
