@@ -19,31 +19,25 @@ from pydantic_core import PydanticUndefined
 from slipd.config import Finger, Stream
 from slipd.config.model import TABLES
 from slipd.config.value_bounds import Bounds, unit_quaternion
-from slipd.tools.devices_command import attributes_of, option_rows, sentence, summary_of
+from slipd.tools.devices_command import attributes_of, sentence, summary_of
 
 HEAD = """\
 # Config
 
-Every key of a config file. This page is made from the model that checks the file (`tests/support/config_page.py`). The
-files of [`config`](../config) show all keys in use: `slipd config list` lists them, `slipd config show NAME >
-my_rig.toml` copies one, and `slipd check my_rig.toml` reports every fault of your copy at once.
+Every key of a config file, made from the model that checks the file (`tests/support/config_page.py`). The files of
+[`config`](../config) show all keys in use: `slipd config list` lists them, `slipd config show NAME > my_rig.toml`
+copies one, and `slipd check my_rig.toml` reports every fault of your copy at once. The options of a device are
+printed by `slipd devices NAME`; they are keys of `options`, such as `options = { sinc_length = 512 }`.
 
-- **Refused.** An unknown or missing key, another type, a value out of its range, NaN, infinity, and values that do not
-  fit each other refuse the whole file. The error states the line, the rule, what was found, and the probable intention.
+- **Refused.** An unknown or missing key or option, another type, a value out of its range, NaN, infinity, and values
+  that do not fit each other refuse the whole file. The error states the line, the rule, what was found, and the
+  probable intention.
 - **Warned of.** `slipd check` also reports what is possible but suspicious, such as a friction coefficient above 1.2.
-- **Undetected.** The last column states what a value causes that is possible but wrong. No check can find it: measure.
+- **Undetected.** The last column states what a value causes that is possible but wrong. No check can find it:
+  measure.
 
-The end of a key names its unit. A key that is "required" has no default; "left out" is a default with a meaning of its
-own. `X` is the name of a finger, 1 to 32 characters a-z and 0-9; there must be at least one `[finger.X]`.
-"""
-
-OPTIONS_HEAD = """\
-## Options of the devices
-
-They are keys of `options` in the table of a device, such as `options = { sinc_length = 512 }`. An unknown option,
-another type or an impossible value refuses the config. Devices without options are not listed. [Devices](devices.md)
-describes wiring, rates and error detection.
-
+The end of a key names its unit. A key that is "required" has no default; "left out" is a default with a meaning of
+its own. `X` is the name of a finger, 1 to 32 characters a-z and 0-9; there must be at least one `[finger.X]`.
 """
 
 TITLES = ("key", "type", "unit", "default", "range", "meaning", "if it is wrong")
@@ -56,7 +50,6 @@ def reference() -> str:
         parts.append(_section(f"`[{name}]`", model))
         if model is Finger:
             parts.append(_section("Keys of every device", Stream))
-    parts.append(OPTIONS_HEAD + _table(("device", "option", "type", "default", "meaning"), option_rows()))
     return "\n".join(parts)
 
 

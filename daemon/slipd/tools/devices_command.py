@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from inspect import Parameter
 from typing import Any
 
-from slipd.devices import EVIDENCE, SLIPD, Device, Installed, find_device, installed
+from slipd.devices import EVIDENCE, Device, Installed, find_device, installed
 from slipd.errors import UsageError
 from slipd.types.device_text import one_line
 
@@ -89,14 +89,6 @@ def _summary(each: Installed) -> dict[str, Any]:
 
 def _package(each: Installed) -> str:
     return f"{each.package} {each.version}".strip()
-
-
-def option_rows() -> Iterator[tuple[str, ...]]:
-    """Yield device, option, type, default and meaning of every option."""
-    for each in installed():
-        if each.package == SLIPD and each.device is not None:
-            for row in options_of(each.device):
-                yield f"`{each.name}`", *row
 
 
 def options_of(device: Device) -> Iterator[tuple[str, str, str, str]]:
