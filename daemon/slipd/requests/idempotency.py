@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
 from slipd.types.refusal import Refusal, RefusalError
+from slipd_client.messages import encode
 from slipd_client.messages.schema.ops import OPEN_OPS
 
 PER_CLIENT = 64
@@ -21,7 +21,7 @@ clients are refused, and never one of those kept."""
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    content: Hashable
+    content: bytes
     reply: dict[str, Any]
 
 
@@ -35,7 +35,7 @@ class IdempotencyCache:
     def __init__(self) -> None:
         self._now_ns = 0
         self._clients: dict[bytes, dict[str | int, _Kept]] = {}
-        self._senders: dict[Hashable, bytes] = {}
+        self._senders: dict[bytes, bytes] = {}
         self._deadlines: list[tuple[int, int, bytes, str | int]] = []
         self._numbers = itertools.count()
 
@@ -96,10 +96,6 @@ def _refusal(code: str, rule: str, field: str = "") -> RefusalError:
     return RefusalError(Refusal(code, rule, field))
 
 
-def _content(value: Any) -> Hashable:
-    """Return a value that equals only that of the same content and types: 1, 1.0 and true all differ."""
-    if isinstance(value, dict):
-        return frozenset((key, _content(entry)) for key, entry in value.items())
-    if isinstance(value, list):
-        return tuple(_content(entry) for entry in value)
-    return type(value), value
+def _content(body: dict[str, Any]) -> bytes:
+    """Return the request packed by msgpack, where 1, 1.0 and true differ; the order of its fields does not count."""
+    return encode(dict(sorted(body.items())))
