@@ -107,11 +107,10 @@ def test_the_mouse_presses_a_pad_that_is_mounted_as_the_config_says(rig: Emulate
     browser.until(f"Math.abs({SHOWN}.normal_n) < 0.3")
 
 
-@pytest.mark.long
 def test_the_keyboard_presses_a_pad(rig: EmulatedRig, browser: Browser) -> None:
     browser.forget()  # where the mouse was
     browser.open(rig.url)
-    browser.until("slipd.cards.get('left')?.drawn.pad && document.querySelector('.touchable') !== null")
+    browser.until("slipd.cards.get('left')?.drawn.tactile && document.querySelector('.touchable') !== null")
     assert browser.value("document.querySelector('.touchable').getAttribute('aria-label')").startswith(
         "emulated pad of"
     )

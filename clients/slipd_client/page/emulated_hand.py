@@ -43,9 +43,11 @@ class EmulatedHand:
         self.path = folder / SOCKET
 
     async def look(self) -> tuple[str, ...]:
-        """Ask for the fingers that can be touched now, and return them."""
+        """Ask for the fingers that can be touched now, and return them; a late answer changes nothing."""
         try:
             shown = await self._ask("show")
+        except TimeoutError:
+            return self.fingers
         except OSError:
             shown = []
         self.fingers = tuple(line.partition(":")[0] for line in shown[:-1])
@@ -81,13 +83,16 @@ class EmulatedHand:
         """Return the lines of the answer to a command.
 
         Raises:
-            OSError: No emulation runs, or it does not answer.
+            TimeoutError: The emulation does not answer.
+            OSError: No emulation runs, or it answers something else.
         """
         reader, writer = await asyncio.open_unix_connection(self.path)
         try:
             writer.write(f"{line}\n".encode())
             return await asyncio.wait_for(_answer(reader), ANSWER_S)
-        except (ValueError, asyncio.TimeoutError) as error:
+        except asyncio.TimeoutError as error:  # no OSError under Python 3.10
+            raise TimeoutError("no answer") from error
+        except ValueError as error:
             raise ConnectionError("no answer") from error
         finally:
             writer.close()

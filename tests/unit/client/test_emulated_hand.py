@@ -106,7 +106,7 @@ async def test_nothing_else_is_passed_on(tmp_path: Path, touch: str) -> None:
     assert emulation.lines == ["show"]
 
 
-async def test_a_browser_hears_of_emulations_that_begin_end_and_hang(
+async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_that_is_late(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(emulated_hand, "LOOK_S", 0.005)
@@ -129,6 +129,7 @@ async def test_a_browser_hears_of_emulations_that_begin_end_and_hang(
         emulation.answers["press"] = emulation.answers["show"] = None
         reply = await hand.touch(json.dumps(PRESS))
         assert reply["text"].startswith("the emulation has ended, or does not answer")
-        await until([[], both, [], both, []])
+        assert await hand.look() == ("left", "right"), "the page would forget place and focus"
+        assert browser.told == [[], both, [], both]
     telling.cancel()
     await asyncio.gather(telling, return_exceptions=True)
