@@ -289,5 +289,7 @@ COMMANDS = {
     "touch": _touch,
     "import grips": _import,
     "import pushes": _import,
+    "import arq": _import,
+    "import papillarray": _import,
 }
 """What carries out each command of the parser."""

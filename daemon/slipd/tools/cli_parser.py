@@ -218,6 +218,15 @@ def _add_recordings(commands: Any) -> None:
         metavar="N",
         help="the fingers are open in the first N rows: take the zero of the pads from them (default: the config's)",
     )
+    arq = add_command(formats, "import arq", "import an experiment of slip_detection_dataset_2021 (needs h5py)")
+    arq.add_argument("source", type=Path, metavar="SRC", help="HDF5 file of an object")
+    arq.add_argument("experiment", metavar="EXPERIMENT", help="such as GGCNN2/SpoolSolder/Pose1/Exp1")
+    arq.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    arq.add_argument("--config", type=Path, metavar="FILE", help="config (default: the shipped arq.toml)")
+    pillars = add_command(formats, "import papillarray", "import a trial of Incipient-Slip-Detection-PapillArray")
+    pillars.add_argument("source", type=Path, metavar="SRC", help="CSV file")
+    pillars.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    pillars.add_argument("--config", type=Path, metavar="FILE", help="config (default: papillarray_trial.toml)")
     pushes = add_command(formats, "import pushes", "import measured pushes of an object over a board")
     pushes.add_argument(
         "source",

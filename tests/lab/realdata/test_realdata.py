@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from realdata import labelled
 from realdata.__main__ import main
 from realdata.score import Course, Onset, oracle, overlap_s, score
 from realdata.truth import Motion, Span, motion
@@ -79,6 +82,22 @@ def test_a_run_of_the_repository_is_measured(capsys: pytest.CaptureFixture[str])
     assert "of 13 s" in table
 
 
-def test_a_folder_without_runs_is_reported(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labelled_trials_are_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = np.zeros((1000, 73))
+    pillars = rows[:, 1:].reshape(1000, 9, 8)
+    pillars[400:, :, 7] = 0.5
+    pillars[600:, :, 5] = 0.45
+    pillars[600:, :, 1] = 1.0
+    pillars[:, :, 5:] += np.random.default_rng(1).normal(0.0, 0.002, (1000, 9, 3))
+    rows[:, 1:] = pillars.reshape(1000, 72)
+    np.savetxt(tmp_path / "trial.csv", rows, delimiter=",", fmt="%.6g")
+    assert labelled.main(["papillarray", str(tmp_path / "trial.csv")]) == 0
+    slipping, both = capsys.readouterr().out.splitlines()
+    assert slipping.startswith("slipping: ")
+    assert both.startswith("warning or slipping: 1 of 1 slips by 50 ms, 1 at all; 0.4")
+    assert labelled.main(["arq", str(tmp_path / "none.h5"), "GGCNN2/none"]) == 1
+
+
+def test_a_folder_without_runs_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--folder", str(tmp_path)]) == 1
     assert "runs.csv" in capsys.readouterr().err

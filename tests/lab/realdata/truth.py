@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from slipd.tools.recordings.pushes_file import Pushes
@@ -80,14 +81,14 @@ def motion(pushes: Pushes) -> Motion:
     speed = np.linalg.norm(after - before, axis=1) / WINDOW_S
     path_m = np.concatenate(([0.0], np.cumsum(speed[:-1] * np.diff(time_s))))
     found = Motion(time_s, path_m, [], [])
-    moving = _merged(_spans(time_s, speed > SLIDES_MPS), PAUSE_S)
+    moving = _merged(spans_where(time_s, speed > SLIDES_MPS), PAUSE_S)
     for span in moving:
         if np.linalg.norm(_at(time_s, place, span.end_s) - _at(time_s, place, span.begin_s)) >= TRAVEL_M:
             found.slides.append(Span(_begin_s(time_s, place, span), span.end_s))
     calm = speed < RESTS_MPS
     for span in (*moving, *found.slides):
         calm &= (time_s < span.begin_s - PAUSE_S) | (time_s > span.end_s + PAUSE_S)
-    found.rests.extend(span for span in _merged(_spans(time_s, calm), PAUSE_S) if span.seconds >= REST_S)
+    found.rests.extend(span for span in _merged(spans_where(time_s, calm), PAUSE_S) if span.seconds >= REST_S)
     return found
 
 
@@ -113,7 +114,8 @@ def _begin_s(time_s: Array, place: Array, span: Span) -> float:
     return min(float(time_s[left[0]]), span.end_s) if len(left) else span.begin_s
 
 
-def _spans(time_s: Array, holds: Array) -> list[Span]:
+def spans_where(time_s: Array, holds: NDArray[np.bool_]) -> list[Span]:
+    """Return the times in which something holds."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], holds.astype(int), [0]))))
     return [Span(float(time_s[begin]), float(time_s[end - 1])) for begin, end in edges.reshape(-1, 2)]
 

@@ -25,6 +25,8 @@ COMMANDS: dict[str, Call] = {
     "plot": ("plot", "RUN", "--config", "RIG", "--out", "OUT"),
     "recover": ("recover", "RUN", "OUT"),
     "import grips": ("import", "grips", "TRIAL", "OUT", "--config", "RIG"),
+    "import arq": ("import", "arq", "PUSHES", "GGCNN2/none", "OUT"),
+    "import papillarray": ("import", "papillarray", "PILLARS", "OUT"),
     "import pushes": ("import", "pushes", "PUSHES", "OUT"),
     **{f"export {to}": ("export", "RUN", "OUT", "--to", to, "--overwrite") for to in ("ros2", "csv", "parquet")},
     "export lerobot": ("export", "RUN", "OUT", "--to", "lerobot", "--rate", "10", "--overwrite"),
@@ -76,7 +78,8 @@ def test_what_a_command_reads_is_never_its_output(
     shutil.copy(RECORDINGS.parents[2] / "config" / "grips.toml", folder / "rig.toml")
     shutil.copytree(TRIAL, folder / "trial")
     shutil.copy(DATA / "pushes" / "runs" / "robot_push_1.npz", folder / "pushes.npz")
-    places = {"RUN": "run.mcap", "RIG": "rig.toml", "TRIAL": "trial", "PUSHES": "pushes.npz"}
+    (folder / "pillars.csv").write_text(2 * (",".join(73 * "0") + "\n"))
+    places = {"RUN": "run.mcap", "RIG": "rig.toml", "TRIAL": "trial", "PUSHES": "pushes.npz", "PILLARS": "pillars.csv"}
     out = folder / f"out{SUFFIXES.get(name, '')}"
     if target == "TRIAL":
         way = "a symbolic link" if way == "a hard link" else way

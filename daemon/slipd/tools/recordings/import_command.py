@@ -7,8 +7,14 @@ import argparse
 from slipd import config
 from slipd.tools.recordings.grips_import import import_trial
 from slipd.tools.recordings.pushes_import import import_pushes
+from slipd.tools.recordings.taxels_import import import_taxels, read_arq, read_papillarray
 
-SHIPPED = {"import grips": "grips.toml", "import pushes": "pushes.toml"}
+SHIPPED = {
+    "import grips": "grips.toml",
+    "import pushes": "pushes.toml",
+    "import arq": "arq.toml",
+    "import papillarray": "papillarray_trial.toml",
+}
 """Config of each format where none is given."""
 
 
@@ -22,6 +28,10 @@ def import_command(arguments: argparse.Namespace) -> None:
     if arguments.command == "import grips":
         for finding in import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows):
             print(finding)
+    elif arguments.command == "import arq":
+        import_taxels(read_arq(arguments.source, arguments.experiment), arguments.out, rig.text)
+    elif arguments.command == "import papillarray":
+        import_taxels(read_papillarray(arguments.source), arguments.out, rig.text)
     else:
         begin_s, end_s = arguments.clear_s
         import_pushes(arguments.source, arguments.out, rig.text, arguments.mass_kg, (begin_s, end_s))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from slipd.config.model import Config
 from slipd.engine.engine import Engine
-from slipd.events import Event, LinkSpec, Tick
+from slipd.events import Event, LinkSpec, Request, Tick
 from slipd.recording.mcap_file import RecordingFile
 from slipd.tools.draft import RECORDING, draft
 
@@ -26,6 +26,12 @@ BOOT = "imported"
 def links_of(settings: Config) -> dict[str, LinkSpec]:
     """Return the links that a run with this config opens, by name."""
     return dict(Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links)
+
+
+def tare_request(finger: str, t_ns: int, length_ns: int) -> tuple[int, Event]:
+    """Return the request at ``t_ns`` that tares a finger for ``length_ns``."""
+    body = {"v": 1, "id": 1, "op": "tare", "boot": BOOT, "deadline_ns": t_ns + length_ns, "finger": finger}
+    return t_ns, Request(b"import", {**body, "stream": "all", "seconds": length_ns * 1e-9})
 
 
 def write_run(out: Path, config_text: str, events: Iterable[tuple[int, Event]], last_ns: int) -> None:

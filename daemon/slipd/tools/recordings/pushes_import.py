@@ -9,7 +9,6 @@ the messages of an external driver, so that everything from the decoder on runs 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 from slipd import config
 from slipd.devices import external
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, LinkSpec, LinkUp, Request
-from slipd.tools.recordings.imported_run import BOOT, START_NS, links_of, write_run
+from slipd.events import Bytes, Event, LinkSpec, LinkUp
+from slipd.tools.recordings.imported_run import START_NS, links_of, tare_request, write_run
 from slipd.tools.recordings.pushes_file import Pushes, read_pushes
 from slipd.types.arrays import Array
 
@@ -110,16 +109,10 @@ def import_pushes(source: Path, out: Path, config_text: str, mass_kg: float, cle
         for row, t_ns in zip(np.resize(_clear(since_s, clear_s), LIFTED_NS // STEP_NS), _LIFTED, strict=True)
     )
     pushed = (_reading(link, t_ns, force[row], torque[row], image) for row, t_ns in enumerate(times_ns))
-    events = heapq.merge(_tare(link, config.parse(config_text, "config")), lifted, pushed, key=lambda timed: timed[0])
+    finger = next(iter(config.parse(config_text, "config").finger))
+    begin = [(START_NS, LinkUp(link.name, link.address)), tare_request(finger, START_NS + TARE_NS, TARE_NS)]
+    events = heapq.merge(begin, lifted, pushed, key=lambda timed: timed[0])
     write_run(out, config_text, events, times_ns[-1])
-
-
-def _tare(link: LinkSpec, settings: config.Config) -> Iterator[tuple[int, Event]]:
-    """Connect, and tare the finger while the object is thought to be lifted."""
-    yield START_NS, LinkUp(link.name, link.address)
-    t_ns, finger = START_NS + TARE_NS, next(iter(settings.finger))
-    body = {"v": 1, "id": 1, "op": "tare", "boot": BOOT, "deadline_ns": t_ns + TARE_NS}
-    yield t_ns, Request(b"import", {**body, "finger": finger, "stream": "all", "seconds": TARE_NS * 1e-9})
 
 
 def _reading(link: LinkSpec, t_ns: int, force: Array, torque: Array, image: Array) -> tuple[int, Event]:
