@@ -228,46 +228,36 @@ def _emulator(streams: dict[str, config.Stream], seed: int) -> Emulator:
 def _settings(device: str, first: config.Stream, streams: dict[str, config.Stream]) -> dict[str, Any]:
     """Return the arguments of an emulator's ``make``."""
     pads = {stream.sensor: stream for stream in streams.values() if isinstance(stream, config.Pad)}
-    settings: dict[str, Any] = {}
-    if device == "gauges":
-        settings = {
-            "rate_hz": first.rate_hz,
-            **_given(first, "matrix", "offset"),
-        }
-    elif device == "netft":
-        settings = {"rate_hz": first.rate_hz}
+    if device == "netft":
+        settings: dict[str, Any] = {"rate_hz": first.rate_hz}
         if first.options.get("calibration") == "config":  # else the sensor itself sends what a count is worth
             settings |= _given(first, "counts_per_force", "counts_per_torque", "force_unit", "torque_unit")
         if first.options.get("internal_hz"):
             settings["internal_hz"] = first.options["internal_hz"]
-    elif device == "tsf85":
-        settings = _given(first, "timestamp_unit_ns")
-    elif device == "robotous":
-        settings = {"baud": first.baud or DEVICES[device].baud, **_given(first, "torque_divider")}
-    elif device == "optoforce":
+        return settings
+    if device == "optoforce":
         wiring = config.transport_of(first.port)
-        settings = {"wiring": wiring, **(_given(first, "counts_per_n", "counts_per_nm") if wiring == "serial" else {})}
-    elif device == "wts" and isinstance(first, config.Pad):
-        settings = {"cols": first.cols, "rows": first.rows}
-    elif device == "dsacon32":
-        settings = {"matrices": [(pad.cols, pad.rows) for _, pad in sorted(pads.items())]}
-    elif device == "xela" and isinstance(first, config.Pad):
-        settings = {"taxels": first.rows * first.cols}
-    elif device == "external":
+        return {"wiring": wiring, **(_given(first, "counts_per_n", "counts_per_nm") if wiring == "serial" else {})}
+    if device == "dsacon32":
+        return {"matrices": [(pad.cols, pad.rows) for _, pad in sorted(pads.items())]}
+    if device == "external":
         shapes = {
             name: ((pad.rows * pad.cols, 3) if config.axes_of(pad) == 3 else (pad.rows * pad.cols,))
             for name, pad in pads.items()
         }
         wrenches = [stream.sensor for stream in streams.values() if isinstance(stream, config.Wrench)]
         rates_hz = {stream.sensor: stream.rate_hz for stream in streams.values()}
-        settings = {"wrenches": wrenches, "pads": shapes, "rates_hz": rates_hz}
-    elif device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
-        settings = {"force_table": first.force_table, "width_table": first.width_table}
-        settings |= _given(first, "unit")
-    elif DEVICES[device].interface is not None:
-        sizes = {"rows": first.rows, "cols": first.cols} if isinstance(first, config.Pad) else {}
-        settings = accepted(device, {"rate_hz": first.rate_hz, **sizes, **config.device_options(first)})
-    return settings
+        return {"wrenches": wrenches, "pads": shapes, "rates_hz": rates_hz}
+    if device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
+        tables = {"force_table": first.force_table, "width_table": first.width_table}
+        return tables | _given(first, "unit")
+    sizes = (
+        {"rows": first.rows, "cols": first.cols, "taxels": first.rows * first.cols}
+        if isinstance(first, config.Pad)
+        else {}
+    )
+    baud = first.baud or DEVICES[device].baud
+    return accepted(device, {"rate_hz": first.rate_hz, "baud": baud, **sizes, **config.device_options(first)})
 
 
 def _given(stream: config.Stream, *names: str) -> dict[str, Any]:
