@@ -222,11 +222,11 @@ def _add_recordings(commands: Any) -> None:
     arq.add_argument("source", type=Path, metavar="SRC", help="HDF5 file of an object")
     arq.add_argument("experiment", metavar="EXPERIMENT", help="such as GGCNN2/SpoolSolder/Pose1/Exp1")
     arq.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    arq.add_argument("--config", type=Path, metavar="FILE", help="config (default: the shipped arq.toml)")
+    arq.add_argument("--config", type=Path, metavar="FILE", help="config (default: the shipped trial_arq.toml)")
     pillars = add_command(formats, "import papillarray", "import a trial of Incipient-Slip-Detection-PapillArray")
     pillars.add_argument("source", type=Path, metavar="SRC", help="CSV file")
     pillars.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    pillars.add_argument("--config", type=Path, metavar="FILE", help="config (default: papillarray_trial.toml)")
+    pillars.add_argument("--config", type=Path, metavar="FILE", help="config (default: trial_papillarray.toml)")
     pushes = add_command(formats, "import pushes", "import measured pushes of an object over a board")
     pushes.add_argument(
         "source",

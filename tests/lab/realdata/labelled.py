@@ -73,7 +73,7 @@ def main(argv: list[str] | None = None) -> int:
     reads: list[Callable[[], TaxelTrial]] = [partial(read_papillarray, Path(word)) for word in options.words]
     if options.set == "arq":
         reads = [partial(read_arq, Path(first), experiment) for experiment in rest]
-    name = {"arq": "arq.toml", "papillarray": "papillarray_trial.toml"}[options.set]
+    name = {"arq": "trial_arq.toml", "papillarray": "trial_papillarray.toml"}[options.set]
     text = (options.config or CONFIG / name).read_text(encoding="utf-8")
     try:
         scores = [score_trial(read(), text) for read in reads]

@@ -12,8 +12,8 @@ from slipd.tools.recordings.taxels_import import import_taxels, read_arq, read_p
 SHIPPED = {
     "import grips": "grips.toml",
     "import pushes": "pushes.toml",
-    "import arq": "arq.toml",
-    "import papillarray": "papillarray_trial.toml",
+    "import arq": "trial_arq.toml",
+    "import papillarray": "trial_papillarray.toml",
 }
 """Config of each format where none is given."""
 

@@ -263,6 +263,13 @@ def test_a_pull_is_reported_and_left_to_the_run(
     assert "slipping" not in {body["level"] for body in slips}
 
 
+def test_other_fingers_keep_their_zero(tmp_path: Path) -> None:
+    other = '[finger.wrist]\nmu = 0.5\nmin_normal_n = 1.0\n[finger.wrist.wrench]\ndevice = "external"\n'
+    other += 'port = "ipc:///run/slipd/readings.ipc"\nsensor = "wrist"\nrate_hz = 100.0\n'
+    text = open_recording(imported(tmp_path, grasp(OPEN), OPEN, SHIPPED + other)).config_text
+    assert text.endswith(other)
+
+
 def test_the_command_prints_what_the_tare_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_trial(tmp_path / "trial", grasp(OPEN), 0.1 * grasp(OPEN))
     assert main(["import", "grips", str(tmp_path / "trial"), str(tmp_path / "out.mcap"), "--tare-rows", "10"]) == 0

@@ -142,6 +142,6 @@ def test_a_file_without_pillars_is_refused(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.usefixtures("hdf5")
 def test_a_config_without_the_pad_is_refused(source: Path, tmp_path: Path) -> None:
-    text = (CONFIG / "arq.toml").read_text(encoding="utf-8").replace('sensor = "pad"', 'sensor = "other"')
+    text = (CONFIG / "trial_arq.toml").read_text(encoding="utf-8").replace('sensor = "pad"', 'sensor = "other"')
     with pytest.raises(RecordingError, match="one external pad"):
         import_taxels(read_arq(source, EXPERIMENT), tmp_path / "out.mcap", text)
