@@ -182,9 +182,9 @@ WHOLE = [
     ("[levels]", "[rates]\nslip_hz = 1e300\n[levels]", "rates.slip_hz", "must be at most 1000000"),
     (
         "[levels]",
-        "[recording.continuous]\nkeep_bytes = 300_000_000\n[levels]",
+        "[recording.continuous]\nkeep_bytes = 399_999_999\n[levels]",
         "recording.continuous.keep_bytes",
-        "must be at least twice recording.continuous.file_bytes, 200000000, got 300000000",
+        "must be at least twice recording.continuous.file_bytes, 200000000, got 399999999",
     ),
     ("[levels]", "[realtime]\npoll = true\npriority = 10\n[levels]", "realtime.poll", "never sleeps"),
 ]
@@ -401,6 +401,11 @@ def test_pad_positions_in_millimetres_are_refused() -> None:
     )
     assert at is not None
     assert "85, 0, 42, 0" in text.splitlines()[at - 1]
+
+
+def test_room_for_two_files_is_enough() -> None:
+    text = GOOD.replace("[levels]", "[recording.continuous]\nkeep_bytes = 400_000_000\n[levels]")
+    assert config.parse(text, "rig.toml").recording.continuous.keep_bytes == 400_000_000
 
 
 def test_the_decoder_of_a_scanned_pad_gets_its_size() -> None:
