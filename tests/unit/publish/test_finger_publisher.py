@@ -72,3 +72,12 @@ def test_each_topic_keeps_its_own_rate_and_a_change_is_published_beside_it(finge
     assert times(out, "slip.left") == [0, 3, 4, 8]
     assert times(out, "wrench.left") == [0, 2, 3, 4, 6, 8, 10]
     assert published(out) == sorted(published(out), key=lambda one: one[1])
+
+
+def test_an_image_is_published_at_its_rate_and_at_once_where_it_became_unusable(finger: Finger) -> None:
+    publisher = FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), Rates(tactile_hz=1.0))
+    out: list[Output] = []
+    for k, status in enumerate(((), (), ("overload",), ("overload",), ())):
+        finger.update_image(TactileSample(T0 + 10 * k * MS, None, np.full(16, 100.0 + k), status))
+        publisher.publish_image(T0 + 10 * k * MS, out)
+    assert times(out, "tactile.left") == [0, 20, 40]
