@@ -63,6 +63,8 @@ def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
     own = [key for key in model.model_fields if model is Stream or key not in Stream.model_fields]
     for key in own:
         field = model.model_fields[key]
+        if _has_own_section(field.annotation):
+            continue
         meaning, _, wrong = texts[key].partition(" Wrong: ")
         yield (
             f"`{key}`",
@@ -73,6 +75,12 @@ def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
             meaning,
             sentence(wrong),
         )
+
+
+def _has_own_section(annotation: Any) -> bool:
+    if get_origin(annotation) in (Union, types.UnionType):
+        return any(map(_has_own_section, get_args(annotation)))
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 def _default(field: FieldInfo) -> str:

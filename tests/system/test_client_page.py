@@ -1,4 +1,4 @@
-"""The exchange of docs/clients.md as it stands there, with the daemon and an emulated gripper that holds an object."""
+"""The example exchange of docs/clients.md, with the daemon and an emulated gripper that holds an object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from daemon_peers import PATIENCE_S
 from gripper_table import gripper_table
-from project import DOCS
+from project import ROOT
 from service_rig import serving
 
 from slipd import config
@@ -25,8 +25,7 @@ from slipd_client.errors import RequestRefused
 
 pytestmark = pytest.mark.process
 
-PAGE = (DOCS / "clients.md").read_text(encoding="utf-8")
-(EXCHANGE,) = re.findall(r"```python\n(import sys.*?)```", PAGE, re.DOTALL)
+EXCHANGE = (ROOT / "clients" / "examples" / "exchange.py").read_text(encoding="utf-8")
 
 RIG = """
 [finger.left]

@@ -1,4 +1,4 @@
-"""TLS and access rules between bridges, router and views, by the commands and configurations of docs/fleet.md."""
+"""TLS and access rules between bridges, router and views, by the commands of docs/fleet.md and its example."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from documented_commands import commands
-from project import DOCS
+from project import DOCS, ROOT
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from conftest import Publisher
 
 PAGE = DOCS / "fleet.md"
+EXAMPLES = ROOT / "clients" / "examples" / "fleet"
 PATIENCE_S = 60.0
 
 Start = Callable[..., "subprocess.Popen[str]"]
@@ -45,9 +46,10 @@ class Files:
         self.folder = folder
         folder.mkdir()
         self._place = free_endpoint().removeprefix("tcp/")
-        text = PAGE.read_text(encoding="utf-8")
-        self.router, self.robot = re.findall(r"^    \{\n.*?^    \}$", text, re.MULTILINE | re.DOTALL)
-        (self.access,) = re.findall(r"^    access_control: \{\n.*?^    \},$", text, re.MULTILINE | re.DOTALL)
+        self.router, self.robot, access = (
+            (EXAMPLES / f"{name}.json5").read_text(encoding="utf-8") for name in ("router", "robot", "access_control")
+        )
+        self.access = access[access.index("access_control") :]
         self._makers = [command.words for command in commands(PAGE) if command.words[0] == "openssl"]
         for words in self._makers:
             self._run(words)
@@ -138,7 +140,7 @@ def test_a_robot_with_a_certificate_of_the_fleet_gets_in_and_others_do_not(
 @pytest.mark.long
 def test_a_robot_publishes_under_its_own_name_only_and_a_view_hears_all(fleet: Fleet, files: Files) -> None:
     files.certify("office")
-    view = fleet.view(files.router.replace("    {", f"    {{\n{files.access}", 1))
+    view = fleet.view(files.router.replace("{", f"{{\n{files.access}", 1))
     assert json.loads(first_line(view))["robots"] == []
     for robot in ("arm4", "arm3"):
         assert first_line(fleet.bridge(robot, files.robot)).startswith(f"fleet: slipd/{robot} at ")
