@@ -25,9 +25,11 @@ from slipd.finger.verdict import (
 )
 from slipd.friction.friction_state import FrictionState
 from slipd.friction.learning import Z
-from slipd.fusion import Contact, Loads, Utilisation, grey_loads, grip_needed_n, torque_limit
+from slipd.fusion import Contact, Loads, Utilisation, grey_loads
 from slipd.fusion.hull import Outline
 from slipd.fusion.levels import Assessment
+from slipd.fusion.limit.grip_factor import solve_grip_factor
+from slipd.fusion.limit.solve import GOAL, MAX_PASSES, solve_torque_limit
 from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.loads import active_loads
 from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED
@@ -160,10 +162,11 @@ class FingerState:
         if contact is None or distribution is None or self.utilisation is None or friction is None or not friction.mu:
             return None
         sense = 1 if contact.spin_nm >= 0.0 else -1
-        force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
-        loads_n = distribution.loads.loads * contact.normal_n
-        limit = torque_limit(distribution.x, distribution.y, loads_n, friction.mu, force, about, sense)
-        return finite_or_none(limit.torque_nm / friction.spin_scale)
+        _, torque_nm, *_ = solve_torque_limit(
+            distribution.x, distribution.y, distribution.loads.loads * contact.normal_n, friction.mu,
+            contact.fx_n, contact.fy_n, contact.cx_m, contact.cy_m, sense, GOAL, MAX_PASSES,
+        )  # fmt: skip
+        return finite_or_none(torque_nm / friction.spin_scale)
 
     def needed_normal_n(self, config: FingerConfig) -> float | None:
         """Return the least normal force on this pad that holds its load with the safety of ``[finger.X]``, N.
@@ -180,21 +183,16 @@ class FingerState:
         if contact is None or distribution is None or used is None or friction is None or not friction.mu:
             return None
         force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
-        wrench, noise = config.wrench, 0.0
+        wrench, safety = config.wrench, config.grip_safety
         if wrench is not None:  # otherwise the pad measures the force, of unknown noise
             noise = relative_noise(force, contact.spin_nm, about, used.twist, wrench.force_std_n, wrench.torque_std_nm)
-        found = grip_needed_n(
-            distribution.x,
-            distribution.y,
-            distribution.loads.loads * contact.normal_n,
-            friction.mu,
-            force,
-            contact.spin_nm * friction.spin_scale,
-            about,
-            growth=config.contact_growth,
-            safety=config.grip_safety * (1.0 + Z * noise),
-        )
-        return finite_or_none(found)
+            safety *= 1.0 + Z * noise
+        loads_n = distribution.loads.loads * contact.normal_n
+        factor = solve_grip_factor(
+            distribution.x, distribution.y, loads_n, friction.mu, safety * contact.fx_n, safety * contact.fy_n,
+            safety * (contact.spin_nm * friction.spin_scale), contact.cx_m, contact.cy_m, config.contact_growth,
+        )  # fmt: skip
+        return finite_or_none(factor * float(loads_n.sum()))
 
     @property
     def force_reading(self) -> ForceReading:
