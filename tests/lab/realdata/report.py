@@ -11,9 +11,9 @@ from realdata.score import Onset, Score
 
 HEAD = (
     "| | onsets in time | late, ms: median / worst | late, mm | slides never reported | sliding reported "
-    "| clear rests with a report | pressed rests with one |"
+    "| rest reported | clear rests with a report | pressed rests with one |"
 )
-RULE = "| --- | --- | --- | --- | --- | --- | --- | --- |"
+RULE = "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
 
 
 def lines(runs: list[Run]) -> Iterator[str]:
@@ -40,6 +40,7 @@ def lines(runs: list[Run]) -> Iterator[str]:
 
 def _row(name: str, scores: list[Score]) -> str:
     onsets = [onset for score in scores for onset in score.onsets]
+    rested, false = sum(score.rested_s for score in scores), sum(score.false_s for score in scores)
     slid, reported = sum(score.slid_s for score in scores), sum(score.reported_s for score in scores)
     rests = [
         " of ".join(str(sum(getattr(score, kind)[part] for score in scores)) for part in (1, 0))
@@ -50,6 +51,7 @@ def _row(name: str, scores: list[Score]) -> str:
         *_late(onsets),
         str(sum(onset.late_s is None for onset in onsets)),
         f"{reported / slid:.0%} of {slid:.0f} s",
+        f"{false / rested:.0%} of {rested:.0f} s",
         *rests,
     ]
     return f"| {name} | " + " | ".join(cells) + " |"

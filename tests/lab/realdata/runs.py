@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from project import CONFIG, DATA
-from realdata.score import Course, Score, oracle, score
+from realdata.score import Course, Score, oracle, score, tremor
 from realdata.truth import PUSHED_N, Motion, Span, motion
 
 from slipd.recording.reader import open_recording
@@ -26,7 +26,6 @@ MASS_KG = 0.15
 FINGER = "support"
 START_S = (START_NS + LIFTED_NS) * 1e-9
 LEVELS = {"slipping": {"slipping"}, "warning or slipping": {"warning", "slipping"}}
-ORACLE = "oracle: best limit on the load"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +73,8 @@ def _measure(folder: Path, row: dict[str, str], text: str) -> Run:
     pressed = [_is_pressed(pushes, rest, clear_s) for rest in moved.rests]
     spans = level_spans(messages)[FINGER]
     scores = {name: score(moved, _reports(spans, levels), pressed) for name, levels in LEVELS.items()}
-    scores[ORACLE] = oracle(moved, course, pressed)
+    for name, signal in (("load", course.required), ("tremor of the load", tremor(course))):
+        scores[f"oracle: best limit on the {name}"] = oracle(moved, course.time_s, signal, pressed)
     onsets = [float(np.interp(slide.begin_s, course.time_s, course.utilisation)) for slide in moved.slides]
     sliding = np.any([(course.time_s > s.begin_s) & (course.time_s < s.end_s) for s in moved.slides], axis=0)
     learned = float(course.mu[-1] / np.median(course.required[sliding]))

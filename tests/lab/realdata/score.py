@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from realdata.truth import Motion, Span
+from numpy.typing import NDArray
+from realdata.truth import Motion, Span, spans_where
 
 from slipd.types.arrays import Array
 
@@ -17,7 +18,9 @@ AHEAD_S = 0.5
 """A report that begins up to this long before an onset, and ends before it, is about this onset."""
 
 STEPS = 200
-"""Limits of λ that the oracle tries."""
+"""Limits that an oracle tries."""
+
+TREMOR_ROWS = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +54,8 @@ class Score:
         onsets: One for each slide.
         slid_s: Time in which the object slid.
         reported_s: Part of it that was reported.
+        rested_s: Time in which it rested.
+        false_s: Part of it in which sliding was reported.
         clear: Rests in which the pusher is clear of the object, and how many of them had a report.
         pressed: Rests in which the pusher presses against the object, likewise.
     """
@@ -58,6 +63,8 @@ class Score:
     onsets: list[Onset]
     slid_s: float
     reported_s: float
+    rested_s: float
+    false_s: float
     clear: tuple[int, int]
     pressed: tuple[int, int]
 
@@ -71,6 +78,8 @@ def score(motion: Motion, reports: list[Span], pressed: list[bool]) -> Score:
         [_onset(motion, slide, reports) for slide in motion.slides],
         sum(slide.seconds for slide in motion.slides),
         sum(overlap_s(slide, report) for slide in motion.slides for report in reports),
+        sum(rest.seconds for rest in motion.rests),
+        sum(overlap_s(rest, report) for rest in motion.rests for report in reports),
         (len(rests[False]), sum(rests[False])),
         (len(rests[True]), sum(rests[True])),
     )
@@ -89,25 +98,27 @@ def _onset(motion: Motion, slide: Span, reports: Iterable[Span]) -> Onset:
     return Onset(first_s - slide.begin_s, motion.travel_m(slide.begin_s, first_s))
 
 
-def oracle(motion: Motion, course: Course, pressed: list[bool]) -> Score:
-    """Return the score of the best limit on the required friction of this run, chosen with the motion in view.
+def oracle(motion: Motion, time_s: Array, signal: Array, pressed: list[bool]) -> Score:
+    """Return the score of the best limit on a signal of this run, chosen with the motion in view.
 
-    It shows what the load alone allows: best is the limit with which the object slides above it and rests below it for
-    the longest time.
+    It shows what the signal alone allows: best is the limit with which the object slides above it and rests below it
+    for the longest time.
     """
-    sliding, resting = (_within(course.time_s, spans) for spans in (motion.slides, motion.rests))
-    limits = np.quantile(course.required[np.isfinite(course.required)], np.linspace(0.0, 1.0, STEPS))
-    gains = [(course.required[sliding] > limit).mean() - (course.required[resting] > limit).mean() for limit in limits]
-    above = course.required > limits[int(np.argmax(gains))]
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], above.astype(int), [0]))))
-    last = len(course.time_s) - 1
-    reports = [
-        Span(float(course.time_s[begin]), float(course.time_s[min(end, last)])) for begin, end in edges.reshape(-1, 2)
-    ]
-    return score(motion, reports, pressed)
+    sliding, resting = (_within(time_s, spans) for spans in (motion.slides, motion.rests))
+    limits = np.quantile(signal, np.linspace(0.0, 1.0, STEPS))
+    gains = [(signal[sliding] > limit).mean() - (signal[resting] > limit).mean() for limit in limits]
+    return score(motion, spans_where(time_s, signal > limits[int(np.argmax(gains))]), pressed)
 
 
-def _within(time_s: Array, spans: list[Span]) -> Array:
+def tremor(course: Course) -> Array:
+    """Return the standard deviation of the required friction around its trend over the last 0.1 s."""
+    rows = np.lib.stride_tricks.sliding_window_view(course.required, TREMOR_ROWS)
+    trend = np.polyfit(np.arange(TREMOR_ROWS), rows.T, 1)
+    rest = rows - trend[1][:, None] - trend[0][:, None] * np.arange(TREMOR_ROWS)
+    return np.concatenate((np.zeros(TREMOR_ROWS - 1), rest.std(axis=1)))
+
+
+def _within(time_s: Array, spans: list[Span]) -> NDArray[np.bool_]:
     found = np.zeros(len(time_s), dtype=bool)
     for span in spans:
         found |= (time_s >= span.begin_s) & (time_s <= span.end_s)

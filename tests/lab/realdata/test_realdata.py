@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from realdata import labelled
 from realdata.__main__ import main
-from realdata.score import Course, Onset, oracle, overlap_s, score
+from realdata.score import Course, Onset, oracle, overlap_s, score, tremor
 from realdata.truth import Motion, Span, motion
 
 from slipd.tools.recordings.pushes_file import Pushes
@@ -57,6 +57,7 @@ def test_an_onset_is_reported_by_the_first_report_about_it(reports: list[Span], 
 def test_reported_sliding_and_reports_at_rest_are_counted() -> None:
     found = score(moved(5e-3), [Span(0.0, 1.0), Span(3.0, 3.5)], [False, True])
     assert found.reported_s == pytest.approx(0.5)
+    assert 0.0 < found.false_s < 1.01 < found.rested_s
     assert (found.clear, found.pressed) == ((1, 1), (1, 0))
     assert Onset(0.2, 0.9e-3).in_time
     assert Onset(0.04, 3e-3).in_time
@@ -69,9 +70,17 @@ def test_the_oracle_finds_the_limit_that_separates_sliding_from_rest() -> None:
     found = moved(5e-3)
     time_s = np.arange(0.0, 6.0, 0.01)
     required = np.where((time_s > 2.0) & (time_s < 4.0), 0.4, 0.3)
-    best = oracle(found, Course(time_s, required, required, required), [False, False])
+    best = oracle(found, time_s, required, [False, False])
     assert best.clear == (2, 0)
     assert best.reported_s == pytest.approx(best.slid_s, abs=0.1)
+
+
+def test_the_tremor_is_that_around_the_trend() -> None:
+    ramp = np.arange(100) * 0.01
+    shaken = ramp + 0.02 * (-1.0) ** np.arange(100)
+    none = np.zeros(100)
+    assert tremor(Course(none, none, ramp, none)).max() == pytest.approx(0.0, abs=1e-9)
+    assert tremor(Course(none, none, shaken, none))[50] == pytest.approx(0.02, rel=0.1)
 
 
 @pytest.mark.long
