@@ -5,6 +5,7 @@
 Every grasp lasts a minute, with a draw of its own: object, contact, friction, noise,
 load, and a μ of the config that is 0.9, 1.0 or 1.1 times the true one. So no two runs share their noise, and the
 Poisson bounds hold. Reads are 10 ms apart, and the true λ is solved every 10 ms: loads change by at most 8 Hz.
+``--world second`` plays them in the world of other physics.
 ``--minutes`` limits the time that it takes; the page states the hours that were run. Metrics: `evaluate.score`.
 """
 
@@ -19,6 +20,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from bench.commit import measured_on
@@ -32,7 +34,10 @@ from evaluate.reports import reports_of
 from evaluate.running import Variant, config_text
 from evaluate.scene import STEP_S, Scene
 from evaluate.score import RunScore, score
+from evaluate.truth import Truth
+from evaluate.worlds import WORLDS
 from project import MEASURED
+from second_world import rubber_scene, rubber_trace
 
 from slipd.tools.sim.offline_grasp import BEGIN_NS, run_offline
 
@@ -54,18 +59,19 @@ as bytes of the sensors, and judged by the engine as there. μ of the config is 
 
 @dataclass(frozen=True, slots=True)
 class Minute:
-    """One grasp: its family, its seed, and μ of the config over the true one."""
+    """One grasp: its family, its seed, μ of the config over the true one, and its world, see `evaluate.worlds`."""
 
     family: str
     seed: int
     factor: float
+    world: str = "first"
 
 
-def minutes() -> Iterator[Minute]:
+def minutes(world: str = "first") -> Iterator[Minute]:
     """Yield the grasps, families and factors in turn."""
     for seed in EVALUATION:
         for family in FAMILIES:
-            yield Minute(family, seed, FACTORS[seed % len(FACTORS)])
+            yield Minute(family, seed, FACTORS[seed % len(FACTORS)], world)
 
 
 def draw(minute: Minute, seconds: float = SECONDS) -> Scene:
@@ -75,23 +81,32 @@ def draw(minute: Minute, seconds: float = SECONDS) -> Scene:
     return replace(scene, patch=replace(scene.patch, moves_with_object=bool(minute.seed % 2)))
 
 
+def played(minute: Minute, seconds: float) -> tuple[Any, Any, Truth]:
+    """Return the scene of a grasp in its world, its trace, and the truth."""
+    scene = draw(minute, seconds)
+    if minute.world == "second":
+        scene = rubber_scene.transposed(scene, zlib.crc32(f"second calm {minute.family} {minute.seed}".encode()))
+        trace = rubber_trace.play(scene, SOLVED_EVERY)
+        return scene, trace, rubber_trace.truth_of(scene, trace)
+    trace = play(scene)
+    return scene, trace, truth_of(scene, trace, every=SOLVED_EVERY, needs=False)
+
+
 def run(minute: Minute, seconds: float = SECONDS) -> RunScore:
     """Simulate a grasp, run it through sensors and engine, and score it."""
-    scene = draw(minute, seconds)
-    trace = play(scene)
+    scene, trace, truth = played(minute, seconds)
     text = config_text(scene, Variant(minute.factor, extra=FEW_VERDICTS))
     noise = zlib.crc32(f"calm {minute.family} {minute.seed}".encode())
     heard = run_offline(trace, {"left": scene.sensors}, text, noise, read_ns=READ_NS)
     bodies = ((one.t_ns + BEGIN_NS, one.body) for one in heard if one.topic == "slip.left" and one.t_ns >= 0)
-    truth = truth_of(scene, trace, every=SOLVED_EVERY, needs=False)
     return score(truth, reports_of(bodies, BEGIN_NS), steady=scene.steady, closed_s=scene.closed_s)
 
 
-def run_all(hours: float, workers: int, until_s: float) -> list[tuple[Minute, RunScore]]:
+def run_all(hours: float, workers: int, until_s: float, world: str = "first") -> list[tuple[Minute, RunScore]]:
     """Run grasps until they are so long together, or until a time of ``time.monotonic``."""
     found: list[tuple[Minute, RunScore]] = []
     with ProcessPoolExecutor(workers) as pool:
-        left = islice(minutes(), max(round(3600.0 * hours / SECONDS), 1))
+        left = islice(minutes(world), max(round(3600.0 * hours / SECONDS), 1))
         while batch := {pool.submit(run, minute): minute for minute in islice(left, 4 * workers)}:
             found += [(batch[done], done.result()) for done in as_completed(batch)]
             print(f"{len(found) * SECONDS / 3600.0:.2f} h", flush=True)
@@ -127,10 +142,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=600.0, metavar="M", help="no new grasps after")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes (default 1)")
     parser.add_argument("--into", type=Path, default=MEASURED, metavar="FOLDER", help="folder of the page")
+    parser.add_argument("--world", choices=WORLDS, default="first", help="which simulated world (default: first)")
     options = parser.parse_args(argv)
     header = measured_on()
-    found = run_all(options.hours, max(options.workers, 1), time.monotonic() + 60.0 * options.minutes)
-    text = f"# Calm hours\n\n{header}.\n\n{INTRODUCTION.format(seconds=SECONDS)}\n{table(found).markdown()}\n"
+    found = run_all(options.hours, max(options.workers, 1), time.monotonic() + 60.0 * options.minutes, options.world)
+    title = "Calm hours" if options.world == "first" else f"Calm hours, {options.world} world"
+    text = f"# {title}\n\n{header}.\n\n{INTRODUCTION.format(seconds=SECONDS)}\n{table(found).markdown()}\n"
     (options.into / "calm_hours.md").write_text(text, encoding="utf-8")
     return 0
 

@@ -10,6 +10,7 @@ from evaluate import calm
 from evaluate.families import EVALUATION
 from evaluate.reports import SLIPPING, STABLE
 from evaluate.test_score import course, said, scored
+from evaluate.worlds import WORLDS
 
 FALSE = scored(course(used=0.5), said((0.0, STABLE), (0.6, SLIPPING), (0.8, STABLE)))
 QUIET = scored(course(used=0.5), said((0.0, STABLE)))
@@ -21,8 +22,9 @@ def test_the_grasps_are_of_both_families_and_all_factors_and_of_seeds_kept_apart
     assert all(one.seed in EVALUATION for one in drawn)
 
 
-def test_a_short_hold_is_quiet() -> None:
-    found = calm.run(calm.Minute("hold", 7, 1.0), 1.5)
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_short_hold_is_quiet(world: str) -> None:
+    found = calm.run(calm.Minute("hold", 7, 1.0, world), 1.5)
     assert (found.false_slipping, found.false_warnings, found.episodes) == (0, 0, [])
     assert found.quiet_s == pytest.approx(1.5, abs=0.3)
     assert found.steady_s > 0.5

@@ -77,8 +77,11 @@ class RubberScene(Scene):
 
 def draw(family: str, seed: int) -> RubberScene:
     """Draw a grasp of a family; its loads use the same share of the friction limit as in the first world."""
-    first = families.draw(family, seed)
-    number = zlib.crc32(f"second {family} {seed}".encode())
+    return transposed(families.draw(family, seed), zlib.crc32(f"second {family} {seed}".encode()))
+
+
+def transposed(first: Scene, number: int) -> RubberScene:
+    """Return a scene of the first world as one of the second; a number seeds what only that one has."""
     rng = np.random.default_rng(number)
     creeps = first.friction.viscous_s_per_m > 0.0
     ratio = rng.uniform(*(CREEP_RATIO if creeps else RATIO))

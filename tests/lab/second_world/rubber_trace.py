@@ -35,7 +35,6 @@ class RubberTrace:
         t_s: Times, shape (n,), s.
         normal_n: Normal force on one pad, shape (n,), N.
         wrench_left: What the force sensor behind the left pad is given, about the centre of the pad, shape (n, 6).
-        true_wrench: The same without the faults of the sensor.
         slid: True relative sliding of the contact, elastic motion apart: x, y, m, and angle, rad; shape (n, 3).
         displacement: Motion of the object over the pad, elastic motion included, shape (n, 3).
         gross: Whether the contact slides as a whole, shape (n,).
@@ -48,7 +47,6 @@ class RubberTrace:
     t_s: Array
     normal_n: Array
     wrench_left: Array
-    true_wrench: Array
     slid: Array
     displacement: Array
     gross: np.ndarray
@@ -72,8 +70,8 @@ class RubberTrace:
         return self._read[key][np.clip(at.astype(int), 0, len(self.images) - 1)]
 
 
-def play(scene: RubberScene) -> RubberTrace:
-    """Simulate a scene; the trace ends where the object is lost."""
+def play(scene: RubberScene, used_every: int = USED_EVERY) -> RubberTrace:
+    """Simulate a scene, with λ at every so many steps; the trace ends where the object is lost."""
     grasp, n = scene.grasp(), len(scene.grip_n)
     rows, images = [], []
     begin = n if scene.hand is None else int(scene.hand.path.any(axis=1).argmax())
@@ -84,7 +82,7 @@ def play(scene: RubberScene) -> RubberTrace:
         if i:
             load = load_at(scene, i, scene.load[i].tolist(), grasp, held_at if i >= begin else None)
             grasp.advance(STEP_S, load, float(scene.grip_n[i]))
-        if i % USED_EVERY == 0:
+        if i % used_every == 0:
             used = _used(grasp, scene.friction.mu_s)
         if i % IMAGE_EVERY == 0:
             images.append((grasp.places.copy(), grasp.loads.copy()))
@@ -97,7 +95,7 @@ def play(scene: RubberScene) -> RubberTrace:
     wrench = found[:, 1:7]
     rng = np.random.default_rng(scene.seed + 1)
     return RubberTrace(
-        np.arange(len(found)) * STEP_S, found[:, 0], felt(wrench, scene.faults, rng), wrench, found[:, 7:10],
+        np.arange(len(found)) * STEP_S, found[:, 0], felt(wrench, scene.faults, rng), found[:, 7:10],
         found[:, 10:13], found[:, 13] > 0.0, found[:, 14], found[:, 15], images, scene.faults,
     )  # fmt: skip
 
