@@ -21,8 +21,7 @@ from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
 from slipd.events import HostNotice
-from slipd.io.host.config_reload import ConfigReload, kept_text
-from slipd.io.host.run_signals import EndSignals, handled_signals
+from slipd.io.host.run_signals import ConfigReload, EndSignals, handled_signals, kept_text
 from slipd.io.host.scheduling import PollingSelector, realtime_priority
 from slipd.io.host.systemd import SystemdNotifier, Watchdog, stage_checks
 from slipd.io.ticker import Ticker

@@ -15,6 +15,7 @@ from slipd.tools.cli_arguments import (
     EVERY,
     EXPORTS,
     add_command,
+    add_doctor_arguments,
     endpoint,
     export_format,
     page,
@@ -26,7 +27,6 @@ from slipd.tools.cli_arguments import (
     table,
     time_s,
 )
-from slipd.tools.discovery.doctor_arguments import add_doctor_arguments
 from slipd_client.arguments import add_listen
 
 _EXIT = "Exit code: 0 done, 1 the answer is no, 2 wrong use, 130 Ctrl-C (slipd docs commands)."

@@ -12,8 +12,8 @@ from daemon_peers import until
 
 from slipd import config
 from slipd.events import Event, HostNotice
-from slipd.io.host import config_reload
-from slipd.io.host.config_reload import ConfigReload
+from slipd.io.host import run_signals
+from slipd.io.host.run_signals import ConfigReload
 
 
 async def test_G2_a_check_that_fails_itself_keeps_the_run_and_is_reported(
@@ -29,7 +29,7 @@ async def test_G2_a_check_that_fails_itself_keeps_the_run_and_is_reported(
         raise ZeroDivisionError("float division by zero")
 
     with monkeypatch.context() as broken:
-        broken.setattr(config_reload, "load", fail)
+        broken.setattr(run_signals, "load", fail)
         watch = asyncio.create_task(reload.watch(config_in_use, reports.append, stop))
         requested.set()
         await until(lambda: reports)
@@ -50,7 +50,7 @@ async def test_G2_a_check_that_fails_itself_keeps_the_run_and_is_reported(
 async def test_G2_a_file_that_cannot_be_read_in_time_keeps_the_run_and_the_next_request_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(config_reload, "READ_LIMIT_S", 0.05)
+    monkeypatch.setattr(run_signals, "READ_LIMIT_S", 0.05)
     file, reports = tmp_path / "rig.toml", list[Event]()
     file.write_text(GOOD, encoding="utf-8")
     config_in_use = config.load(file)
