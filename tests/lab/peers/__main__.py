@@ -30,6 +30,9 @@ COMPARISONS: tuple[Callable[[Path], Comparison], ...] = (
     xela_peer.compare,
 )
 
+BY_HAND = "\n## Mutants"
+"""From here on the page is written by hand, and kept."""
+
 
 def main() -> int:
     """Compare and print; return 1 if a comparison found a difference."""
@@ -47,7 +50,8 @@ def main() -> int:
                     print(f"  {verdict:8} {what}", flush=True)
     if options.report:
         options.report.parent.mkdir(exist_ok=True)
-        options.report.write_text(render(found, measured_on()), encoding="utf-8")
+        kept = options.report.read_text(encoding="utf-8").partition(BY_HAND)[1:] if options.report.exists() else ()
+        options.report.write_text("".join((render(found, measured_on()), *kept)), encoding="utf-8")
     return int(any(comparison.differs for comparison in found))
 
 

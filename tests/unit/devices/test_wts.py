@@ -41,6 +41,18 @@ def test_the_worked_image_is_read_and_written() -> None:
     assert wts.encode_frame(CELLS, 123_456) == WORKED
 
 
+def test_the_time_is_unsigned_and_wraps_after_49_days() -> None:
+    (sample,) = wts.Decoder().receive(bytes.fromhex("AA AA AA 00 45 00 05 00 00 80 00" + "00" * 64 + "BB FF"), 0)
+    assert sample.device_time_ns == ((1 << 31) + 5) * 1_000_000
+
+
+def test_the_serial_number_stands_in_the_system_information_as_weiss_documents_it_for_the_wsg() -> None:
+    session = wts.Session()
+    assert session.start(0) == bytes.fromhex("AA AA AA 50 00 00 DB 87")
+    session.receive(bytes.fromhex("AA AA AA 50 0A 00 00 00 01 00 34 12 78 56 34 92 C5 81"), 1)
+    assert session.identity == "S/N 2452903544"
+
+
 def test_an_image_with_a_cell_at_full_scale_is_saturated() -> None:
     decoder = wts.Decoder()
     assert decoder.receive(wts.encode_frame([4095], 0), 0)[0].status == ("saturated",)
@@ -83,6 +95,7 @@ def test_a_value_beyond_full_scale_gives_no_image() -> None:
         (wts.encode_start(10), "21 03 00 00 0A 00 DA B5"),
         (wts.encode_query(wts.STOP), "22 00 00 0E 76"),
         (wts.encode_query(wts.MATRIX), "30 00 00 CA CF"),
+        (wts.encode_query(wts.SYSTEM), "50 00 00 DB 87"),
         (wts.encode_matrix(wts.Matrix()), "30 0C 00 00 00 04 00 08 00 54 01 54 01 FF 0F C5 81"),
     ],
 )

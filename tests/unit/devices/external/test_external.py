@@ -32,9 +32,9 @@ def test_a_wrench_is_read() -> None:
 
 @pytest.mark.parametrize("torque", [None, ...])
 def test_a_force_may_come_without_a_torque(torque: Any) -> None:
-    (sample,), _ = decode(pack(WRENCH, torque_nm=torque))
+    (sample,), _ = decode(pack({"torque_nm": torque, "status": ["a"]}, **WRENCH | {"torque_nm": torque}))
     assert isinstance(sample, WrenchSample)
-    assert sample.torque_nm is None
+    assert (sample.torque_nm, sample.status) == (None, ("a",))
 
 
 @pytest.mark.parametrize("values", [[1.5], list(range(16)), [[1.0, 2.0, 3.0]] * 20, [[1, 2.5, -70_000]], [2.0] * 4096])

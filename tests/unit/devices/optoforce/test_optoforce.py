@@ -159,6 +159,7 @@ def test_D3_another_rate_changes_the_step_at_the_cost_of_a_reading() -> None:
 def test_a_sensitivity_report_is_unsigned() -> None:
     nominal, counts = bytes.fromhex("00C8 00C8 00C8 2710 2710 2710 00C8"), bytes.fromhex("9C40" * 7)
     assert frames.parse_report(nominal, counts) == [200.0] * 3 + [4000.0] * 3
+    assert frames.parse_report(bytes(14), counts) == [0.0] * 6, "no load is stated"
 
 
 def test_an_untrusted_counter_is_not_used() -> None:
