@@ -52,7 +52,9 @@ def tables() -> dict[str, str]:
         ),
         "reasons": _meanings("reason", REASONS),
         "evidence": _meanings("evidence", EVIDENCE),
-        "image_reasons": _meanings("reason", IMAGE_REASONS),
+        "image_reasons": _meanings(
+            "reason", {word: text for word, text in IMAGE_REASONS.items() if word not in REASONS}
+        ),
         "fingers": _fields(fields_of(FingerStatus)),
         "streams": _fields(fields_of(StreamStatus)),
         "recordings": _fields(fields_of(RecordingStatus)),
