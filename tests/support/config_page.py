@@ -55,7 +55,9 @@ def reference() -> str:
 
 def _section(title: str, model: type[BaseModel]) -> str:
     also = " It also has the [keys of every device](#keys-of-every-device)." if Stream in model.__mro__[1:] else ""
-    return f"## {title}\n\n{summary_of(model)}{also}\n\n{_table(TITLES, _rows(model))}"
+    rows = list(_rows(model))
+    table = f"\n{_table(TITLES, iter(rows))}" if rows else ""
+    return f"## {title}\n\n{summary_of(model)}{also}\n{table}"
 
 
 def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:

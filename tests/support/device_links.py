@@ -43,7 +43,7 @@ def health(link: DeviceLink, t_ns: int, source: str = "") -> tuple[Health, str]:
 def status(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
     """What ``status`` says of a stream, beside what its finger knows."""
     publisher = StatusPublisher(
-        {}, {}, NamedObject(), NoGripper(), Lateness(), lambda: (RecordingChanged("", "", "none"), None), {},
+        {}, {}, NamedObject(), NoGripper(), None, Lateness(), lambda: (RecordingChanged("", "", "none"), None), {},
         MessageSequencer("b", "c", WallClock(0)),
     )  # fmt: skip
     stream = link.streams[source]

@@ -58,8 +58,8 @@ REASONS = {
     "overload": "the sensor is beyond its range",
     "invalid": "the sensor marks its reading as invalid",
     "raw": "the sensor sends uncalibrated values",
-    "weight_unknown": "the direction of the finger's own weight is not known, because no program sends `gravity.set`; "
-    "it may use up the margin or hide a contact",
+    "weight_unknown": "the direction of the finger's own weight is not known, because neither an arm stream nor "
+    "`gravity.set` gives it; it may use up the margin or hide a contact",
     "stuck": "the sensor repeats its readings, and a working one would not",
     "garbage": "the readings are beyond the sensor's range, or change faster than a force can",
     "not_tared": "the zero of a sensor is not known: its reading may be an offset, and its offset may hide a load",
@@ -102,7 +102,7 @@ TARE_REASONS: dict[TareReason, str] = {
     "contact": "a contact began",
     "pulled": "the normal force became negative",
     "moved": "the readings spread wider than the sensor's noise",
-    "turned": "`gravity.set` reported that the finger was turned",
+    "turned": "the arm stream or `gravity.set` reported that the finger was turned",
     "silent": "the stream was silent for half a second",
     "ended": "the link went down, or the host slept",
     "undone": "`tare.undo` took it back",

@@ -9,7 +9,7 @@ from slipd.config.check_hints import hints
 from slipd.config.checks import missing_keys
 from slipd.config.config_file import config_file as shipped
 from slipd.config.config_file import load, parse
-from slipd.config.gripper_tables import Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.gripper_tables import Arm, Grasp, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.model import Config, axes_of, device_options, in_newtons, stale_after_ns, transport_of
 from slipd.config.service_tables import (
     Bus,
@@ -25,6 +25,7 @@ from slipd.config.service_tables import (
 from slipd.config.stream_tables import Finger, Pad, Pose, Slip, Stream, Wrench
 
 __all__ = [
+    "Arm",
     "Bus",
     "Config",
     "Continuous",

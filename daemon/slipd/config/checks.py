@@ -37,8 +37,9 @@ def semantic_faults(config: Config) -> Iterator[Fault]:
     if config.gripper is not None:
         yield from stream_faults("gripper", config.gripper, "gripper")
         yield from gripper_faults(config.gripper)
-    if config.grasp is not None and config.grasp.object is not None:
-        yield from stream_faults("grasp.object", config.grasp.object, "object")
+    for kind in ("object", "arm"):
+        if (stream := config.streams().get(kind)) is not None:
+            yield from stream_faults(f"grasp.{kind}", stream, kind)
     yield from grasp_faults(config)
     yield from reflex_faults(config)
     yield from _service_faults(config)

@@ -80,16 +80,22 @@ class ObservedObject(Stream):
     std_m: Positive = 0.001
 
 
+class Arm(Stream):
+    """``[grasp.arm]``: motion of the arm, which a program of yours pushes; see "The arm's motion", docs/arm.md."""
+
+
 class Grasp(StrictModel):
     """``[grasp]``: two fingers as one grasp; ``pads`` names both.
 
     Attributes:
         pads: Pose of the pad of each finger. Wrong: see its keys.
         object: Observation of the object by another process, if there is one. Wrong: see its keys.
+        arm: Motion of the arm, reported by another process, if there is one. Wrong: see its keys.
     """
 
     pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
     object: ObservedObject | None = None
+    arm: Arm | None = None
 
 
 class Reflex(StrictModel):

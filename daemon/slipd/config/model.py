@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, PrivateAttr
 
-from slipd.config.gripper_tables import Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.gripper_tables import Arm, Grasp, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.service_tables import (
     Bus,
     Continuous,
@@ -39,6 +39,7 @@ TABLES: dict[str, type[BaseModel]] = {
     "grasp": Grasp,
     "grasp.pads.X": PadPlace,
     "grasp.object": ObservedObject,
+    "grasp.arm": Arm,
     "reflex": Reflex,
     "levels": Levels,
     "rates": Rates,
@@ -87,11 +88,13 @@ class Config(StrictModel):
         return hashlib.sha256(self.text.encode()).hexdigest()[:12]
 
     def streams(self) -> dict[str, Stream]:
-        """Return all streams by name: ``left.wrench``, ``left.pad``, ``gripper``, ``object``."""
+        """Return all streams by name: ``left.wrench``, ``left.pad``, ``gripper``, ``object``, ``arm``."""
         found: dict[str, Stream | None] = {}
         for name, finger in self.finger.items():
             found |= {f"{name}.wrench": finger.wrench, f"{name}.pad": finger.pad}
-        found |= {"gripper": self.gripper, "object": None if self.grasp is None else self.grasp.object}
+        found["gripper"] = self.gripper
+        if self.grasp is not None:
+            found |= {"object": self.grasp.object, "arm": self.grasp.arm}
         return {name: stream for name, stream in found.items() if stream is not None}
 
 
@@ -106,7 +109,9 @@ def table_model(path: Sequence[str]) -> type[BaseModel] | None:
 
 def key_path(stream_name: str) -> str:
     """Return the key path of the table of a stream, such as "finger.left.pad" for ``left.pad``."""
-    return {"gripper": "gripper", "object": "grasp.object"}.get(stream_name, f"finger.{stream_name}")
+    return {"gripper": "gripper", "object": "grasp.object", "arm": "grasp.arm"}.get(
+        stream_name, f"finger.{stream_name}"
+    )
 
 
 def transport_of(port: str) -> str:

@@ -15,7 +15,7 @@ _KINDS = {
     "wrench": ("wrench",),
     "tactile": ("tactile",),
     "gripper": ("gripper",),
-    "any": ("wrench", "tactile", "object"),
+    "any": ("wrench", "tactile", "object", "arm"),
 }
 _ADDRESSES = {
     "serial": "the path of a serial port",
@@ -94,7 +94,7 @@ def stream_faults(path: str, stream: Stream, kind: str) -> Iterator[Fault]:
     Args:
         path: Key path of the stream.
         stream: The stream.
-        kind: Kind of device that belongs here: "wrench", "tactile", "gripper" or "object".
+        kind: Kind of device that belongs here: "wrench", "tactile", "gripper", "object" or "arm".
     """
     fault = _package_fault(stream) or _device_fault(stream, kind)
     if fault is None:

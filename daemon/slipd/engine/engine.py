@@ -33,6 +33,7 @@ from slipd.events import (
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Lateness
+from slipd.grasp.arm_motion import make_arm_motion
 from slipd.grasp.grasp_view import GraspView, NamedObject
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.no_gripper import NoGripper
@@ -99,6 +100,7 @@ class Engine:
             session = cast("GripperSession", self._links[GRIPPER_LINK].session)
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
+        self._arm = make_arm_motion(config.grasp, self._fingers)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
         self._lateness = Lateness()
@@ -114,6 +116,7 @@ class Engine:
             self._fingers,
             named,
             self._gripper,
+            self._arm,
             self._lateness,
             self._recordings.newest,
             self.kept.problems,
@@ -125,6 +128,7 @@ class Engine:
             self._fingers,
             named,
             self._gripper,
+            self._arm,
             config.requests,
             self._reflex is not None,
             self._recordings,
@@ -204,6 +208,8 @@ class Engine:
             owner, _, kind = read.stream.partition(".")
             if kind:
                 self._handle_finger(owner, kind, read, t_ns, out)
+            elif self._arm is not None and owner == "arm":
+                self._arm.update(cast("Sequence[Any]", read.samples), read.times_ns, self._gripper.width_m)
             else:
                 self._handle_grasp_samples(read, out)
         if link.session is not None:

@@ -14,11 +14,13 @@ from slipd.finger.freshness import Arrival
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import PENDING, READING, UNTRUSTED, Rows, new_rows
 from slipd.fusion.streaming import move_to_pad
+from slipd.signals.averaging import Average
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
-from slipd.signals.gravity import FingerWeight, GravityCompensation
+from slipd.signals.gravity import FRESH_NS, FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Tare
+from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.types.samples import WrenchSample
 
@@ -78,6 +80,8 @@ class ForceChannel:
         self.mass_kg = wrench.mass_kg
         self.noise = Uncertainty(*noise)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
+        self._gravity_before: Sequence[float] | Array | None = None  # the running tare; as it was known first
+        self._gravity_since = Average((3,))
         pose = wrench.pad_from_sensor
         self._conditions = conditions
         conditions["matrix"] = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
@@ -173,17 +177,29 @@ class ForceChannel:
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
         """Begin to average readings; the weight at the present orientation becomes part of the offset."""
-        self.tare.begin(t_ns, seconds, by, self.gravity.gravity(t_ns))
+        gravity = self._gravity_before = self.gravity.gravity(t_ns)
+        self._gravity_since = Average((3,))
+        self.tare.begin(t_ns, seconds, by, gravity)
 
-    def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
-        """Set the apparent gravity in the pad frame, m/s²; a finger that turns gives up its tare."""
-        before = self.gravity.gravity(t_ns)
-        self.gravity.set(gravity_mps2, t_ns)
+    def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int, fresh_ns: int = FRESH_NS) -> None:
+        """Set the apparent gravity in the pad frame, m/s²; a finger that turns during a tare gives it up.
+
+        Args:
+            gravity_mps2: The gravity, shape (3,).
+            t_ns: When it was measured.
+            fresh_ns: For how long it is valid.
+        """
+        self.gravity.set(gravity_mps2, t_ns, fresh_ns)
         self._set_conditions()
-        if self.tare.busy and before is not None:
-            turned_n = self.mass_kg * math.dist(before, gravity_mps2)
-            if turned_n > self.noise.force_std_n:
-                self.tare.abort("turned")
+        if self.tare.busy:
+            self._give_up_turned_tare(gravity_mps2)
+
+    def _give_up_turned_tare(self, gravity_mps2: Sequence[float]) -> None:
+        """Give up a tare over which the mean weight differs from that at its begin by more than the noise."""
+        before = self._gravity_before = gravity_mps2 if self._gravity_before is None else self._gravity_before
+        self._gravity_since.add(np.array(gravity_mps2))
+        if self.mass_kg * math.dist(before, self._gravity_since.mean) > self.noise.force_std_n:
+            self.tare.abort("turned")
 
     def uncertainty(self, t_ns: int) -> Uncertainty:
         """Return how far a reading at ``t_ns`` may be off."""

@@ -75,10 +75,10 @@ def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
     found += _device_status(force.status)
     if force.gravity.state(t_ns) == "unknown_orientation":
         force_n = force.gravity.uncertainty(t_ns)[0]
-        missing = "the robot program must send it, or slipctl gravity, or slipctl serve ros2"
-        found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N; {missing}"))
+        missing = "an arm stream ([grasp.arm]) removes it, or gravity.set, slipctl gravity or slipctl serve ros2"
+        found.append((Health.WARN, f"no fresh gravity: the finger's weight may add {force_n:.2f} N; {missing}"))
         if force.tare.current.gravity_mps2 is None:
-            text = "tare it once more while gravity.set runs: the last tare holds an unknown weight"
+            text = "tare it once more while gravity is known: the last tare holds an unknown weight"
             found.append((Health.OK, text))
     if force.drift is not None and force.drift.total >= 1.0:
         found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))

@@ -88,7 +88,7 @@ class GraspView:
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
         self._fingers = tuple(fingers[name] for name in config.pads)
-        self._places = tuple(_Place(place) for place in config.pads.values())
+        self._places = tuple(Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self._fingers)
         self.state = self.update(None)
 
@@ -193,11 +193,15 @@ class _Side:
         return _NO_WRENCH if wrench is None or weighs or not self._trusted else wrench
 
 
-class _Place:
-    """Pose of a pad at each width, from ``[grasp.pads.X]``."""
+class Place:
+    """Pose of a pad at each width, from ``[grasp.pads.X]``.
+
+    Attributes:
+        rotation: Maps pad coordinates to gripper coordinates, shape (3, 3).
+    """
 
     def __init__(self, config: PadPlace) -> None:
-        self._rotation = Rotation.from_quat(config.quat_xyzw).as_matrix()
+        self.rotation = Rotation.from_quat(config.quat_xyzw).as_matrix()
         rows = np.array(config.positions)
         self._widths_m, self._positions_m = rows[:, 0], rows[:, 1:]
 
@@ -205,8 +209,14 @@ class _Place:
         """Return the pose; without a position where the width is unknown or outside the configured positions."""
         widths = self._widths_m
         if width_m is None or not widths[0] <= width_m <= widths[-1]:
-            return PadPose(self._rotation, None)
-        return PadPose(self._rotation, np.array([np.interp(width_m, widths, along) for along in self._positions_m.T]))
+            return PadPose(self.rotation, None)
+        return PadPose(self.rotation, self.nearest_m(width_m))
+
+    def nearest_m(self, width_m: float | None) -> Array:
+        """Return the position, shape (3,), m; the nearest configured one beyond them, the middle one where unknown."""
+        widths = self._widths_m
+        at_m = (widths[0] + widths[-1]) / 2.0 if width_m is None else width_m
+        return np.array([np.interp(at_m, widths, along) for along in self._positions_m.T])
 
 
 HoldWord = Literal["empty", "held", "slipping", "lost", "unknown"]

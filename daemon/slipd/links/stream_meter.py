@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import NamedTuple
 
-from slipd.config import ObservedObject, Pad, Wrench, axes_of, stale_after_ns
+from slipd.config import Arm, ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.signals.clock import DeviceClock
-from slipd.types.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
+from slipd.types.samples import ArmSample, GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 
 RATE_TOLERANCE = 0.2
 """Relative deviation from the expected rate that is reported."""
@@ -166,6 +166,8 @@ def make_stream(name: str, config: StreamConfig, freshness: Freshness | None = N
         kind = WrenchSample
     elif isinstance(config, ObservedObject):
         kind = ObjectSample
+    elif isinstance(config, Arm):
+        kind = ArmSample
     elif isinstance(config, Pad):
         taxels = config.rows * config.cols
         kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)

@@ -13,6 +13,7 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Lateness
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.stream_health import finger_conditions
+from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
@@ -35,6 +36,7 @@ class StatusPublisher:
         fingers: The fingers by name.
         named: The object that clients named.
         gripper: The gripper.
+        arm: Motion of the arm; None: no stream reports it.
         lateness: How late the daemon is.
         recordings: Returns the newest recording on request, and that of the whole run; None where there is none.
         not_restored: Why tares of the run before are not used, by stream.
@@ -47,13 +49,14 @@ class StatusPublisher:
         fingers: Mapping[str, Finger],
         named: NamedObject,
         gripper: GripperControl | NoGripper,
+        arm: ArmMotion | None,
         lateness: Lateness,
         recordings: Callable[[], tuple[RecordingChanged, RecordingChanged | None]],
         not_restored: Mapping[str, str],
         sequencer: MessageSequencer,
     ) -> None:
         self._streams = [(link, stream) for link in links.values() for stream in link.streams.values()]
-        self._fingers, self._object, self._gripper = fingers, named, gripper
+        self._fingers, self._object, self._gripper, self._arm = fingers, named, gripper, arm
         self._lateness, self._recordings, self._not_restored = lateness, recordings, not_restored
         self._sequencer = sequencer
         self._notices: dict[str, str] = {}
@@ -132,6 +135,8 @@ class StatusPublisher:
             found += finger_conditions(self._fingers[owner], kind, t_ns)
         elif owner == "gripper":
             found += self._gripper.conditions()
+        elif owner == "arm" and self._arm is not None:
+            found += self._arm.conditions()
         if problem := self._not_restored.get(stream.name):
             found.append((Health.OK, problem))
         return found

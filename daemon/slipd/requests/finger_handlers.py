@@ -10,6 +10,7 @@ from slipd.config import Requests
 from slipd.events import Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
+from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.lease import Lease
@@ -31,14 +32,22 @@ class FingerHandlers:
         fingers: The fingers by name.
         named: Keeps the name of the object.
         policy: Keeps the lease.
+        arm: Motion of the arm; None: no stream reports it.
         config: ``[requests]``.
 
     Attributes:
         ops: Handler of each op.
     """
 
-    def __init__(self, fingers: dict[str, Finger], named: NamedObject, policy: GripPolicy, config: Requests) -> None:
-        self._fingers, self._named, self._policy, self._config = fingers, named, policy, config
+    def __init__(
+        self,
+        fingers: dict[str, Finger],
+        named: NamedObject,
+        policy: GripPolicy,
+        arm: ArmMotion | None,
+        config: Requests,
+    ) -> None:
+        self._fingers, self._named, self._policy, self._arm, self._config = fingers, named, policy, arm, config
         self._gravity_from: dict[str, tuple[bytes, int]] = {}
         self.ops: dict[str, Handler] = {
             "tare": self._tare,
@@ -100,6 +109,9 @@ class FingerHandlers:
             raise RefusalError(Refusal("not_ready", rule, "finger"))
         if fault := gravity_fault(gravity):
             raise RefusalError(Refusal("out_of_range", fault, "gravity_mps2"))
+        if self._arm is not None and self._arm.drives(finger.name, t_ns):
+            rule = f"the arm stream ([grasp.arm]) gives the gravity of finger {finger.name}: no client may set it now"
+            raise RefusalError(Refusal("not_ready", rule, "gravity_mps2"))
         sender, sent_ns = self._gravity_from.get(finger.name, (request.client, t_ns))
         holder = self._policy.lease.holder(t_ns)
         if holder not in (None, request.client) and sender == holder and t_ns - sent_ns <= FRESH_NS:

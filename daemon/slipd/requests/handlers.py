@@ -7,6 +7,7 @@ from collections.abc import Callable
 from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
+from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
@@ -36,6 +37,7 @@ class RequestHandlers:
         fingers: The fingers by name.
         named: The object that clients name.
         gripper: The gripper; keeps the lease.
+        arm: Motion of the arm; None: no stream reports it.
         requests: ``[requests]``.
         reflex: The rig has a reflex, which acts on what some requests state.
         recordings: The recordings on request.
@@ -48,6 +50,7 @@ class RequestHandlers:
         fingers: dict[str, Finger],
         named: NamedObject,
         gripper: GripperControl | NoGripper,
+        arm: ArmMotion | None,
         requests: Requests,
         reflex: bool,
         recordings: RecordingState,
@@ -63,7 +66,7 @@ class RequestHandlers:
             "hello": self._hello,
             "status": self._status_now,
             "record.stop": self._stop_recording,
-            **FingerHandlers(fingers, named, gripper.policy, requests).ops,
+            **FingerHandlers(fingers, named, gripper.policy, arm, requests).ops,
             **grip_handlers(gripper),
         }
 

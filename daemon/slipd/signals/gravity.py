@@ -1,7 +1,8 @@
 """Compensate the weight of the finger beyond its force sensor, if its direction is known.
 
-The robot program sends the apparent gravity in the pad frame: gravity minus the acceleration of the finger. Without it
-the weight counts as an uncertainty of the readings, not as a silent error.
+The robot program sends the apparent gravity in the pad frame: gravity minus the acceleration of the finger. A stream of
+the arm's motion gives it at any place of the gripper (`gravity_at`). Without either, the weight counts as an
+uncertainty of the readings, not as a silent error.
 """
 
 from __future__ import annotations
@@ -33,6 +34,31 @@ def gravity_fault(gravity_mps2: object) -> str | None:
     if not (within and math.hypot(*gravity_mps2) <= MOST_GRAVITY_MPS2):
         return f"gravity_mps2 must be finite, with a length of at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g)"
     return None
+
+
+def gravity_at(
+    place_m: Sequence[float],
+    gravity_mps2: Sequence[float],
+    velocity_radps: Sequence[float],
+    acceleration_radps2: Sequence[float] | None,
+) -> tuple[float, float, float]:
+    """Return the apparent gravity at a place of a turning rigid body: g − α × r − ω × (ω × r), m/s².
+
+    Args:
+        place_m: Place r, from the origin, shape (3,), m.
+        gravity_mps2: Apparent gravity at the origin, shape (3,), m/s².
+        velocity_radps: Angular velocity ω, shape (3,), rad/s.
+        acceleration_radps2: Angular acceleration α, shape (3,), rad/s²; None is taken as 0.
+    """
+    inward = _cross(velocity_radps, _cross(velocity_radps, place_m))
+    along = (0.0, 0.0, 0.0) if acceleration_radps2 is None else _cross(acceleration_radps2, place_m)
+    x, y, z = (g - a - b for g, a, b in zip(gravity_mps2, along, inward, strict=True))
+    return x, y, z
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    (ax, ay, az), (bx, by, bz) = a, b
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +121,8 @@ class GravityCompensation:
         self._fresh_until_ns: int | None = None
         self._unknown = self._bounds(0.0)
 
-    def set(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
-        """Set the apparent gravity in the pad frame at ``t_ns``, m/s².
+    def set(self, gravity_mps2: Sequence[float], t_ns: int, fresh_ns: int = FRESH_NS) -> None:
+        """Set the apparent gravity in the pad frame at ``t_ns``, m/s², which is valid for ``fresh_ns``.
 
         Raises:
             ValueError: The vector is invalid; see `gravity_fault`.
@@ -105,7 +131,7 @@ class GravityCompensation:
         if fault is not None:
             raise ValueError(fault)
         self._gravity = np.array(gravity_mps2, dtype=np.float64)
-        self._fresh_until_ns = t_ns + FRESH_NS
+        self._fresh_until_ns = t_ns + fresh_ns
         self._correct()
 
     def forget(self) -> None:

@@ -149,4 +149,27 @@ class ObjectSample:
     source: str = ""
 
 
-Sample = WrenchSample | TactileSample | GripperSample | ObjectSample
+@dataclass(slots=True, eq=False)
+class ArmSample:
+    """Motion of the arm at the origin of the gripper frame, in that frame, as another process reports it.
+
+    Attributes:
+        t_ns: CLOCK_MONOTONIC when the last byte of the reading was received.
+        device_time_ns: Time of the motion, CLOCK_MONOTONIC of the sender.
+        gravity_mps2: Apparent gravity: gravity minus the acceleration of the origin, m/s².
+        angular_velocity_radps: Angular velocity of the gripper, rad/s.
+        angular_acceleration_radps2: Angular acceleration of the gripper, rad/s²; None if unknown.
+        status: Conditions that the sender reported with the reading.
+        source: Name of the stream.
+    """
+
+    t_ns: int
+    device_time_ns: int | None
+    gravity_mps2: tuple[float, ...]
+    angular_velocity_radps: tuple[float, ...]
+    angular_acceleration_radps2: tuple[float, ...] | None = None
+    status: tuple[str, ...] = ()
+    source: str = ""
+
+
+Sample = WrenchSample | TactileSample | GripperSample | ObjectSample | ArmSample

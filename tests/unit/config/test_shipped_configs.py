@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from slipd import cli, config
 from slipd.config import (
+    Arm,
     Bus,
     Config,
     Finger,
@@ -43,6 +44,7 @@ INNER: dict[str, type[BaseModel]] = {
     "gripper": Gripper,
     "grasp": Grasp,
     "object": ObservedObject,
+    "arm": Arm,
     "reflex": Reflex,
     "wrench": Wrench,
     "pad": Pad,

@@ -83,12 +83,12 @@ def test_unknown_orientation_adds_uncertainty_and_is_reported(heavy: str, parse:
     assert force.uncertainty(T0)[2] == pytest.approx(0.1 * G)
     ((level, message),) = force_conditions(force, T0)
     assert level == Health.WARN
-    assert "no fresh gravity.set: the finger's weight may add 0.98 N" in message
+    assert "no fresh gravity: the finger's weight may add 0.98 N" in message
     force.begin_tare(T0, 0.01, "ann")
     for k in range(12):
         read(force, weigh(DOWN), T0 + k * MS)
     assert force.uncertainty(T0)[2] == pytest.approx(2 * 0.1 * G)
-    assert any("tare it once more while gravity.set runs" in text for _, text in force_conditions(force, T0))
+    assert any("tare it once more while gravity is known" in text for _, text in force_conditions(force, T0))
 
 
 def test_tare_is_given_up_when_the_finger_turns(heavy: str, parse: Parse) -> None:
@@ -100,6 +100,16 @@ def test_tare_is_given_up_when_the_finger_turns(heavy: str, parse: Parse) -> Non
     force.set_gravity(ALONG, T0)
     assert (force.tare.busy, force.tare.aborted_reason) == (False, "turned")
     assert (Health.OK, "the last tare was given up: the finger was turned") in force_conditions(force, T0)
+
+
+def test_tare_is_given_up_by_a_slow_turn_and_not_by_the_noise_of_a_fast_stream(heavy: str, parse: Parse) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.1, (500, 3))
+    for turn_mps2, given_up in ((0.0, False), (2.0, True)):
+        force = side(heavy.replace("force_std_n = 0.0", "force_std_n = 0.02"), parse)
+        force.begin_tare(T0, 10.0, "ann")
+        for k, error in enumerate(noise):
+            force.set_gravity([DOWN[0] + error[0] + turn_mps2 * k / 500, *(DOWN[1:] + error[1:])], T0 + 2 * k * MS)
+        assert force.tare.busy is not given_up
 
 
 @pytest.mark.parametrize("std_n", [0.0, 0.02])

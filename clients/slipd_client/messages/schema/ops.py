@@ -134,7 +134,7 @@ OPS: dict[str, Op] = {
             GRAVITY_MPS2,
             reply=GravityReply,
             steers="always",
-            needs=f"a force sensor (`not_ready`); {_LENIENT}",
+            needs=f"a force sensor, and no fresh [arm stream](arm.md) (`not_ready`); {_LENIENT}",
         ),
         _op(
             "friction.set",

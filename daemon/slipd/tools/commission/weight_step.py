@@ -123,8 +123,8 @@ def _check_no_gravity(fingers: Sequence[str]) -> Steps[None]:
         stream = status.streams.get(f"{name}.wrench")
         if stream is not None and stream.gravity == "compensated":
             raise SlipdError(
-                f"another program sends the direction of gravity for finger {name} (gravity.set), and the daemon "
-                "subtracts the weight; stop it, or weigh from a recording: slipd identify"
+                f"another program sends the direction of gravity for finger {name} (gravity.set or an arm stream), and "
+                "the daemon subtracts the weight; stop it, or weigh from a recording: slipd identify"
             )
 
 

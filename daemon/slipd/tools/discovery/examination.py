@@ -16,7 +16,7 @@ from slipd.links.link_health import why_silent
 from slipd.tools.discovery.capture import Capture
 from slipd.tools.discovery.port_probe import recognise
 from slipd.types.arrays import Array
-from slipd.types.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
+from slipd.types.samples import ArmSample, GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 
 MARGIN = 1.25
 """Factor by which a rate may differ from the one expected."""
@@ -172,7 +172,7 @@ def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
         active = "active" if newest.active else "not active"
         yield Finding("ok", f"gripper {active}, width {width}, fault {newest.fault or 'none'}")
         return
-    if isinstance(newest, ObjectSample):
+    if isinstance(newest, (ObjectSample, ArmSample)):
         return
     rows = [_numbers(sample) for sample in samples]
     if len({len(row) for row in rows}) > 1:

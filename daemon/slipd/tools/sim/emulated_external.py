@@ -1,11 +1,11 @@
-"""A program that pushes the readings of force/torque sensors and pads, each a stream of its own."""
+"""A program that pushes the readings of force/torque sensors, pads and an arm, each a stream of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from slipd.devices.external import encode_reading
-from slipd.tools.sim.emulators import EmulatedDevice, TactileStream, WrenchStream
+from slipd.tools.sim.emulators import ArmStream, EmulatedDevice, TactileStream, WrenchStream
 from slipd.types.arrays import Array
 
 WRENCH, PAD = "left.wrench", "left.pad"
@@ -27,7 +27,8 @@ class Pusher(EmulatedDevice):
         seed: Seed of the noise.
         wrenches: Names of the streams of force/torque sensors.
         pads: Names of the streams of pads, each with the shape of its image, (taxels,) or (taxels, 3).
-        rates_hz: Rate of a stream by its name, Hz; by default 500 for a sensor and 100 for a pad.
+        arms: Names of the streams of the arm's motion.
+        rates_hz: Rate of a stream by its name, Hz; by default 500 for a sensor or arm, and 100 for a pad.
 
     Attributes:
         began_ns: CLOCK_MONOTONIC of the start; the times of its readings count from it.
@@ -38,6 +39,7 @@ class Pusher(EmulatedDevice):
         seed: int,
         wrenches: Sequence[str] = (WRENCH,),
         pads: Mapping[str, tuple[int, ...]] = {PAD: (TAXELS,)},
+        arms: Sequence[str] = (),
         rates_hz: Mapping[str, float] = {},
     ) -> None:
         super().__init__(RATE_HZ)
@@ -47,11 +49,10 @@ class Pusher(EmulatedDevice):
             name: TactileStream(seed + k, rates_hz.get(name, RATE_HZ / PAD_EVERY), shape, NOISE)
             for k, (name, shape) in enumerate(pads.items())
         }
-        for wrench in self._wrenches.values():
-            wrench.start(0)
-        for pad in self._images.values():
-            pad.start(0)
-        self._sent = dict.fromkeys([*wrenches, *pads], 0)
+        self._arms = {name: ArmStream(seed + k, rates_hz.get(name, RATE_HZ)) for k, name in enumerate(arms)}
+        for stream in (*self._wrenches.values(), *self._images.values(), *self._arms.values()):
+            stream.start(0)
+        self._sent = dict.fromkeys([*wrenches, *pads, *arms], 0)
 
     def feel(self, force_n: Array, torque_nm: Array, sensor: str = WRENCH) -> None:
         """Set the load on a sensor from now on, in the frame of the sensor, N and N·m."""
@@ -61,11 +62,17 @@ class Pusher(EmulatedDevice):
         """Set the load on each taxel of a pad from now on, of the shape of its image."""
         self._images[sensor].press(values)
 
+    def carry(self, gravity_mps2: Array, velocity_radps: Array, sensor: str) -> None:
+        """Set the motion of an arm from now on: apparent gravity, m/s², and angular velocity, rad/s."""
+        self._arms[sensor].carry(gravity_mps2, velocity_radps)
+
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
         wrenches = [(t, name, values) for name, stream in self._wrenches.items() for t, values in stream.due(t_ns)]
         images = [(t, name, stream.image()) for name, stream in self._images.items() for t in stream.times(t_ns)]
-        return [self._message(*reading) for reading in sorted(wrenches + images, key=lambda reading: reading[0])]
+        motions = [(t, name, stream.reading()) for name, stream in self._arms.items() for t in stream.times(t_ns)]
+        readings = sorted(wrenches + images + motions, key=lambda reading: reading[0])
+        return [self._message(*reading) for reading in readings]
 
     def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
         number = self._sent[stream]
@@ -73,6 +80,8 @@ class Pusher(EmulatedDevice):
         t_ns = self.began_ns + taken_ns
         if stream in self._images:
             return encode_reading(stream, t_ns, seq=number, values=values)
+        if stream in self._arms:
+            return encode_reading(stream, t_ns, seq=number, gravity_mps2=values[:3], angular_velocity_radps=values[3:])
         return encode_reading(stream, t_ns, seq=number, force_n=values[:3], torque_nm=values[3:])
 
 

@@ -236,6 +236,31 @@ class TactileStream(Timer):
         return self._of_sensor.get(sensor, self._ideal) + self._noise * self._rng.standard_normal(self._ideal.shape)
 
 
+class ArmStream(Timer):
+    """Readings at a rate of an arm's motion, in the gripper frame, with noise.
+
+    Args:
+        seed: Seed of the noise.
+        rate_hz: Readings per second.
+        noise_mps2: Standard deviation of each component of gravity, m/s².
+        noise_radps: Standard deviation of each component of the angular velocity, rad/s.
+    """
+
+    def __init__(self, seed: int, rate_hz: float, noise_mps2: float = 0.02, noise_radps: float = 0.002) -> None:
+        super().__init__(rate_hz)
+        self._rng = np.random.default_rng(seed)
+        self._sigma = np.repeat((noise_mps2, noise_radps), 3)
+        self._ideal = np.zeros(6)
+
+    def carry(self, gravity_mps2: Array, velocity_radps: Array) -> None:
+        """Set the apparent gravity, m/s², and the angular velocity, rad/s, from now on."""
+        self._ideal = np.concatenate((gravity_mps2, velocity_radps))
+
+    def reading(self) -> Array:
+        """Return gravity and angular velocity with new noise, shape (6,)."""
+        return self._ideal + self._sigma * self._rng.standard_normal(6)
+
+
 class EmulatedTactile(EmulatedDevice):
     """Base of the emulated tactile sensors.
 

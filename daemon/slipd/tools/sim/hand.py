@@ -1,4 +1,4 @@
-"""A hand that presses, pushes and twists the pads of emulated devices, and the object that the gripper holds.
+"""A hand that presses, pushes and twists the pads of emulated devices, the object in the gripper, and the arm.
 
 Pure: time is an argument. Friction is Coulomb's: a load beyond the static limit slides until it falls below the dynamic
 one. There is no inertia and no elasticity; `slipd.tools.sim.scene` has a physical grasp.
@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
+from slipd.grasp.grasp_view import Place
+from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight, gravity_at
 from slipd.tools.sim.hand_commands import Command, CommandError
 from slipd.types.arrays import Array
 
@@ -72,6 +73,7 @@ class _Touched:
     push_n: _Ramp = field(default_factory=lambda: _ramp(2))
     twist_nm: _Ramp = field(default_factory=lambda: _ramp(1))
     gravity_mps2: Array = field(default_factory=lambda: np.array((STANDARD_GRAVITY_MPS2, 0.0, 0.0)))
+    by_arm: bool = False  # its gravity is that of the arm
     sliding: bool = False
 
 
@@ -82,15 +84,25 @@ class Hand:
         weights: Weight of each finger beyond its force sensor.
         mirrored: Fingers whose Y axis points the other way than that of the first finger; a pull on a held object
             reverses its Y for them.
+        pads: Places of the pads in the gripper frame, by finger; the arm moves these fingers, half open.
 
     Attributes:
         part_m: Width of the object between the pads, m; 0: none.
     """
 
-    def __init__(self, weights: Mapping[str, FingerWeight], mirrored: frozenset[str] = frozenset()) -> None:
+    def __init__(
+        self,
+        weights: Mapping[str, FingerWeight],
+        mirrored: frozenset[str] = frozenset(),
+        pads: Mapping[str, Place] = {},
+    ) -> None:
         self.part_m = 0.0
         self._fingers = {name: _Touched(weight) for name, weight in weights.items()}
-        self._mirrored = mirrored
+        self._mirrored, self._pads = mirrored, pads
+        self._arm = _ramp(6)  # apparent gravity and angular velocity in the gripper frame
+        for name, pad in list(pads.items())[:1]:
+            upright = np.concatenate((pad.rotation @ self._fingers[name].gravity_mps2, np.zeros(3)))
+            self._arm.set(upright, 0.0, 0.0)
         self._pull_n = _ramp(2)
         self._mu_s, self._mu_d = MU_S, MU_D
 
@@ -103,7 +115,7 @@ class Hand:
         """Carry out a command that changes a load.
 
         Raises:
-            CommandError: A push or a twist acts on a finger that nothing presses.
+            CommandError: A push or a twist acts on a finger that nothing presses, or an arm moves no finger.
         """
         values, takes_s = command.values, command.seconds
         finger = self._fingers.get(command.finger)
@@ -113,6 +125,8 @@ class Hand:
             self._mu_s, self._mu_d = values
         elif command.verb == "pull":
             self._pull_n.set(values[0] * np.array(command.direction), t_s, takes_s)
+        elif command.verb == "arm":
+            self._move_arm(np.array(values), t_s, takes_s)
         elif command.verb in ("tilt", "release"):
             for each in self._fingers.values() if finger is None else (finger,):
                 self._tilt(each, values) if values else self._release(each, t_s)
@@ -134,7 +148,15 @@ class Hand:
         else:
             finger.twist_nm.set(np.array(values), t_s, takes_s)
 
+    def _move_arm(self, motion: Array, t_s: float, takes_s: float) -> None:
+        if not self._pads:
+            raise CommandError("arm: the config must have [grasp.pads], which say how the arm moves each finger")
+        self._arm.set(motion, t_s, takes_s)
+        for name in self._pads:
+            self._fingers[name].by_arm = True
+
     def _tilt(self, finger: _Touched, gravity: tuple[float, ...]) -> None:
+        finger.by_arm = False
         finger.gravity_mps2 = np.array(gravity) * (STANDARD_GRAVITY_MPS2 / math.hypot(*gravity))
 
     def _release(self, finger: _Touched, t_s: float) -> None:
@@ -163,10 +185,19 @@ class Hand:
             wanted_n = wanted_n + self._pull_n.at(t_s) / 2 * (1.0, -1.0 if name in self._mirrored else 1.0)
         return PadLoad(place_m, normal_n, self._carried(finger, wanted_n, normal_n), float(finger.twist_nm.at(t_s)[0]))
 
-    def weight(self, name: str) -> Array:
+    def arm(self, t_s: float) -> tuple[Array, Array]:
+        """Return the apparent gravity, m/s², and the angular velocity, rad/s, of the arm in the gripper frame."""
+        motion = self._arm.at(t_s)
+        return motion[:3], motion[3:]
+
+    def weight(self, name: str, t_s: float) -> Array:
         """Return the wrench of a finger's own weight about the origin of its pad, N and N·m, shape (6,)."""
         finger = self._fingers[name]
-        return finger.weight.wrench(finger.gravity_mps2)
+        if not finger.by_arm:
+            return finger.weight.wrench(finger.gravity_mps2)
+        pad, motion = self._pads[name], self._arm.at(t_s).tolist()
+        centre_m = pad.nearest_m(None) + pad.rotation @ finger.weight.com_m
+        return finger.weight.wrench(gravity_at(centre_m.tolist(), motion[:3], motion[3:], None) @ pad.rotation)
 
     def _carried(self, finger: _Touched, wanted_n: Array, normal_n: float) -> tuple[float, float]:
         """Return the part of a tangential force that friction transmits."""

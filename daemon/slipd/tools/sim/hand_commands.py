@@ -17,6 +17,7 @@ pull +x|-x|+y|-y FORCE N [in S s]            pull at the object that the gripper
 object WIDTH mm                              put an object between the pads; 0: take it away
 friction MU_S [MU_D]                         friction of everything that touches a pad (default 0.6 0.45)
 tilt [FINGER] GX GY GZ                       direction of gravity in the pad frame (default 1 0 0)
+arm GX GY GZ [turn WX WY WZ] [in S s]        motion in the gripper frame: gravity minus acceleration, m/s²; rad/s
 weight FINGER MASS g [at X Y Z mm]           weight of the finger beyond its force sensor
 wait S s                                     do nothing for this time
 show                                         print the load on each finger
@@ -39,7 +40,7 @@ class Command:
     Attributes:
         verb: First word.
         finger: Name of the finger; "" where the command names none.
-        values: Its numbers: force or torque, width, friction or gravity.
+        values: Its numbers: force or torque, width, friction, gravity or motion of the arm.
         place_m: Where, m; None if not given.
         direction: Direction along the pad.
         seconds: How long it takes; 0: at once.
@@ -123,6 +124,13 @@ class _Words:
         self.unit("mm")
         return place
 
+    def turns(self) -> bool:
+        """Drop the word "turn"; return whether it was there."""
+        if self.next != "turn":
+            return False
+        self._rest.pop(0)
+        return True
+
     def seconds(self) -> float:
         if self.next != "in":
             return 0.0
@@ -198,6 +206,14 @@ def _tilt(words: _Words) -> Command:
     return Command(words.verb, finger, gravity)
 
 
+def _arm(words: _Words) -> Command:
+    gravity = tuple(words.number(name, -50.0, 50.0) for name in ("GX", "GY", "GZ"))
+    velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
+    if words.turns():
+        velocity = tuple(words.number(name, -20.0, 20.0) for name in ("WX", "WY", "WZ"))
+    return Command(words.verb, values=gravity + velocity, seconds=words.seconds())
+
+
 def _weight(words: _Words) -> Command:
     finger, mass_kg = words.finger(), 1e-3 * words.number("MASS", 0.0, 10_000.0)
     words.unit("g")
@@ -223,6 +239,7 @@ _PARSERS: dict[str, Callable[[_Words], Command]] = {
     "object": _object,
     "friction": _friction,
     "tilt": _tilt,
+    "arm": _arm,
     "weight": _weight,
     "wait": _wait,
     "show": _plain,

@@ -21,6 +21,7 @@ from slipd import config
 from slipd.config.toml_text import key_lines, lines_of
 from slipd.devices import DEVICES
 from slipd.errors import ConfigError, ConfigFault
+from slipd.grasp.grasp_view import Place
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import Mounting
 from slipd.signals.pad import PadGeometry
@@ -87,7 +88,8 @@ class TouchedDevices:
             name: FingerWeight() if finger.wrench is None else FingerWeight(finger.wrench.mass_kg, finger.wrench.com_m)
             for name, finger in rig.finger.items()
         }
-        self.hand = Hand(weights, frozenset([*rig.finger][1:]))
+        places = {} if rig.grasp is None else {name: Place(pad) for name, pad in rig.grasp.pads.items()}
+        self.hand = Hand(weights, frozenset([*rig.finger][1:]), places)
         self._pads = {name: _TouchedPad(finger.pad) for name, finger in rig.finger.items() if finger.pad is not None}
         self._mountings = {
             name: np.linalg.inv(Mounting(pose.xyz_m, pose.quat_xyzw, finger.wrench.sign).matrix)
@@ -101,8 +103,10 @@ class TouchedDevices:
         """Let the hand act on the devices until ``t_ns``; a load that did not change is not set again."""
         if self._grips is not None:
             self._grips.set_part(self.hand.part_m)
+        if (arm := self._rig.streams().get("arm")) is not None:
+            cast("Any", self._by_port[arm.port]).carry(*self.hand.arm(t_ns * 1e-9), **_sensor(arm))
         for name, load in self.loads(t_ns).items():
-            finger, weight = self._rig.finger[name], self.hand.weight(name)
+            finger, weight = self._rig.finger[name], self.hand.weight(name, t_ns * 1e-9)
             if self._set.get(name) == (load, weight.tobytes()):
                 continue
             self._set[name] = load, weight.tobytes()
@@ -247,7 +251,8 @@ def _settings(device: str, first: config.Stream, streams: dict[str, config.Strea
         }
         wrenches = [stream.sensor for stream in streams.values() if isinstance(stream, config.Wrench)]
         rates_hz = {stream.sensor: stream.rate_hz for stream in streams.values()}
-        return {"wrenches": wrenches, "pads": shapes, "rates_hz": rates_hz}
+        arms = [stream.sensor for stream in streams.values() if isinstance(stream, config.Arm)]
+        return {"wrenches": wrenches, "pads": shapes, "arms": arms, "rates_hz": rates_hz}
     if device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
         tables = {"force_table": first.force_table, "width_table": first.width_table}
         return tables | _given(first, "unit")

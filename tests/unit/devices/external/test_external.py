@@ -16,7 +16,7 @@ from project import DOCS
 
 from slipd.devices import external
 from slipd.devices.external import MAX_STREAMS, encode_reading
-from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
+from slipd.types.samples import ArmSample, ObjectSample, TactileSample, WrenchSample
 
 DOCUMENT = DOCS / "devices.md"
 
@@ -96,6 +96,58 @@ def test_what_another_process_says_of_the_object_is_read() -> None:
 def test_anything_else_about_an_object_is_no_message(changes: dict[str, Any]) -> None:
     samples, decoder = decode(pack(SEEN, **changes))
     assert (samples, decoder.health.good, decoder.health.bad) == ([], 0, 1)
+
+
+CARRIED = {"stream": "arm", "t_ns": 7, "gravity_mps2": [0.0, 1, 9.8], "angular_velocity_radps": [0.1, 0.0, -0.2]}
+
+
+def test_the_motion_of_an_arm_is_read_in_any_order_of_its_keys() -> None:
+    turned = {"angular_acceleration_radps2": [1.0, 2.0, 3.0]}
+    samples, decoder = decode(
+        pack(turned | CARRIED, seq=1, status=["late"]),
+        pack(CARRIED),
+        pack(CARRIED, angular_velocity_radps=[math.nan, 0.0, 0.0]),
+        encode_reading("arm", 7, **{key: value for key, value in CARRIED.items() if key.endswith(("ps", "ps2"))}),
+    )
+    found = [
+        (s.gravity_mps2, s.angular_velocity_radps, s.angular_acceleration_radps2, s.status)
+        for s in samples
+        if isinstance(s, ArmSample)
+    ]
+    whole = ((0.0, 1.0, 9.8), (0.1, 0.0, -0.2))
+    assert found[:2] == [(*whole, (1.0, 2.0, 3.0), ("late",)), (*whole, None, ())]
+    assert found[2][3] == ("invalid",)
+    assert found[3] == found[1]
+    assert (samples[0].t_ns, samples[0].device_time_ns, samples[0].source) == (77, 7, "arm")
+    assert (decoder.health.good, decoder.health.bad) == (4, 0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"gravity_mps2": ...},
+        {"angular_velocity_radps": ...},
+        {"gravity_mps2": [0.0, 9.8]},
+        {"angular_acceleration_radps2": None},
+        {"force_n": [0.0, 0.0, 0.0]},
+    ],
+)
+def test_anything_else_about_an_arm_is_no_message(changes: dict[str, Any]) -> None:
+    samples, decoder = decode(pack(CARRIED, **changes))
+    assert (samples, decoder.health.good, decoder.health.bad) == ([], 0, 1)
+
+
+def test_the_documented_sender_of_an_arm_packs_what_is_felt() -> None:
+    (program,) = re.findall(
+        r"<!-- arm sender -->\n+```python\n(.*?)```", (DOCS / "arm.md").read_text("utf-8"), re.DOTALL
+    )
+    scope: dict[str, Any] = {}
+    exec(program, scope)
+    half_turn_about_x = (1.0, 0.0, 0.0, 0.0)  # fingertips down
+    (sample,), _ = decode(scope["arm_message"](7, half_turn_about_x, (0.0, 2.0, 1.0), (0.0, 0.0, 0.5)))
+    assert isinstance(sample, ArmSample)
+    assert sample.gravity_mps2 == pytest.approx((0.0, 2.0, 10.80665))
+    assert sample.angular_velocity_radps == pytest.approx((0.0, 0.0, -0.5))
 
 
 def test_the_encoder_packs_what_the_decoder_reads() -> None:

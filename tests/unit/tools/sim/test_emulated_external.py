@@ -5,7 +5,7 @@ import pytest
 
 from slipd.devices.external import Decoder
 from slipd.tools.sim.emulated_external import PAD, PAD_EVERY, RATE_HZ, WRENCH, make
-from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.samples import ArmSample, TactileSample, WrenchSample
 
 S = 1_000_000_000
 
@@ -44,3 +44,14 @@ def test_a_stream_has_the_rate_that_is_asked_for() -> None:
     emulator = make(1, rates_hz={WRENCH: 50.0, PAD: 20.0})
     sources = [sample.source for data in emulator.advance(S) for sample in decoder.receive(data, 0)]
     assert (sources.count(WRENCH), sources.count(PAD)) == (50, 20)
+
+
+def test_the_motion_of_an_arm_is_pushed_beside_the_readings() -> None:
+    decoder = Decoder()
+    emulator = make(1, wrenches=(), pads={}, arms=("arm",), rates_hz={"arm": 250.0})
+    emulator.carry(np.array((0.0, 0.0, 9.8)), np.array((1.0, 0.0, 0.0)), sensor="arm")
+    samples = [sample for data in emulator.advance(S) for sample in decoder.receive(data, 0)]
+    motions = [sample for sample in samples if isinstance(sample, ArmSample)]
+    assert (len(samples), len(motions)) == (250, 250)
+    assert np.mean([sample.gravity_mps2 for sample in motions], axis=0) == pytest.approx((0.0, 0.0, 9.8), abs=0.01)
+    assert np.mean([sample.angular_velocity_radps for sample in motions], axis=0) == pytest.approx((1, 0, 0), abs=0.001)

@@ -75,9 +75,9 @@ def test_release_lets_go_of_one_finger_or_all() -> None:
 
 def test_the_weight_follows_the_direction_of_gravity() -> None:
     made = hand()
-    assert made.weight("left")[:3].tolist() == pytest.approx([0.1 * STANDARD_GRAVITY_MPS2, 0.0, 0.0])
+    assert made.weight("left", 0.0)[:3].tolist() == pytest.approx([0.1 * STANDARD_GRAVITY_MPS2, 0.0, 0.0])
     give(made, "tilt left 0 0 -2", "weight right 50 g")
-    assert made.weight("left")[:3].tolist() == pytest.approx([0.0, 0.0, -0.1 * STANDARD_GRAVITY_MPS2])
-    assert np.abs(made.weight("right"))[:3].sum() == pytest.approx(0.05 * STANDARD_GRAVITY_MPS2)
+    assert made.weight("left", 0.0)[:3].tolist() == pytest.approx([0.0, 0.0, -0.1 * STANDARD_GRAVITY_MPS2])
+    assert np.abs(made.weight("right", 0.0))[:3].sum() == pytest.approx(0.05 * STANDARD_GRAVITY_MPS2)
     give(made, "tilt 0 1 0", "weight right 50 g at 0 0 -20 mm")
-    assert made.weight("right")[3:].tolist() == pytest.approx([0.02 * 0.05 * STANDARD_GRAVITY_MPS2, 0.0, 0.0])
+    assert made.weight("right", 0.0)[3:].tolist() == pytest.approx([0.02 * 0.05 * STANDARD_GRAVITY_MPS2, 0.0, 0.0])

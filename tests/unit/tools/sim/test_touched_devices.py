@@ -21,9 +21,9 @@ from slipd.signals.pad import PadGeometry
 from slipd.tools.sim.emulated_xela import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator
 from slipd.tools.sim.hand import PadLoad
-from slipd.tools.sim.hand_commands import parse_command
+from slipd.tools.sim.hand_commands import CommandError, parse_command
 from slipd.tools.sim.touched_devices import BIAS, TouchedDevices
-from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.samples import ArmSample, TactileSample, WrenchSample
 
 MS = 1_000_000
 SHIPPED = sorted(CONFIG.glob("*.toml"))
@@ -102,7 +102,7 @@ def test_the_sensors_of_a_shipped_config_read_the_load_on_their_pad(path: Path, 
         felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
         pose = sensors.wrench.pad_from_sensor
         found = Mounting(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign).matrix @ (felt - BIAS)
-        assert found - devices.hand.weight(finger) == pytest.approx(wanted, abs=0.06)
+        assert found - devices.hand.weight(finger, 0.0) == pytest.approx(wanted, abs=0.06)
     if sensors.pad is not None:
         pad = sensors.pad
         images = [sample.values for sample in read(rig, tmp_path, pad) if isinstance(sample, TactileSample)]
@@ -208,3 +208,36 @@ def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, tmp_pat
     else:
         gripper._blocked, gripper.force_n = True, 8.0
     assert devices.loads(MS) == {finger: PadLoad((0.0, 0.0), 8.0) for finger in rig.finger}
+
+
+def test_the_arm_moves_the_weight_of_both_fingers_and_its_stream_says_how(tmp_path: Path) -> None:
+    rig = config.load(CONFIG / "external.toml")
+    devices = TouchedDevices(rig, tmp_path)
+    at_rest, _ = devices.hand.arm(0.0)
+    assert at_rest == pytest.approx((0.0, 0.0, 9.80665)), "fingertips down, as without the command"
+    give(devices, "weight left 100 g", "weight right 100 g")
+    before = devices.hand.weight("left", 0.0)
+    give(devices, "arm 0 0 9.80665")
+    assert devices.hand.weight("left", 0.0) == pytest.approx(before)
+    give(devices, "arm 0 3 9.8 turn 2 0 0 in 1 s")
+    for name, side in (("left", 1.0), ("right", -1.0)):
+        outward_m = float(np.mean(np.array(rig.grasp.pads[name].positions)[:, 2]))
+        felt = devices.hand.weight(name, 1.0)[:3]
+        # the pads look along Y of the gripper; a turn about X pulls each finger outwards by w^2 r
+        assert felt[2] == pytest.approx(-side * 0.1 * (3.0 + 4.0 * outward_m))
+        assert felt[0] == pytest.approx(0.98)
+    devices.advance(1_000_000_000)
+    (emulator,) = {emulator for name, emulator, _ in devices.devices if name == "external"}
+    decoder = DEVICES["external"].decoder()
+    samples = [sample for data in emulator.advance(10_000_000) for sample in decoder.receive(data, 0)]
+    motion = [sample for sample in samples if isinstance(sample, ArmSample)][-1]
+    assert motion.gravity_mps2 == pytest.approx((0.0, 3.0, 9.8), abs=0.1)
+    assert motion.angular_velocity_radps == pytest.approx((2.0, 0.0, 0.0), abs=0.01)
+    give(devices, "tilt left 0 0 1")
+    assert devices.hand.weight("left", 2.0)[:3] == pytest.approx((0.0, 0.0, 0.980665)), "tilt moves a finger alone"
+
+
+def test_an_arm_needs_to_know_where_its_pads_are(tmp_path: Path) -> None:
+    text = (CONFIG / "external.toml").read_text(encoding="utf-8").partition("[grasp.pads.left]")[0]
+    with pytest.raises(CommandError, match=r"must have \[grasp.pads\]"):
+        give(TouchedDevices(config.parse(text, "rig.toml"), tmp_path), "arm 0 0 9.8")

@@ -1,9 +1,10 @@
-"""Readings that another process sends: for labs whose own driver holds the port of a sensor.
+"""Format of the readings that another process sends, and its encoder.
 
-Each message is one msgpack map, `{stream, t_ns, force_n, torque_nm}`, `{stream, t_ns, values}` or
-`{stream, t_ns, object_pose, object_speed_mps}`; docs/devices.md describes it. Messages are self-delimiting, so no
-transport needs to deliver them one by one. The bounds of a message are checked first
-(`slipd.devices.shared.msgpack_messages`), so that only a map of known keys with values of the right types is unpacked.
+Each message is one msgpack map, `{stream, t_ns, force_n, torque_nm}`, `{stream, t_ns, values}`,
+`{stream, t_ns, object_pose, object_speed_mps}` or `{stream, t_ns, gravity_mps2, angular_velocity_radps}`;
+docs/devices.md describes it. Messages are self-delimiting, so no transport needs to deliver them one by one. The bounds
+of a message are checked first (`slipd.devices.shared.msgpack_messages`): only a map of known keys with values of the
+right types is unpacked.
 """
 
 from __future__ import annotations
@@ -17,13 +18,10 @@ import msgpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slipd.devices import Device
-from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.msgpack_messages import (
     NIL,
     NUMBER_LENGTHS,
     Malformed,
-    MsgpackScanner,
     byte_at,
     list_head,
     map_end,
@@ -33,12 +31,6 @@ from slipd.devices.shared.msgpack_messages import (
     unsigned_end,
     vector_end,
 )
-from slipd.devices.shared.sequence_tracker import SequenceTracker
-from slipd.types.arrays import Array
-from slipd.types.samples import ObjectSample, TactileSample, WrenchSample
-
-FASTEST_HZ = 10_000.0
-"""What one socket carries without a backlog, and more than any force sensor sends."""
 
 MAX_MESSAGE = 1 << 16
 """Longest message, bytes; a pad of 64 by 64 taxels fills 37,000."""
@@ -57,9 +49,18 @@ FIELDS = range(3, 8)
 UNIT_TOLERANCE = 0.01
 """A quaternion is as long as 1 within this."""
 
-READINGS = ({b"force_n"}, {b"force_n", b"torque_nm"}, {b"values"}, {b"object_pose"})
+_MOTION = {b"gravity_mps2", b"angular_velocity_radps"}
+READINGS = (
+    {b"force_n"},
+    {b"force_n", b"torque_nm"},
+    {b"values"},
+    {b"object_pose"},
+    _MOTION,
+    _MOTION | {b"angular_acceleration_radps2"},
+)
 SPEED = {b"object_speed_mps", b"object_speed_std_mps"}
-"""Fields of a reading: those of a force, of an image, or of an object: its pose, its speed with its error, or both."""
+"""Fields of a reading: those of a force, of an image, of an arm's motion, or of an object: its pose, its speed with its
+error, or both."""
 
 _LATEST_NS = 1 << 63  # CLOCK_MONOTONIC is a signed 64-bit number
 _NAME = re.compile(r"[A-Za-z0-9_./-]+")
@@ -97,6 +98,9 @@ def encode_reading(
     object_pose: Mapping[str, ArrayLike] | None = None,
     object_speed_mps: float | None = None,
     object_speed_std_mps: float | None = None,
+    gravity_mps2: ArrayLike | None = None,
+    angular_velocity_radps: ArrayLike | None = None,
+    angular_acceleration_radps2: ArrayLike | None = None,
     seq: int | None = None,
     status: Sequence[str] = (),
 ) -> bytes:
@@ -112,6 +116,10 @@ def encode_reading(
             known ``quat_xyzw``, shape (4,).
         object_speed_mps: Speed of the object over the pads, m/s, beside its pose or instead of it.
         object_speed_std_mps: Standard deviation of that speed, above 0.
+        gravity_mps2: Gravity minus the acceleration of the gripper frame's origin instead of these, in that frame,
+            shape (3,), m/s².
+        angular_velocity_radps: Angular velocity beside it, shape (3,), rad/s.
+        angular_acceleration_radps2: Angular acceleration beside these, shape (3,), rad/s², where it is known.
         seq: Sequence number of the stream's readings, if it has one.
         status: Conditions of this reading, up to 8 short words.
 
@@ -119,7 +127,15 @@ def encode_reading(
         ValueError: A receiver would reject the message.
     """
     body: dict[str, Any] = {"stream": stream, "t_ns": t_ns}
-    for key, reading in (("force_n", force_n), ("torque_nm", torque_nm), ("values", values)):
+    vectors = {
+        "force_n": force_n,
+        "torque_nm": torque_nm,
+        "values": values,
+        "gravity_mps2": gravity_mps2,
+        "angular_velocity_radps": angular_velocity_radps,
+        "angular_acceleration_radps2": angular_acceleration_radps2,
+    }
+    for key, reading in vectors.items():
         if reading is not None:
             body[key] = np.asarray(reading, dtype=np.float64).tolist()
     if object_pose is not None:
@@ -139,8 +155,8 @@ def encode_reading(
         raise ValueError(
             f"a reading must have a valid name and time, and either a force of shape (3,), with or without a torque of "
             f"shape (3,), or values of shape (taxels,) or (taxels, 3), with at most {MAX_TAXELS} taxels and "
-            f"{MAX_MESSAGE} bytes, or the pose of an object, its speed with a standard deviation, or both, got "
-            f"stream {stream!r:.80}"
+            f"{MAX_MESSAGE} bytes, or the pose of an object, its speed with a standard deviation, or both, or gravity "
+            f"and angular velocity of an arm, of shape (3,), got stream {stream!r:.80}"
         )
     return data
 
@@ -206,95 +222,9 @@ _VALUE_ENDS = {
     b"object_pose": _pose_end,
     b"object_speed_mps": _number_end,
     b"object_speed_std_mps": _number_end,
+    b"gravity_mps2": _vector_end,
+    b"angular_velocity_radps": _vector_end,
+    b"angular_acceleration_radps2": _vector_end,
     b"status": _status_end,
 }
 """For each key, where its value ends."""
-
-
-MAX_STREAMS = 64
-"""Most streams with sequence numbers on one socket: limits the memory that invented names can fill."""
-
-Reading = WrenchSample | TactileSample | ObjectSample
-
-_SEQ_SPAN = 1 << 64
-_SPEED_KEYS = "object_speed_mps", "object_speed_std_mps"
-_BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xb4]|\Z)")  # a map of 3 to 7 fields, and a key of 3 to 20 bytes
-
-
-class Decoder:
-    """Decode every message to a wrench, tactile or object sample; ``source`` is its ``stream``.
-
-    ``device_time_ns`` is the message's ``t_ns``: CLOCK_MONOTONIC on this host at the acquisition, as reported by the
-    sender. `health.lost`, `duplicates` and `restarts` follow ``seq``, for streams that send it. Bytes outside messages
-    are `bad_bytes`, and each stretch of them is one `bad`; so is a message with an unknown key, a value of the wrong
-    type or a number out of range.
-
-    Status names: those of the message, and "invalid" if a value is not finite.
-    """
-
-    def __init__(self) -> None:
-        self.health = DecoderHealth()
-        self._scanner = MsgpackScanner(_BEGIN, measure, parse, self.health, limited=True)
-        self._sequences: dict[str, SequenceTracker] = {}
-
-    def receive(self, data: bytes, t_ns: int) -> list[Reading]:
-        """Decode bytes received at ``t_ns``; return the readings they complete."""
-        samples = [_sample(body, t_ns) for body in self._scanner.messages(data) if self._is_new(body)]
-        self.health.good += len(samples)
-        return samples
-
-    def forget(self) -> None:
-        """Drop a partial message and the expected sequence numbers, because the line was closed."""
-        self._scanner.forget()
-        self._sequences.clear()
-
-    def _is_new(self, body: dict[str, Any]) -> bool:
-        """Return whether a reading is new according to its sequence number, if it has one."""
-        if "seq" not in body:
-            return True
-        stream = body["stream"]
-        if stream not in self._sequences:
-            if len(self._sequences) == MAX_STREAMS:
-                self.health.bad += 1
-                return False
-            self._sequences[stream] = SequenceTracker(_SEQ_SPAN, self.health)
-        return self._sequences[stream].accept(body["seq"])
-
-
-def _sample(body: dict[str, Any], t_ns: int) -> Reading:
-    status, stream, time_ns = tuple(body.get("status", ())), body["stream"], body["t_ns"]
-    if "values" in body:
-        values = np.array(body["values"], dtype=np.float64)
-        return TactileSample(t_ns, time_ns, values, _with_validity(status, values), stream)
-    if "force_n" not in body:
-        return _object_sample(body, t_ns, status)
-    force_n, torque_nm = [*map(float, body["force_n"])], body.get("torque_nm")
-    torque_nm = None if torque_nm is None else [*map(float, torque_nm)]
-    status = _with_validity(status, np.array(force_n if torque_nm is None else force_n + torque_nm))
-    return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
-
-
-def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ObjectSample:
-    pose = body.get("object_pose", {})
-    xyz_m, quat_xyzw = (None if pose.get(key) is None else (*map(float, pose[key]),) for key in ("xyz_m", "quat_xyzw"))
-    speed, std = (None if body.get(key) is None else float(body[key]) for key in _SPEED_KEYS)
-    numbers = np.array([*(xyz_m or ()), *(quat_xyzw or ()), *(n for n in (speed, std) if n is not None)])
-    status = _with_validity(status, numbers)
-    return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
-
-
-def _with_validity(status: tuple[str, ...], values: Array) -> tuple[str, ...]:
-    return status if "invalid" in status or np.isfinite(values).all() else (*status, "invalid")
-
-
-DEVICE = Device(
-    "external",
-    "any",
-    ("external",),
-    Decoder,
-    rates_hz=(0.1, FASTEST_HZ),
-    shared=True,
-    host_clock=True,
-    frame="a reading",
-    evidence="own",
-)

@@ -1,0 +1,141 @@
+"""Motion of the arm: gives each finger of the grasp the apparent gravity that its own weight feels.
+
+A stream that cannot be right is not believed: its fingers are then as they are without a stream.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from slipd.config import Arm as ArmConfig
+from slipd.config import Grasp, stale_after_ns
+from slipd.finger.finger import Finger
+from slipd.finger.force_channel import ForceChannel
+from slipd.grasp.grasp_view import Place
+from slipd.signals.gravity import MOST_GRAVITY_MPS2, gravity_at, gravity_fault
+from slipd.types.arrays import Array
+from slipd.types.samples import ArmSample
+from slipd_client.messages import Health
+
+CHECK_NS = 1_000_000_000
+LEAST_MEAN_MPS2, MOST_MEAN_MPS2 = 5.0, 20.0
+"""Range of the mean length of the apparent gravity over `CHECK_NS`. The mean vector differs from gravity by the change
+of speed over this time, and no arm changes its speed by more than about 4 m/s; a stream in g is at 1."""
+
+
+MOST_TURN_RADPS = 30.0
+"""Twice the fastest turn of a wrist beside those of the other joints; in degrees per second, a slow one exceeds it."""
+
+
+class ArmMotion:
+    """Follows the arm, and sets the gravity of the fingers of the grasp.
+
+    Args:
+        grasp: ``[grasp]``.
+        arm: ``[grasp.arm]``.
+        fingers: All fingers by name.
+    """
+
+    def __init__(self, grasp: Grasp, arm: ArmConfig, fingers: dict[str, Finger]) -> None:
+        self._stale_ns = stale_after_ns(arm)
+        self._fingers = {
+            name: _WeighedFinger(force, Place(place), wrench.com_m)
+            for name, place in grasp.pads.items()
+            if (force := fingers[name].force) is not None and (wrench := fingers[name].config.wrench) is not None
+        }
+        self._fresh_until_ns: int | None = None
+        self._fault = ""  # of the newest reading
+        self._mean_mps2: float | None = None
+        self._since_ns: int | None = None
+        self._sum_mps2, self._count = 0.0, 0
+
+    def update(self, samples: Sequence[ArmSample], times_ns: Sequence[int], width_m: float | None) -> None:
+        """Set the gravity of the fingers by the newest usable reading of one read.
+
+        Args:
+            samples: The readings, at least one.
+            times_ns: When each was acquired.
+            width_m: Width between the pads, m; None: unknown, and that in the middle of the configured ones counts.
+        """
+        for sample, acquired_ns in zip(samples, times_ns, strict=True):
+            self._fault = _fault_of(sample)
+            if self._fault or not self._check_mean(math.hypot(*sample.gravity_mps2), acquired_ns):
+                continue
+            felt = {name: finger.gravity(sample, width_m) for name, finger in self._fingers.items()}
+            if any(gravity_fault(gravity) for gravity in felt.values()):
+                self._fault = f"its motion exceeds {MOST_GRAVITY_MPS2:.0f} m/s² (5 g) at a finger: check its units"
+                continue
+            for name, gravity in felt.items():
+                self._fingers[name].force.set_gravity(gravity, acquired_ns, self._stale_ns)
+            self._fresh_until_ns = acquired_ns + self._stale_ns
+
+    def drives(self, finger: str, t_ns: int) -> bool:
+        """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
+        return finger in self._fingers and self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns
+
+    def conditions(self) -> list[tuple[Health, str]]:
+        """Return why the readings are not used, for people; empty where they are."""
+        if self._fault:
+            return [(Health.ERROR, self._fault)]
+        if self._mean_mps2 is None:
+            return [(Health.OK, "its gravity is checked for 1 s before it is used")]
+        if self._is_plausible():
+            return []
+        what = f"the mean length of gravity_mps2 is {self._mean_mps2:.3g} m/s²; it must be near 9.81"
+        return [(Health.ERROR, f"{what}: its readings are not used; is it in g, or without gravity?")]
+
+    def _is_plausible(self) -> bool:
+        mean = self._mean_mps2
+        return mean is not None and LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2
+
+    def _check_mean(self, length_mps2: float, t_ns: int) -> bool:
+        """Return whether the mean length of the last whole span is plausible; False before the first one."""
+        if self._since_ns is None:
+            self._since_ns, self._sum_mps2, self._count = t_ns, 0.0, 0
+        self._sum_mps2 += length_mps2
+        self._count += 1
+        if t_ns - self._since_ns >= CHECK_NS:
+            self._mean_mps2, self._since_ns = self._sum_mps2 / self._count, None
+        return self._is_plausible()
+
+
+def _fault_of(sample: ArmSample) -> str:
+    """Return why a reading cannot be used, for people; "" where it can."""
+    if sample.status:
+        return f"the sender reports: {', '.join(sample.status)}"
+    turn_radps = math.hypot(*sample.angular_velocity_radps)
+    if turn_radps <= MOST_TURN_RADPS:
+        return ""
+    return f"its angular velocity is {turn_radps:.3g} rad/s, more than any arm's: is it in degrees per second?"
+
+
+def make_arm_motion(grasp: Grasp | None, fingers: dict[str, Finger]) -> ArmMotion | None:
+    """Return the motion of the arm; None where the config has no ``[grasp.arm]``."""
+    return None if grasp is None or grasp.arm is None else ArmMotion(grasp, grasp.arm, fingers)
+
+
+class _WeighedFinger:
+    """A finger with a force sensor, whose own weight is known at each width.
+
+    Args:
+        force: Its force sensor.
+        place: Pose of its pad.
+        com_m: Centre of mass beyond the sensor, in the pad frame, m.
+    """
+
+    def __init__(self, force: ForceChannel, place: Place, com_m: Sequence[float]) -> None:
+        self.force, self._place = force, place
+        self._com_m: Array = place.rotation @ com_m
+        self._width_m: float | None = None
+        self._centre_m: list[float] = (place.nearest_m(None) + self._com_m).tolist()
+
+    def gravity(self, sample: ArmSample, width_m: float | None) -> list[float]:
+        """Return the apparent gravity at the centre of mass, in the pad frame, m/s²."""
+        if width_m != self._width_m:
+            self._width_m = width_m
+            self._centre_m = (self._place.nearest_m(width_m) + self._com_m).tolist()
+        velocity, acceleration = sample.angular_velocity_radps, sample.angular_acceleration_radps2
+        at_com = gravity_at(self._centre_m, sample.gravity_mps2, velocity, acceleration)
+        in_pad: list[float] = (at_com @ self._place.rotation).tolist()
+        return in_pad
