@@ -206,3 +206,15 @@ def test_A6_D4_D5_the_first_fault_is_kept_until_it_is_acknowledged(policy: GripP
     assert (policy.fault, policy.force_n) == (fault, 5.0)
     policy.acknowledge()
     assert (policy.fault, first(policy, 5.0), react(policy, 6.0)) == ("", None, None)
+
+
+def test_nothing_of_a_grasp_lasts_beyond_its_end(policy: GripPolicy) -> None:
+    policy.adopt(None)
+    assert policy.grips
+    policy.end_grasp()
+    assert not policy.grips
+    policy.record_force(5.0, T0)
+    policy.begin_release()
+    assert policy.releasing
+    policy.end_grasp()
+    assert not policy.releasing
