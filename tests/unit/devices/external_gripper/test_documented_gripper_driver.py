@@ -1,8 +1,7 @@
-"""The driver program of docs/devices.md, run as printed against a session."""
+"""The example driver of docs/devices.md, run against a session."""
 
 from __future__ import annotations
 
-import re
 import socket
 import threading
 import time
@@ -10,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from external_gripper_driver import drive
 from permits import halt, move, set_force
-from project import DOCS
 
 from slipd.devices.external_gripper import Session
 
@@ -19,18 +18,14 @@ PATIENCE_S = 30.0
 
 
 def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> None:
-    pattern = r"<!-- external gripper driver -->\n+```python\n(.*?)```"
-    (program,) = re.findall(pattern, (DOCS / "devices.md").read_text("utf-8"), re.DOTALL)
     path = str(tmp_path / "gripper")
-    assert program.count("/run/slipd/gripper") == 1
     setpoints: list[dict[str, Any]] = []
 
     def obey(setpoint: dict[str, Any]) -> float | None:
         setpoints.append(setpoint)
         return setpoint.get("force_n")
 
-    scope = {"obey": obey, "state_of_my_gripper": lambda: {"width_m": 0.05, "moving": False}}
-    driver = threading.Thread(target=exec, args=(program.replace("/run/slipd/gripper", path), scope))
+    driver = threading.Thread(target=drive, args=(path, lambda: {"width_m": 0.05, "moving": False}, obey))
     session, until_s = Session(), time.monotonic() + PATIENCE_S
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(path)
