@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 import zmq
 from external_messages import IMAGE, WRENCH, decode, pack, times, wrench
 from external_pusher import push
+from project import DOCS
 
 from slipd.devices import external
 from slipd.devices.external import MAX_STREAMS, encode_reading
