@@ -11,7 +11,7 @@ from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
 from slipd.tools.evaluation.executors import Executor, Finished, Job, LastingFault, NamedConfig, Run, here, in_processes
 from slipd.tools.evaluation.result_cache import ResultCache
 

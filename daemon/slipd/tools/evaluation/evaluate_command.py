@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from slipd.io.progress import Progress
-from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
 from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
 from slipd.tools.evaluation.evaluation_table import as_map, comparisons, table
 from slipd.tools.evaluation.executors import Executor, Finished, NamedConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
 from slipd.tools.evaluation.evaluate import Evaluation
 from slipd.tools.evaluation.executors import Run
 from slipd.tools.evaluation.run_figures import (

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from slipd.errors import SlipdError, UsageError
-from slipd.tools.evaluation.config_replay import ConfigRun
+from slipd.tools.evaluation.config_run import ConfigRun
 from slipd.types.source_stamp import source_stamp
 
 Run = ConfigRun | str

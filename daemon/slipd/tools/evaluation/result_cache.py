@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slipd.io.replaced_file import replace_file
-from slipd.tools.evaluation.config_replay import ConfigRun
+from slipd.tools.evaluation.config_run import ConfigRun
 from slipd.tools.evaluation.executors import Job, LastingFault, own_stamp
 
 MOST_RESULTS = 2000

@@ -13,7 +13,7 @@ from typing import Any
 
 from slipd import __version__
 from slipd.tools.draft import Kind, draft
-from slipd.tools.evaluation.config_replay import ConfigRun, StreamHealth
+from slipd.tools.evaluation.config_run import ConfigRun, StreamHealth
 from slipd.tools.evaluation.executors import Finished
 from slipd.tools.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
 from slipd.tools.parquet_library import parquet_library, storable

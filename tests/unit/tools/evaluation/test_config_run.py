@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from replays import RECORDINGS
 
-from slipd.tools.evaluation.config_replay import RECORDED, ConfigRun, StreamHealth, run_config, with_status
+from slipd.tools.evaluation.config_replay import run_config
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, StreamHealth, with_status
 
 
 def test_a_run_survives_json() -> None:

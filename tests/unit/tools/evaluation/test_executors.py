@@ -17,7 +17,8 @@ from replays import RECORDINGS
 
 from slipd.errors import SlipdError
 from slipd.tools.evaluation import config_replay, executors
-from slipd.tools.evaluation.config_replay import RECORDED, run_config
+from slipd.tools.evaluation.config_replay import run_config
+from slipd.tools.evaluation.config_run import RECORDED
 from slipd.tools.evaluation.executors import Finished, Job, NamedConfig, here, in_processes, on_dask
 
 OWN = NamedConfig(RECORDED, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.tools.evaluation.config_replay import ConfigRun, Largest
+from slipd.tools.evaluation.config_run import ConfigRun, Largest
 from slipd.tools.evaluation.level_spans import LevelSpan
 from slipd.tools.evaluation.run_figures import differences, figures, worst_spans
 
@@ -82,6 +82,10 @@ def test_the_differences_of_two_runs() -> None:
         (3.0, 3.5, "stable", "warning"),
     ], "where one run has ended nothing differs"
     assert differences(before, before) == []
+    assert differences(before, spans(("stable", 3.0))) == [(1.0, 3.0, "warning", "stable")], "reasons do not divide it"
+    apart = [LevelSpan("warning", (), (), 0.0, 1.0), LevelSpan("warning", (), (), 2.0, 3.0)]
+    calm = [LevelSpan("stable", (), (), span.begin_s, span.end_s) for span in apart]
+    assert [found[:2] for found in differences(apart, calm)] == [(0.0, 1.0), (2.0, 3.0)]
 
 
 def test_a_finger_that_begins_later_counts_from_there() -> None:

@@ -12,7 +12,8 @@ from replays import RECORDINGS
 
 from slipd.errors import SlipdError
 from slipd.tools.evaluation import run_table
-from slipd.tools.evaluation.config_replay import RECORDED, run_config
+from slipd.tools.evaluation.config_replay import run_config
+from slipd.tools.evaluation.config_run import RECORDED
 from slipd.tools.evaluation.evaluate import finished_runs
 from slipd.tools.evaluation.executors import Finished, Job, NamedConfig
 from slipd.tools.evaluation.result_cache import ResultCache
