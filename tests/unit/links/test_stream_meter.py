@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from arm_rig import DOWN, RIG, STILL
 
 from slipd.config import Config
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.links.link_health import SHOWN_NS, Condition, _stream_condition
 from slipd.links.stream_meter import StreamMeter, make_stream
-from slipd.types.samples import Sample, TactileSample, WrenchSample
+from slipd.types.samples import ArmSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 MS = 1_000_000
@@ -152,3 +153,10 @@ def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     assert "4 taxels of three axes, where the config says 4 taxels of one axis" in condition(pad, T0)[1]
     assert date(pad, TactileSample(T0, T0, np.zeros(4))) == T0
+
+
+def test_the_stream_of_an_arm_takes_its_motion_alone(parse: Parse) -> None:
+    arm = make_stream("arm", parse(RIG).streams()["arm"])
+    assert date(arm, ArmSample(T0, T0 - MS, DOWN, STILL)) == T0 - MS
+    assert date(arm, reading(T0, None)) is None
+    assert "readings of kind WrenchSample" in condition(arm, T0)[1]

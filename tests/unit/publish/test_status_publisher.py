@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from arm_rig import ArmRun
 from engine_rig import Run
 
 
@@ -21,3 +22,11 @@ def test_status_has_the_clock_of_each_stream_the_lateness_and_a_latched_fault_at
     assert status["late_s"] == pytest.approx(0.1)
     latched = {name for name, each in status["streams"].items() if "is latched" in each["message"]}
     assert latched == {"gripper"}
+
+
+def test_status_says_why_the_motion_of_the_arm_is_not_used() -> None:
+    run = ArmRun()
+    run.carry_for(200)
+    arm = run.stream()
+    assert (arm["health"], arm["clock"], arm["samples"]) == (0, "host", 50)
+    assert arm["message"] == "its gravity is checked for 1 s before it is used"

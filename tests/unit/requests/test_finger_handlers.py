@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from arm_rig import ARM, RIG, ArmRun
 
 Run = Any
 
@@ -163,3 +164,16 @@ class TestSensorsOfTheLeaseHolder:
         run.wait(150)
         refusal = run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down)
         assert refusal is None, "that of the holder is stale"
+
+    def test_no_client_may_set_the_gravity_that_an_arm_stream_gives(self) -> None:
+        run, down = ArmRun(), {"finger": "left", "gravity_mps2": [9.8, 0.0, 0.0]}
+        assert run.refusal("gravity.set", **down) is None, "the stream has not begun"
+        run.carry_for(1100)
+        run.lease()
+        assert run.refusal("gravity.set", **down) == ("not_ready", "gravity_mps2"), "nor may who holds the lease"
+        run.wait(21)
+        assert run.refusal("gravity.set", **down) is None, "the stream is stale"
+        run.carry()
+        assert run.refusal("gravity.set", **down) == ("not_ready", "gravity_mps2"), "it counts at once"
+        bare = ArmRun(RIG.replace(ARM, ""))
+        assert bare.refusal("gravity.set", **down) is None

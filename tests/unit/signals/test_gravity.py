@@ -18,6 +18,7 @@ from slipd.signals.gravity import (
     STANDARD_GRAVITY_MPS2,
     FingerWeight,
     GravityCompensation,
+    gravity_at,
     gravity_fault,
 )
 
@@ -50,6 +51,18 @@ def test_a_weight_is_the_sum_of_its_parts_in_every_pose(quat: np.ndarray, com: n
 def test_an_invalid_weight_is_refused(mass: float, com: tuple[float, ...], why: str) -> None:
     with pytest.raises(ValueError, match=why):
         FingerWeight(mass, com)
+
+
+def test_gravity_at_a_place_of_a_turning_body_is_less_its_own_acceleration() -> None:
+    """At 0.5 m along X: 2 rad/s about Z pulls outwards by 2 m/s², and speeding up by 3 rad/s² pushes back."""
+    assert gravity_at((0.5, 0.0, 0.1), DOWN, (0.0, 0.0, 2.0), None) == pytest.approx((2.0, 0.0, DOWN[2]))
+    assert gravity_at((0.5, 0.0, 0.1), DOWN, (0.0, 0.0, 0.0), (0.0, 0.0, 3.0)) == pytest.approx((0.0, -1.5, DOWN[2]))
+
+
+def test_gravity_is_valid_for_as_long_as_its_source_says() -> None:
+    weight = GravityCompensation(WEIGHT)
+    weight.set(DOWN, 100, 20)
+    assert [weight.state(t_ns) for t_ns in (120, 121)] == ["compensated", "unknown_orientation"]
 
 
 def test_without_a_weight_there_is_nothing_to_compensate() -> None:

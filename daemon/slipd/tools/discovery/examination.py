@@ -12,6 +12,7 @@ import numpy as np
 from slipd.devices import DEVICES, Device
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.events import LinkSpec
+from slipd.grasp.arm_motion import LEAST_MEAN_MPS2, MOST_MEAN_MPS2
 from slipd.links.link_health import why_silent
 from slipd.tools.discovery.capture import Capture
 from slipd.tools.discovery.port_probe import recognise
@@ -172,7 +173,10 @@ def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
         active = "active" if newest.active else "not active"
         yield Finding("ok", f"gripper {active}, width {width}, fault {newest.fault or 'none'}")
         return
-    if isinstance(newest, (ObjectSample, ArmSample)):
+    if isinstance(newest, ArmSample):
+        yield _arm(cast("Sequence[ArmSample]", samples))
+        return
+    if isinstance(newest, ObjectSample):
         return
     rows = [_numbers(sample) for sample in samples]
     if len({len(row) for row in rows}) > 1:
@@ -192,6 +196,15 @@ def _values(samples: Sequence[Sample]) -> Iterator[Finding]:
     flat = int(np.sum(np.all(values == values[0], axis=0)))
     text = f"{values.shape[1]} values per image, from {values.min():g} to {values.max():g}, {flat} of them never change"
     yield Finding("ok", text)
+
+
+def _arm(samples: Sequence[ArmSample]) -> Finding:
+    long_mps2 = float(np.mean(np.linalg.norm([sample.gravity_mps2 for sample in samples], axis=1)))
+    fastest_radps = float(np.max(np.linalg.norm([sample.angular_velocity_radps for sample in samples], axis=1)))
+    text = f"gravity {long_mps2:.3g} m/s² in the mean, turns of up to {fastest_radps:.3g} rad/s"
+    if LEAST_MEAN_MPS2 <= long_mps2 <= MOST_MEAN_MPS2:
+        return Finding("ok", text)
+    return Finding("wrong", f"{text}: it must be near 9.81; is it in g, or without gravity?")
 
 
 def _numbers(sample: Sample) -> Array:

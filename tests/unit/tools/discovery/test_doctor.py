@@ -256,6 +256,14 @@ def test_forces_without_torques_and_poses_of_an_object() -> None:
     assert "19 readings" in texts(examine(capture("external", poses, transport="external", baud=0)), "ok")
 
 
+@pytest.mark.parametrize(("gravity", "level"), [(9.81, "ok"), (1.0, "wrong")])
+def test_gravity_of_an_arm_is_compared_with_that_of_the_earth(gravity: float, level: str) -> None:
+    motion = {"gravity_mps2": (0.0, 0.0, gravity), "angular_velocity_radps": (0.0, 0.5, 0.0)}
+    pushed = [(n * MS, external.encode_reading("arm", n, **motion)) for n in range(1, 20)]
+    found = texts(examine(capture("external", pushed, transport="external", baud=0)), level)
+    assert f"gravity {gravity:.3g} m/s² in the mean, turns of up to 0.5 rad/s" in found
+
+
 def test_a_file_that_is_no_capture_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.capture"
     with pytest.raises(SlipdError, match="cannot be read: No such file"):
