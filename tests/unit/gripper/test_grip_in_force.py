@@ -321,3 +321,11 @@ def test_what_was_opened_is_let_go_once_that_is_seen(control: GripperControl, se
     assert refused(ask(control, "set", T0 + 3 * MS, force_n=4.0)) == ("not_ready", "")
     control.update(reading(0.05, T0 + 4 * MS, object="moving", moving=True))
     assert took(close_(control, 12.0, None, None, T0 + 4 * MS))
+
+
+def test_a_reading_of_the_moment_of_a_command_does_not_end_its_motion(control: GripperControl) -> None:
+    close_(control, 10.0, None, None, T0)
+    control.update(reading(0.03, T0, object="contact_closing"))
+    assert not control.holds
+    control.update(reading(0.03, T0 + 1, object="contact_closing"))
+    assert control.holds

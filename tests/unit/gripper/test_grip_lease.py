@@ -53,6 +53,7 @@ def test_C4_a_late_loop_does_not_revive_a_lease(policy: GripPolicy) -> None:
         max_size=40,
     )
 )
+@example(steps=[("acquire", ANN, 0), ("acquire", ANN, 1), ("wait", ANN, 1)])
 @example(steps=[("acquire", ANN, 200), ("wait", ANN, 199), ("wait", ANN, 1)])
 @example(steps=[("acquire", ANN, 200), ("wait", ANN, 150), ("renew", ANN, 0), ("wait", ANN, 199), ("wait", ANN, 1)])
 @example(steps=[("acquire", ANN, 250), ("acquire", ANN, 100), ("wait", ANN, 100), ("acquire", BEN, 200)])
