@@ -201,6 +201,8 @@ class Engine:
         arrival = PROMPT
         if self._lateness.late_ns:
             arrival = self._lateness.arrival(t_ns)
+            if self._arm is not None:
+                self._arm.bridge_stall(t_ns - arrival.waited_ns)
             self._make_all_due()
         for read in link.receive(data, t_ns, arrival):
             if read.stream in self.kept.waiting:

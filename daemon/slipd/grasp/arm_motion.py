@@ -13,7 +13,7 @@ from slipd.config import Grasp, stale_after_ns
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.grasp.grasp_view import Place
-from slipd.signals.gravity import MOST_GRAVITY_MPS2, gravity_at, gravity_fault
+from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, gravity_at, gravity_fault
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 from slipd_client.messages import Health
@@ -69,6 +69,19 @@ class ArmMotion:
             for name, gravity in felt.items():
                 self._fingers[name].force.set_gravity(gravity, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
+
+    def bridge_stall(self, since_ns: int) -> None:
+        """Let a stream that was fresh as the daemon stalled count for as long as ``gravity.set``.
+
+        Lines are read one after another: readings of a sensor are judged before those of the arm arrive.
+
+        Args:
+            since_ns: When the lines were last read empty.
+        """
+        fresh_until_ns = self._fresh_until_ns
+        if fresh_until_ns is not None and since_ns <= fresh_until_ns:
+            for finger in self._fingers.values():
+                finger.force.gravity.extend(fresh_until_ns - self._stale_ns + FRESH_NS)
 
     def drives(self, finger: str, t_ns: int) -> bool:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""

@@ -134,6 +134,11 @@ class GravityCompensation:
         self._fresh_until_ns = t_ns + fresh_ns
         self._correct()
 
+    def extend(self, until_ns: int) -> None:
+        """Let an orientation that was not forgotten be valid until then, if it is not valid for longer."""
+        if self._fresh_until_ns is not None:
+            self._fresh_until_ns = max(self._fresh_until_ns, until_ns)
+
     def forget(self) -> None:
         """Mark the orientation as old, because time passed that the clock did not count."""
         self._fresh_until_ns = None

@@ -87,6 +87,7 @@ def test_D6_a_stream_that_cannot_be_right_is_named_and_not_believed(
     run.carry_for(2100)
     assert run.stream()["health"] == Health.OK
     assert run.stream("left.wrench")["gravity"] == "compensated"
+    assert run.refusal("gravity.set", finger="left", gravity_mps2=[9.8, 0.0, 0.0]) == ("not_ready", "gravity_mps2")
 
 
 def test_a_finger_further_out_is_pulled_out_more_by_a_turn() -> None:
@@ -100,6 +101,21 @@ def test_a_finger_further_out_is_pulled_out_more_by_a_turn() -> None:
     run.wrench(0.0, ms=6.0)
     outward_n = MASS_KG * 25.0 * (width_m / 2.0 - COM_M[2])
     assert run.published("wrench.left")[-1]["force_n"][2] == pytest.approx(outward_n, rel=1e-6), "-Z points outwards"
+
+
+@pytest.mark.parametrize(("silent_ms", "state"), [(4, "compensated"), (40, "unknown_orientation")])
+def test_a_stall_of_the_daemon_does_not_make_the_weight_unknown(run: ArmRun, silent_ms: int, state: str) -> None:
+    """Lines are read one after another, so that readings of a sensor are judged before those of the arm arrive."""
+    run.carry_for(1100)
+    for _ in range(silent_ms // 4):
+        run.wait(4)
+        run.tick()
+    run.wait(150)
+    run.wrench(5.0, (1.0, 0.0))
+    assert run.stream("left.wrench")["gravity"] == state, "a stream that was silent before stays so"
+    run.wait(100)
+    run.wrench(5.0, (1.0, 0.0))
+    assert run.stream("left.wrench")["gravity"] == "unknown_orientation", "it counts no longer than gravity.set"
 
 
 def test_gravity_is_checked_for_a_second_before_it_is_used(run: ArmRun) -> None:

@@ -63,6 +63,12 @@ def test_gravity_is_valid_for_as_long_as_its_source_says() -> None:
     weight = GravityCompensation(WEIGHT)
     weight.set(DOWN, 100, 20)
     assert [weight.state(t_ns) for t_ns in (120, 121)] == ["compensated", "unknown_orientation"]
+    weight.extend(150)
+    weight.extend(130)
+    assert [weight.state(t_ns) for t_ns in (150, 151)] == ["compensated", "unknown_orientation"]
+    weight.forget()
+    weight.extend(200)
+    assert weight.state(100) == "unknown_orientation", "what was forgotten stays so"
 
 
 def test_without_a_weight_there_is_nothing_to_compensate() -> None:
