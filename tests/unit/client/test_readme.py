@@ -14,7 +14,6 @@ from project import ROOT
 from slipd_client.aio import AsyncGripClient
 from slipd_client.errors import Silence
 from slipd_client.grip import GripClient
-from slipd_client.subscriber import SubscriberBase
 
 if TYPE_CHECKING:
     from conftest import Daemon, Publisher
@@ -37,7 +36,6 @@ def test_an_example_hears_and_steers_until_the_daemon_falls_silent(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setitem(SubscriberBase.__init__.__kwdefaults__, "silence_s", 1.0)
     for client in (GripClient, AsyncGripClient):  # a lease that no stall of this machine ends
         monkeypatch.setattr(client.lease.__wrapped__, "__defaults__", (60_000,))
     monkeypatch.setattr("time.sleep", end_instead_of_the_next_try)
