@@ -12,6 +12,9 @@ from slipd.finger.finger import Finger
 from slipd.motion.evidence import Evidence
 from slipd.motion.pad_looks import LOOKS_PER_HOUR, ImageStep, LoadBelief, belong_together
 
+LEAST_SURPRISE = 1.0
+"""The load counts only beside an image that changes by more than that of a hold does in the mean: a pad that is still
+shows no motion, however near the limit its load is. By the definition of `slipd.motion.pad_looks.BACKGROUND`."""
 SENSES = 1.0, -1.0
 """Signs of the spin of one twist of the object on the first and the second pad, which face each other."""
 
@@ -51,7 +54,8 @@ class PadMotion:
             return None
         spin = sum(sense * load[0] for sense, load in zip(SENSES, loads, strict=False)) / len(loads)
         tangential = sum(load[1] for load in loads) / len(loads)
-        return Evidence("image_change", t_ns, surprise), self._belief.update(spin, tangential)
+        belief = self._belief.update(spin, tangential)
+        return Evidence("image_change", t_ns, surprise), belief if surprise > LEAST_SURPRISE else 0.0
 
     def confirm(self) -> None:
         """Take the newest evidence as true: the object lies otherwise now, and what was carried before says nothing."""

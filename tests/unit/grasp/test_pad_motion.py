@@ -173,6 +173,13 @@ def test_an_arm_that_shakes_a_held_box_is_no_slip() -> None:
     assert slips(looks) == []
 
 
+@pytest.mark.parametrize("mu", [0.01, 0.03, 0.09])
+def test_a_pad_that_is_still_is_no_slip_whatever_friction_is_stated(mu: float) -> None:
+    text = TEXT.replace("mu_rotation = 0.083", f"mu_rotation = {mu}")
+    assert text != TEXT
+    assert slips([hold(0.1)] * 40, text, ideal=True) == []
+
+
 def test_the_slip_ends_when_the_motion_ends() -> None:
     looks = [hold()] * 20 + [hold(0.08, 0.85), hold(0.08, 0.6)] + [hold(0.04, 0.6)] * 10
     levels = [(k, body["level"]) for k, body in run(looks) if body["finger"] == "left"]
