@@ -27,6 +27,8 @@ from slipd.types.samples import ArmSample, TactileSample, WrenchSample
 
 MS = 1_000_000
 SHIPPED = sorted(CONFIG.glob("*.toml"))
+IN_NEWTONS = [path for path in SHIPPED if path.name != "trial_arq.toml"]
+"""Configs of rigs; the readings of that trial are counts, and the emulator of pushed readings sends newtons."""
 SECONDS = 0.7
 AT_M = (0.004, -0.003)
 
@@ -86,7 +88,7 @@ def read(rig: Config, folder: Path, stream: Stream) -> list[Any]:
     return chosen[2 * len(chosen) // 3 :]
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", IN_NEWTONS, ids=lambda path: path.name)
 def test_the_sensors_of_a_shipped_config_read_the_load_on_their_pad(path: Path, tmp_path: Path) -> None:
     rig = config.load(path)
     devices = touched(rig, tmp_path)
