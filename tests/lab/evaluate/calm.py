@@ -29,6 +29,7 @@ from evaluate.draw import Random
 from evaluate.families import EVALUATION
 from evaluate.intervals import rate_upper
 from evaluate.loads_that_hold import hold, shake
+from evaluate.offline_grasp import BEGIN_NS, run_offline
 from evaluate.playing import play, truth_of
 from evaluate.reports import reports_of
 from evaluate.running import Variant, config_text
@@ -38,8 +39,6 @@ from evaluate.truth import Truth
 from evaluate.worlds import WORLDS
 from project import MEASURED
 from second_world import rubber_scene, rubber_trace
-
-from slipd.tools.sim.offline_grasp import BEGIN_NS, run_offline
 
 SECONDS = 60.0
 READ_NS = 10_000_000

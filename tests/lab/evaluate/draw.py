@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing
 from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene
 
-from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd.types.arrays import Array
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 from evaluate.draw import KINDS, Course, Random, combined, draw_contact, draw_sensors, log_uniform, pull
+from evaluate.finger_sensing import PadSensing
 from evaluate.scene import Contact, Load, Scene
 
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
-from slipd.tools.sim.finger_sensing import PadSensing
 from slipd.tools.sim.stickslip.grasp_parts import FrictionMap
 
 BUILD_UP_S = (0.8, 2.5)

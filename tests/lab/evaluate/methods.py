@@ -26,6 +26,7 @@ from chart.rivals import paper
 from chart.scenes import Scene as ContactScene
 from evaluate.campaign import FIXED
 from evaluate.families import draw
+from evaluate.offline_grasp import Heard
 from evaluate.playing import play, truth_of
 from evaluate.reports import SLIPPING
 from evaluate.running import FACTORS, Tape, Variant, config_text, record
@@ -34,7 +35,6 @@ from evaluate.score import LATE_S, PROMPT_S, SAFE
 from evaluate.truth import Truth
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.offline_grasp import Heard
 from slipd.types.arrays import Array
 
 BEFORE_S, SPAN_S = 0.5, 0.5

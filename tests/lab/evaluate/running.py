@@ -17,6 +17,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from evaluate.finger_sensing import FingerSensing, offline_config
+from evaluate.offline_grasp import BEGIN_NS, BOOT, Heard, run_offline
 from evaluate.playing import SAFETY
 from evaluate.reports import Reports, reports_of
 from evaluate.scene import Scene
@@ -28,8 +30,6 @@ from project import DAEMON
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Event, Publish
-from slipd.tools.sim.finger_sensing import FingerSensing, offline_config
-from slipd.tools.sim.offline_grasp import BEGIN_NS, BOOT, Heard, run_offline
 from slipd.tools.sim.stickslip import GraspTrace
 
 READ_NS = 1_000_000

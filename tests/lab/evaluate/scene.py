@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from evaluate.finger_sensing import FingerSensing
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.finger_sensing import FingerSensing
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 from slipd.types.arrays import Array
 

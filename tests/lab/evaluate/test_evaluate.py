@@ -10,12 +10,11 @@ import pytest
 from evaluate import __main__ as program
 from evaluate.families import DEVELOPMENT, EVALUATION, FAMILIES, PERTURBATIONS, draw
 from evaluate.intervals import share
+from evaluate.offline_grasp import run_offline
 from evaluate.playing import SAFETY, play, truth_of
 from evaluate.running import READ_NS, Result, Task, Variant, config_text, record, run_all, run_task
 from evaluate.summary import summarise
 from evaluate.user_errors import ERRORS
-
-from slipd.tools.sim.offline_grasp import run_offline
 
 
 def test_there_are_enough_families_and_no_seed_is_of_both_ranges() -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from slipd.tools.sim.finger_sensing import FingerSensing, PadSensing
+from evaluate.finger_sensing import FingerSensing, PadSensing
 
 
 def pad_off(sensors: FingerSensing) -> FingerSensing:

@@ -15,13 +15,13 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+from evaluate.offline_grasp import BEGIN_NS
 from evaluate.running import Variant, record, reports
 from evaluate.worlds import WORLDS
 
 from slipd.finger import contact_estimator
 from slipd.fusion.assess import SPIN_ARM_M
 from slipd.fusion.rows import TOUCHING, UNSOLVED, Row, Rows
-from slipd.tools.sim.offline_grasp import BEGIN_NS
 from slipd.types.arrays import Array
 
 FACTORS = (1.0, 0.9, 1.1, None)

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from evaluate import families
 from evaluate.draw import Random, log_uniform
+from evaluate.finger_sensing import FingerSensing
 from evaluate.scene import STEP_S, Contact, Scene
 from second_world.rubber_grasp import Rubber, RubberGrasp
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.finger_sensing import FingerSensing
 from slipd.types.arrays import Array
 
 RATIO = (0.7, 0.92)
@@ -28,7 +28,7 @@ RECOVERS = 0.88
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """How the sensors of the second world are wrong, beyond `slipd.tools.sim.finger_sensing`.
+    """How the sensors of the second world are wrong, beyond `evaluate.finger_sensing`.
 
     Attributes:
         ring_hz: Resonance of the finger behind the force sensor.

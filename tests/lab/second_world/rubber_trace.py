@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from evaluate.finger_sensing import PadSensing
 from evaluate.playing import SAFETY, load_at
 from evaluate.scene import STEP_S
 from evaluate.truth import Truth
@@ -14,7 +15,6 @@ from scipy.signal import lfilter
 from second_world.rubber_grasp import RubberGrasp
 from second_world.rubber_scene import Faults, RubberScene, used_of
 
-from slipd.tools.sim.finger_sensing import PadSensing
 from slipd.types.arrays import Array
 
 IMAGE_EVERY, USED_EVERY = 10, 4

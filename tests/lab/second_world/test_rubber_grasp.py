@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evaluate.finger_sensing import FingerSensing
 from evaluate.scene import STEP_S
 from second_world.rubber_grasp import Rubber, RubberGrasp, gaps_of
 from second_world.rubber_kernels import HEAT, LOST, VISCOUS, WORK
 from second_world.rubber_scene import RubberScene
 
-from slipd.tools.sim.finger_sensing import FingerSensing
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd.tools.sim.stickslip.contact_patch import KINDS
 from slipd.tools.sim.stickslip.grasp_parts import FrictionMap

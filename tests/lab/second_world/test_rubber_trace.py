@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from evaluate.families import FAMILIES
+from evaluate.finger_sensing import PadSensing
 from evaluate.running import Task, Variant, run_task
 from second_world.rubber_scene import CREEP_RATIO, RATIO, Faults, draw
 from second_world.rubber_trace import felt, play, readings, truth_of
-
-from slipd.tools.sim.finger_sensing import PadSensing
 
 
 @pytest.mark.parametrize("family", FAMILIES)

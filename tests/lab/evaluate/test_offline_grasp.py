@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evaluate import offline_grasp
+from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
+from evaluate.offline_grasp import BEGIN_NS, BOOT, Asked, run_offline
 
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.sim import offline_grasp
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
-from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
-from slipd.tools.sim.offline_grasp import BEGIN_NS, BOOT, Asked, run_offline
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 from slipd_client.messages import encode
 

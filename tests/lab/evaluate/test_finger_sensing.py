@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
 
 from slipd import config
 from slipd.signals.mounting import Mounting
-from slipd.tools.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
 from slipd.tools.sim.scene_parts import Pad
 
 WRENCH = np.array([[1.0, -2.0, -8.0, 0.01, 0.02, -0.03]])
