@@ -60,6 +60,14 @@ def test_whole_scans_in_one_read_equal_their_frames_one_by_one(first: int, at: i
     assert results(pvdf.Decoder(), reads) == results(pvdf.Decoder(), frames)
 
 
+def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    decoder = pvdf.Decoder()
+    decoder.receive(b"".join(rows_of(258)), 0)
+    monkeypatch.setattr(decoder, "_decode_rows", None)
+    samples = decoder.receive(b"".join(rows_of(259) + rows_of(260)), 0)
+    assert [sample.values.tolist() for sample in samples] == [counts(n).ravel().tolist() for n in (259, 260)]
+
+
 def test_a_scan_comes_out_in_scan_order_with_its_times() -> None:
     decoder = pvdf.Decoder(rows=2, cols=3)
     stream = pvdf.encode_scan(np.array([[1, -2, 3], [-32768, 32767, 0]]), 9, 1000, 39.06)
@@ -106,7 +114,9 @@ def test_joining_in_the_middle_of_a_scan_loses_nothing() -> None:
     assert decoder.health.lost == 0
 
 
-@pytest.mark.parametrize(("first", "second", "lost"), [(3, 4, 0), (3, 8, 4), (65_534, 65_537, 2), (65_535, 65_536, 0)])
+@pytest.mark.parametrize(
+    ("first", "second", "lost"), [(3, 4, 0), (3, 8, 4), (65_534, 65_537, 2), (65_535, 65_536, 0), (3, 32_770, 32_766)]
+)
 def test_the_scan_counter_shows_how_many_scans_are_missing(first: int, second: int, lost: int) -> None:
     numbers, decoder = decode(*rows_of(first), *rows_of(second))
     assert numbers == [first, second]
@@ -193,3 +203,9 @@ def test_a_dwell_that_cannot_be_sent_is_refused(dwell_us: float) -> None:
 def test_a_pad_of_an_impossible_size_is_refused(rows: int, cols: int) -> None:
     with pytest.raises(ValueError, match="1 to 256"):
         pvdf.Decoder(rows=rows, cols=cols)
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (256, 256)])
+def test_the_smallest_and_the_largest_pad_are_read(rows: int, cols: int) -> None:
+    (sample,) = pvdf.Decoder(rows, cols).receive(pvdf.encode_scan(counts(0, rows, cols), 0, 0, 0.01), 0)
+    assert sample.values.tolist() == counts(0, rows, cols).ravel().tolist()

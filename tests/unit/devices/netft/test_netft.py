@@ -96,6 +96,19 @@ def test_F2_an_error_that_no_known_bit_explains_is_invalid() -> None:
     assert words == [("error", "invalid"), ("temperature", "error"), ("busy", "error", "invalid")]
 
 
+EXPLAINED = {0, 1, 27, 30}
+"""Bits that say by themselves what the error bit stands for, and whether the reading is lost."""
+
+
+@pytest.mark.parametrize("bit", [bit for bit in range(31) if bit != 16])
+def test_F2_the_error_bit_makes_a_reading_invalid_unless_another_bit_explains_it(bit: int) -> None:
+    """Bits: Axia manual, table 4.7; on a classic box the reserved ones stand for faults of boards, links and memory."""
+    stream = b"".join(record(number, 1 << 31 | 1 << bit) for number in range(1, 5))
+    status = netft.Decoder().receive(stream, 0)[-1].status
+    words = {*BITS.get(bit, ("unknown",)), "error"} | ({"invalid"} if bit not in EXPLAINED else set())
+    assert set(status) == words
+
+
 @pytest.mark.parametrize(
     ("status", "trusted"), [(0x80010000, True), (0x00010000, True), (0x80020000, False), (0x80030000, False)]
 )

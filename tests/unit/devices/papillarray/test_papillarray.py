@@ -196,6 +196,15 @@ def test_D3_gaps_duplicates_and_restarts_are_distinguished() -> None:
     assert (health.lost, health.duplicates, health.restarts, health.good, health.bad) == (3, 2, 1, 6, 0)
 
 
+def test_D3_the_counter_wraps_after_32_bits_without_a_loss_or_a_restart() -> None:
+    counters = ["FE FF FF FF", "FF FF FF FF", "00 00 00 00", "02 00 00 00"]
+    body = ACCEPTED[4:-6]
+    stream = b"".join(resum(body[:23] + bytes.fromhex(counter) + body[27:]) for counter in counters)
+    decoder = papillarray.Decoder()
+    assert len(decoder.receive(stream, 0)) == 8
+    assert (decoder.health.lost, decoder.health.duplicates, decoder.health.restarts) == (1, 0, 0)
+
+
 def test_the_session_sets_the_rate_and_runs_and_sets_it_again_after_silence() -> None:
     session = papillarray.Session(rate_hz=1000)
     assert (session.state, session.next_deadline(), session.identity) == ("closed", None, "")

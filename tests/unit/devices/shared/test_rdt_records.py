@@ -59,6 +59,14 @@ def test_many_records_come_from_one_piece_with_all_their_counts() -> None:
     assert counts.tolist() == [[COUNTS[0], 1000 * number, *COUNTS[2:]] for number in (1, 2)]
 
 
+def test_whole_datagrams_are_read_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    records = rdt.RecordScanner(DecoderHealth(), RESERVED)
+    records.receive(record(1))
+    monkeypatch.setattr(records, "_search", None)
+    heads, counts = records.receive(record(2) + record(3))
+    assert (heads, counts[:, 1].tolist()) == ([(14, 0), (21, 0)], [2000.0, 3000.0])
+
+
 def test_D3_a_gap_is_accepted_with_the_record_after_it() -> None:
     assert read(record(1), record(5)) == ([1], DecoderHealth())
     assert read(record(1), record(5), record(6)) == ([1, 5, 6], DecoderHealth(lost=3))
