@@ -53,6 +53,16 @@ def test_the_serial_number_stands_in_the_system_information_as_weiss_documents_i
     assert session.identity == "S/N 2452903544"
 
 
+def test_the_sides_and_the_full_scale_of_the_matrix_are_unsigned() -> None:
+    session = wts.Session()
+    session.start(0)
+    session.receive(wts.encode_system(1), 1)
+    session.on_time(1)
+    answer = bytes.fromhex("AA AA AA 30 0C 00  00 00 FF FF FE FF 54 01 54 01 FD FF")
+    session.receive(answer + weiss.checksum(answer).to_bytes(2, "little"), 1)
+    assert session.state.startswith("matrix of 65535 x 65534 cells of 65533 counts")
+
+
 def test_an_image_with_a_cell_at_full_scale_is_saturated() -> None:
     decoder = wts.Decoder()
     assert decoder.receive(wts.encode_frame([4095], 0), 0)[0].status == ("saturated",)

@@ -235,6 +235,36 @@ def test_worked_requests_and_answers_are_encoded(made: bytes, sent: str) -> None
     assert made == bytes.fromhex("AA AA AA" + sent)
 
 
+@pytest.mark.parametrize(
+    ("answers", "problem"),
+    [
+        (["02 0C 00  00 00 FF FF 20 01 01 2E 16 00 00 00"], "a controller must have 1 to 16 matrices, got 65535"),
+        (
+            [
+                "02 0C 00  00 00 06 00 20 01 01 2E 16 00 00 00",
+                "0B 34 00  00 00 9A 99 59 40 9A 99 59 40 FF FF FE FF" + "00" * 33 + "00 F0 7F 45 00",
+            ],
+            "the matrices must have at most 2048 cells, got 4294770690",
+        ),
+    ],
+)
+def test_numbers_and_sides_of_matrices_are_unsigned(answers: list[str], problem: str) -> None:
+    """Fields: ``sSensorInfo`` and ``sMatrixInfo`` in ipab-slmc/SDHLibrary-CPP at 4ddc1d0, ``sdh/dsa.h``."""
+    session = dsacon32.Session()
+    session.start(0)
+    session.receive(dsacon32.encode_controller(1), 1)
+    for answer in map(bytes.fromhex, answers):
+        session.on_time(1)
+        session.receive(weiss.PREAMBLE + answer + weiss.checksum(answer).to_bytes(2, "little"), 1)
+    assert session.state == problem
+
+
+def test_a_matrix_may_have_odd_sides_or_a_single_cell() -> None:
+    decoder = dsacon32.Decoder([[6, 14], [6, 13], [1, 1]])
+    samples = decoder.receive(dsacon32.encode_frame(range(84 + 78 + 1), 0), 0)
+    assert [(sample.values[0], len(sample.values)) for sample in samples] == [(0, 84), (84, 78), (162, 1)]
+
+
 def test_a_request_for_images_is_read() -> None:
     assert dsacon32.parse_acquire(dsacon32.acquire(25, rle=True)[6:-2]) == (25, True)
     assert dsacon32.parse_acquire(dsacon32.acquire(0, rle=False)[6:-2]) == (0, False)

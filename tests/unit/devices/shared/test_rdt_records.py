@@ -59,12 +59,18 @@ def test_many_records_come_from_one_piece_with_all_their_counts() -> None:
     assert counts.tolist() == [[COUNTS[0], 1000 * number, *COUNTS[2:]] for number in (1, 2)]
 
 
-def test_whole_datagrams_are_read_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whole_datagrams_are_read_without_a_search_and_their_heads_are_unsigned(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     records = rdt.RecordScanner(DecoderHealth(), RESERVED)
-    records.receive(record(1))
+    middle, status = SPAN // 2, 0x8001_0000
+    stream = [rdt.encode_record((n, 0, 0, 0, 0, 0), middle + n, middle + 7 * n, status) for n in range(10)]
+    assert len(records.receive(b"".join(stream[:4]))[0]) == 4
     monkeypatch.setattr(records, "_search", None)
-    heads, counts = records.receive(record(2) + record(3))
-    assert (heads, counts[:, 1].tolist()) == ([(14, 0), (21, 0)], [2000.0, 3000.0])
+    for numbers in (range(4, 7), range(7, 10)):
+        heads, counts = records.receive(b"".join(stream[n] for n in numbers))
+        assert heads == [(middle + 7 * n, status) for n in numbers]
+        assert counts[:, 0].tolist() == [*numbers]
 
 
 def test_D3_a_gap_is_accepted_with_the_record_after_it() -> None:

@@ -8,15 +8,6 @@ import pytest
 from weiss_bench import Bench, dsacon_bench, of, wts_bench
 
 from slipd.devices import dsacon32, wts
-from slipd.devices.shared import weiss_packets as weiss
-
-MANY_MATRICES = weiss.encode(0x02, bytes.fromhex("00 00 FF FF 20 01 01 2E 16 00 00 00"), weiss.SEED_AFTER_PREAMBLE)
-MANY_CELLS = weiss.encode(
-    0x0B,
-    bytes.fromhex("00 00 9A 99 59 40 9A 99 59 40 FF FF FF FF" + "00" * 33 + "00 F0 7F 45 00"),
-    weiss.SEED_AFTER_PREAMBLE,
-)
-"""Counts are unsigned: ``sSensorInfo`` and ``sMatrixInfo`` in ipab-slmc/SDHLibrary-CPP at 4ddc1d0, ``sdh/dsa.h``."""
 
 
 @pytest.mark.parametrize(
@@ -62,8 +53,6 @@ def test_a_refusal_is_reported_in_words_and_the_query_repeated(
         (dsacon32.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
         (dsacon32.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
         (dsacon32.encode_matrix(100, 100), "the matrices must have at most 2048 cells, got 10000"),
-        (MANY_MATRICES, "a controller must have 1 to 16 matrices, got 65535"),
-        (MANY_CELLS, "the matrices must have at most 2048 cells, got 4294836225"),
     ],
 )
 def test_D2_a_controller_that_cannot_be_read_is_reported_and_not_started(wrong: bytes, state: str) -> None:
@@ -79,9 +68,7 @@ def test_D2_a_controller_that_cannot_be_read_is_reported_and_not_started(wrong: 
     assert bench.session.state == "running"
 
 
-@pytest.mark.parametrize(
-    "matrix", [wts.Matrix(0, 8), wts.Matrix(100, 100), wts.Matrix(4, 8, 0), wts.Matrix(65_535, 65_535, 65_535)]
-)
+@pytest.mark.parametrize("matrix", [wts.Matrix(0, 8), wts.Matrix(100, 100), wts.Matrix(4, 8, 0)])
 def test_D2_a_module_whose_matrix_makes_no_sense_is_reported_and_not_started(matrix: wts.Matrix) -> None:
     bench = wts_bench()
     bench.mend = of(wts.MATRIX, wts.encode_matrix(matrix))
