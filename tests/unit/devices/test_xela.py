@@ -65,6 +65,11 @@ def test_what_is_encoded_is_decoded_forevery_sensor() -> None:
     assert samples[0].device_time_ns == 1_700_000_000_250_000_000
 
 
+def test_integers_reach_from_nil_to_the_largest_of_sixteen_bits() -> None:
+    samples, _ = receive(changed(data=[0, 1, 65_535] * 16))
+    assert samples[0].values.tolist() == [[0.0, 1.0, 65_535.0]] * 16
+
+
 def test_calibrated_values_are_used_if_configured() -> None:
     forces = np.linspace(-2, 2, 48).reshape(16, 3)
     data = xela.encode_message(3, {"1": pad(1), "2": pad(2)}, 1.0, {"1": forces})

@@ -203,6 +203,7 @@ def test_D3_the_counter_wraps_after_32_bits_without_a_loss_or_a_restart() -> Non
     decoder = papillarray.Decoder()
     assert len(decoder.receive(stream, 0)) == 8
     assert (decoder.health.lost, decoder.health.duplicates, decoder.health.restarts) == (1, 0, 0)
+    assert frames.encode_hub((1 << 33) - 2, 1)[1] == bytes.fromhex("FE FF FF FF 01 00 00 00 00 00 00 00")
 
 
 def test_the_session_sets_the_rate_and_runs_and_sets_it_again_after_silence() -> None:
