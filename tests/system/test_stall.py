@@ -96,12 +96,17 @@ def first_lines(running: subprocess.Popen[str], count: int) -> list[str]:
 
 
 def tared(client: GripClient) -> bool:
-    """Tare every finger; return whether every zero is known, which a finger without a reading yet delays."""
-    with suppress(ClientError):
-        for finger in LINES:
-            client.tare(finger, "all", 0.1, unloaded=True)
-        return all(stream["tare_origin"] is not None for stream in client.status()["streams"].values())
-    return False
+    """Tare each finger with a zero that is not known yet, unless it refuses; return whether every zero is known."""
+    for finger in LINES:
+        with suppress(ClientError):
+            if not known(client, finger):
+                client.tare(finger, "all", 0.1, unloaded=True)
+    return all(known(client, finger) for finger in LINES)
+
+
+def known(client: GripClient, finger: str) -> bool:
+    streams = client.status()["streams"]
+    return all(stream["tare_origin"] is not None for name, stream in streams.items() if name.startswith(finger))
 
 
 @contextmanager

@@ -16,6 +16,10 @@ READY_S, BEGIN_S, HELD_S = 2.0, 3.0, 6.9
 MU_GIVEN_OVER_TRUE = 0.55 / 0.6
 
 
+pytestmark = pytest.mark.xdist_group("story")
+"""One process computes what all these tests share."""
+
+
 @pytest.fixture(scope="module")
 def held():
     """The story until the box is held: so far nothing was warned of."""
