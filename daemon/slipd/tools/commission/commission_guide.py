@@ -196,7 +196,7 @@ class Commission:
             return False
         needed_n = pulling_force(self._rig.finger[name] for name in self._fingers)
         force_n = gentle_force(self._rig.gripper, needed_n)
-        yield from _report_noise(needed_n, force_n)
+        yield from report_noise(needed_n, force_n)
         by_gripper = None if isinstance(force_n, str) or not self._allowed.move else force_n
         results = yield from measure_friction(self._fingers, by_gripper, self._patience_s)
         found: Values = {}
@@ -283,7 +283,7 @@ class Commission:
         self._mounts |= {name: mount_of(sensor) for name, sensor in sensors.items() if sensor is not None}
 
 
-def _report_noise(needed_n: float, force_n: float | str) -> Steps[None]:
+def report_noise(needed_n: float, force_n: float | str) -> Steps[None]:
     """Say which grip the noise of the force sensors asks for, where a gentle one does not show a slip."""
     if needed_n > GENTLE_N:
         yield Say(f"  the noise of the force sensors hides a slip at less than {needed_n:g} N on each pad")

@@ -10,6 +10,7 @@ import pytest
 
 from slipd import config
 from slipd.errors import SlipdError
+from slipd.tools.commission.commission_guide import report_noise
 from slipd.tools.commission.daemon_link import link_to
 from slipd.tools.commission.dialogue import (
     Ask,
@@ -190,3 +191,19 @@ requesters = "{tmp_path}/requesters"
     assert found.publish_keys is not None
     assert found.publish_keys.server == keys.load_public(tmp_path / "daemon.key")
     assert link_to(plain, None, None, None, None).requests is None
+
+
+@pytest.mark.parametrize(
+    ("needed_n", "force_n", "words"),
+    [
+        (4.0, 5.0, []),
+        (22.0, 22.0, ["hides a slip at less than 22 N"]),
+        (22.0, 15.0, ["hides a slip at less than 22 N", "max_force_n allows 15 N: a slip may not be seen"]),
+        (4.0, 3.0, ["max_force_n allows 3 N: a slip may not be seen"]),
+        (22.0, "the config gives no limit", ["hides a slip at less than 22 N"]),
+    ],
+)
+def test_the_guide_says_which_grip_the_noise_needs(needed_n: float, force_n: float | str, words: list[str]) -> None:
+    said = [step.text for step in report_noise(needed_n, force_n) if isinstance(step, Say)]
+    assert len(said) == len(words)
+    assert all(word in text for word, text in zip(words, said, strict=True))
