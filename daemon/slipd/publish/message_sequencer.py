@@ -28,7 +28,7 @@ def finite(body: Body) -> Body:
 
 
 def array(values: Array | None) -> list[float] | None:
-    """Return an array as a list; None where there is none."""
+    """Return an array as a list, or None for None."""
     return None if values is None else values.tolist()
 
 

@@ -56,7 +56,7 @@ class SensorClock:
         return round(t_ns * (1.0 + self._drift) - self._offset_ns)
 
     def lag_ns(self) -> int:
-        """Return how late the line is, drawn anew."""
+        """Draw and return the next delay of the line."""
         return round(abs(self._rng.normal(0.0, JITTER_NS)))
 
     def age_ns(self, t_ns: int, period_ns: int) -> int:
@@ -136,7 +136,7 @@ class Unkind:
         return self._local_ns
 
     def _update(self, t_ns: int) -> None:
-        """Set the loads that the sensors read anew."""
+        """Update the loads on the sensors."""
         if t_ns - self._updated_ns < UPDATE_NS:
             return
         device: Any = self._emulator
