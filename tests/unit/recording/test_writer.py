@@ -191,8 +191,10 @@ def test_a_full_disk_never_raises_into_the_live_path(tmp_path: Path, about_run, 
 def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
     tmp_path: Path, about_run, entries, room: Room, limit: str
 ) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **about_run, room=room)
+    queued = Signal()
+    recorder = Recorder(tmp_path / "run.mcap", **about_run, room=room, prepare=lambda: queued.wait())
     record(recorder, entries(2000))
+    queued.set()
     wait_until(lambda: recorder.limit)
     record(recorder, entries(100))
     recorder.close()
