@@ -25,6 +25,7 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
+from slipd.grasp.object_state import NOTHING_HELD
 from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import SEVERITY
 
@@ -84,12 +85,14 @@ class GraspView:
 
     Attributes:
         state: State at the last `update`.
+        object: What is known of the object.
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
         self._fingers = tuple(fingers[name] for name in config.pads)
         self._places = tuple(Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self._fingers)
+        self.object = NOTHING_HELD
         self.state = self.update(None)
 
     @property
