@@ -11,6 +11,7 @@ import pytest
 import zmq
 from heard_topics import Subscribe, hear
 from loop_waits import PATIENCE_S
+from zeromq_peers import StandingClock
 
 from slipd.io.bus import publisher as publisher_module
 from slipd.io.bus.publisher import Publisher
@@ -167,7 +168,9 @@ async def test_a_client_that_floods_subscriptions_is_disconnected_and_no_other(
     subscribe: Subscribe,
     peer: Callable[..., Peer],
     eventually: Eventually,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(publisher_module, "time", StandingClock)
     with Publisher(endpoint) as publisher:
         early = subscribe(b"slip")
         await hear(publisher, early, "slip.left", eventually)

@@ -13,7 +13,9 @@ import zmq
 from answering_server import HELLO, Answering, expect_service, replies
 from hypothesis import given
 from hypothesis import strategies as st
+from zeromq_peers import StandingClock
 
+from slipd.io.bus import request_server
 from slipd.io.bus.request_server import RequestServer
 from slipd.io.zmtp.endpoint import Access
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
@@ -234,9 +236,10 @@ async def test_a_flood_does_not_keep_another_client_from_being_served(
 
 @pytest.mark.parametrize("kind", ["ipc", "tcp"])
 async def test_a_client_with_too_many_requests_is_refused_then_disconnected_and_others_are_served(
-    kind: str, endpoint: str, peer: Callable[..., Peer], eventually: Eventually
+    kind: str, endpoint: str, peer: Callable[..., Peer], eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Over TCP without keys, all clients of a machine are distinguished by their connections alone."""
+    monkeypatch.setattr(request_server, "time", StandingClock)
     answering = Answering(endpoint, per_second=5.0) if kind == "ipc" else Answering("tcp://127.0.0.1:*", LOCAL, 5.0)
     with answering.server as server:
         hasty = peer(zmq.DEALER, server.endpoint, RECONNECT_IVL=-1, IMMEDIATE=1)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from config_faults import GOOD
-from daemon_peers import until
+from daemon_peers import PATIENCE_S, until
 
 from slipd import config
 from slipd.events import Event, HostNotice
@@ -65,7 +65,7 @@ async def test_G2_a_file_that_cannot_be_read_in_time_keeps_the_run_and_the_next_
     pipe = os.open(file, os.O_RDWR)  # the thread goes on, and its result comes too late
     os.close(pipe)
     file.unlink()
-    monkeypatch.undo()
+    monkeypatch.setattr(run_signals, "READ_LIMIT_S", PATIENCE_S)
     file.write_text(GOOD.replace("mu = 0.5", "mu = 0.4"), encoding="utf-8")
     requested.set()
     await watch

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from link_events import downs, received
+from loop_waits import PATIENCE_S
 
 from slipd.devices import Inquiry
 from slipd.errors import LinkError
@@ -148,15 +149,17 @@ async def test_a_device_with_an_ipv6_address_is_read(serving: Serving, eventuall
 async def test_a_host_without_a_listener_is_reported_and_tried_again(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
-    port = sensor.socket.getsockname()[1]
-    sensor.socket.close()
+    """A connected socket holds the port, so that no other program gets it, and receives nothing from the daemon."""
+    sensor.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    sensor.socket.connect(sensor.socket.getsockname())
     async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
         await eventually(lambda: LinkDown in kinds(events))
         assert "nothing listens on this port" in downs(events)[0]
         back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        back.bind(("127.0.0.1", port))
+        back.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        back.bind(sensor.socket.getsockname())
         await eventually(lambda: kinds(events).count(LinkUp) > 1)
-        back.settimeout(10.0)
+        back.settimeout(PATIENCE_S)
         assert back.recv(100) == b"start"
         back.close()
 
@@ -186,8 +189,17 @@ async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reaso
     ],
 )
 async def test_an_address_that_cannot_be_reached_is_reported(
-    address: str, words: str, serving: Serving, eventually: Eventually
+    address: str, words: str, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """No name server is asked: it may take longer than a test."""
+    real = socket.getaddrinfo
+
+    def resolve(host: str, *options: object, **named: object) -> object:
+        if host.endswith(".invalid"):
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return real(host, *options, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(socket, "getaddrinfo", resolve)
     async with serving(LinkSpec("left.wrench", address[:3], address)) as (_, events):
         await eventually(lambda: events)
     assert kinds(events) == [LinkDown]

@@ -1,0 +1,21 @@
+"""No test of this room depends on how long a thread or process of it stands still."""
+
+from __future__ import annotations
+
+import pytest
+from loop_waits import PATIENCE_S
+
+PATIENT = (
+    "transport.network.OPEN_TIMEOUT_S",
+    "transport.network.INQUIRY_TIMEOUT_S",
+    "transport.websocket.OPEN_TIMEOUT_S",
+    "zmtp.listener.HANDSHAKE_S",
+    "host.run_signals.READ_LIMIT_S",
+)
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give every peer as long as the test waits; a test of a limit sets its own."""
+    for name in PATIENT:
+        monkeypatch.setattr(f"slipd.io.{name}", PATIENCE_S)
