@@ -34,7 +34,7 @@ _ON_MACHINE = re.compile(r"unixsock-stream/\S+")
 def add_serve(add: Add) -> None:
     """Add the commands of ``slipctl serve``; ``add`` adds a command, given its name and help text."""
     _foxglove(add("foxglove", "serve Foxglove, Lichtblick and PlotJuggler over a WebSocket (docs/viewers.md)"))
-    _ros2(add("ros2", "publish ROS 2 topics, and take the arm's orientation from ROS (docs/viewers.md)"))
+    _ros2(add("ros2", "publish ROS 2 topics, and take the arm's motion from ROS (docs/viewers.md)"))
     _fleet_of(add("fleet", "publish the messages of this robot to its fleet over Zenoh (docs/fleet.md)"))
 
 
@@ -101,14 +101,14 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
         "--orientation-from",
         type=frame,
         metavar="FRAME",
-        help="send the daemon the orientation of --hand in this frame, whose Z points up, by the transforms; "
-        "needs --config",
+        help="send the daemon the motion of --hand in this frame, whose Z points up, by the transforms: the stream "
+        "[grasp.arm] of the config, or the orientation without it; needs --config",
     )
     orientation.add_argument(
         "--imu",
         type=topic,
         metavar="/TOPIC",
-        help="send the daemon the orientation by this sensor_msgs/Imu on the gripper; needs --config",
+        help="send the daemon the motion, or the orientation, by this sensor_msgs/Imu on the gripper; needs --config",
     )
     ros2.add_argument(
         "--imu-mount",
@@ -116,6 +116,13 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
         type=finite,
         metavar=("X", "Y", "Z", "W"),
         help="orientation of the IMU in the gripper's frame, unit quaternion (default: 0 0 0 1)",
+    )
+    ros2.add_argument(
+        "--imu-at",
+        nargs=3,
+        type=finite,
+        metavar=("X", "Y", "Z"),
+        help="place of the IMU in the gripper's frame, m, for the stream [grasp.arm] (default: 0 0 0)",
     )
     ros2.add_argument(
         "--tf-topic",

@@ -1,4 +1,4 @@
-"""``slipctl serve ros2``: messages as ROS 2 topics over DDS, and the arm's orientation from ROS. Needs no ROS.
+"""``slipctl serve ros2``: messages as ROS 2 topics over DDS, and the arm's motion from ROS. Needs no ROS.
 
-Only `dds_types`, `ros_publisher` and `orientation_feed` import cyclonedds, the extra ``ros2``.
+Only `dds`, `orientation_feed`, `arm_feed` and `ros2_command` import cyclonedds, the extra ``ros2``.
 """

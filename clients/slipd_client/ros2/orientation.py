@@ -7,7 +7,7 @@ orientation of a frame in another one: it takes coordinates of the first to the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from slipd_client.gravity_feed import UNIT_TOLERANCE, gravity_of
@@ -15,6 +15,7 @@ from slipd_client.gravity_feed import UNIT_TOLERANCE, gravity_of
 STALE_S = 0.3
 """Age at which an orientation is no longer used, s: three periods of a publisher at 10 Hz."""
 
+Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
@@ -26,12 +27,27 @@ class OrientationUnknown(Exception):  # noqa: N818 - it is a state, not a fault
 class _Link(NamedTuple):
     parent: str
     rotation: Quaternion
+    translation_m: Vector
     stamp: tuple[int, int]
     since_s: float
 
 
+class Pose(NamedTuple):
+    """A frame in its base at a time.
+
+    Attributes:
+        stamp_ns: Time of the transforms that move, ns of ROS's clock.
+        position_m: Its origin in the base.
+        rotation: Its orientation in the base.
+    """
+
+    stamp_ns: int
+    position_m: Vector
+    rotation: Quaternion
+
+
 class TransformTree:
-    """The frames of ``/tf`` and ``/tf_static``, as far as rotations go."""
+    """The frames of ``/tf`` and ``/tf_static``."""
 
     def __init__(self) -> None:
         self._links: dict[str, _Link] = {}
@@ -51,12 +67,13 @@ class TransformTree:
         """
         child, parent = transform.child_frame_id, transform.header.frame_id
         rotation = unit(transform.transform.rotation, f"the transform from {parent!r} to {child!r}")
+        translation_m = vector(transform.transform.translation)
         stamp = (transform.header.stamp.sec, transform.header.stamp.nanosec)
         before = self._links.get(child)
         if static:
-            self._links[child] = _Link(parent, rotation, stamp, math.inf)
+            self._links[child] = _Link(parent, rotation, translation_m, stamp, math.inf)
         elif before is None or before.parent != parent or before.stamp != stamp:
-            self._links[child] = _Link(parent, rotation, stamp, now_s)
+            self._links[child] = _Link(parent, rotation, translation_m, stamp, now_s)
 
     def orientation(self, base: str, frame: str, now_s: float) -> Quaternion:
         """Return the orientation of a frame in ``base``, which is above it in the tree.
@@ -64,10 +81,37 @@ class TransformTree:
         Raises:
             OrientationUnknown: No transforms lead from one to the other, or one of them is stale.
         """
-        rotation, at = IDENTITY, frame
+        rotation = IDENTITY
+        for link in self._chain(base, frame, now_s):
+            rotation = product(link.rotation, rotation)
+        return rotation
+
+    def pose(self, base: str, frame: str, now_s: float) -> Pose:
+        """Return the pose of a frame in ``base``, which is above it in the tree.
+
+        Raises:
+            OrientationUnknown: As for `orientation`, or the transforms that move are not of one time.
+        """
+        position_m, rotation = (0.0, 0.0, 0.0), IDENTITY
+        stamps = set()
+        for link in self._chain(base, frame, now_s):
+            position_m = plus(link.translation_m, rotated(link.rotation, position_m))
+            rotation = product(link.rotation, rotation)
+            if link.since_s != math.inf:
+                stamps.add(link.stamp)
+        if len(stamps) != 1:
+            raise OrientationUnknown(
+                f"the transforms from {frame!r} up to {base!r} must move and have one stamp, got {len(stamps)}"
+            )
+        (sec, nanosec) = stamps.pop()
+        return Pose(sec * 10**9 + nanosec, position_m, rotation)
+
+    def _chain(self, base: str, frame: str, now_s: float) -> Iterator[_Link]:
+        """Yield the transforms from a frame up to ``base``."""
+        at = frame
         for _ in range(len(self._links) + 1):
             if at == base:
-                return rotation
+                return
             link = self._links.get(at)
             if link is None:
                 raise OrientationUnknown(
@@ -79,7 +123,8 @@ class TransformTree:
                     f"the transform from {link.parent!r} to {at!r} is older than {STALE_S:g} s, "
                     "or repeats with the same stamp"
                 )
-            rotation, at = product(link.rotation, rotation), link.parent
+            yield link
+            at = link.parent
         raise OrientationUnknown(f"the transforms from {frame!r} upwards form a ring")
 
 
@@ -177,7 +222,29 @@ def product(one: Sequence[float], other: Sequence[float]) -> Quaternion:
     )
 
 
-def conjugate(rotation: Quaternion) -> Quaternion:
+def conjugate(rotation: Sequence[float]) -> Quaternion:
     """Return the inverse of a rotation."""
     x, y, z, w = rotation
     return -x, -y, -z, w
+
+
+def rotated(rotation: Sequence[float], vector: Sequence[float]) -> Vector:
+    """Return a vector of the rotated frame in the frame in which it is rotated."""
+    x, y, z, _ = product(product(rotation, (*vector, 0.0)), conjugate(rotation))
+    return x, y, z
+
+
+def vector(message: Any) -> Vector:
+    """Return the numbers of a ``geometry_msgs/Vector3``."""
+    return message.x, message.y, message.z
+
+
+def plus(one: Sequence[float], other: Sequence[float]) -> Vector:
+    """Return the sum of two vectors."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
+def cross(one: Sequence[float], other: Sequence[float]) -> Vector:
+    """Return the cross product of two vectors."""
+    (ax, ay, az), (bx, by, bz) = one, other
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -58,15 +58,15 @@ class TransformSource:
         self._tree = TransformTree()
         static = f"{topic}_static"
         self._readers = (
-            (_reader(participant, static, "tf2_msgs/TFMessage", latched=True), True),
-            (_reader(participant, topic, "tf2_msgs/TFMessage"), False),
+            (ros_reader(participant, static, "tf2_msgs/TFMessage", latched=True), True),
+            (ros_reader(participant, topic, "tf2_msgs/TFMessage"), False),
         )
 
     def orientation(self, now_s: float) -> Quaternion:
         """Return it, by the transforms that have arrived."""
         refused: OrientationUnknown | None = None
         for reader, static in self._readers:
-            for message in _taken(reader):
+            for message in taken(reader):
                 for transform in message.transforms:
                     try:
                         self._tree.add(transform, now_s, static=static)
@@ -89,29 +89,27 @@ class ImuSource:
 
     def __init__(self, participant: DomainParticipant, topic: str, mount: Quaternion) -> None:
         self._imu = ImuOrientation(topic, mount)
-        self._reader = _reader(participant, topic, "sensor_msgs/Imu")
+        self._reader = ros_reader(participant, topic, "sensor_msgs/Imu")
 
     def orientation(self, now_s: float) -> Quaternion:
         """Return it, by the last message that has arrived."""
-        for message in _taken(self._reader)[-1:]:
+        for message in taken(self._reader)[-1:]:
             self._imu.add(message, now_s)
         return self._imu.orientation(now_s)
 
 
-class OrientationFeed(threading.Thread):
-    """Sends the orientation while it is known; the daemon forgets it 0.25 s after the last one.
+class RosFeed(threading.Thread):
+    """Sends the daemon what ROS reports of the arm, and reports failures.
 
     Args:
-        client: Sends the requests, from this thread alone.
-        source: Where the orientation comes from.
-        pads: Orientation of each pad in the gripper's frame.
+        what: What is sent, for people.
     """
 
-    def __init__(self, client: GripClient, source: OrientationSource, pads: Mapping[str, Sequence[float]]) -> None:
-        super().__init__(name="orientation", daemon=True)
-        self._client, self._source, self._pads = client, source, pads
+    def __init__(self, what: str) -> None:
+        super().__init__(name=what, daemon=True)
+        self._what = what
         self._ended = threading.Event()
-        self._state = (Health.STALE, "no orientation yet")
+        self._state = (Health.STALE, f"no {what} yet")
         self._well_s = time.monotonic()
         self._told = ""
 
@@ -119,11 +117,11 @@ class OrientationFeed(threading.Thread):
     def entry(self) -> Entry:
         """State of the feed, as an entry of ``/diagnostics``."""
         level, why = self._state
-        return entry("orientation from ROS", level, why, "", {})
+        return entry(f"{self._what} from ROS", level, why, "", {})
 
     def run(self) -> None:
         """Send until `stop`."""
-        while not self._ended.wait(PERIOD_S):
+        while not self._wait():
             try:
                 self._state = self._send()
             except Exception as error:  # a message that cannot be decoded, for example; the next one may be well
@@ -134,6 +132,40 @@ class OrientationFeed(threading.Thread):
         """End the thread."""
         self._ended.set()
         self.join()
+
+    def _wait(self) -> bool:
+        """Wait until there is something to send; return whether the feed has ended."""
+        return self._ended.wait(PERIOD_S)
+
+    def _send(self) -> tuple[Health, str]:
+        """Send what is new; return the state and the reason for it."""
+        raise NotImplementedError
+
+    def _tell(self, level: Health, why: str) -> None:
+        """Print a failure that has lasted for a while, and its end."""
+        now_s = time.monotonic()
+        if level is Health.OK:
+            self._well_s = now_s
+            if self._told:
+                print(f"slipctl: the {self._what} is sent again", file=sys.stderr, flush=True)
+            self._told = ""
+        elif why != self._told and now_s - self._well_s > OBSTACLE_S:
+            print(f"slipctl: no {self._what} is sent: {why}", file=sys.stderr, flush=True)
+            self._told = why
+
+
+class OrientationFeed(RosFeed):
+    """Sends the orientation while it is known; the daemon forgets it 0.25 s after the last one.
+
+    Args:
+        client: Sends the requests, from this thread alone.
+        source: Where the orientation comes from.
+        pads: Orientation of each pad in the gripper's frame.
+    """
+
+    def __init__(self, client: GripClient, source: OrientationSource, pads: Mapping[str, Sequence[float]]) -> None:
+        super().__init__("orientation")
+        self._client, self._source, self._pads = client, source, pads
 
     def _send(self) -> tuple[Health, str]:
         try:
@@ -148,20 +180,9 @@ class OrientationFeed(threading.Thread):
                 refused = error
         return (Health.OK, "") if refused is None else (Health.ERROR, str(refused))
 
-    def _tell(self, level: Health, why: str) -> None:
-        """Print a failure that has lasted for a while, and its end."""
-        now_s = time.monotonic()
-        if level is Health.OK:
-            self._well_s = now_s
-            if self._told:
-                print("slipctl: the orientation is sent again", file=sys.stderr, flush=True)
-            self._told = ""
-        elif why != self._told and now_s - self._well_s > OBSTACLE_S:
-            print(f"slipctl: no orientation is sent: {why}", file=sys.stderr, flush=True)
-            self._told = why
 
-
-def _reader(participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False) -> DataReader[Any]:
+def ros_reader(participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False) -> DataReader[Any]:
+    """Return a reader of a topic; ``latched``: also of the messages from before, for publishers that keep them."""
     latching = (Policy.Reliability.Reliable(max_blocking_time=0), Policy.Durability.TransientLocal)
     qos = Qos(
         *(latching if latched else (Policy.Reliability.BestEffort, Policy.Durability.Volatile)),
@@ -172,6 +193,6 @@ def _reader(participant: DomainParticipant, topic: str, kind: str, *, latched: b
     return DataReader(participant, Topic(participant, dds_topic_name(topic), decoded_type(kind)), qos)
 
 
-def _taken(reader: DataReader[Any]) -> list[Any]:
+def taken(reader: DataReader[Any]) -> list[Any]:
     """Return the messages that have arrived, without the sample that reports the end of their last publisher."""
     return [sample for sample in reader.take(DEPTH) if sample.sample_info.valid_data]

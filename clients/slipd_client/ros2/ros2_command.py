@@ -1,4 +1,4 @@
-"""``slipctl serve ros2``: messages as ROS 2 topics, and the arm's orientation for the daemon, until interrupted."""
+"""``slipctl serve ros2``: messages as ROS 2 topics, and the arm's motion for the daemon, until interrupted."""
 
 from __future__ import annotations
 
@@ -31,11 +31,13 @@ from slipd_client.ros.conversion import (
     stale_diagnostics,
 )
 from slipd_client.ros.slipd_types import time_of
+from slipd_client.ros2.arm_feed import ArmFeed, ImuReadings, MotionSource, TransformMotion, arm_port
+from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY
-from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, OrientationSource, TransformSource
+from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, OrientationSource, RosFeed, TransformSource
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
-from slipd_client.serving import follow, pads_of
+from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 
 if TYPE_CHECKING:
@@ -132,10 +134,13 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     with contextlib.ExitStack() as stack:
         subscriber = stack.enter_context(Subscriber(chosen.publish, ("",), keys=keys))
         participant = stack.enter_context(_joined(environment))
-        feed = None
+        feed: RosFeed | None = None
         if pads is not None and (chosen.imu or chosen.orientation_from):
-            client = stack.enter_context(GripClient(chosen.requests, keys=keys))
-            feed = OrientationFeed(client, _source(participant, chosen), pads.orientations)
+            if (port := arm_port(read_config(chosen.config), IMU_SPAN_S if chosen.imu else POSE_SPAN_S)) is not None:
+                feed = ArmFeed(participant, port, _motion_source(participant, chosen))
+            else:
+                client = stack.enter_context(GripClient(chosen.requests, keys=keys))
+                feed = OrientationFeed(client, _source(participant, chosen), pads.orientations)
             feed.start()
             stack.callback(feed.stop)
         static_transforms = f"{chosen.tf_topic}_static"
@@ -177,11 +182,11 @@ def _check(chosen: argparse.Namespace) -> None:
         )
     if chosen.imu is not None and chosen.config is None:
         raise CallError("--imu needs --config FILE, which has the orientation of the pads in the gripper's frame")
-    if chosen.imu_mount is not None:
-        if chosen.imu is None:
-            raise CallError("--imu-mount belongs to --imu")
-        if abs((length := math.hypot(*chosen.imu_mount)) - 1.0) > UNIT_TOLERANCE:
-            raise CallError(f"--imu-mount must be a unit quaternion x y z w, got one of length {length:.4g}")
+    for name, value in (("--imu-mount", chosen.imu_mount), ("--imu-at", chosen.imu_at)):
+        if value is not None and chosen.imu is None:
+            raise CallError(f"{name} belongs to --imu")
+    if chosen.imu_mount is not None and abs((length := math.hypot(*chosen.imu_mount)) - 1.0) > UNIT_TOLERANCE:
+        raise CallError(f"--imu-mount must be a unit quaternion x y z w, got one of length {length:.4g}")
 
 
 @contextlib.contextmanager
@@ -196,6 +201,13 @@ def _joined(environment: RosEnvironment) -> Iterator[DomainParticipant]:
         ) from error
     yield participant
     del participant, domain  # the participant first: Cyclone DDS ends a domain with all that is in it
+
+
+def _motion_source(participant: DomainParticipant, chosen: argparse.Namespace) -> MotionSource:
+    if chosen.imu:
+        mount, place_m = tuple(chosen.imu_mount or IDENTITY), tuple(chosen.imu_at or (0.0, 0.0, 0.0))
+        return ImuReadings(participant, chosen.imu, mount, place_m)
+    return TransformMotion(participant, chosen.tf_topic, chosen.orientation_from, chosen.hand)
 
 
 def _source(participant: DomainParticipant, chosen: argparse.Namespace) -> OrientationSource:

@@ -41,7 +41,7 @@ def transform(parent: str, child: str, rotation: Rotation, stamp_ns: int = 1) ->
     return SimpleNamespace(
         header=header(parent, stamp_ns),
         child_frame_id=child,
-        transform=SimpleNamespace(rotation=quaternion(rotation)),
+        transform=SimpleNamespace(rotation=quaternion(rotation), translation=SimpleNamespace(x=0.0, y=0.0, z=0.0)),
     )
 
 

@@ -1,0 +1,208 @@
+"""The arm's motion from poses or an IMU of ROS, as readings of slipd's stream ``arm``. Pure: no ROS, no DDS, no clock.
+
+A parabola through a short span of readings gives the value, the rate and the acceleration in the middle of that span.
+So a reading is about half a span old when it is sent, and its ``t_ns`` says so.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from slipd_client.gravity_feed import STANDARD_GRAVITY_MPS2
+from slipd_client.ros2.orientation import (
+    OrientationUnknown,
+    Pose,
+    Quaternion,
+    Vector,
+    conjugate,
+    cross,
+    plus,
+    product,
+    rotated,
+    vector,
+)
+
+POSE_SPAN_S = 0.04
+"""Span of poses, s. The acceleration has about 0.01 m/s² noise for each micrometre of the positions' at 250 Hz."""
+
+IMU_SPAN_S = 0.02
+"""Span of IMU messages, s: only the angular acceleration is a derivative."""
+
+DENSITY = 16
+"""Readings closer than this part of the span are left out: they cost time, and show little more."""
+
+LATEST_S, EARLIEST_S = 0.25, 0.02
+"""A stamp may be so much earlier or later than this machine's clock at its arrival, s."""
+
+STANDARD_DOWN = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
+
+
+class ArmReading(NamedTuple):
+    """One reading of the stream, in the gripper frame (docs/arm.md).
+
+    Attributes:
+        stamp_ns: When the motion was, ns of the clock of the stamps.
+        gravity_mps2: Gravity minus the acceleration of the origin.
+        angular_velocity_radps: Angular velocity.
+        angular_acceleration_radps2: Angular acceleration.
+    """
+
+    stamp_ns: int
+    gravity_mps2: Vector
+    angular_velocity_radps: Vector
+    angular_acceleration_radps2: Vector
+
+
+T = TypeVar("T")
+
+
+class _Span(Generic[T]):
+    """The newest readings.
+
+    Args:
+        span_s: Time from the oldest to the newest, s.
+        least: Fewest readings for a fit.
+    """
+
+    def __init__(self, span_s: float, least: int) -> None:
+        self._span_ns, self._least = round(span_s * 1e9), least
+        self._stamps_ns: deque[int] = deque()
+        self.readings: deque[T] = deque()
+
+    def add(self, stamp_ns: int, reading: T) -> bool:
+        """Note a reading; return whether it is new, and there are enough for a fit."""
+        if self._stamps_ns:
+            passed_ns = stamp_ns - self._stamps_ns[-1]
+            if 0 <= passed_ns < self._span_ns // DENSITY:
+                return False
+            if passed_ns < 0:  # the clock of the stamps was set back
+                self._stamps_ns.clear()
+                self.readings.clear()
+        self._stamps_ns.append(stamp_ns)
+        self.readings.append(reading)
+        while self._stamps_ns[0] < stamp_ns - self._span_ns:
+            self._stamps_ns.popleft()
+            self.readings.popleft()
+        return len(self.readings) >= self._least and stamp_ns - self._stamps_ns[0] >= self._span_ns // 2
+
+    @property
+    def middle_ns(self) -> int:
+        """Mean time of the readings, ns."""
+        return sum(self._stamps_ns) // len(self._stamps_ns)
+
+    def fit(self, rows: Iterable[Sequence[float]]) -> tuple[Vector, Vector, Vector]:
+        """Return value, first and second derivative of a parabola at `middle_ns`, for each of three columns.
+
+        Args:
+            rows: Three numbers for each reading.
+        """
+        middle_ns = self.middle_ns
+        times = [(stamp_ns - middle_ns) * 1e-9 for stamp_ns in self._stamps_ns]
+        count, second = len(times), sum(t * t for t in times)
+        third = sum(t**3 for t in times)
+        bows = [t * t - third / second * t - second / count for t in times]  # orthogonal to 1 and t
+        strength = sum(bow * bow for bow in bows)
+        fits = []
+        for column in zip(*rows, strict=True):
+            bend = sum(map(operator.mul, column, bows)) / strength if strength > 1e-9 * second**2 else 0.0
+            slope = sum(map(operator.mul, column, times)) / second - bend * third / second
+            fits.append((sum(column) / count - bend * second / count, slope, 2.0 * bend))
+        x, y, z = fits
+        return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+
+
+class PoseMotion:
+    """The motion of the gripper by its poses in a frame that stands still and whose Z points up."""
+
+    def __init__(self) -> None:
+        self._span: _Span[Pose] = _Span(POSE_SPAN_S, least=3)
+
+    def add(self, pose: Pose) -> ArmReading | None:
+        """Note a pose; return the motion, or None for a pose that is not new, or while the span fills."""
+        if not self._span.add(pose.stamp_ns, pose):
+            return None
+        poses = list(self._span.readings)
+        middle = poses[len(poses) // 2].rotation
+        back = conjugate(middle)
+        turned, velocity, acceleration = self._span.fit([rotation_vector(product(back, p.rotation)) for p in poses])
+        _, _, (ax, ay, az) = self._span.fit([p.position_m for p in poses])
+        to_gripper = conjugate(product(middle, of_rotation_vector(turned)))
+        gravity = rotated(to_gripper, plus(STANDARD_DOWN, (-ax, -ay, -az)))
+        return ArmReading(self._span.middle_ns, gravity, velocity, acceleration)
+
+
+class ImuMotion:
+    """The motion of the gripper by a ``sensor_msgs/Imu`` (REP 145) on it; its orientation is not needed.
+
+    Args:
+        topic: Its topic, for error texts.
+        mount: Orientation of the IMU in the gripper frame.
+        place_m: Its place in the gripper frame, m.
+    """
+
+    def __init__(self, topic: str, mount: Quaternion, place_m: Vector) -> None:
+        self._topic, self._mount, self._place_m = topic, mount, place_m
+        self._span: _Span[tuple[Vector, Vector]] = _Span(IMU_SPAN_S, least=2)
+
+    def add(self, imu: Any) -> ArmReading | None:
+        """Note a message; return the motion, or None for one that is not new, or while the span fills.
+
+        Raises:
+            OrientationUnknown: The message has no acceleration, or no angular velocity.
+        """
+        for name in ("linear_acceleration", "angular_velocity"):
+            if getattr(imu, f"{name}_covariance")[0] == -1.0:
+                raise OrientationUnknown(f"{self._topic} has no {name} ({name}_covariance[0] is -1)")
+        reading = tuple(rotated(self._mount, vector(each)) for each in (imu.linear_acceleration, imu.angular_velocity))
+        if not self._span.add(stamp_of(imu), (reading[0], reading[1])):
+            return None
+        (fx, fy, fz), _, _ = self._span.fit([force for force, _ in self._span.readings])
+        velocity, acceleration, _ = self._span.fit([turn for _, turn in self._span.readings])
+        turning = cross(velocity, cross(velocity, self._place_m))
+        here = plus((-fx, -fy, -fz), plus(cross(acceleration, self._place_m), turning))
+        return ArmReading(self._span.middle_ns, here, velocity, acceleration)
+
+
+def stamp_of(message: Any) -> int:
+    """Return the time in the header of a message, ns."""
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
+def clock_offset_ns(arrived_ns: int, wall_ns: int, now_ns: int) -> int:
+    """Return CLOCK_MONOTONIC minus the clock of the stamps, ns.
+
+    Args:
+        arrived_ns: Stamp of a message that has just arrived.
+        wall_ns: This machine's clock, ns since 1970.
+        now_ns: CLOCK_MONOTONIC at the same moment.
+
+    Raises:
+        OrientationUnknown: The two clocks differ, so that the age of the message is not known.
+    """
+    age_s = (wall_ns - arrived_ns) * 1e-9
+    if not -EARLIEST_S <= age_s <= LATEST_S:
+        raise OrientationUnknown(
+            f"its stamps are {age_s:.3g} s behind this machine's clock: synchronise the clocks of the machines; "
+            "simulated time is not used"
+        )
+    return now_ns - wall_ns
+
+
+def rotation_vector(rotation: Quaternion) -> Vector:
+    """Return axis times angle of a rotation, rad, for angles up to half a turn."""
+    x, y, z, w = rotation
+    sine = math.sqrt(x * x + y * y + z * z)
+    angle = 2.0 * math.atan2(math.copysign(sine, w), abs(w))
+    scale = angle / sine if sine > 1e-12 else math.copysign(2.0, w)
+    return scale * x, scale * y, scale * z
+
+
+def of_rotation_vector(turn: Vector) -> Quaternion:
+    """Return the rotation with this axis times angle, rad."""
+    angle = math.sqrt(sum(each * each for each in turn))
+    scale = math.sin(angle / 2.0) / angle if angle > 1e-12 else 0.5
+    return scale * turn[0], scale * turn[1], scale * turn[2], math.cos(angle / 2.0)
