@@ -7,13 +7,14 @@ import math
 import pytest
 from judging import ask
 
+from slipd.config import Reflex as ReflexConfig
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
-from slipd.gripper.reflex import Reflex, ReflexAct, ReflexSettings
+from slipd.gripper.reflex import Reflex, ReflexAct
 from slipd.types.permit import Permit
 
 MS = 1_000_000
 T0 = 50_000_000_000
-SETTINGS = ReflexSettings(ceiling_n=20.0, raise_n_per_s=50.0, slip_gain=1.2, calm_s=2.0, lower_n_per_s=2.0)
+SETTINGS = ReflexConfig(ceiling_n=20.0, raise_n_per_s=50.0, slip_gain=1.2, calm_s=2.0, lower_n_per_s=2.0)
 NOT_KNOWN = pytest.mark.parametrize("unknown", [None, math.nan, math.inf, -math.inf])
 
 
@@ -25,7 +26,7 @@ class Held:
 
     def __init__(
         self,
-        settings: ReflexSettings = SETTINGS,
+        settings: ReflexConfig = SETTINGS,
         budget_n: float = 25.0,
         unit_n: float = 0.0,
         step_n: float = 25.0,

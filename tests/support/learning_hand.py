@@ -42,7 +42,6 @@ class Hand:
         noise: float = 0.0,
         shape: float = 0.0,
         teaches: bool = True,
-        raises: bool = True,
         pauses: bool = True,
     ) -> FrictionState:
         """Learn from readings of a pure translation; ``ratio``: the part of q that the friction ratio is."""
@@ -56,7 +55,7 @@ class Hand:
         begin = 0
         while begin < len(values):
             end = self.estimate.begin_step(times_ns, begin)
-            learn(rows[begin:end], self.estimate.learning, shape, teaches, raises)
+            learn(rows[begin:end], self.estimate.learning, shape, teaches)
             begin = end
         if pauses:
             self.pause()

@@ -7,7 +7,6 @@ is kept in rows of the `ContactWatch`; `ContactWatch.conditions` shows why a ver
 from __future__ import annotations
 
 import math
-from enum import Enum
 
 import numpy as np
 
@@ -30,16 +29,6 @@ SHAPE_ERROR = 0.7
 LARGEST_BIAS_N = 10.0
 """A force sensor may read this much without load before its first tare, N."""
 _NO_TAXELS = (np.empty(0),) * 5
-
-
-class Learning(Enum):
-    """What readings may teach of friction."""
-
-    NOTHING = 0
-    """They are not trusted."""
-    SLIPS = 1
-    """Slips are believed; but what is carried does not raise μ, because the zero of the force is not known."""
-    ALL = 2
 
 
 class ContactEstimator:
@@ -74,12 +63,6 @@ class ContactEstimator:
         """Least normal force that counts as contact now, N."""
         return float(self.watch.conditions["lasts_n" if self.in_contact else "begins_n"][0])
 
-    def set_friction(self, mu_s: float, mu_d: float | None, by: str, t_ns: int | None) -> None:
-        """Use the coefficients that a client states; see `FrictionEstimate.set`."""
-        self.friction.set(mu_s, mu_d, by, t_ns)
-        if mu_d is not None:
-            self.watch.drop["least_drop"] = self.friction.drop
-
     def note_motion(self, until_ns: int, evidence: int) -> None:
         """Report slip until a time; see `ContactWatch.note_motion`."""
         self.watch.note_motion(until_ns * 1e-9, evidence)
@@ -97,8 +80,8 @@ class ContactEstimator:
         image: ImageChannel | None,
         disagreement: tuple[str, ...] = (),
         image_fault: str = "",
-        learning: Learning = Learning.NOTHING,
         *,
+        teaches: bool = False,
         image_free: bool = False,
         zero_known: bool = True,
     ) -> VerdictBatch:
@@ -110,7 +93,7 @@ class ContactEstimator:
             image: The pad; None without an image of the time of the readings.
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
-            learning: What the readings may teach of friction, where there is no disagreement.
+            teaches: The readings may teach friction, where there is no disagreement.
             image_free: The pad shows by itself that nothing presses. It decides where the unknown weight of the finger
                 may hide a contact from the force sensor.
             zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
@@ -134,9 +117,9 @@ class ContactEstimator:
             frictions += [friction.state] * (end - begin)
             agrees_at = min(max(ends_at, begin), end) if disagreement else begin
             if begin < agrees_at:
-                self._judge(rows[begin:agrees_at], distribution, Learning.NOTHING)
+                self._judge(rows[begin:agrees_at], distribution, teaches=False)
             if agrees_at < end:
-                self._judge(rows[agrees_at:end], distribution, learning)
+                self._judge(rows[agrees_at:end], distribution, teaches=teaches)
             begin, end = end, count
         levels = rows["assessment"]["level"].tolist()
         for k, phase in enumerate(phases if disagreement or image_free else ()):
@@ -148,19 +131,18 @@ class ContactEstimator:
             readings, phases, distribution, frictions, self._caution, image_fault, disagreement, ends_at, levels
         )
 
-    def _judge(self, rows: Rows, distribution: LoadDistribution | None, learning: Learning) -> None:
+    def _judge(self, rows: Rows, distribution: LoadDistribution | None, *, teaches: bool) -> None:
         """Solve and assess readings with one friction, learn from them, and keep what the next read continues from."""
         friction, watch, arrays = self.friction, self.watch, _NO_TAXELS
         if friction.state is not self._friction_in_force:
             self._friction_in_force = friction.state
             watch.set_friction(math.nan if friction.state.mu is None else friction.state.mu, friction.state.spin_scale)
-        shape_error, teaches = math.nan, False
+        shape_error = math.nan
         if distribution is not None:
             shape_error, outline = SHAPE_ERROR / len(distribution.x), distribution.outline
             arrays = distribution.x, distribution.y, distribution.loads.loads, outline.x, outline.y
-            teaches = learning is not Learning.NOTHING and self._certain
         judge_readings(rows, watch.conditions, watch.memory, watch.drop, watch.ring, *arrays)
-        learn(rows, friction.learning, shape_error, teaches, learning is Learning.ALL)
+        learn(rows, friction.learning, shape_error, teaches and self._certain and distribution is not None)
         if friction.rotation.stated is not None:
             self._learn_rotation(rows, distribution)
 

@@ -10,19 +10,20 @@ force reading too. What a verdict depends on and what changes rarely is noted wh
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, in_newtons, stale_after_ns
-from slipd.finger.contact_estimator import ContactEstimator, Learning
+from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
-from slipd.finger.freshness import PROMPT, Arrival, DelayedReads, Freshness
+from slipd.finger.freshness import PROMPT, Arrival, DelayedRead, Freshness, pop_served
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
@@ -85,7 +86,7 @@ class Finger:
         if pad is not None and self.force is not None and self.image is not None:
             self._check = ForceImageCheck(config, pad, self.force, self.image)
         self.motion = None if wrench is None else ContactMotion(wrench, self.image)
-        self._delayed = DelayedReads()
+        self._delayed: deque[DelayedRead] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self.level, self._is_stale = self._newest.verdict.level, True
         self._tares = [channel.tare for channel in (self.force, self.image) if channel is not None]
@@ -116,7 +117,7 @@ class Finger:
         if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
         if arrival.waited_ns or self._delayed:
-            self._delayed.append(samples, times_ns, arrival)
+            self._delayed.append(DelayedRead(samples, times_ns, arrival))
             return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
         if force.waited_undated or force.tare.busy:
             return self._decide_singly(force, samples, times_ns, arrival)
@@ -149,7 +150,7 @@ class Finger:
         image, until_ns = self.image, None
         if unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
             until_ns = image.freshness.serves_until_ns(t_ns - unread_ns)
-        for samples, times_ns, arrival in self._delayed.pop_until(until_ns, t_ns, unread_ns):
+        for samples, times_ns, arrival in pop_served(self._delayed, until_ns, t_ns, unread_ns):
             yield from self._decide_singly(self.force, samples, times_ns, arrival, t_ns)
 
     def update_image(
@@ -201,10 +202,7 @@ class Finger:
         uncertainty = self._uncertainty
         if force is not None and force.mass_kg > 0.0:
             uncertainty = force.uncertainty(times_ns[-1])
-        learning = Learning.NOTHING
         sure = force is None or force.watch.rests or not force.watch.suspect
-        if sure and self._image_teaches and not arrival.waited_ns:
-            learning = Learning.ALL if self.zero_known else Learning.SLIPS
         if arrival.waited_ns or arrival.unread_ns is not None:
             image = self.image
             serves = image is not None and image.serves(readings.times_ns[-1], readings.received_ns, arrival)
@@ -216,7 +214,7 @@ class Finger:
             self.image if serves else None,
             () if check is None else check.disagreement,
             self._image_fault,
-            learning,
+            teaches=sure and self._image_teaches and not arrival.waited_ns,
             image_free=uncertainty.force_n > 0.0 and self.presence.is_free_by_image(),
             zero_known=self.zero_known,
         )
@@ -408,7 +406,8 @@ class Finger:
 
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
         """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `FrictionEstimate.set`."""
-        self._estimator.set_friction(mu_s, mu_d, by, t_ns)
+        self.friction.set(mu_s, mu_d, by, t_ns)
+        self._estimator.watch.drop["least_drop"] = self.friction.drop
 
     def begin_tare(
         self, t_ns: int, seconds: float, by: str, stream: str | None = None, *, unloaded: bool = False

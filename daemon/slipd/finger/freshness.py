@@ -134,39 +134,24 @@ class DelayedRead(NamedTuple):
     arrival: Arrival
 
 
-class DelayedReads:
-    """Reads of a force sensor that wait for the image of their time.
+def pop_served(
+    reads: deque[DelayedRead], until_ns: int | None, t_ns: int, unread_ns: int | None
+) -> Iterator[DelayedRead]:
+    """Remove and yield the reads that the newest image serves, with the time that they have waited by now.
 
     After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
     before the stall could call a slipping grip safe, and one without an image would report a healthy pad as silent.
+
+    Args:
+        reads: Reads of a force sensor that wait for the image of their time.
+        until_ns: Latest acquisition time that it serves; None: any, as no image is awaited.
+        t_ns: Now.
+        unread_ns: How long the image's line counts as unread; None: it is empty.
     """
-
-    def __init__(self) -> None:
-        self._reads: deque[DelayedRead] = deque()
-
-    def __bool__(self) -> bool:
-        return bool(self._reads)
-
-    def append(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival) -> None:
-        """Let a read wait."""
-        self._reads.append(DelayedRead(samples, times_ns, arrival))
-
-    def pop_until(self, until_ns: int | None, t_ns: int, unread_ns: int | None) -> Iterator[DelayedRead]:
-        """Remove and yield the reads that the newest image serves, with the time that they have waited by now.
-
-        Args:
-            until_ns: Latest acquisition time that it serves; None: any, as no image is awaited.
-            t_ns: Now.
-            unread_ns: How long the image's line counts as unread; None: it is empty.
-        """
-        while self._reads and (until_ns is None or self._reads[0].times_ns[-1] <= until_ns):
-            samples, times_ns, arrival = self._reads.popleft()
-            waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
-            yield DelayedRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
-
-    def clear(self) -> None:
-        """Drop all reads: their stream ended."""
-        self._reads.clear()
+    while reads and (until_ns is None or reads[0].times_ns[-1] <= until_ns):
+        samples, times_ns, arrival = reads.popleft()
+        waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
+        yield DelayedRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
 
 
 class Lateness:
@@ -204,10 +189,6 @@ class Lateness:
                 self._ahead_ns = ahead_ns if self._ahead_ns is None else self._ahead_ns
                 self.slewed_ns = ahead_ns - self._ahead_ns
 
-    def waited_ns(self, t_ns: int) -> int:
-        """Return how long bytes that are read at ``t_ns`` may have waited: since the lines were last read empty."""
-        return min(t_ns - self._since_ns, LONGEST_WAIT_NS) if self.late_ns else 0
-
     def unread_ns(self, t_ns: int) -> int | None:
         """Return for how long until ``t_ns`` a line that brought nothing counts as unread; None: it is empty."""
         if not self.late_ns:
@@ -215,8 +196,10 @@ class Lateness:
         return t_ns - self._unread_since_ns if t_ns <= self._unread_until_ns else 0
 
     def arrival(self, t_ns: int) -> Arrival:
-        """Return how bytes that are read at ``t_ns`` reached the daemon."""
-        return Arrival(self.waited_ns(t_ns), self.unread_ns(t_ns), late_ns=self.late_ns) if self.late_ns else PROMPT
+        """Return how bytes that are read at ``t_ns`` reached the daemon: they may wait since the lines were empty."""
+        if not self.late_ns:
+            return PROMPT
+        return Arrival(min(t_ns - self._since_ns, LONGEST_WAIT_NS), self.unread_ns(t_ns), late_ns=self.late_ns)
 
     def worst_ns(self, t_ns: int) -> int:
         """Return the longest stall of the last second, ns."""

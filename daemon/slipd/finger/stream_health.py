@@ -38,31 +38,24 @@ def finger_conditions(finger: Finger, stream: str, t_ns: int) -> list[Condition]
     Raises:
         ValueError: The finger has no such stream.
     """
-    channel, state = finger.channel(stream), finger.state
+    channel = finger.channel(stream)
     found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
-    if state.verdict is PAD_PULLED and stream == finger.main_stream:
-        normal_n = math.nan if state.wrench is None else -state.wrench[2]
-        shown = finger.presence.shown_by_image()
-        found.append(pulled_condition(normal_n, by_pad=finger.force is None, tared=finger.zero_known, pressed=shown))
+    if finger.state.verdict is PAD_PULLED and stream == finger.main_stream:
+        found.append(_pulled(finger))
     return found
 
 
-def pulled_condition(normal_n: float, *, by_pad: bool, tared: bool, pressed: bool | None) -> Condition:
-    """Return what people should check where the normal force is clearly negative: nothing pulls on a pad.
-
-    Args:
-        normal_n: Normal force, N; negative.
-        by_pad: The pad measures it, not a force sensor.
-        tared: The force has a known zero.
-        pressed: The image of the pad shows a contact; None: unknown.
-    """
+def _pulled(finger: Finger) -> Condition:
+    """Return what people should check where the normal force is clearly negative: nothing pulls on a pad."""
+    wrench = finger.state.wrench
+    normal_n = math.nan if wrench is None else -wrench[2]
     text = f"its normal force is {normal_n:.6g} N, and nothing pulls on a pad: check "
-    if by_pad:
+    if finger.force is None:
         return Health.ERROR, text + "the signs of axis_scale, and tare it"
     text += "sign, pad_from_sensor (quat_xyzw is in the order x, y, z, w) and the sensor's own configuration"
-    if pressed:
+    if finger.presence.shown_by_image():
         text += "; the pad image shows a contact, so the force sensor is wrong"
-    elif not tared:
+    elif not finger.zero_known:
         text += "; if it is the bias of an unloaded sensor, tare it with unloaded = true"
     return Health.ERROR, text
 

@@ -65,7 +65,7 @@ present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a dr
 
 
 @compiled
-def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises: bool) -> None:
+def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool) -> None:
     """Learn from readings in sequence.
 
     Args:
@@ -73,7 +73,6 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises:
         rows: One row of LEARNING.
         shape_error: Relative standard deviation of q of a pure spin, by the few taxels that show the pressure.
         teaches: The readings are trusted. Otherwise they only end a contact or a slip.
-        raises: They may also raise μ: their zero is known.
     """
     row = rows[0]
     for k in range(len(readings)):
@@ -100,18 +99,16 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises:
         noise = contact["friction_ratio_std"] / q
         shape = shape_error * max(1.0 - contact["friction_ratio"] / q, 0.0)
         if found["slips"]:
-            most = math.inf if raises else row["bound"]
-            if not math.isnan(most):
-                _slide(rows, reading["t_s"], q, found["peak_required"], found["plateau_required"], most, noise, shape)
+            _slide(rows, reading["t_s"], q, found["peak_required"], found["plateau_required"], noise, shape)
             row["block_count"] = 0
             row["before"][0] = math.nan
         else:
-            _carry(rows, reading["t_s"], q, noise, shape, raises)
+            _carry(rows, reading["t_s"], q, noise, shape)
         row["slipping"] = found["slips"]
 
 
 @compiled
-def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float, raises: bool) -> None:
+def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float) -> None:
     """Add a reading that does not slip to its block; a block that is full may raise what was carried."""
     row = rows[0]
     error, before = row["block_error"], row["before"]
@@ -137,7 +134,7 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float, raises:
         carried, floor = min(mean, before[0]), min(low, before[1])
         changed = carried > row["carried"]
         row["carried"] = max(row["carried"], carried)
-        if raises and floor > row["floor"]:
+        if floor > row["floor"]:
             row["floor"], changed = floor, True
             _discard_disproved(rows)
         if changed:
@@ -147,12 +144,10 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float, raises:
 
 
 @compiled
-def _slide(
-    rows: Rows, t_s: float, q: float, peak: float, plateau: float, most: float, noise: float, shape: float
-) -> None:
+def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise: float, shape: float) -> None:
     """Take samples from a reading that slips: one of μ_s at the onset, and one of μ_d that its plateau refines.
 
-    A sample of μ_s is at most ``most``, and without a peak what is stated or lasted: one reading may be a shock.
+    Without a peak, a sample of μ_s is at most what is stated or lasted: one reading may be a shock.
     """
     row = rows[0]
     lasted, stated = row["before"][0], row["stated"]
@@ -163,11 +158,11 @@ def _slide(
     changed = False
     if peak > 0.0 and row["onset"] < 2:
         var = noise * noise + shape * shape + SCATTER * SCATTER
-        _take_sample(rows, 0, min(peak, most), var, row["onset"] == 1)
+        _take_sample(rows, 0, peak, var, row["onset"] == 1)
         row["onset"], changed = 2, True
     elif not row["slipping"] and math.isnan(peak) and (lasted > 0.0 or stated > 0.0):
         lasting = lasted if math.isnan(stated) or lasted > stated else stated
-        _take_sample(rows, 0, min(q, most, lasting), ROUGH * ROUGH + shape * shape + SCATTER * SCATTER, False)
+        _take_sample(rows, 0, min(q, lasting), ROUGH * ROUGH + shape * shape + SCATTER * SCATTER, False)
         row["onset"], changed = 1, True
     if changed:
         row["floor"] = 0.0  # a later slip says more than what was carried before

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slipd.config import Config
+from slipd.config import Reflex as ReflexConfig
 from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
 from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
@@ -34,25 +35,6 @@ KEEP = 1.1
 
 
 @dataclass(frozen=True, slots=True)
-class ReflexSettings:
-    """How the reflex acts; forces on one pad.
-
-    Attributes:
-        ceiling_n: Largest force that it sends, N.
-        raise_n_per_s: How fast it raises within what step and rate of the policy leave, N/s.
-        slip_gain: Factor on the present force when a finger slips although the force should hold.
-        calm_s: Time without need before it lowers, s.
-        lower_n_per_s: How fast it lowers, likewise; 0: never.
-    """
-
-    ceiling_n: float
-    raise_n_per_s: float
-    slip_gain: float
-    calm_s: float
-    lower_n_per_s: float
-
-
-@dataclass(frozen=True, slots=True)
 class ReflexAct:
     """A force that the reflex sends to the gripper.
 
@@ -72,13 +54,13 @@ class Reflex:
     """Decides on the force of one grasp; call `decide` at every reading and tick, whatever the level.
 
     Args:
-        settings: How it acts.
+        config: ``[reflex]``.
         policy: The force in force, the force that a client requested, and what limits, step, rate and budget leave. The
             motion gate decides whether an act may happen.
     """
 
-    def __init__(self, settings: ReflexSettings, policy: GripPolicy) -> None:
-        self._settings = settings
+    def __init__(self, config: ReflexConfig, policy: GripPolicy) -> None:
+        self._config = config
         self._policy = policy
         self._t_ns = 0
         self._forget()
@@ -145,27 +127,28 @@ class Reflex:
         reason = "needed"
         if slipping and (wanted_n is None or wanted_n <= force_n + DEAD_BAND_N):
             if self._t_ns - self._raise_ns >= SETTLE_NS:
-                self._goal_n = self._settings.slip_gain * force_n
+                self._goal_n = self._config.slip_gain * force_n
             wanted_n, reason = self._goal_n, "slipping"
         most_n = self._policy.reflex_most_n
         if wanted_n is None or most_n is None:
             return None
-        wanted_n = min(wanted_n, self._settings.ceiling_n, most_n)
+        ceiling_n = self._config.ceiling_n
+        wanted_n = min(wanted_n, most_n if ceiling_n is None else ceiling_n, most_n)
         base_n = force_n
         if self._act is not None and self._act.from_n == force_n and self._t_ns - self._raise_ns < SETTLE_NS:
             base_n = max(force_n, self._act.force_n)  # no effect seen yet: continue the ramp from there
         _, left_n = self._policy.change_left_n(self._t_ns)
         if wanted_n <= base_n + DEAD_BAND_N or left_n <= DEAD_BAND_N:
             return None
-        step_n = self._settings.raise_n_per_s * PERIOD_NS * 1e-9
+        step_n = self._config.raise_n_per_s * PERIOD_NS * 1e-9
         return ReflexAct(min(wanted_n, base_n + step_n, force_n + left_n), force_n, reason)
 
     def _lower(self, keep_n: float, force_n: float, elapsed_ns: int) -> ReflexAct | None:
         """Return a step down a ramp of `lower_n_per_s`, no lower than ``keep_n`` and the requested force."""
         if self._calm_ns is None:
             self._calm_ns = self._t_ns
-        rate = self._settings.lower_n_per_s
-        if rate == 0.0 or self._t_ns - self._calm_ns < self._settings.calm_s * 1e9:
+        rate = self._config.lower_n_per_s
+        if rate == 0.0 or self._t_ns - self._calm_ns < self._config.calm_s * 1e9:
             return None
         ramp_n = force_n if self._ramp_n is None else self._ramp_n - rate * elapsed_ns * 1e-9
         left_n, _ = self._policy.change_left_n(self._t_ns)
@@ -189,7 +172,7 @@ class ReflexController:
     """Let the reflex act on the grasp of two fingers.
 
     Args:
-        settings: How the reflex acts.
+        config: ``[reflex]``.
         view: The two fingers as one grasp.
         fingers: The two fingers.
         gripper: The gripper that holds with them.
@@ -198,11 +181,9 @@ class ReflexController:
         due_ns: Time of the next decision, unless a finger begins to warn before.
     """
 
-    def __init__(
-        self, settings: ReflexSettings, view: GraspView, fingers: list[Finger], gripper: GripperControl
-    ) -> None:
+    def __init__(self, config: ReflexConfig, view: GraspView, fingers: list[Finger], gripper: GripperControl) -> None:
         self._view, self._fingers, self._gripper = view, fingers, gripper
-        self._reflex = Reflex(settings, gripper.policy)
+        self._reflex = Reflex(config, gripper.policy)
         self._alarmed = False
         self.due_ns = 0
 
@@ -237,12 +218,4 @@ def make_reflex_controller(
         or gripper.policy.limits.max_n is None
     ):
         return None
-    wanted = config.reflex
-    settings = ReflexSettings(
-        ceiling_n=gripper.policy.limits.max_n if wanted.ceiling_n is None else wanted.ceiling_n,
-        raise_n_per_s=wanted.raise_n_per_s,
-        slip_gain=wanted.slip_gain,
-        calm_s=wanted.calm_s,
-        lower_n_per_s=wanted.lower_n_per_s,
-    )
-    return ReflexController(settings, view, [fingers[name] for name in view.names], gripper)
+    return ReflexController(config.reflex, view, [fingers[name] for name in view.names], gripper)

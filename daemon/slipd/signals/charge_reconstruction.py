@@ -51,8 +51,6 @@ class ChargeReconstruction:
     """
 
     def __init__(self, taxels: int, tau_s: float) -> None:
-        if not 0.0 < tau_s < math.inf:
-            raise ValueError(f"tau_s must be positive and finite, got {tau_s}")
         self._tau_s = tau_s
         self._offset: Array | None = None
         self._integral = np.zeros(taxels)

@@ -68,9 +68,6 @@ class DeviceClock:
         delay_ns: Known part of the least delay from acquisition to receipt.
         poll_ns: Longest wait of a single reading for a poll, e.g. 1 ms on full-speed USB.
 
-    Raises:
-        ValueError: The span is not positive, or a delay or poll time is negative.
-
     Attributes:
         state: "none" (no device time), "settling", "locked", "delayed" (readings come later than before), or
             "not_a_clock" (its rate is off by more than ``MAX_PPM``, it is stuck, or it jumps).
@@ -79,10 +76,6 @@ class DeviceClock:
     """
 
     def __init__(self, span_ns: int | None, *, delay_ns: int = 0, poll_ns: int = 0) -> None:
-        if span_ns is not None and span_ns <= 0:
-            raise ValueError(f"span_ns must be positive, or None for a clock that never wraps, got {span_ns}")
-        if delay_ns < 0 or poll_ns < 0:
-            raise ValueError(f"delay_ns and poll_ns must not be negative, got {delay_ns} and {poll_ns}")
         self._span_ns, self._delay_ns, self._poll_ns = span_ns, delay_ns, poll_ns
         self.slewed_ns = 0
         self._mapped_ns = self._wanted_ns = self._device_ns = self._first_ns = 0

@@ -33,6 +33,8 @@ MOST_IMPOSSIBLE = 3.0
 """Number of impossible readings, minus forgotten ones, from which a stream is garbage: a single one is a bit error."""
 FORGET = 0.05
 """Number of impossible readings that each good one offsets: garbage ends after 60 good readings."""
+JUMP_SHARE = 0.25
+"""Share of the range of the force that no real force changes by, from one reading to the next, back and forth."""
 _NEVER = 1 << 63
 """More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
 
@@ -50,15 +52,10 @@ class WrenchWatch:
     Args:
         range_n: Largest force that the sensor can report, as the length of the vector, N; more is impossible.
         range_nm: Likewise the largest torque, N·m.
-        jump_n: Change of the force from one reading to the next, N, that no real force makes back and forth; None: a
-            quarter of the range.
         repeats: Repeats of a reading that mean a stuck sensor. Up to `DEFAULT_REPEATS`, a run of `HANG_NS` that is
             longer than usual for the sensor also counts. 0: never stuck, for a sensor whose readings may rest; they are
             suspect all the same.
         gap_ns: A longer silence is a failure of the stream.
-
-    Raises:
-        ValueError: A range is not positive and finite.
 
     Attributes:
         fault: Fault of the newest reading, or "".
@@ -73,16 +70,11 @@ class WrenchWatch:
         range_n: float = MOST,
         range_nm: float = MOST,
         *,
-        jump_n: float | None = None,
         repeats: int = DEFAULT_REPEATS,
         gap_ns: int = 20_000_000,
     ) -> None:
-        if not 0.0 < range_n < math.inf:
-            raise ValueError(f"range_n must be positive and finite, got {range_n}")
-        if not 0.0 < range_nm < math.inf:
-            raise ValueError(f"range_nm must be positive and finite, got {range_nm}")
         self._range_n, self._range_nm = range_n, range_nm
-        self._jump_n = 0.25 * range_n if jump_n is None else jump_n
+        self._jump_n = JUMP_SHARE * range_n
         self._repeats, self._gap_ns = repeats or _NEVER, gap_ns
         self._row: Sequence[float] = (math.nan,) * 6
         self._equal = 0

@@ -77,9 +77,6 @@ class Tare:
         on_change: Called after each change of these three, in this order.
         aborted_reason: Why the newest tare was aborted; None if it was not.
         aborted_text: The same for people, or "".
-
-    Raises:
-        ValueError: The noise is negative, not finite, or differs in shape from the offset.
     """
 
     def __init__(self, initial: Array, noise: Array | None = None) -> None:
@@ -90,8 +87,6 @@ class Tare:
         self.aborted_reason: TareReason | None = None
         self.aborted_text = ""
         stated = np.zeros_like(value) if noise is None else np.array(noise, dtype=np.float64)
-        if stated.shape != value.shape or not ((stated >= 0.0) & np.isfinite(stated)).all():
-            raise ValueError(f"noise must be finite, not negative, and of shape {value.shape}, got {noise}")
         self._most_std = most_std(stated)
         self._before: Offset | None = None
         self._count = 0  # the newest id

@@ -41,8 +41,6 @@ class FrozenImage:
     """
 
     def __init__(self, force_step_n: float) -> None:
-        if not 0.0 < force_step_n < math.inf:
-            raise ValueError(f"force_step_n must be positive and finite, got {force_step_n}")
         self._step_n = force_step_n
         self._bits = b""
         self._repeats = 0
@@ -89,18 +87,11 @@ class TaxelHealth:
         masked: Taxels that are not trusted, shape (taxels,); a new array whenever it changes.
         masks: At least one taxel is masked.
         measured: Taxels that are not, shape (taxels,); None: all.
-
-    Raises:
-        ValueError: The pad has no taxels, or the full scale is not positive.
     """
 
     def __init__(
         self, rows: int, cols: int, *, full_scale: float | None = None, threshold: float = 0.0, light_touch: float = 0.0
     ) -> None:
-        if rows < 1 or cols < 1:
-            raise ValueError(f"rows and cols must be at least 1, got {rows} x {cols}")
-        if full_scale is not None and not full_scale > 0.0:
-            raise ValueError(f"full_scale must be positive, or None if not known, got {full_scale}")
         self._grid = rows, cols
         taxels = rows * cols
         self._around = neighbours(rows, cols)
@@ -142,12 +133,7 @@ class TaxelHealth:
             pressure: Result of the charge reconstruction, shape (taxels,), NaN if not known; None if the readings are
                 the pressure.
             shear: Shear of three-axis taxels after tare and scale, shape (taxels, 2); None where they measure none.
-
-        Raises:
-            ValueError: The shape is wrong.
         """
-        if values.shape != self.masked.shape:
-            raise ValueError(f"an image must have shape {self.masked.shape}, got {values.shape}")
         if not math.isfinite(float(np.dot(values, values)) + (0.0 if shear is None else float(np.vdot(shear, shear)))):
             return
         free, steady = known_free is True, force_moving is False

@@ -53,7 +53,7 @@ Course = list[tuple[list[Q], dict[str, Any]]]
         ({"most": 0.7}, [(carry(0.9), {})], {"mu": 0.7}),
         ({"most": 0.7}, [(slip(0.9, 0.8), {})], {"mu": 0.7}),
         ({"mu": None, "most": 0.3}, [(slip(0.9, 0.8), {})], {"mu": 0.3}),
-        # Readings that are not trusted teach nothing and interrupt the dwell; without a zero they raise nothing.
+        # Readings that are not trusted teach nothing and interrupt the dwell.
         ({}, [(carry(0.4), {}), ([*carry(0.8), *slip(0.3, 0.2)], {"phase": UNTRUSTED})], {"mu": 0.5, "carried": 0.4}),
         ({}, [(carry(0.4), {}), ([*carry(0.8), *slip(0.3, 0.2)], {"teaches": False})], {"mu": 0.5, "carried": 0.4}),
         (
@@ -64,8 +64,6 @@ Course = list[tuple[list[Q], dict[str, Any]]]
             {}, [(carry(0.6, 0.09), {}), (carry(0.6, STEP_S), {"teaches": False}), (carry(0.6, 0.09), {})],
             {"carried": None},
         ),
-        ({}, [(carry(0.6), {"raises": False})], {"mu": 0.5, "source": "config", "carried": 0.6}),
-        ({}, [(carry(0.6), {"raises": False}), (slip(0.4, 0.3), {"raises": False})], {"source": "learned"}),
     ],
 )  # fmt: skip
 def test_what_a_course_teaches(hand: dict[str, Any], course: Course, expected: dict[str, Any]) -> None:
@@ -182,13 +180,6 @@ def test_what_was_learned_counts_from_the_next_step_of_time(hand: Hand) -> None:
     times_ns = [1_000_000_000 + k * 7_000_000 for k in range(8)]
     assert [hand.estimate.begin_step(times_ns, begin) for begin in (0, 3, 6)] == [3, 6, 8]
     assert hand.estimate.begin_step([1_050_000_000, 1_059_000_000], 0) == 2
-
-
-@pytest.mark.parametrize("seen", [slip(0.9, 0.8), [(0.9, math.nan, math.nan, True)] * 5], ids=["fall", "creep"])
-def test_a_slip_without_a_known_zero_raises_nothing_either(hand: Hand, seen: list[Q]) -> None:
-    state = hand.feel([*carry(0.9), *seen], raises=False)
-    assert state.mu <= 0.5
-    assert Hand(None).feel([*carry(0.9), *seen], raises=False).source == "none", "unknown does not become safe"
 
 
 def test_motion_seen_during_a_shock_raises_no_friction_beyond_what_lasted(hand: Hand) -> None:

@@ -7,13 +7,14 @@ from dataclasses import replace
 import pytest
 from held_reflex import NOT_KNOWN, SETTINGS, Held
 
-from slipd.gripper.reflex import ReflexAct, ReflexSettings
+from slipd.config import Reflex as ReflexConfig
+from slipd.gripper.reflex import ReflexAct
 
 MS = 1_000_000
 T0 = 50_000_000_000
 
 
-def calmed(settings: ReflexSettings = SETTINGS, unit_n: float = 0.0) -> Held:
+def calmed(settings: ReflexConfig = SETTINGS, unit_n: float = 0.0) -> Held:
     """Raised by the reflex from 5 N to 10 N."""
     held = Held(settings, unit_n=unit_n)
     held.watch("warning", 10.0, 500)

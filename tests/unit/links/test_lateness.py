@@ -22,14 +22,14 @@ def ticked(until_ms: int) -> Lateness:
 def test_C4_bytes_read_after_a_stall_may_have_waited_until_the_lines_are_empty() -> None:
     lateness = ticked(100)
     lateness.update(READ, 100 * MS + LATE_NS)
-    assert (lateness.late_ns, lateness.waited_ns(100 * MS + LATE_NS)) == (0, 0)
+    assert (lateness.late_ns, lateness.arrival(100 * MS + LATE_NS).waited_ns) == (0, 0)
     lateness.update(READ, 400 * MS)
-    assert (lateness.late_ns, lateness.waited_ns(400 * MS)) == (300 * MS, 300 * MS)
+    assert (lateness.late_ns, lateness.arrival(400 * MS).waited_ns) == (300 * MS, 300 * MS)
     lateness.update(UNREAD, 401 * MS)
     lateness.update(READ, 440 * MS)
-    assert lateness.waited_ns(440 * MS) == 340 * MS, "many reads empty what has waited"
+    assert lateness.arrival(440 * MS).waited_ns == 340 * MS, "many reads empty what has waited"
     lateness.update(Tick(), 441 * MS)
-    assert (lateness.late_ns, lateness.waited_ns(441 * MS), lateness.unread_ns(441 * MS)) == (0, 0, None)
+    assert (lateness.late_ns, lateness.arrival(441 * MS).waited_ns, lateness.unread_ns(441 * MS)) == (0, 0, None)
 
 
 @pytest.mark.parametrize(
@@ -47,10 +47,10 @@ def test_C4_P3_a_daemon_that_never_catches_up_excuses_silence_only_within_the_bo
         t_ns += 5 * MS
         lateness.update(UNREAD, t_ns)
         assert lateness.unread_ns(t_ns) == t_ns - begun_ns
-        assert lateness.waited_ns(t_ns) == min(t_ns - begun_ns, LONGEST_WAIT_NS)
+        assert lateness.arrival(t_ns).waited_ns == min(t_ns - begun_ns, LONGEST_WAIT_NS)
     lateness.update(UNREAD, t_ns + 5 * MS)
     assert lateness.unread_ns(t_ns + 5 * MS) == 0, "what brings nothing is silent"
-    assert lateness.waited_ns(t_ns + 5 * MS) > 0, "what comes has waited nevertheless"
+    assert lateness.arrival(t_ns + 5 * MS).waited_ns > 0, "what comes has waited nevertheless"
 
 
 def test_C4_P3_each_of_several_stalls_excuses_silence_within_its_own_bound() -> None:
@@ -59,7 +59,7 @@ def test_C4_P3_each_of_several_stalls_excuses_silence_within_its_own_bound() -> 
         t_ns += 15 * MS
         lateness.update(UNREAD, t_ns)
         waited.append(lateness.unread_ns(t_ns) or 0)
-        assert lateness.waited_ns(t_ns) == t_ns - 100 * MS, "since the lines were last empty"
+        assert lateness.arrival(t_ns).waited_ns == t_ns - 100 * MS, "since the lines were last empty"
     assert waited[0] == 15 * MS
     assert max(waited) <= LEAST_CATCH_UP_NS + 30 * MS
     assert waited.count(15 * MS) > 3, "each begins anew where the bound of the one before was reached"

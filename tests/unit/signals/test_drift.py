@@ -137,18 +137,3 @@ def test_N1_N3_readings_that_no_sensor_can_give_do_not_touch_the_state(learned: 
 
 def test_N4_it_sinks_to_zero_and_never_to_a_denormal(learned: Stream) -> None:
     assert_array_equal(learned.run(100.0, 5e-324), np.zeros(6))
-
-
-@pytest.mark.parametrize(
-    ("tau_s", "limit", "why"),
-    [
-        *[(tau_s, LIMIT, "tau_s must be positive and finite") for tau_s in (0.0, -1.0, math.nan, math.inf)],
-        *[
-            (1.0, limit, "limit must be one positive finite number per component")
-            for limit in (np.zeros(6), np.array((1.0, math.nan)), np.array((math.inf,)), np.array(1.0))
-        ],
-    ],
-)
-def test_invalid_settings_are_refused(tau_s: float, limit: np.ndarray, why: str) -> None:
-    with pytest.raises(ValueError, match=why):
-        DriftCompensation(tau_s, limit)

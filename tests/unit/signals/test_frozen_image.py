@@ -56,9 +56,3 @@ def test_T3_an_image_that_repeats_while_the_force_moves_is_suspect_at_once() -> 
         assert watch.suspect is suspect
     assert not watch.update(np.zeros(4), 40 * MS, 9.0)
     assert not watch.suspect
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
-def test_an_invalid_step_is_refused(bad: float) -> None:
-    with pytest.raises(ValueError, match="force_step_n must be positive and finite"):
-        FrozenImage(bad)

@@ -153,12 +153,6 @@ def test_readings_that_move_are_no_tare_and_the_reason_can_be_read() -> None:
         assert (tare.busy, tare.current.id, tare.aborted_text) == (False, taken, text)
 
 
-@pytest.mark.parametrize("noise", [np.zeros(3), np.array((0.1, -0.1)), np.array((math.nan, 0.1)), np.full(2, math.inf)])
-def test_an_invalid_noise_is_refused(noise: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="noise must be finite, not negative, and of shape"):
-        Tare(np.zeros(2), noise=noise)
-
-
 @pytest.mark.parametrize("seed", range(100))
 def test_F4_a_press_in_the_second_half_of_a_tare_is_reported_or_harmless(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -276,12 +276,3 @@ def test_an_image_with_too_many_masked_taxels_is_not_usable_and_one_line_has_no_
         assert health.usable == (masked <= TAXELS // 4)
     line.masked = np.ones(2, dtype=bool)
     assert line.report()["row"] == []
-
-
-def test_a_bad_call_is_refused() -> None:
-    with pytest.raises(ValueError, match="rows and cols must be at least 1"):
-        TaxelHealth(0, 4)
-    with pytest.raises(ValueError, match="full_scale must be positive"):
-        TaxelHealth(4, 4, full_scale=0.0)
-    with pytest.raises(ValueError, match=r"got \(9,\)"):
-        TaxelHealth(4, 4).update(np.zeros(9), 0, None, None)
