@@ -15,6 +15,8 @@ PEERS := $(VENV)/.peers
 # Whole reports; docs/measured has what a reader needs of them.
 MEASURED := build/measured
 
+# Where the programs of tests and benchmarks find each other.
+MODULES := tests/support:benchmarks
 # What runs whole daemons, in real time: of these `make test` runs one demo, one client, one page in a browser, and an
 # example of each fault that only a process can have.
 DAEMONS := tests/system
@@ -24,7 +26,7 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py \
 	service_unit.py::test_P5_a_daemon_that_crashes_is_started_again_without_limit \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
-LONG := $(addprefix tests/lab/,bench chart soak)
+LONG := $(addprefix benchmarks/,bench chart soak)
 # The tests of one file with daemons stay together on one core.
 PYTEST := $(BIN)/pytest --quiet --dist loadgroup -m "not long"
 # What guides a person, and what draws and exports recordings, is tested by `make check` alone.
@@ -47,7 +49,7 @@ endif
 
 check: $(KERNELS) lint portable_quick
 	@echo "== all tests but those of long runs, with coverage (about 10 minutes on two idle cores)"
-	@$(PYTEST) --numprocesses=2 --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests
+	@$(PYTEST) --numprocesses=2 --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests benchmarks
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
@@ -62,44 +64,44 @@ lint: $(READY)
 
 portable_quick: $(READY)
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m portable --quick
 
 portable: $(KERNELS) $(MEASURED)
 	@echo "== numeric tests as on older processors (about 10 minutes)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --report $(MEASURED)/portability.md $(PORTABLE)
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m portable --report $(MEASURED)/portability.md $(PORTABLE)
 
 bench: $(MEASURES) $(MEASURED)
 	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 18 minutes)"
-	@$(BIN)/pytest --quiet tests/lab/bench
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m bench.latency --report $(MEASURED)/bench.md $(BENCH)
+	@$(BIN)/pytest --quiet benchmarks/bench
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m bench.latency --report $(MEASURED)/bench.md $(BENCH)
 
 chart: $(MEASURES) $(MEASURED)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
-	@$(BIN)/pytest --quiet tests/lab/chart
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart --into $(MEASURED) $(CHART)
+	@$(BIN)/pytest --quiet benchmarks/chart
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m chart --into $(MEASURED) $(CHART)
 
 pictures: $(READY)
 	@echo "== the live view in a browser, as pictures (needs Chromium; on an idle machine)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m livepage.pictures $(PICTURES)
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m livepage.pictures $(PICTURES)
 
 evaluate: $(MEASURES) $(MEASURED)
 	@echo "== warnings and reports of slip on simulated grasps, against what really happened (about 20 minutes)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate --into $(MEASURED) $(EVALUATE)
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m evaluate --into $(MEASURED) $(EVALUATE)
 
 fuzz: $(KERNELS)
 	@echo "== every split of every device's frames, a million damaged frames, 2 GB of noise, every byte of a recording (about 15 minutes)"
-	@FUZZ_ROUNDS=150 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/lab/fuzz
+	@FUZZ_ROUNDS=150 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/fuzz
 
 soak: $(KERNELS) $(MEASURED)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
-	@$(BIN)/pytest --quiet tests/lab/soak
-	@$(BIN)/pytest --quiet -m long tests
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report $(MEASURED)/soak.md $(SOAK)
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
+	@$(BIN)/pytest --quiet benchmarks/soak
+	@$(BIN)/pytest --quiet -m long tests benchmarks
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m soak --report $(MEASURED)/soak.md $(SOAK)
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m simulation $(SIMULATION)
 
 peers: $(PEERS)
 	@echo "== emulated devices beside drivers that others wrote (about a minute)"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m peers --report docs/measured/peers.md
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m peers --report docs/measured/peers.md
 
 dist: $(READY)
 	@echo "== the wheels: slipd for the robot PC, slipd_client for other machines and environments"

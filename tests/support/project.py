@@ -10,5 +10,5 @@ DATA = ROOT / "tests" / "data"
 TRIAL = DATA / "grips" / "2022-02-22-08-10-01"
 """A real gripper trial."""
 
-MODULES = os.pathsep.join(str(ROOT / "tests" / name) for name in ("support", "lab"))
-"""``PYTHONPATH`` of a program of the tests that runs in a process of its own."""
+MODULES = os.pathsep.join(str(ROOT / name) for name in ("tests/support", "benchmarks"))
+"""``PYTHONPATH`` of a program of tests or benchmarks that runs in a process of its own."""

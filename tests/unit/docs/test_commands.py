@@ -101,7 +101,10 @@ def test_a_target_of_make_exists() -> None:
 
 def test_a_file_of_the_project_that_a_command_takes_exists() -> None:
     taken = {
-        word for command in ALL for word in command.words[1:] if re.match(r"(\./)?(tests|config|docs|clients)\b", word)
+        word
+        for command in ALL
+        for word in command.words[1:]
+        if re.match(r"(\./)?(tests|benchmarks|config|docs|clients)\b", word)
     }
     assert taken
     for word in taken:

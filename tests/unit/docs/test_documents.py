@@ -24,13 +24,18 @@ ROW = re.compile(r"^\| ([A-Z]\d+) \|(.*)\|(.*)\|(.*)\|$", re.MULTILINE)
 """A row of docs/faults.md: id, fault, handling, tests."""
 
 CITATION = re.compile(r"`([\w/]+\.py)::(\w+)`")
-PATH = re.compile(r"`((?:daemon|clients|tests|docs|config)/[\w./-]*)`")
+PATH = re.compile(r"`((?:daemon|clients|tests|benchmarks|docs|config)/[\w./-]*)`")
 """A path of the project in backquotes, without a placeholder."""
 
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
 CODE_BLOCK = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 
-PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "clients" / "README.md", *DOCS.rglob("*.md")])
+PAGES = sorted(
+    [
+        *(ROOT / name for name in ("README.md", "CHANGELOG.md", "clients/README.md", "benchmarks/README.md")),
+        *DOCS.rglob("*.md"),
+    ]
+)
 FAULTS = (DOCS / "faults.md").read_text(encoding="utf-8")
 
 

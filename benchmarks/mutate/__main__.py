@@ -1,0 +1,245 @@
+"""Whether the tests notice a mistake: random mutants of the program, each against the tests of its room.
+
+    PYTHONPATH=tests/support:benchmarks python -m mutate [--mutants N] [--seed N] [--room ROOM …] [--report FILE]
+    PYTHONPATH=tests/support:benchmarks python -m mutate --wire [DEVICE …] [--report FILE]
+
+A mutant changes one operator, constant or condition, or deletes one statement. The test file of the mutated file runs
+first, then the other tests of its room. A mutant that no test notices is either a hole of the tests or changes nothing
+that can be seen: `equivalent.txt` lists those with the reason, the report all others. The draw depends on the seed and
+the sources alone.
+
+``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
+tests of its device, and then of all devices.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from queue import SimpleQueue
+
+from bench.commit import measured_on
+from mutate.forked import is_noticed
+from mutate.mutations import Mutation, mutate, mutations
+from mutate.trial import Copy, Outcome
+from mutate.wire import SHARED, wire_changes, wire_mutations
+
+PROJECT = Path(__file__).parents[2]
+KERNELS = ("signals", "fusion", "motion", "friction")
+"""Rooms with compiled code: a mutant is compiled in a copy of the project, so that no cache holds it."""
+
+DAEMON = (
+    *KERNELS,
+    *("devices", "finger", "grasp", "links", "gripper", "requests", "publish", "engine", "config", "recording"),
+    *("io", "io/transport", "io/bus", "io/zmtp", "io/host"),
+    *("tools", "tools/sim", "tools/evaluation", "tools/recordings", "tools/plot", "tools/export"),
+    *("tools/discovery", "tools/commission"),
+)
+ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for name in DAEMON} | {
+    "client": ("clients/slipd_client", "tests/unit/client")
+}
+"""Room → folder of its sources and of its tests; a folder inside another room is no part of it."""
+
+EVERY_DECODER = "test_every_decoder.py"
+
+LIMIT_S = 300.0
+"""Longest run of the tests of one room, s; an endless loop is noticed."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw and try mutants, and print each; the exit code is 0."""
+    parser = argparse.ArgumentParser(prog="python -m mutate", description="Try random mutants against the tests.")
+    parser.add_argument("--mutants", type=int, default=300, metavar="N", help="default: %(default)s")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the draw (default: %(default)s)")
+    parser.add_argument("--room", action="append", choices=ROOMS, help="only this room; may be repeated")
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="mutants tried at a time (default: 2)")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="also write the report as Markdown")
+    parser.add_argument("--wire", nargs="*", metavar="DEVICE", help="every number of these decoders (default: all)")
+    options = parser.parse_args(argv)
+    outcomes = []
+    known = equivalents()
+    for outcome in _random(options) if options.wire is None else _wire(options.wire):
+        if (outcome.path, _line(outcome), outcome.mutation.text) in known:
+            outcome = replace(outcome, verdict="equal")
+        outcomes.append(outcome)
+        print(f"{outcome.verdict:9} {outcome.path}:{outcome.mutation.line}  {outcome.mutation.text}", flush=True)
+    counts = Counter(outcome.verdict for outcome in outcomes)
+    outcomes = [outcome for outcome in outcomes if outcome.verdict != "equal"]
+    noticed = len(outcomes) - counts["survived"]
+    print(
+        f"{noticed} of {len(outcomes)} mutants noticed ({noticed / max(len(outcomes), 1):.1%}), {counts['equal']} equal"
+    )
+    if options.report:
+        options.report.parent.mkdir(exist_ok=True)
+        options.report.write_text(
+            "\n".join(_page(outcomes, noticed, options.seed if options.wire is None else None)) + "\n", encoding="utf-8"
+        )
+    return 0
+
+
+def equivalents() -> set[tuple[str, str, str]]:
+    """Return file, source line and change of each mutant that changes nothing that can be seen."""
+    lines = Path(__file__).with_name("equivalent.txt").read_text(encoding="utf-8").splitlines()
+    rows = [tuple(part.strip() for part in line.split(" | ")) for line in lines if not line.startswith("#")]
+    return {(path, source, change) for path, source, change, _ in rows}
+
+
+def _line(outcome: Outcome) -> str:
+    return (PROJECT / outcome.path).read_text(encoding="utf-8").splitlines()[outcome.mutation.line - 1].strip()
+
+
+def _random(options: argparse.Namespace) -> Iterator[Outcome]:
+    """Try random mutants: of compiled code each in a copy of the project, of the rest each in a fork."""
+    drawn = draw(options.room or list(ROOMS), options.mutants, options.seed)
+    with ProcessPoolExecutor(options.workers, get_context("fork")) as pool:
+        rooms = sorted({room for room, _, _ in drawn if room not in KERNELS})
+        for room, passed in zip(rooms, pool.map(_passes, rooms), strict=True):
+            if not passed:
+                raise SystemExit(f"mutate: {ROOMS[room][1]} must pass without a mutant")
+        yield from pool.map(_try_forked, [place for place in drawn if place[0] not in KERNELS])
+    compiled = [place for place in drawn if place[0] in KERNELS]
+    if not compiled:
+        return
+    with tempfile.TemporaryDirectory(prefix="slipd-mutants-") as name, ThreadPoolExecutor(options.workers) as threads:
+        free: SimpleQueue[Copy] = SimpleQueue()
+        for number in range(options.workers):
+            free.put(Copy(PROJECT, Path(name) / str(number)))
+
+        def attempt(place: tuple[str, str, Mutation]) -> Outcome:
+            room, path, mutation = place
+            copy = free.get()
+            try:
+                return copy.try_mutant(path, mutation, _tests(room, path), LIMIT_S)
+            finally:
+                free.put(copy)
+
+        yield from threads.map(attempt, compiled)
+
+
+def _passes(room: str) -> bool:
+    """Whether the tests of a room pass without a mutant."""
+    path = PROJECT / ROOMS[room][0] / "__init__.py"
+    return not is_noticed(path.parents[1], path, path.read_text(encoding="utf-8"), [ROOMS[room][1]], int(LIMIT_S))
+
+
+def _try_forked(place: tuple[str, str, Mutation]) -> Outcome:
+    room, name, mutation = place
+    path = PROJECT / name
+    root = PROJECT / Path(name).parts[0]
+    mutant = mutate(path.read_text(encoding="utf-8"), mutation)
+    noticed = any(is_noticed(root, path, mutant, group, int(LIMIT_S)) for group in _tests(room, name))
+    return Outcome(name, mutation, "killed" if noticed else "survived")
+
+
+def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
+    """Try every mutant of a number on the wire."""
+    sound: set[tuple[str, ...]] = set()
+    for devices_of_it, name, mutation in wire_draw(devices):
+        path = PROJECT / name
+        source = path.read_text(encoding="utf-8")
+        mutant = mutate(source, mutation, wire_changes)
+        tests = PROJECT / ROOMS["devices"][1]
+        groups = [[str(tests / "shared")]] if "shared" in name else []
+        for device in devices_of_it.split():
+            folder = tests / device
+            groups.append([str(folder)] if folder.is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))])
+            groups.append([f"{tests}/{EVERY_DECODER}", "-k", device])
+        for group in filter(None, groups):
+            if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, int(LIMIT_S)):
+                raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
+            sound.add(tuple(group))
+        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, int(LIMIT_S)) for group in groups if group)
+        yield Outcome(name, mutation, "killed" if noticed else "survived")
+
+
+def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mutation]]:
+    """Return (room, path, mutation) of random mutants, without a repetition."""
+    places = [
+        (room, path.relative_to(PROJECT).as_posix(), mutation)
+        for room in rooms
+        for path in files_of(room)
+        for mutation in mutations(path.read_text(encoding="utf-8"))
+    ]
+    return random.Random(seed).sample(places, min(count, len(places)))
+
+
+def files_of(room: str) -> list[Path]:
+    """Return the sources of a room."""
+    folder = PROJECT / ROOMS[room][0]
+    inner = [PROJECT / sources for sources, _ in ROOMS.values() if f"{sources}/".startswith(f"{ROOMS[room][0]}/")]
+    inner.remove(folder)
+    return [path for path in sorted(folder.rglob("*.py")) if not any(path.is_relative_to(other) for other in inner)]
+
+
+def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
+    """Yield (devices, path, mutation) of every number on the wire of these devices, of all where none is named."""
+    room = PROJECT / ROOMS["devices"][0]
+    shared = [room / "shared" / name for name in SHARED]
+    users: dict[tuple[Path, Mutation], list[str]] = {}
+    for place in sorted(room.iterdir()):
+        name = place.stem
+        if name not in ("shared", "__init__", "__pycache__") and (not devices or name in devices):
+            for key in wire_mutations(([place] if place.is_file() else [*place.glob("*.py")]) + shared):
+                users.setdefault(key, []).append(name)
+    for (path, mutation), names in users.items():
+        yield " ".join(names), path.relative_to(PROJECT).as_posix(), mutation
+
+
+def _tests(room: str, path: str) -> list[list[str]]:
+    """Return the tests of a file and then those of its room, relative to the project."""
+    sources, tests = ROOMS[room]
+    nearest = [
+        found.relative_to(PROJECT).as_posix() for found in (PROJECT / tests).rglob(f"test_{Path(path).stem}*.py")
+    ]
+    inner = Path(path).relative_to(sources).parent
+    folder = PROJECT / tests / inner
+    near = [[folder.relative_to(PROJECT).as_posix()]] if inner.parts and folder.is_dir() else []
+    return [group for group in ([nearest] if nearest else []) + near + [[tests]] if group]
+
+
+def _page(outcomes: Sequence[Outcome], noticed: int, seed: int | None) -> Iterator[str]:
+    yield "# Mutants"
+    yield ""
+    how = f"--mutants {len(outcomes)} --seed {seed}" if seed is not None else "--wire"
+    yield f"`python -m mutate {how}`. {measured_on()}."
+    yield ""
+    yield f"The tests notice {noticed} of {len(outcomes)} mutants ({noticed / max(len(outcomes), 1):.1%})."
+    yield ""
+    place = _room if seed is not None else _device
+    yield f"| {'room' if seed is not None else 'device'} | mutants | noticed |"
+    yield "| --- | ---: | ---: |"
+    rooms = Counter(place(outcome) for outcome in outcomes)
+    survived = Counter(place(outcome) for outcome in outcomes if outcome.verdict == "survived")
+    for room, number in sorted(rooms.items()):
+        yield f"| {room} | {number} | {number - survived[room]} |"
+    yield ""
+    yield "| survivor | change |"
+    yield "| --- | --- |"
+    for outcome in outcomes:
+        if outcome.verdict == "survived":
+            change = outcome.mutation.text.replace("|", "\\|")
+            yield f"| `{outcome.path}:{outcome.mutation.line}` | `{change}` |"
+
+
+def _room(outcome: Outcome) -> str:
+    return max(
+        (room for room, (sources, _) in ROOMS.items() if outcome.path.startswith(sources + "/")),
+        key=lambda room: len(ROOMS[room][0]),
+    )
+
+
+def _device(outcome: Outcome) -> str:
+    parts = Path(outcome.path).relative_to(ROOMS["devices"][0]).parts
+    return Path(parts[0]).stem if parts[0] != "shared" else "/".join(parts)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
