@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
-from slipd.config import Config
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
@@ -16,7 +14,6 @@ from slipd.types.samples import GripperSample
 
 MS = 1_000_000
 T0 = 100_000_000_000
-Parse = Callable[[str], Config]
 
 
 def reading(width_m: float | None = 0.085, t_ns: int = T0, **changes: Any) -> GripperSample:
@@ -91,14 +88,6 @@ class Recorded:
         self.commands.append(("acknowledge",))
 
 
-def make(text: str, parse: Parse, session: Recorded, **fingers: Any) -> GripperControl:
-    config = parse(text).gripper
-    assert config is not None
-    control = GripperControl(config, session, fingers)
-    control.update(reading())
-    return control
-
-
 def ask(control: GripperControl, kind: IntentKind, t_ns: int, **wanted: Any) -> Refusal | None:
     """A request of who holds the lease, or of somebody who has it just for this."""
     holder = control.policy.lease.holder(t_ns)
@@ -107,20 +96,6 @@ def ask(control: GripperControl, kind: IntentKind, t_ns: int, **wanted: Any) -> 
     if holder is None:
         control.policy.lease.release(b"ann", t_ns)
     return found
-
-
-def close_(
-    control: GripperControl, force_n: float, width_m: float | None, speed_mps: float | None, t_ns: int
-) -> Refusal | None:
-    return ask(control, "close", t_ns, force_n=force_n, width_m=width_m, speed_mps=speed_mps)
-
-
-def open_(control: GripperControl, width_m: float | None, speed_mps: float | None, t_ns: int) -> Refusal | None:
-    return ask(control, "open", t_ns, width_m=width_m, speed_mps=speed_mps)
-
-
-def took(found: Refusal | None) -> bool:
-    return found is None
 
 
 def refused(found: object) -> tuple[str, str]:

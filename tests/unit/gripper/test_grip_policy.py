@@ -160,8 +160,10 @@ def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: Grip
     assert "the 12 N budget" in refusal.message
     assert change(policy, 4.0, later) is None, "it may always be lowered"
     policy.end_grasp()
-    policy.record_force(5.0, later)
-    assert change(policy, 7.0, later) is None, "the next grasp has a budget of its own"
+    assert policy.reflex_most_n is None, "nothing is gripped"
+    policy.record_force(20.0, later)
+    assert policy.reflex_most_n == 25.0, "the limit, where the budget leaves more"
+    assert change(policy, 22.0, later) is None, "the next grasp has a budget of its own"
 
 
 def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
@@ -176,17 +178,6 @@ def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
     assert policy.state(T0).budget_left_n == 10.0
     policy.restore(None)
     assert policy.force_n is policy.requested_n is None
-
-
-def test_most_is_the_limit_where_the_budget_leaves_more_and_unknown_where_nothing_is_gripped(
-    policy: GripPolicy,
-) -> None:
-    assert policy.reflex_most_n is None
-    policy.record_force(20.0, T0)
-    assert policy.reflex_most_n == 25.0
-    unlimited = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 200)
-    unlimited.record_force(5.0, T0)
-    assert unlimited.reflex_most_n is None
 
 
 @pytest.mark.parametrize("fault", ["E-stop", "no reply", "echo differs"])

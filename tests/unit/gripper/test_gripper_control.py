@@ -1,47 +1,358 @@
-"""Requests in newtons and metres become gripper commands within the request, or a refusal with its reason."""
+"""Requests become gripper commands or a refusal, and the grip in force is what the gripper was sent and reports."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from types import EllipsisType
 from typing import Any
 
 import pytest
-from control_bench import MS, T0, Parse, Recorded, ask, close_, make, open_, reading, refused, took
+from control_bench import MS, T0, Pad, Recorded, ask, reading, refused
+from engine_rig import GRIPPER, LEFT
 
+from slipd import config
+from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
 from slipd_client.messages import Health
 
 
-def test_a_grip_closes_fully_and_returns_the_commanded_force(control: GripperControl, session: Recorded) -> None:
-    assert took(close_(control, 10.3, None, None, T0))
-    assert session.commands == [("move", 0.0, None, 10.3)]
-    assert control.force_command_n == control.policy.force_n == 10.0
+class Bench:
+    """A gripper control over a recorded session, beside fingers whose contact the test sets."""
+
+    def __init__(self, more: str = "", *pads: Pad, heard: bool = True, **changed: str) -> None:
+        text = GRIPPER + more
+        for key, value in changed.items():
+            text = text.replace(f"\n{key} = ", f"\n{value}\n# {key} = ")
+        gripper = config.parse(LEFT + text, "rig.toml").gripper
+        assert gripper is not None
+        self.session, self.pads = Recorded(), pads
+        self.control = GripperControl(gripper, self.session, dict(enumerate(pads)))  # type: ignore[arg-type]
+        if heard:
+            self.control.update(reading())
+
+    def found(self) -> dict[str, Any]:
+        """What can be seen of it."""
+        control, policy, session = self.control, self.control.policy, self.session
+        return {
+            "force_n": policy.force_n,
+            "requested_n": policy.requested_n,
+            "unknown": policy.unknown,
+            "grips": policy.grips,
+            "fault": policy.fault,
+            "holder": policy.lease.holder(T0),
+            "command": control.command,
+            "command_n": control.force_command_n,
+            "sample": control.sample,
+            "holds": control.holds,
+            "sent_n": session.force_sent_n,
+            "commands": session.commands,
+            "conditions": [severity for severity, _ in control.conditions()],
+        }
 
 
-def test_widths_and_speeds_are_handed_on(control: GripperControl, session: Recorded) -> None:
-    close_(control, 3.0, 0.04, 0.085, T0)
-    open_(control, 0.085, 0.02, T0)
-    open_(control, None, 0.15, T0)
-    assert session.commands == [
-        ("move", 0.04, 0.085, 3.0),
-        ("move", 0.085, 0.02, 3.0),
-        ("move", 0.085, 0.15, 3.0),
-    ]
-    assert control.policy.force_n is None, "what opens holds nothing"
-    assert control.force_command_n == 3.0
+Step = Callable[[Bench], object]
+Refused = tuple[str, str] | None | EllipsisType
+"""Code and field; ``...``: it may be refused or not."""
 
 
-def test_opening_takes_the_least_force_that_may_be_asked_for(
-    left: str, gripper: str, parse: Parse, session: Recorded
-) -> None:
-    control = make(left + gripper + "min_force_n = 4.0\n", parse, session)
-    open_(control, None, None, T0)
-    assert session.commands == [("move", 0.085, None, 4.0)]
+def be(**expected: Any) -> Step:
+    """Check what can be seen, see `Bench.found`."""
+
+    def step(bench: Bench) -> None:
+        found = bench.found()
+        assert {name: found[name] for name in expected} == expected
+
+    return step
+
+
+def want(kind: IntentKind, ms: float = 0, refusal: Refused = None, **wanted: Any) -> Step:
+    """Ask for a motion ``ms`` after the begin, as the holder of the lease."""
+
+    def step(bench: Bench) -> None:
+        found = ask(bench.control, kind, T0 + round(ms * MS), **wanted)
+        assert refusal is ... or (None if found is None else refused(found)) == refusal
+
+    return step
+
+
+def close(force_n: float, ms: float = 0, refusal: Refused = None, **wanted: Any) -> Step:
+    return want("close", ms, refusal, force_n=force_n, **wanted)
+
+
+def seen(ms: float, width_m: float | None = 0.04, what: str = "none", **changes: Any) -> Step:
+    """The gripper reports."""
+    return lambda bench: bench.control.update(reading(width_m, T0 + round(ms * MS), object=what, **changes))
+
+
+def held(ms: float, width_m: float | None = 0.04, **changes: Any) -> Step:
+    """The gripper reports that it holds something."""
+    return seen(ms, width_m, "contact_closing", **changes)
+
+
+def acknowledge(refusal: Refused = None) -> Step:
+    def step(bench: Bench) -> None:
+        found = bench.control.acknowledge()
+        assert (None if found is None else refused(found)) == refusal
+
+    return step
+
+
+def press(pressed: bool | None, force_n: float | None = None) -> Step:
+    return lambda bench: bench.pads[0].press(pressed, force_n)
+
+
+def paused(ms: int) -> Step:
+    return lambda bench: bench.control.drop_after_pause(ms * MS)
+
+
+def on_time(ms: float, told: bool | None = None) -> Step:
+    def step(bench: Bench) -> None:
+        found = bench.control.on_time(T0 + round(ms * MS))
+        assert told is None or found is told
+
+    return step
+
+
+def has(**session: Any) -> Step:
+    """Change the session."""
+    return lambda bench: [setattr(bench.session, name, value) for name, value in session.items()]
+
+
+def leased(bench: Bench) -> None:
+    bench.control.policy.lease.acquire(b"ann", 200, T0)
+
+
+def send(bench: Bench) -> None:
+    bench.session.send()
+
+
+def lose(bench: Bench) -> None:
+    bench.control.lose()
+
+
+def wake(bench: Bench) -> None:
+    bench.control.wake()
+
+
+def react(force_n: float, refusal: Refused = None) -> Step:
+    """The reflex asks for a force."""
+
+    def step(bench: Bench) -> None:
+        found = bench.control.carry_out("reflex", T0, force_n=force_n)
+        assert (None if found is None else refused(found)) == refusal
+
+    return step
+
+
+NOT_READY, FORCE_OUT, WIDTH_OUT = ("not_ready", ""), ("out_of_range", "force_n"), ("out_of_range", "width_m")
+Course = tuple[Bench, list[Step]]
+COURSES: dict[str, Callable[[], Course]] = {
+    # commands
+    "a close goes all the way with the force that was asked for, and its setting is in force": lambda: (
+        Bench(), [close(10.3), be(commands=[("move", 0.0, None, 10.3)], force_n=10.0, command_n=10.0)],
+    ),
+    "widths and speeds are handed on, and what opens holds nothing": lambda: (
+        Bench(),
+        [
+            close(3.0, width_m=0.04, speed_mps=0.085), want("open", width_m=0.085, speed_mps=0.02),
+            want("open", speed_mps=0.15), be(force_n=None, command_n=3.0),
+            be(commands=[("move", 0.04, 0.085, 3.0), ("move", 0.085, 0.02, 3.0), ("move", 0.085, 0.15, 3.0)]),
+        ],
+    ),
+    "opening takes the least force of the config": lambda: (
+        Bench("min_force_n = 4.0\n"), [want("open"), be(commands=[("move", 0.085, None, 4.0)])],
+    ),
+    "a force alone is set without motion": lambda: (
+        Bench(),
+        [close(11.0), want("set", force_n=12.34), be(command_n=12.0, force_n=12.0),
+         be(commands=[("move", 0.0, None, 11.0), ("force", 12.34)])],
+    ),
+    "the reflex sets a force within the limits where the gripper takes it": lambda: (
+        Bench(),
+        [close(5.0), react(6.7), be(command_n=6.5, requested_n=5.0), react(26.0, ("out_of_range", "")),
+         has(takes=False), react(7.0, ("not_active", "")), be(command_n=6.5)],
+    ),
+    "a setting below the least force is refused": lambda: (
+        Bench("min_force_n = 3.2\n"), [close(3.3, 0, FORCE_OUT), close(3.5)],
+    ),
+    "a gripper of unknown widths opens to a given width only": lambda: (
+        Bench(),
+        [has(width_range_m=(0.0, math.inf)), seen(0), want("open", 0, ("not_ready", "width_m")),
+         want("open", width_m=0.05), close(5.0),
+         be(commands=[("move", 0.05, None, 3.0), ("move", 0.0, None, 5.0)])],
+    ),
+    "fingers may have moved on since they were heard": lambda: (
+        Bench(),
+        [close(5.0, width_m=0.03), close(5.0, 1, WIDTH_OUT, width_m=0.05), seen(20, 0.06, moving=True),
+         close(5.0, 21, WIDTH_OUT, width_m=0.05), close(5.0, 21, width_m=0.02), seen(60, 0.03),
+         want("open", 60, width_m=0.08), close(5.0, 61, WIDTH_OUT, width_m=0.05), seen(80, 0.08),
+         close(5.0, 81, width_m=0.05)],
+    ),
+    "a grip is not closed to less than it was": lambda: (
+        Bench(),
+        [close(5.0, width_m=0.02), held(1), close(5.0, 2, WIDTH_OUT, width_m=0.04),
+         close(5.0, 2, WIDTH_OUT, width_m=0.021), close(5.0, 2, width_m=0.02), want("open", 3, width_m=0.05),
+         seen(4, 0.05), close(5.0, 5, width_m=0.05)],
+    ),
+    "what the session does not take is refused and changes nothing": lambda: (
+        Bench(),
+        [close(6.0), send, has(takes=False), close(5.0, 0, ("not_active", "")), want("open", 0, ("not_active", "")),
+         want("set", 0, ("not_active", ""), force_n=5.0), want("stop", 0, ("not_active", "")),
+         want("hold", 0, ("not_active", "")), be(command_n=6.0, force_n=6.0)],
+    ),
+    "what is wrong with the gripper is named": lambda: (
+        Bench(),
+        [seen(0, active=False), close(5.0, 0, ("fault_latched", "")), acknowledge(), close(5.0, 0, ("not_active", "")),
+         seen(0, active=False, fault="over_temperature"), acknowledge(), close(5.0, 0, ("gripper_fault", "")),
+         want("activate"), lose, close(5.0, 0, ("no_gripper", "")), want("activate", 0, ("no_gripper", ""))],
+    ),
+    # faults
+    "A6 a lost command is latched once, and that it is over is news too": lambda: (
+        Bench(),
+        [on_time(0, False), has(command_lost=True), on_time(1, True), be(fault="command_lost"),
+         be(conditions=[Health.ERROR]), on_time(2, False), be(fault="command_lost"), acknowledge(), be(fault=""),
+         on_time(2, True), on_time(2, False), be(conditions=[], commands=[("acknowledge",)])],
+    ),
+    "silence is judged by the time in which the daemon was awake": lambda: (
+        Bench(),
+        [close(10.0), send, paused(60_000), on_time(60_000), be(fault=""),
+         *(on_time(60_000 + 5 * k) for k in range(100)), be(fault="no_answer", sample=None)],
+    ),
+    "a slow gripper may be silent for three of its periods": lambda: (
+        Bench(rate_hz="rate_hz = 2.0"),
+        [close(10.0), send, *(on_time(5 * k) for k in range(290)), be(fault=""),
+         *(on_time(5 * k) for k in range(290, 330)), be(fault="no_answer")],
+    ),
+    "silence of a gripper that holds nothing is no fault": lambda: (
+        Bench(),
+        [*(on_time(5 * k) for k in range(100)), be(fault="", sample=None), close(5.0, 500, ("no_gripper", ""))],
+    ),
+    # the grip in force ends
+    "a finger that is pressed keeps the grasp, whatever the gripper says": lambda: (
+        Bench("", Pad()),
+        [close(5.0), held(1), press(True, 5.0), seen(2), be(force_n=5.0), press(False), seen(3, 0.02, "moving"),
+         be(force_n=5.0, command=(5.0, 0.0)), seen(4, 0.0), be(force_n=None, command=(5.0, None))],
+    ),
+    "a lost gripper has no lease, but goes on holding": lambda: (
+        Bench(),
+        [leased, close(10.0), lose, be(holder=None, fault="link_lost"), acknowledge(NOT_READY), be(fault="link_lost"),
+         be(commands=[("move", 0.0, None, 10.0)]), held(5000, 0.03), be(force_n=10.0, fault="link_lost"),
+         acknowledge(), be(fault="")],
+    ),
+    "what happened without a grip may be acknowledged at any time": lambda: (
+        Bench(),
+        [lambda bench: bench.control.policy.latch("echo_mismatch"), lose, be(fault="echo_mismatch"), acknowledge(),
+         be(fault="")],
+    ),
+    "a lost activation has no force": lambda: (
+        Bench(), [close(10.0), seen(0, active=False), be(command_n=None, force_n=None, fault="activation_lost")],
+    ),
+    "an activation ends the grasp and what is reported meanwhile is no fault": lambda: (
+        Bench(),
+        [close(10.0), want("activate"), be(force_n=None), seen(0, active=False, fault="activation_needed"),
+         be(fault="")],
+    ),
+    "a reading of before the command ends no grasp, nor one before it was held": lambda: (
+        Bench(),
+        [want("open", -2), held(-1, 0.03), close(10.0), seen(0, 0.03), be(force_n=10.0), seen(1, 0.03),
+         be(force_n=10.0), held(2, 0.03), seen(3, 0.02), be(force_n=None)],
+    ),
+    "a reading of the moment of a command does not end its motion": lambda: (
+        Bench(), [close(10.0), held(0, 0.03), be(holds=False), held(1e-6, 0.03), be(holds=True)],
+    ),
+    "what was opened is let go once that is seen": lambda: (
+        Bench(),
+        [close(6.0), send, held(1), want("open", 2), be(force_n=None), close(12.0, 2, FORCE_OUT), held(3),
+         close(12.0, 3, FORCE_OUT), want("set", 3, NOT_READY, force_n=4.0), seen(4, 0.05, "moving", moving=True),
+         close(12.0, 4)],
+    ),
+    # commands that were never sent
+    "what waited while the daemon stood still is dropped and latched": lambda: (
+        Bench(),
+        [close(5.0), send, want("set", force_n=6.0), be(force_n=6.0, fault="", command=(6.0, 0.0)), paused(51),
+         be(fault="command_lost", force_n=5.0, requested_n=5.0, command_n=5.0, sent_n=5.0)],
+    ),
+    "a first grip that was dropped leaves no force": lambda: (
+        Bench(), [close(5.0), paused(60), be(fault="command_lost", force_n=None, requested_n=None, command_n=None)],
+    ),
+    "a sleep drops what waited, ends the lease, and stops what may be closing": lambda: (
+        Bench('lease_end = "stop"\n'),
+        [leased, on_time(0), close(5.0), send, want("open"), wake, be(fault="command_lost", force_n=5.0, sample=None),
+         on_time(1, True), be(holder=None),
+         be(commands=[("move", 0.0, None, 5.0), ("move", 0.085, None, 3.0), ("halt",)])],
+    ),
+    **{
+        f"a stop restores the force where {step} was not sent": lambda kept=kept: (  # type: ignore[misc]
+            Bench(),
+            [close(5.0), send, kept, want("stop"), be(force_n=5.0, requested_n=5.0, command_n=5.0), send, want("stop"),
+             be(force_n=5.0), want("open"), send, want("stop"), be(force_n=None)],
+        )
+        for step, kept in (("a force", want("set", force_n=6.0)), ("an opening", want("open")))
+    },
+    "a force of before the link was lost is restored too": lambda: (
+        Bench(),
+        [close(5.0), lose, has(force_sent_n=None), send, held(5000, 0.03), acknowledge(),
+         want("set", 5000, force_n=6.0), want("set", 5000, force_n=6.5), want("stop"), be(force_n=5.0, command_n=5.0)],
+    ),
+    **{
+        f"a force alone is no motion that {what} would stop": lambda steps=steps: (  # type: ignore[misc]
+            Bench('lease_end = "stop"\n'),
+            [close(5.0), held(1, 0.03), want("set", 2, force_n=6.0), *steps,
+             be(force_n=6.0, commands=[("move", 0.0, None, 5.0), ("force", 6.0)])],
+        )
+        for what, steps in (("a hold", [want("hold")]), ("the end of a lease", [leased, on_time(203)]))
+    },
+    # a grip that no command of this run began
+    "a grip that is found has the force that the gripper reports, until the first command": lambda: (
+        Bench("", Pad(True, 9.0), heard=False),
+        [held(0, force_n=6.0), be(force_n=6.0, requested_n=6.0), held(1, force_n=6.5), be(force_n=6.5),
+         close(25.0, 1, FORCE_OUT), close(6.5, 1, ("not_ready", "width_m"), width_m=0.03), close(8.0, 1),
+         held(2, force_n=6.6), be(force_n=8.0)],
+    ),
+    **{
+        f"a grip that is found has the larger force that is felt, where the gripper reports {n}": lambda n=n: (  # type: ignore[misc]
+            Bench("", Pad(True, 5.0), Pad(True, 6.0), Pad(False), heard=False), [seen(0, force_n=n), be(force_n=6.0)],
+        )
+        for n in (None, 0.0, -1.0, math.nan)
+    },
+    "a grip that is found is over when nobody reports it any more": lambda: (
+        Bench("", Pad(True, 6.0), heard=False), [seen(0), press(False), seen(1), be(grips=False), close(25.0, 1)],
+    ),
+    "a grip of unknown force is still a grip": lambda: (
+        Bench("", Pad(None), heard=False),
+        [held(0), be(force_n=None, unknown=True), lose, be(fault="link_lost"), acknowledge(NOT_READY), held(1),
+         acknowledge(), close(3.0, 1, NOT_READY), want("open", 1, drop=True), want("stop", 1), be(unknown=True),
+         held(2), be(unknown=True, command_n=None, conditions=[Health.ERROR])],
+    ),
+    "a grip may have begun while the gripper was out of sight": lambda: (
+        Bench(),
+        [want("open"), send, seen(1, 0.085), lose, has(force_sent_n=None, has=None), held(2, force_n=6.0),
+         be(force_n=6.0)],
+    ),
+    "a grip goes on where its object was lost and came back": lambda: (
+        Bench(),
+        [close(6.0), send, held(1), *[want("set", 0, ..., force_n=n) for n in (8.0, 6.0) * 5], seen(2, 0.03),
+         be(grips=False), held(3, force_n=1.0),
+         lambda bench: be(force_n=bench.session.force_sent_n)(bench)],
+    ),
+    "a grip is let go of before an activation, and until that is seen a close is a step": lambda: (
+        Bench(heard=False),
+        [held(0, force_n=6.0), want("activate"), held(1, force_n=6.0), be(force_n=None), close(25.0, 1, FORCE_OUT),
+         seen(2, 0.085), close(25.0, 2)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_A6_a_course(name: str) -> None:
+    bench, steps = COURSES[name]()
+    for step in steps:
+        step(bench)
 
 
 CLOSE_5 = {"force_n": 5.0}
-FORCE_OUT = "out_of_range", "force_n"
 LEAST, RANGE, NO_RANGE, NO_SPEED = (
     {"force_range_n": (50.0, 200.0)}, {"force_range_n": (2.0, 18.0)}, {"force_range_n": (0.0, math.inf)},
     {"speed_range_mps": None},
@@ -49,10 +360,10 @@ LEAST, RANGE, NO_RANGE, NO_SPEED = (
 
 
 @pytest.mark.parametrize(
-    ("has", "kind", "wanted", "refusal"),
+    ("session", "kind", "wanted", "refusal"),
     [
-        *(({}, "open", {"width_m": m}, ("out_of_range", "width_m")) for m in (-0.001, 0.086, 1e300)),
-        *(({}, "close", CLOSE_5 | {"width_m": m}, ("out_of_range", "width_m")) for m in (-0.001, 0.086, 1e300)),
+        *(({}, "open", {"width_m": m}, WIDTH_OUT) for m in (-0.001, 0.086, 1e300)),
+        *(({}, "close", CLOSE_5 | {"width_m": m}, WIDTH_OUT) for m in (-0.001, 0.086, 1e300)),
         *(({}, "open", {"speed_mps": v}, ("out_of_range", "speed_mps")) for v in (-0.05, 0.0, 0.019, 0.151)),
         *(({}, "close", CLOSE_5 | {"speed_mps": v}, ("out_of_range", "speed_mps")) for v in (0.019, 0.151)),
         *(({}, "close", CLOSE_5 | {"speed_mps": v}, None) for v in (0.02, 0.15)),
@@ -68,192 +379,45 @@ LEAST, RANGE, NO_RANGE, NO_SPEED = (
     ],
 )
 def test_G3_what_the_gripper_does_not_have_is_refused(
-    control: GripperControl,
-    session: Recorded,
-    has: dict[str, Any],
-    kind: IntentKind,
-    wanted: dict[str, float],
-    refusal: tuple[str, str] | None,
+    session: dict[str, Any], kind: IntentKind, wanted: dict[str, float], refusal: Refused
 ) -> None:
-    for name, value in has.items():
-        setattr(session, name, value)
-    found = ask(control, kind, T0, **wanted)
-    assert (None if took(found) else refused(found)) == refusal
-    assert len(session.commands) == (refusal is None)
+    bench = Bench()
+    has(**session)(bench)
+    want(kind, 0, refusal, **wanted)(bench)
+    assert len(bench.session.commands) == (refusal is None)
 
 
-def test_a_force_whose_setting_would_fall_below_the_least_is_refused(
-    left: str, gripper: str, parse: Parse, session: Recorded
-) -> None:
-    limited = make(left + gripper + "min_force_n = 3.2\n", parse, session)
-    assert refused(close_(limited, 3.3, None, None, T0)) == ("out_of_range", "force_n"), "its setting would be 3 N"
-    assert took(close_(limited, 3.5, None, None, T0))
+@pytest.mark.parametrize("kind", ["activate", "open", "close", "set", "reflex"])
+def test_without_a_limit_nothing_is_moved(kind: IntentKind) -> None:
+    bench = Bench(max_force_n="")
+    assert bench.control.policy.limits.max_n is None
+    want(kind, 0, ("no_limit", ""), force_n=5.0)(bench)
+    assert bench.session.commands == []
 
 
-def test_the_reflex_sets_a_force_where_the_gripper_takes_it(control: GripperControl, session: Recorded) -> None:
-    assert took(close_(control, 5.0, None, None, T0))
-    assert took(control.carry_out("reflex", T0, force_n=6.7))
-    assert (control.force_command_n, control.policy.requested_n) == (6.5, 5.0)
-    assert not took(control.carry_out("reflex", T0, force_n=26.0)), "beyond the limit"
-    session.takes = False
-    assert not took(control.carry_out("reflex", T0, force_n=7.0))
-    assert control.force_command_n == 6.5
-
-
-def test_a_gripper_of_unknown_width_range_opens_only_to_a_given_width(
-    control: GripperControl, session: Recorded
-) -> None:
-    session.width_range_m = (0.0, math.inf)
-    control.update(reading(0.04))
-    assert refused(open_(control, None, None, T0)) == ("not_ready", "width_m")
-    assert took(open_(control, 0.05, None, T0))
-    assert took(close_(control, 5.0, None, None, T0))
-    assert session.commands == [("move", 0.05, None, 3.0), ("move", 0.0, None, 5.0)]
-
-
-def test_closing_never_opens(control: GripperControl, session: Recorded) -> None:
-    """An object held at 42.5 mm would fall at 50 mm."""
-    control.update(reading(0.0425))
-    assert refused(close_(control, 5.0, 0.050, None, T0)) == ("out_of_range", "width_m")
-    assert session.commands == []
-    assert took(close_(control, 5.0, control.width_m, None, T0)), "the width that is told"
-    assert took(close_(control, 5.0, 0.040, None, T0))
-
-
-def test_closing_never_opens_fingers_that_have_moved_on_since_they_were_heard(
-    control: GripperControl, session: Recorded
-) -> None:
-    """At 150 mm/s they are 3 mm further on after a poll."""
-    assert took(close_(control, 5.0, 0.03, None, T0))
-    assert refused(close_(control, 5.0, 0.05, None, T0 + MS)) == ("out_of_range", "width_m")
-    control.update(reading(0.06, T0 + 20 * MS, moving=True))
-    assert refused(close_(control, 5.0, 0.05, None, T0 + 21 * MS)) == ("out_of_range", "width_m")
-    assert took(close_(control, 5.0, 0.02, None, T0 + 21 * MS))
-    control.update(reading(0.03, T0 + 60 * MS))
-    assert took(open_(control, 0.08, None, T0 + 60 * MS))
-    assert refused(close_(control, 5.0, 0.05, None, T0 + 61 * MS)) == ("out_of_range", "width_m")
-    control.update(reading(0.08, T0 + 80 * MS))
-    assert took(close_(control, 5.0, 0.05, None, T0 + 81 * MS))
-
-
-def test_a_grip_in_force_is_not_closed_to_less_than_it_was(control: GripperControl, session: Recorded) -> None:
-    """At the present width nothing would press any more, and the gripper would say that it holds nothing."""
-    close_(control, 5.0, 0.02, None, T0)
-    control.update(reading(0.04, T0 + MS, object="contact_closing"))
-    session.commands.clear()
-    assert refused(close_(control, 5.0, 0.04, None, T0 + 2 * MS)) == ("out_of_range", "width_m")
-    assert refused(close_(control, 5.0, 0.021, None, T0 + 2 * MS)) == ("out_of_range", "width_m")
-    assert session.commands == []
-    assert took(close_(control, 5.0, 0.02, None, T0 + 2 * MS))
-    open_(control, 0.05, None, T0 + 3 * MS)
-    control.update(reading(0.05, T0 + 4 * MS))
-    assert took(close_(control, 5.0, 0.05, None, T0 + 5 * MS)), "that is another grasp"
-
-
-def test_a_width_is_not_asked_for_where_the_present_one_is_not_known(control: GripperControl) -> None:
-    control.update(reading(None))
-    assert refused(close_(control, 5.0, 0.01, None, T0)) == ("not_ready", "width_m")
-    assert took(close_(control, 5.0, None, None, T0))
-
-
-def test_a_setting_force_changes_nothing_but_the_force(control: GripperControl, session: Recorded) -> None:
-    close_(control, 11.0, None, None, T0)
-    assert took(ask(control, "set", T0, force_n=12.34))
-    assert control.force_command_n == 12.0
-    assert session.commands[1:] == [("force", 12.34)]
-    assert control.policy.force_n == 12.0
-
-
-def test_a_command_that_the_session_does_not_take_is_refused(control: GripperControl, session: Recorded) -> None:
-    close_(control, 6.0, None, None, T0)
-    session.send()
-    session.takes = False
-    for found in (
-        close_(control, 5.0, None, None, T0),
-        open_(control, None, None, T0),
-        ask(control, "set", T0, force_n=5.0),
-        ask(control, "stop", T0),
-        ask(control, "hold", T0),
-    ):
-        assert refused(found)[0] == "not_active"
-    assert control.force_command_n == control.policy.force_n == 6.0
-
-
-def test_a_gripper_is_refused_for_what_is_wrong_with_it(control: GripperControl) -> None:
-    def why() -> tuple[str, str]:
-        return refused(close_(control, 5.0, None, None, T0))
-
-    control.update(reading(active=False))
-    assert why() == ("fault_latched", ""), "it was active before"
-    control.acknowledge()
-    assert why() == ("not_active", "")
-    control.update(reading(active=False, fault="over_temperature"))
-    control.acknowledge()
-    assert why() == ("gripper_fault", "")
-    assert took(ask(control, "activate", T0)), "an activation may be what clears it"
-    control.lose()
-    assert why() == ("no_gripper", "")
-    assert refused(ask(control, "activate", T0)) == ("no_gripper", "")
-
-
-def test_without_a_limit_nothing_is_moved(left: str, gripper: str, parse: Parse, session: Recorded) -> None:
-    control = make((left + gripper).replace("max_force_n", "# max_force_n"), parse, session)
-    for found in (
-        ask(control, "activate", T0),
-        open_(control, None, None, T0),
-        close_(control, 5.0, None, None, T0),
-        ask(control, "set", T0, force_n=5.0),
-        control.carry_out("reflex", T0, force_n=5.0),
-    ):
-        assert refused(found) == ("no_limit", "")
-    assert control.policy.limits.max_n is None
-    assert session.commands == []
-
-
-def test_A6_a_lost_command_is_latched_once(control: GripperControl, session: Recorded) -> None:
-    assert control.on_time(T0) is False
-    session.command_lost = True
-    assert control.on_time(T0 + MS) is True
-    assert control.policy.fault == "command_lost"
-    assert control.conditions()[0][0] is Health.ERROR
-    assert control.on_time(T0 + 2 * MS) is False
-    assert control.policy.fault == "command_lost"
-    assert took(control.acknowledge())
-    assert control.policy.fault == ""
-    assert control.on_time(T0 + 2 * MS) is True, "that it is over is news too"
-    assert control.on_time(T0 + 2 * MS) is False
-    assert control.conditions() == []
-    assert session.commands == [("acknowledge",)]
-
-
-def test_silence_is_judged_by_the_daemons_own_time_awake(control: GripperControl, session: Recorded) -> None:
-    close_(control, 10.0, None, None, T0)
-    session.send()
-    control.drop_after_pause(60_000 * MS)
-    control.on_time(T0 + 60_000 * MS)
-    assert control.policy.fault == "", "the daemon stood still, and what was said meanwhile waits to be read"
-    for k in range(100):
-        control.on_time(T0 + (60_000 + 5 * k) * MS)
-    assert control.policy.fault == "no_answer"
-    assert control.sample is None
-
-
-def test_a_slow_gripper_may_be_silent_for_three_of_its_periods(
-    left: str, gripper: str, parse: Parse, session: Recorded
-) -> None:
-    control = make(left + gripper.replace("rate_hz = 50.0", "rate_hz = 2.0"), parse, session)
-    close_(control, 10.0, None, None, T0)
-    session.send()
-    for k in range(290):
-        control.on_time(T0 + 5 * k * MS)
-    assert control.policy.fault == ""
-    for k in range(290, 330):
-        control.on_time(T0 + 5 * k * MS)
-    assert control.policy.fault == "no_answer"
-
-
-def test_silence_of_a_gripper_that_holds_nothing_is_no_fault(control: GripperControl) -> None:
-    for k in range(100):
-        control.on_time(T0 + 5 * k * MS)
-    assert (control.policy.fault, control.sample) == ("", None)
-    assert refused(close_(control, 5.0, None, None, T0 + 500 * MS)) == ("no_gripper", "")
+@pytest.mark.parametrize(
+    ("now", "force_n"),
+    [
+        ({"force_n": None}, 6.0),
+        ({"force_n": 6.4}, 6.0),
+        ({"force_n": 8.0}, 8.0),
+        ({"what": "contact_opening"}, None),
+        ({"moving": True}, None),
+        ({"width_m": None}, None),
+        ({"width_m": 0.05}, None),
+    ],
+)
+def test_a_grip_that_was_kept_goes_on_where_the_gripper_confirms_it(now: dict[str, Any], force_n: float | None) -> None:
+    kept = StoredGrip(
+        force_n=6.0, requested_n=5.0, raised_n=1.0, reflexed_n=2.0, closed_to_m=0.0, width_m=0.04,
+        object="contact_closing", reported_n=None,
+    )  # fmt: skip
+    bench, confirmed = Bench("", Pad(None), heard=False), []
+    be(conditions=[])(bench)
+    bench.control.restore(kept, lambda: confirmed.append(True))
+    assert bench.control.kept() == kept
+    seen(0, **{"what": "contact_closing"} | now)(bench)
+    policy = bench.control.policy
+    be(force_n=force_n, conditions=[Health.ERROR] * (force_n is None))(bench)
+    assert (policy.raised_n, policy.reflexed_n) == ((1.0, 2.0) if force_n == 6.0 else (0.0, 0.0))
+    assert confirmed == [True] * (force_n == 6.0)

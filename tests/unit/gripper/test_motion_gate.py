@@ -67,201 +67,117 @@ def test_every_rule_binds_some_kind_and_every_row_names_known_kinds() -> None:
     assert len({rule for rule, _ in TABLE}) == len(TABLE)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_motion_that_breaks_no_rule_is_permitted(kind: IntentKind) -> None:
-    found = judge(of(kind), situation(HELD, moving=True, goals_m=(0.0, 0.0), stops_at_lease_end=True))
-    wanted = {"activate": "activate", "open": "move", "close": "move"} | dict.fromkeys(FORCING[1:], "set_force")
-    assert isinstance(found, Permit)
-    assert found.kind == wanted.get(kind, "halt")
+MOVES = {"activate": "activate", "open": "move", "close": "move"} | dict.fromkeys(FORCING[1:], "set_force")
+UNREADY = {
+    "no_limit": situation(HELD, replace(LIMITS, max_n=None)),
+    "fault_latched": situation(replace(HELD, fault="E-stop")),
+    "no_gripper": situation(HELD, answers=False, active=False),
+    "gripper_fault": situation(HELD, fault="overcurrent"),
+    "not_active": situation(HELD, active=False),
+    "activating": situation(HELD, active=False, activating=True),
+}
+BLIND, LET_GO = situation(HELD, blind=("right",)), situation(replace(HELD, releasing=True, unknown=True))
+STOPPED: dict[str, Any] = {"answers": False, "active": False, "fault": "internal", "moving": True}
+ANY = replace(of("close"), force_in_force_n=None)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_client_must_hold_the_lease(kind: IntentKind) -> None:
-    for holder in (b"ben", None):
-        found = judge(of(kind), situation(replace(HELD, holder=holder), moving=True, goals_m=(0.0, 0.0)))
-        assert code(found) == ("" if kind in ("reflex", "lease_end") else "no_lease")
-    assert code(judge(replace(of(kind), who=None), situation(replace(HELD, holder=None)))) == (
-        "" if kind in ("reflex", "lease_end") else "no_lease"
+def opens(wanted_m: float | None, now_m: float | None = 0.05, **more: Any) -> Intent:
+    return intent("open", width_wanted_m=wanted_m, width_now_m=now_m, **more)
+
+
+def closes(wanted_m: float | None, seen: Situation, now_m: float | None = 0.05) -> tuple[Intent, Situation]:
+    force_n = seen.grip.force_n
+    return (
+        intent("close", width_wanted_m=wanted_m, width_now_m=now_m, force_wanted_n=6.0, force_in_force_n=force_n),
+        seen,
     )
 
 
-@pytest.mark.parametrize("kind", MOVING)
-@pytest.mark.parametrize(
-    ("refused", "seen"),
-    [
-        ("no_limit", situation(HELD, replace(LIMITS, max_n=None))),
-        ("fault_latched", situation(replace(HELD, fault="E-stop"))),
-        ("no_gripper", situation(HELD, answers=False, active=False)),
-        ("gripper_fault", situation(HELD, fault="overcurrent")),
-        ("not_active", situation(HELD, active=False)),
-        ("activating", situation(HELD, active=False, activating=True)),
-    ],
-)
-def test_a_gripper_that_is_not_ready_is_not_moved(kind: IntentKind, refused: str, seen: Situation) -> None:
-    allowed = kind == "activate" and refused in ("gripper_fault", "not_active", "activating")
-    assert code(judge(of(kind), seen)) == ("" if allowed else refused)
+def forces(kind: IntentKind, wanted_n: float, held_n: float | None = 6.0) -> Intent:
+    applied_n = wanted_n if math.isfinite(wanted_n) else None
+    return intent(kind, force_wanted_n=wanted_n, force_applied_n=applied_n, force_in_force_n=held_n)
 
 
-@pytest.mark.parametrize("kind", FORCING)
-@pytest.mark.parametrize(
-    ("acknowledged_n", "refused"), [(None, ""), (5.0, ""), (9.0, ""), (4.9, "too_fast"), (9.1, "too_fast")]
-)
-def test_A6_a_force_is_within_a_step_of_the_one_that_the_gripper_acknowledged(
-    kind: IntentKind, acknowledged_n: float | None, refused: str
-) -> None:
-    assert code(judge(of(kind), situation(HELD, force_acknowledged_n=acknowledged_n))) == refused
-    begins = replace(of("close"), force_in_force_n=None)
-    assert code(judge(begins, situation(force_acknowledged_n=acknowledged_n))) == ""
-
-
-@pytest.mark.parametrize("kind", ["hold", "stop", "lease_end"])
-def test_stopping_is_never_refused_for_what_is_wrong(kind: IntentKind) -> None:
-    limits, grip = replace(LIMITS, max_n=None), replace(HELD, fault="E-stop")
-    seen = situation(grip, limits, answers=False, active=False, fault="internal", moving=True, stops_at_lease_end=True)
-    assert judge(of(kind), seen) == Permit("halt")
-
-
-def test_nothing_is_sent_where_nothing_moves() -> None:
-    assert judge(of("hold"), situation(HELD)) is None
-    assert judge(of("lease_end"), situation(HELD, stops_at_lease_end=True)) is None
-    assert judge(of("lease_end"), situation(HELD, moving=True, goals_m=(0.0, 0.0))) is None, (
-        "the config does not want it"
-    )
-    assert judge(of("stop"), situation(HELD)) == Permit("halt")
-
-
-@pytest.mark.parametrize(
-    ("refused", "seen"),
-    [
-        ("no_limit", situation(HELD, replace(LIMITS, max_n=None))),
-        ("fault_latched", situation(replace(HELD, fault="E-stop"))),
-        ("no_gripper", situation(HELD, answers=False, active=False)),
-        ("activating", situation(HELD, activating=True)),
-        ("not_active", situation(HELD)),
-    ],
-)
-def test_a_session_that_takes_nothing_is_explained(refused: str, seen: Situation) -> None:
-    assert why_not_sent(seen).code == refused
-
-
-@pytest.mark.parametrize("kind", ["open", "activate"])
-def test_what_may_fall_is_let_go_only_for_who_accepts_it(kind: IntentKind) -> None:
-    seen = situation(not_free=("left",))
-    found = judge(intent(kind), seen)
-    assert isinstance(found, Refusal)
-    assert (found.code, found.field) == ("in_contact", "drop")
-    assert "left" in found.message
-    assert isinstance(judge(intent(kind, drop=True), seen), Permit)
-
-
-@pytest.mark.parametrize("kind", FORCING)
-@pytest.mark.parametrize("force_n", [2.9, 25.1, -1.0, math.nan, math.inf])
-def test_a_force_outside_the_limits_is_refused(kind: IntentKind, force_n: float) -> None:
-    applied_n = force_n if math.isfinite(force_n) else None
-    found = judge(
-        intent(kind, force_wanted_n=force_n, force_applied_n=applied_n, force_in_force_n=6.0), situation(HELD)
-    )
-    assert isinstance(found, Refusal)
-    assert found.code == ("out_of_range" if math.isfinite(force_n) else "not_finite")
-    assert found.field == {"adjust": "delta_n", "reflex": ""}.get(kind, "force_n")
-
-
-def test_a_raise_on_a_blind_finger_is_refused_and_lowering_is_not() -> None:
-    seen = situation(HELD, blind=("right",))
-    for kind in FORCING:
-        raised = judge(intent(kind, force_in_force_n=6.0, force_wanted_n=6.5), seen)
-        assert code(raised) == "not_ready"
-        lowered = judge(intent(kind, force_in_force_n=6.0, force_wanted_n=5.5), seen)
-        assert code(lowered) == ("not_ready" if kind == "reflex" else ""), "the reflex does nothing it cannot feel"
-    assert isinstance(judge(intent("close", force_wanted_n=20.0), situation(blind=("right",))), Permit)
-
-
-@pytest.mark.parametrize(("now_n", "wanted_n", "refused"), [(6.0, 6.5, False), (9.0, 8.0, False), (9.0, 7.9, True)])
-def test_the_reflex_lowers_no_further_than_requested_and_may_raise_below_it(
-    now_n: float, wanted_n: float, refused: bool
-) -> None:
-    found = judge(
-        intent("reflex", force_in_force_n=now_n, force_wanted_n=wanted_n),
-        situation(replace(HELD, force_n=now_n, requested_n=8.0)),
-    )
-    assert (code(found) == "out_of_range") is refused
-
-
-@pytest.mark.parametrize("kind", FORCING)
-@pytest.mark.parametrize("force_n", [3.0, 6.0, 25.0])
-def test_an_unknown_force_is_neither_raised_nor_lowered(kind: IntentKind, force_n: float) -> None:
-    found = judge(intent(kind, force_wanted_n=force_n), situation(replace(FREE, unknown=True)))
-    assert isinstance(found, Refusal)
-    assert found.code == "not_ready"
-    assert "put the object down, then open" in found.message
-
-
-def test_a_grip_that_is_being_let_go_counts_for_a_close_alone() -> None:
-    seen = situation(replace(HELD, releasing=True, unknown=True))
-    assert code(judge(intent("close", force_in_force_n=3.0, force_wanted_n=25.0), seen)) != ""
-    for kind in FORCING[1:]:
-        found = judge(intent(kind, force_wanted_n=6.0), seen)
-        assert isinstance(found, Refusal)
-        assert "no grip is in force" in found.message
-
-
-class TestOpenOnlyWidens:
-    def test_what_the_fault_was_is_refused_with_what_to_do(self) -> None:
-        found = judge(intent("open", width_now_m=0.0412, width_wanted_m=0.0), situation())
-        assert found == Refusal(
-            "out_of_range",
-            "gripper.open only widens: width_m must be at least the present 0.0412 m, got 0; "
-            "use gripper.close to close",
-            "width_m",
+CASES: list[tuple[Intent, Situation, str | Permit | None]] = [
+    # whoever moves holds the lease, but for the daemon itself
+    *(
+        (replace(of(kind), who=who), situation(replace(HELD, holder=holder), moving=True), "no_lease")
+        for kind in KINDS if kind not in ("reflex", "lease_end")
+        for who, holder in ((b"ann", b"ben"), (b"ann", None), (None, None))
+    ),
+    (replace(of("reflex"), who=None), situation(replace(HELD, holder=b"ben")), ""),
+    (replace(of("lease_end"), who=None), situation(HELD, moving=True, stops_at_lease_end=True), Permit("halt")),
+    # a gripper that is not ready is not moved; an activation may be what makes it ready
+    *(
+        (of(kind), seen, refused)
+        for kind in MOVING for refused, seen in UNREADY.items()
+        if kind != "activate" or refused not in ("gripper_fault", "not_active", "activating")
+    ),
+    *((of("activate"), UNREADY[what], Permit("activate")) for what in ("gripper_fault", "not_active", "activating")),
+    # a force is within a step of the one that the gripper acknowledged
+    *(
+        (of(kind), situation(HELD, force_acknowledged_n=acts_n), refused)
+        for kind in FORCING
+        for acts_n, refused in ((None, ""), (5.0, ""), (9.0, ""), (4.9, "too_fast"), (9.1, "too_fast"))
+    ),
+    *((ANY, situation(force_acknowledged_n=acts_n), "") for acts_n in (None, 4.9, 9.1)),
+    # stopping is never refused for what is wrong, and nothing is sent where nothing moves
+    *(
+        (
+            of(kind),
+            situation(replace(HELD, fault="E-stop"), replace(LIMITS, max_n=None), **STOPPED, stops_at_lease_end=True),
+            Permit("halt"),
         )
-
-    @pytest.mark.parametrize(("width_m", "shown"), [(0.04123, "0.0413"), (0.0412, "0.0412"), (11 / 255, "0.0432")])
-    def test_the_width_that_is_named_is_accepted(self, width_m: float, shown: str) -> None:
-        found = judge(intent("open", width_now_m=width_m, width_wanted_m=0.0), situation())
-        assert isinstance(found, Refusal)
-        assert f"the present {shown} m" in found.message
-        again = judge(intent("open", width_now_m=width_m, width_wanted_m=float(shown)), situation())
-        assert isinstance(again, Permit)
-
-    @pytest.mark.parametrize("drop", [True, False])
-    def test_drop_does_not_make_it_a_close(self, drop: bool) -> None:
-        found = judge(intent("open", width_wanted_m=0.0499, drop=drop), situation(not_free=("left",) if drop else ()))
-        assert code(found) == "out_of_range"
-
-    def test_the_present_width_may_be_asked_for(self) -> None:
-        assert judge(intent("open", width_wanted_m=0.05), situation()) == Permit("move", 0.05, None, 3.0)
-
-    def test_fully_open_is_allowed_from_wherever_the_fingers_are(self) -> None:
-        for now_m in (None, 0.0, 0.0855):
-            assert judge(intent("open", width_now_m=now_m), situation()) == Permit("move", 0.085, None, 3.0)
-        assert isinstance(judge(intent("open", width_now_m=0.0855, width_wanted_m=0.085), situation()), Permit)
-
-    def test_a_width_is_refused_where_the_present_one_is_not_known(self) -> None:
-        assert code(judge(intent("open", width_now_m=None, width_wanted_m=0.08), situation())) == "not_ready"
-
-    @pytest.mark.parametrize(
-        ("goals_m", "wanted_m", "refused"),
-        [
+        for kind in ("hold", "stop", "lease_end")
+    ),
+    (of("hold"), situation(HELD), None),
+    (of("lease_end"), situation(HELD, stops_at_lease_end=True), None),
+    (of("lease_end"), situation(HELD, moving=True, goals_m=(0.0, 0.0)), None),
+    (of("stop"), situation(HELD), Permit("halt")),
+    # what may fall is let go only for who accepts it
+    *((intent(kind), situation(not_free=("left",)), "in_contact") for kind in ("open", "activate")),
+    *((intent(kind, drop=True), situation(not_free=("left",)), "") for kind in ("open", "activate")),
+    # a force is within the limits, known, and raised only where it is felt
+    *((forces(kind, force_n), situation(HELD), "out_of_range") for kind in FORCING for force_n in (2.9, 25.1, -1.0)),
+    *((forces(kind, force_n), situation(HELD), "not_finite") for kind in FORCING for force_n in (math.nan, math.inf)),
+    *((forces(kind, 6.5), BLIND, "not_ready") for kind in FORCING),
+    *((forces(kind, 5.5), BLIND, "not_ready" if kind == "reflex" else "") for kind in FORCING),
+    (forces("close", 20.0, None), situation(blind=("right",)), Permit("move", 0.0, None, 20.0)),
+    *(
+        (forces(kind, force_n, None), situation(replace(FREE, unknown=True)), "not_ready")
+        for kind in FORCING for force_n in (3.0, 6.0, 25.0)
+    ),
+    (forces("close", 25.0, 3.0), LET_GO, "not_ready"),
+    *((forces(kind, 6.0, None), LET_GO, "not_ready") for kind in FORCING[1:]),
+    # the reflex lowers no further than requested, and may raise below it
+    *(
+        (forces("reflex", wanted_n, now_n), situation(replace(HELD, force_n=now_n, requested_n=8.0)), refused)
+        for now_n, wanted_n, refused in ((6.0, 6.5, ""), (9.0, 8.0, ""), (9.0, 7.9, "out_of_range"))
+    ),
+    # open only widens: a width is at least the widest that the fingers may be
+    (opens(0.0499), situation(), "out_of_range"),
+    (opens(0.0499, drop=True), situation(not_free=("left",)), "out_of_range"),
+    (opens(0.05), situation(), Permit("move", 0.05, None, 3.0)),
+    *((opens(None, now_m), situation(), Permit("move", 0.085, None, 3.0)) for now_m in (None, 0.0, 0.0855)),
+    (opens(0.085, 0.0855), situation(), Permit("move", 0.085, None, 3.0)),
+    (opens(0.08, None), situation(), "not_ready"),
+    *(
+        (opens(wanted_m), situation(moving=True, goals_m=goals_m), refused)
+        for goals_m, wanted_m, refused in (
             ((0.08, 0.08), 0.07, "out_of_range"),  # they may be there already
             ((0.08, 0.08), 0.08, ""),
             ((0.02, 0.02), 0.049, "out_of_range"),  # they close, and may have got no further than this
             ((0.02, 0.02), 0.05, ""),
             ((0.02, 0.08), 0.07, "out_of_range"),  # the close may have replaced the opening, or not
             (None, 0.085, "not_ready"),
-        ],
-    )
-    def test_of_moving_fingers_the_widest_they_may_be_counts(
-        self, goals_m: tuple[float, float] | None, wanted_m: float, refused: str
-    ) -> None:
-        seen = situation(moving=True, goals_m=goals_m)
-        assert code(judge(intent("open", width_wanted_m=wanted_m), seen)) == refused
-        assert isinstance(judge(intent("open"), seen), Permit)
-
-
-class TestCloseOnlyNarrows:
-    @pytest.mark.parametrize(
-        ("seen", "wanted_m", "refused"),
-        [
+            (None, None, ""),
+            ((0.08, 0.08), None, ""),
+        )
+    ),
+    # close only narrows: a width is at most the narrowest that they may be
+    *(
+        (*closes(wanted_m, seen), refused)
+        for seen, wanted_m, refused in (
             (situation(), 0.05, ""),
             (situation(), 0.0501, "out_of_range"),
             (situation(moving=True, goals_m=(0.02, 0.02)), 0.021, "out_of_range"),
@@ -272,18 +188,71 @@ class TestCloseOnlyNarrows:
             (situation(HELD, closed_to_m=0.02), 0.02, ""),
             (situation(HELD, closed_to_m=None), 0.01, "not_ready"),
             (situation(closed_to_m=0.02), 0.05, ""),
-        ],
-    )
-    def test_a_width_is_compared_with_the_narrowest_that_they_may_be(
-        self, seen: Situation, wanted_m: float, refused: str
-    ) -> None:
-        close = intent("close", width_wanted_m=wanted_m, force_wanted_n=6.0, force_in_force_n=seen.grip.force_n)
-        assert code(judge(close, seen)) == refused
+        )
+    ),
+    *(
+        (*closes(None, seen, None), Permit("move", 0.0, None, 6.0))
+        for seen in (situation(), situation(moving=True), situation(HELD, closed_to_m=None))
+    ),
+]  # fmt: skip
+"""What is asked, the situation, and the refusal; "": it is permitted, None: nothing has to be sent."""
 
-    def test_fully_closed_is_allowed_from_wherever_the_fingers_are(self) -> None:
-        for seen in (situation(), situation(moving=True), situation(HELD, closed_to_m=None)):
-            close = intent("close", width_now_m=None, force_wanted_n=6.0, force_in_force_n=seen.grip.force_n)
-            assert judge(close, seen) == Permit("move", 0.0, None, 6.0)
+
+@pytest.mark.parametrize(("asked", "seen", "expected"), CASES)
+def test_A3_A6_F1_every_rule_by_itself(asked: Intent, seen: Situation, expected: str | Permit | None) -> None:
+    found = judge(asked, seen)
+    if not isinstance(expected, str):
+        assert found == expected
+        return
+    assert code(found) == expected
+    assert isinstance(found, Refusal if expected else Permit)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_motion_that_breaks_no_rule_is_permitted(kind: IntentKind) -> None:
+    found = judge(of(kind), situation(HELD, moving=True, goals_m=(0.0, 0.0), stops_at_lease_end=True))
+    assert isinstance(found, Permit)
+    assert found.kind == MOVES.get(kind, "halt")
+
+
+@pytest.mark.parametrize("refused", ["no_limit", "fault_latched", "no_gripper", "activating", "not_active"])
+def test_a_session_that_takes_nothing_is_explained(refused: str) -> None:
+    assert why_not_sent(UNREADY[refused]).code == refused
+    assert why_not_sent(situation(HELD)).code == "not_active"
+
+
+@pytest.mark.parametrize(
+    ("asked", "seen", "field", "message"),
+    [
+        (intent("open"), situation(not_free=("left",)), "drop", "fingers must be free, but left may be pressed"),
+        (forces("adjust", 25.1), situation(HELD), "delta_n", "from 3 to 25 N"),
+        (forces("set", 25.1), situation(HELD), "force_n", "from 3 to 25 N"),
+        (forces("reflex", 25.1), situation(HELD), "", "from 3 to 25 N"),
+        (closes(0.06, situation())[0], situation(), "width_m", "gripper.close only narrows: "),
+        (forces("set", 5.0, None), situation(replace(FREE, unknown=True)), "", "put the object down, then open"),
+        (forces("set", 6.0, None), LET_GO, "", "no grip is in force"),
+        (forces("set", 6.5), BLIND, "force_n", "stale or not trusted: right"),
+        (forces("reflex", 6.5), BLIND, "", "stale or not trusted: right"),
+        (
+            opens(0.0, 0.0412), situation(), "width_m",
+            "gripper.open only widens: width_m must be at least the present 0.0412 m, got 0; "
+            "use gripper.close to close",
+        ),
+    ],
+)  # fmt: skip
+def test_a_refusal_says_what_to_do(asked: Intent, seen: Situation, field: str, message: str) -> None:
+    found = judge(asked, seen)
+    assert isinstance(found, Refusal)
+    assert found.field == field
+    assert message in found.message
+
+
+@pytest.mark.parametrize(("width_m", "shown"), [(0.04123, "0.0413"), (0.0412, "0.0412"), (11 / 255, "0.0432")])
+def test_the_width_that_is_named_is_accepted(width_m: float, shown: str) -> None:
+    found = judge(opens(0.0, width_m), situation())
+    assert isinstance(found, Refusal)
+    assert f"the present {shown} m" in found.message
+    assert isinstance(judge(opens(float(shown), width_m), situation()), Permit)
 
 
 @cache
@@ -302,17 +271,10 @@ def callers(function: str) -> set[str]:
     return {path for path, called in calls() if called.endswith(function)}
 
 
-def test_only_the_gate_issues_permits() -> None:
+def test_only_the_gate_issues_permits_and_only_the_gripper_control_hands_them_to_a_session() -> None:
     assert callers("Permit") == {"gripper/motion_gate.py"}
-
-
-def test_only_the_gripper_control_hands_permits_to_a_session() -> None:
     assert callers("session.execute") == {"gripper/gripper_control.py"}
-
-
-@pytest.mark.parametrize("method", ["activate", "move", "set_force", "halt"])
-def test_no_other_method_moves_a_session(method: str) -> None:
-    assert callers(f"session.{method}") == set()
+    assert not any(callers(f"session.{method}") for method in ("activate", "move", "set_force", "halt"))
 
 
 def test_a_rig_without_a_gripper_has_nothing_to_report() -> None:
