@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 from peers.comparison import Comparison
 
-from slipd.devices import DEVICES, EVIDENCE
-
 
 def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
     """Return the comparisons as a Markdown page."""
@@ -15,12 +13,6 @@ def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
         f"| `{found.device}` | {found.peer} | {found.direction} | {_cell(found.agrees)} | {_cell(found.differs)} "
         f"| {_cell(found.open)} |"
         for found in comparisons
-    ]
-    compared = {found.device for found in comparisons}
-    others = [
-        f"| `{name}` | {EVIDENCE[device.evidence]} |"
-        for name, device in sorted(DEVICES.items())
-        if name not in compared
     ]
     return "\n".join(
         (
@@ -36,11 +28,7 @@ def render(comparisons: Sequence[Comparison], measured_on: str) -> str:
             "",
             "In the other direction, `tests/unit/devices/robotiq_2f/test_robotiq_peer.py` runs slipd's session against"
             " the Modbus server of pymodbus. No package exists for the other devices: their tests hold known bytes,"
-            " whose source the docstring of the decoder names.",
-            "",
-            "| device | evidence |",
-            "| --- | --- |",
-            *others,
+            " whose source the docstring of the decoder names (`slipd devices`).",
             "",
         )
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 import zmq
+from arm_pusher import arm_message
 from external_messages import IMAGE, WRENCH, decode, pack, times, wrench
 from external_pusher import push
-from project import DOCS
 
 from slipd.devices import external
 from slipd.devices.external import MAX_STREAMS, encode_reading
@@ -136,14 +135,9 @@ def test_anything_else_about_an_arm_is_no_message(changes: dict[str, Any]) -> No
     assert (samples, decoder.health.good, decoder.health.bad) == ([], 0, 1)
 
 
-def test_the_documented_sender_of_an_arm_packs_what_is_felt() -> None:
-    (program,) = re.findall(
-        r"<!-- arm sender -->\n+```python\n(.*?)```", (DOCS / "arm.md").read_text("utf-8"), re.DOTALL
-    )
-    scope: dict[str, Any] = {}
-    exec(program, scope)
+def test_the_example_of_an_arm_packs_what_is_felt() -> None:
     half_turn_about_x = (1.0, 0.0, 0.0, 0.0)  # fingertips down
-    (sample,), _ = decode(scope["arm_message"](7, half_turn_about_x, (0.0, 2.0, 1.0), (0.0, 0.0, 0.5)))
+    (sample,), _ = decode(arm_message(7, half_turn_about_x, (0.0, 2.0, 1.0), (0.0, 0.0, 0.5)))
     assert isinstance(sample, ArmSample)
     assert sample.gravity_mps2 == pytest.approx((0.0, 2.0, 10.80665))
     assert sample.angular_velocity_radps == pytest.approx((0.0, 0.0, -0.5))
