@@ -1,69 +1,47 @@
-"""Both Weiss sessions against their emulated controllers: booting, refusing, silent, disconnected in the middle."""
+"""What is special of the sessions with Weiss controllers: matrices, refusals in words, and answers that make no sense.
+
+What they share with all sessions: test_every_session.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from weiss_bench import MS, Bench, S, both, dsacon_bench, wts_bench
+from session_bench import Bench, bench_of, instead, nothing
 
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.sensor_session import ANSWER_NS
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
 
-
-class BootingDsacon32(Dsacon32):
-    """A controller that was powered up at time 0: it ignores requests for 8 s and sends its boot text."""
-
-    boot_text_ns = (7 * S, 7_400 * MS, 7_800 * MS)
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        return super().receive(data, t_ns) if t_ns >= 8 * S else []
-
-    def advance(self, t_ns: int) -> list[bytes]:
-        text = [BOOT_TEXT] * self.boot_text_ns.count(t_ns)
-        return text + super().advance(t_ns)
-
-
-DSACON_ASKED = [
+S = 1_000_000_000
+ASKED = [
     dsacon32.encode_query(dsacon32.CONTROLLER),
     dsacon32.encode_query(dsacon32.SENSOR),
     dsacon32.encode_matrix_query(0),
     dsacon32.encode_matrix_query(1),
-    dsacon32.acquire(0, rle=True),
-    dsacon32.acquire(30, rle=True),
-]
-WTS_ASKED = [
-    wts.encode_query(wts.SYSTEM),
-    wts.encode_query(wts.MATRIX),
-    wts.encode_query(wts.STOP),
-    wts.encode_start(10),
 ]
 
 
-@pytest.mark.parametrize(
-    ("make", "asked", "identity", "rate_hz"),
-    [(dsacon_bench, DSACON_ASKED, "S/N 1234", 60), (wts_bench, WTS_ASKED, "S/N 4711", 100)],
-)
-def test_the_device_is_queried_and_started(
-    make: Callable[[], Bench], asked: list[bytes], identity: str, rate_hz: int
-) -> None:
-    bench = make()
-    assert bench.session.identity == ""
-    bench.start()
-    bench.run(2)
-    assert bench.written == asked
-    assert bench.states == ["waiting", "configuring", "waiting for images", "running"]
-    assert bench.session.identity == identity
-    assert len(bench.samples) == pytest.approx(2 * rate_hz, abs=4)
-    assert bench.session.health.bad_bytes == 0
+def dsacon(**options: Any) -> Bench:
+    """Return a bench of a controller with two small matrices, whose cells count up."""
+    device = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0)
+    device.press(np.arange(12))
+    return Bench(dsacon32.Session(**options), device)
 
 
-def test_the_reported_matrices_split_the_images() -> None:
-    bench = dsacon_bench()
+def made(name: str) -> Bench:
+    return dsacon() if name == "dsacon32" else bench_of(name)
+
+
+def sizes(bench: Bench) -> list[tuple[str, int]]:
+    return [(sample.source, len(sample.values)) for sample in bench.samples]
+
+
+def test_the_reported_matrices_split_the_images_and_another_controller_has_its_own() -> None:
+    bench = dsacon()
     bench.start()
     bench.run(0.2)
     assert [(sample.source, sample.values.tolist()) for sample in bench.samples[:2]] == [
@@ -73,207 +51,130 @@ def test_the_reported_matrices_split_the_images() -> None:
     bench.deliver(dsacon32.encode_frame([1] * 11, 0))
     assert bench.samples[-1].values.tolist() == [8, 9, 10, 11]
     assert bench.session.health.bad_bytes > 0
+    bench.device = Dsacon32([(3, 3)], np.random.default_rng(0))
+    bench.samples.clear()
+    bench.run(2)
+    assert {*sizes(bench)} == {("0", 9)}
 
 
 def test_matrices_take_effect_when_all_are_known() -> None:
-    bench = dsacon_bench()
-    bench.mend = lambda answer: b"" if len(bench.written) == 4 else answer
+    bench = dsacon()
+    bench.told = lambda answer: b"" if len(bench.written) == 4 else answer
     bench.start()
     bench.run(0.1)
-    assert bench.written == DSACON_ASKED[:4]
+    bench.deliver(dsacon32.encode_error(dsacon32.ACQUIRE))
+    assert bench.written == ASKED, "the answer to something else"
     bench.deliver(dsacon32.encode_frame(range(12), 0))
-    assert [len(sample.values) for sample in bench.samples] == [12]
+    assert sizes(bench) == [("0", 12)]
 
 
-def test_options_reach_the_requests() -> None:
-    bench = Bench(dsacon32.Session(rate_hz=1, rle=False), dsacon_bench().device)
+def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix() -> None:
+    bench = dsacon()
+    bench.told = lambda answer: b"" if bench.written.count(ASKED[2]) == 1 and answer[3] == 0x0B else answer
+    bench.start()
+    bench.run(0.6)
+    bench.deliver(dsacon32.encode_matrix(4, 2))
+    bench.run(1)
+    assert bench.session.state == "running"
+    assert sizes(bench)[:2] == [("0", 8), ("1", 4)]
+
+
+def test_options_reach_the_requests_and_a_long_interval_is_not_silence() -> None:
+    bench = dsacon(rate_hz=1, rle=False)
     bench.start()
     bench.run(4.5)
     assert bench.written[-2:] == [dsacon32.acquire(0, rle=False), dsacon32.acquire(1, rle=False)]
     assert bench.session.stop() == dsacon32.acquire(0, rle=False)
-    assert len(bench.samples) == 8  # a pause of a second is not silence at this rate
-    session = wts.Session(interval_ms=0)
-    bench = Bench(session, wts_bench().device)
-    bench.start()
-    bench.run(0.1)
-    assert bench.written[-1] == wts.encode_start(0)
-
-
-@pytest.mark.parametrize("rate_hz", [0, 31, 2.5])
-def test_a_rate_beyond_the_controller_is_refused(rate_hz: int) -> None:
-    with pytest.raises(ValueError, match="1 to 30"):
-        dsacon32.Session(rate_hz=rate_hz)
-
-
-@pytest.mark.parametrize("interval_ms", [-1, 65_536, 2.5])
-def test_an_interval_that_cannot_be_sent_is_refused(interval_ms: int) -> None:
-    with pytest.raises(ValueError, match="0 to 65535"):
-        wts.Session(interval_ms=interval_ms)
+    assert len(bench.samples) == 8
+    for interval_ms, count in ((0, 1745), (2000, 3)):
+        module = bench_of("wts", interval_ms=interval_ms)
+        module.start()
+        module.run(7)
+        assert (len(module.written), module.written[-1]) == (4, wts.encode_start(interval_ms))
+        assert len(module.samples) == pytest.approx(count, abs=10)
 
 
 def test_D1_a_booting_controller_is_awaited_without_an_error() -> None:
-    device = BootingDsacon32([(4, 2), (2, 2)], np.random.default_rng(0))
-    bench = Bench(dsacon32.Session(), device)
+    bench = dsacon()
+    bench.heard = nothing
     bench.start()
     bench.run(7.9)
-    assert bench.states == ["waiting"]
-    assert bench.samples == []
+    bench.deliver(BOOT_TEXT * 3)
+    assert (bench.states, bench.samples) == (["waiting"], [])
+    bench.heard = bytes
     bench.run(1)
     assert bench.states == ["waiting", "configuring", "waiting for images", "running"]
     assert bench.session.health.bad_bytes == 0
 
 
-@both
-def test_a_device_that_never_answers_is_reported_and_retried_forever(make: Callable[[], Bench]) -> None:
-    bench = make()
-    bench.mend = lambda _: b""
-    bench.start()
-    bench.run(12)
-    assert bench.states[0] == "waiting"
-    assert bench.session.state in {"no answer to controller", "no answer to system information"}
-    assert set(bench.written) == {bench.written[0]}
-    assert len(bench.written) >= 20
-    bench.mend = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
-
-
-@both
-def test_an_unanswered_later_query_is_repeated_and_then_the_sequence_restarts(make: Callable[[], Bench]) -> None:
-    bench = make()
-    bench.mend = lambda answer: b"" if bench.written[1:2] == bench.written[-1:] else answer
-    bench.start()
-    bench.run(1.4)
-    first, second = bench.written[:2]
-    assert bench.written == [first, second, second, second]
-    bench.run(0.5)
-    assert bench.written[4:6] == [first, second]
-    bench.run(1)
-    assert any(state.startswith("no answer to") for state in bench.states)
-    bench.mend = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
-
-
-@both
-def test_a_repeated_answer_is_not_mistaken_for_the_next_one(make: Callable[[], Bench]) -> None:
-    bench = make()
-    bench.start()
-    bench.mend = lambda answer: b""
-    bench.run(0.1)
-    bench.mend = lambda answer: answer + answer
-    bench.run(0.6)
-    assert len(bench.written) == 3  # after a repeated query the next one waits
-    bench.run(1)
-    assert bench.session.state == "running"
-    assert len(set(bench.written)) == len(DSACON_ASKED if make is dsacon_bench else WTS_ASKED)
-
-
-def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix() -> None:
-    bench = dsacon_bench()
-    late = dsacon32.encode_matrix(4, 2)
-    bench.mend = lambda answer: b"" if bench.written.count(DSACON_ASKED[2]) == 1 and answer[3] == 0x0B else answer
-    bench.start()
-    bench.run(0.6)
-    bench.deliver(late)
-    bench.run(1)
-    assert bench.session.state == "running"
-    assert [len(sample.values) for sample in bench.samples[:2]] == [8, 4]
-
-
-@both
-def test_images_of_a_device_that_already_runs_are_returned_during_the_queries(make: Callable[[], Bench]) -> None:
-    before = make()
-    before.start()
-    before.run(0.5)
-    bench = Bench(make().session, before.device, now_ns=before.now_ns, mend=lambda _: b"")
-    bench.start()
-    bench.run(1)
-    assert bench.session.state == "waiting"
-    assert len(bench.samples) >= 29
-    bench.mend = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
-
-
-@both
-def test_silence_while_running_is_reported_after_a_second_and_the_sequence_restarts(make: Callable[[], Bench]) -> None:
-    bench = make()
-    bench.start()
-    bench.run(0.5)
-    asked = list(bench.written)
-    bench.device._push(None, bench.now_ns)
-    bench.run(0.9)
-    assert bench.session.state == "running"
-    bench.run(1)
-    assert bench.written == asked * 2
-    assert bench.session.state == "running"
-
-
 def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
-    bench = dsacon_bench()
-    bench.mend = lambda _: b""
+    bench = dsacon()
+    bench.told = nothing
     bench.start()
     bench.run(0.1)
     partial = weiss.PREAMBLE + b"\0\xa5\x0f" + bytes(4) + b"\1"
     bench.deliver(partial)
-    bench.mend = bytes
+    bench.told = bytes
     bench.run(2)
     assert bench.session.state == "running"
     assert bench.session.health.bad_bytes == len(partial)
 
 
-@both
-def test_a_partial_image_and_the_identity_of_the_previous_link_are_dropped(make: Callable[[], Bench]) -> None:
-    bench = make()
+@pytest.mark.parametrize(
+    ("name", "packet_id", "wrong", "state"),
+    [
+        ("dsacon32", 0x01, dsacon32.encode_error(0x01, 15), "refused controller: access denied"),
+        ("dsacon32", 0x02, dsacon32.encode_error(0x02, 12), "refused sensor: not enough parameters"),
+        ("dsacon32", 0x02, dsacon32.encode_sensor(6, 1, error=2), "refused sensor: no sensor"),
+        ("dsacon32", 0x0B, dsacon32.encode_error(0x0B), "empty answer to matrix 0"),
+        ("dsacon32", 0x03, dsacon32.encode_error(0x03, 27), "refused start: range error"),
+        (
+            "dsacon32",
+            0x01,
+            dsacon32.encode_controller(5, kind=0),
+            "the controller must be a DSACON32, got type DSACON16",
+        ),
+        ("dsacon32", 0x01, dsacon32.encode_controller(5, kind=9), "the controller must be a DSACON32, got type 9"),
+        ("dsacon32", 0x01, dsacon32.encode_controller(5, operable=False), "controller not operable"),
+        ("dsacon32", 0x02, dsacon32.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
+        ("dsacon32", 0x02, dsacon32.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
+        ("dsacon32", 0x0B, dsacon32.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
+        ("dsacon32", 0x0B, dsacon32.encode_matrix(100, 100), "the matrices must have at most 2048 cells, got 10000"),
+        ("wts", 0x30, wts.encode_status(0x30, 16), "refused matrix information: access denied"),
+        ("wts", 0x30, wts.encode_matrix(wts.Matrix(0, 8)), "matrix of 0 x 8 cells of 4095"),
+        ("wts", 0x30, wts.encode_matrix(wts.Matrix(100, 100)), "matrix of 100 x 100 cells of 4095"),
+        ("wts", 0x30, wts.encode_matrix(wts.Matrix(4, 8, 0)), "matrix of 4 x 8 cells of 0"),
+        ("wts", 0x50, wts.encode_status(0x50), "empty answer to system information"),
+        ("wts", 0x21, wts.encode_status(0x21, 12), "refused start: no parameter expected"),
+    ],
+)
+def test_D2_a_refusal_or_a_device_that_cannot_be_read_is_named_asked_again_and_not_started(
+    name: str, packet_id: int, wrong: bytes, state: str
+) -> None:
+    bench = made(name)
+    bench.told = instead(packet_id, wrong)
     bench.start()
-    bench.run(0.5)
-    assert bench.session.identity
-    bench.session.stop()
-    bench.deliver(weiss.PREAMBLE + b"\0")
-    bench.session.start(bench.now_ns)
-    assert bench.session.identity == ""
-    assert bench.session.health.bad_bytes == 4
-
-
-def test_another_controller_on_the_line_has_its_own_matrices() -> None:
-    bench = dsacon_bench()
-    bench.start()
-    bench.run(0.5)
-    bench.device = Dsacon32([(3, 3)], np.random.default_rng(0))
-    bench.samples.clear()
+    bench.run(3)
+    assert bench.session.state.startswith(state)
+    assert bench.written[-1] == bench.written[-2] == bench.written[-3]
+    assert packet_id in (0x03, 0x21) or bench.samples == []
+    bench.told = bytes
     bench.run(2)
-    assert {(sample.source, len(sample.values)) for sample in bench.samples} == {("0", 9)}
+    assert bench.session.state == "running"
 
 
-def test_a_long_interval_is_not_silence() -> None:
-    bench = Bench(wts.Session(interval_ms=2000), wts_bench().device)
+@pytest.mark.parametrize(
+    ("name", "asked", "wrong"),
+    [
+        ("dsacon32", dsacon32.acquire(30, rle=True), dsacon32.encode_error(dsacon32.ACQUIRE, 4)),
+        ("wts", wts.encode_start(10), wts.encode_status(wts.START, 4)),
+        ("dsacon32", dsacon32.acquire(0, rle=True), dsacon32.encode_error(dsacon32.ACQUIRE, 17)),
+        ("wts", wts.encode_query(wts.STOP), wts.encode_status(wts.STOP, 18)),
+    ],
+)
+def test_a_device_that_already_runs_or_has_nothing_to_stop_is_accepted(name: str, asked: bytes, wrong: bytes) -> None:
+    bench = made(name)
+    bench.told = lambda answer: wrong if bench.written[-1] == asked and answer[3] == wrong[3] else answer
     bench.start()
-    bench.run(7)
-    assert len(bench.written) == 4
-    assert len(bench.samples) == 3
-
-
-@both
-def test_stop_ends_the_images_and_the_deadlines(make: Callable[[], Bench]) -> None:
-    bench = make()
-    assert (bench.session.state, bench.session.next_deadline()) == ("closed", None)
-    bench.start()
-    bench.run(0.5)
-    bench.write(bench.session.stop())
-    bench.samples.clear()
     bench.run(1)
-    assert (bench.session.state, bench.session.next_deadline()) == ("closed", None)
-    assert bench.samples == []
-    assert bench.session.on_time(10**12) == b""
-    bench.device._push(10 * MS, bench.now_ns)
-    bench.run(0.1)
-    assert bench.samples
-    assert bench.session.state == "closed"
-
-
-def test_no_query_is_sent_before_it_is_due() -> None:
-    session = wts.Session()
-    assert session.start(5) == wts.encode_query(wts.SYSTEM)
-    assert session.next_deadline() == 5 + ANSWER_NS
-    assert session.on_time(6) == b""
+    assert bench.session.state == "running"
