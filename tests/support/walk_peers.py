@@ -25,7 +25,7 @@ from slipd.tools.sim.emulated_wsg import make as make_wsg
 
 @dataclass(frozen=True)
 class SentCommand:
-    """One command on the wire: "activate", "move", "force", "stop" or "other", in metres and newtons on one pad."""
+    """One command on the wire: "activate", "move", "force", "stop", "acknowledge" or "other"; in m and N a pad."""
 
     kind: str
     width_m: float | None = None
@@ -65,6 +65,13 @@ class Peer(ABC):
     @abstractmethod
     def disturb(self) -> list[bytes]:
         """Something happens to the gripper; what is sent at that."""
+
+    @abstractmethod
+    def inactive(self) -> None:
+        """The gripper has to be activated again."""
+
+    def fault(self) -> None:  # noqa: B027
+        """The gripper has a fault; a Robotiq reports those that it bears beside its state."""
 
     @abstractmethod
     def width_m(self) -> float:
@@ -114,6 +121,9 @@ class RobotiqPeer(Peer):
         self.gripper._write_output(self.rng.choice(((0, 0, 0), (0x0100, 0, 0))), self.rng.randrange(2) << 40)
         return []
 
+    def inactive(self) -> None:
+        self.gripper._write_output((0, 0, 0), 0)
+
     def width_m(self) -> float:
         return 0.0
 
@@ -144,7 +154,13 @@ class WsgPeer(Peer):
             elif packet.id == wire.PREPOSITION:
                 found.append(SentCommand("move", wire.parse_goal(packet.payload)[1] / 1000))
             else:
-                found.append(SentCommand({wire.HOME: "activate", wire.STOP: "stop"}.get(packet.id, "other")))
+                found.append(
+                    SentCommand(
+                        {wire.HOME: "activate", wire.STOP: "stop", wire.ACKNOWLEDGE: "acknowledge"}.get(
+                            packet.id, "other"
+                        )
+                    )
+                )
         return found
 
     def hear(self, data: bytes, now_ns: int) -> list[bytes]:
@@ -162,6 +178,12 @@ class WsgPeer(Peer):
     def disturb(self) -> list[bytes]:
         self.gripper.words ^= {self.rng.choice(("referenced", "fast_stop", "temperature_warning"))}
         return []
+
+    def inactive(self) -> None:
+        self.gripper.words.discard("referenced")
+
+    def fault(self) -> None:
+        self.gripper.words.add("fast_stop")
 
     def width_m(self) -> float:
         return self.gripper.width_mm / 1000
@@ -185,11 +207,7 @@ class ExternalPeer(Peer):
         return [body for body in unpacker if "op" in body]
 
     def commands(self, data: bytes) -> list[SentCommand]:
-        kinds = {"acknowledge": "other"}
-        return [
-            SentCommand(kinds.get(body["op"], body["op"]), body.get("width_m"), body.get("force_n"))
-            for body in self.messages(data)
-        ]
+        return [SentCommand(body["op"], body.get("width_m"), body.get("force_n")) for body in self.messages(data)]
 
     def hear(self, data: bytes, now_ns: int) -> list[bytes]:
         return self.driver.receive(data, now_ns)
@@ -205,6 +223,12 @@ class ExternalPeer(Peer):
         self.driver.report = replace(self.driver.report, **change)
         name = self.rng.choice((DRIVER.name, DRIVER.name, "stranger", ""))
         return [encode_registration(replace(DRIVER, name=name))] if name and self.rng.random() < 0.4 else []
+
+    def inactive(self) -> None:
+        self.driver.report = replace(self.driver.report, active=False)
+
+    def fault(self) -> None:
+        self.driver.report = replace(self.driver.report, fault="no_power")
 
     def width_m(self) -> float:
         return self.driver.report.width_m or 0.0

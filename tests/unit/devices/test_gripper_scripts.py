@@ -30,6 +30,9 @@ SCRIPTS = {
 }
 
 
+WIDTHS = {"move": 0.02, "close": 0.0}
+
+
 class Script(Talk):
     """A gripper that is ready, and the commands that it gets."""
 
@@ -49,16 +52,17 @@ class Script(Talk):
 
     def play(self, script: str) -> str:
         for word, *numbers in (step.split() for step in script.split(", ")):
-            if word in ("move", "force"):
+            if word in WIDTHS or word == "force":
                 kind: Any = "set_force" if word == "force" else "move"
-                permit = Permit(kind, 0.02 if word == "move" else None, force_n=float(numbers[0]))
-                self.session.execute(permit, self.now_ns)
+                self.session.execute(Permit(kind, WIDTHS.get(word), force_n=float(numbers[0])), self.now_ns)
             elif word in ("halt", "activate"):
                 self.session.execute(Permit(word), self.now_ns)  # type: ignore[arg-type]
             elif word in ("deaf", "hear", "refuse"):
                 self.deaf, self.refuses = word == "deaf", word == "refuse"
             elif word == "send":
                 self.write()
+            elif word in ("fault", "inactive"):
+                getattr(self.peer, word)()
             elif word in ("drop", "stop", "acknowledge"):
                 getattr(self.session, word)()
             else:
@@ -70,11 +74,18 @@ class Script(Talk):
         found: list[str] = []
         for command in self.commands:
             force = f" {command.force_n:.0f}" if command.force_n is not None else ""
+            kind = command.kind if command.width_m is None or command.width_m > 0.001 else "close"
             if command.kind == "move" and not force and found:
                 force = found.pop().removeprefix("force")
-            if command.kind != "other" and [command.kind] != found[-1:]:  # a Robotiq is activated by two writes
-                found.append(command.kind + force)
+            if kind != "other" and [kind] != found[-1:]:  # a Robotiq is activated by two writes
+                found.append(kind + force)
         return ", ".join(found + ["lost"] * self.session.command_lost)
+
+    def ending(self) -> str:
+        """Return what was sent, the state, and the force in effect."""
+        force_n = self.session.force_sent_n
+        state = self.session.state.partition(": ")[0]
+        return f"{self.sent()} | {state} | {'no force' if force_n is None else f'{force_n:.0f} N'}"
 
 
 @pytest.mark.parametrize("device", PEERS)
@@ -82,6 +93,82 @@ class Script(Talk):
 def test_A6_a_script_of_permits_gives_the_same_commands_on_every_gripper(name: str, device: str) -> None:
     script, expected = SCRIPTS[name]
     assert Script(device).play(script) == expected
+
+
+R, W, E = "robotiq_2f", "wsg", "external_gripper"
+ENDINGS: dict[str, dict[str, tuple[str, ...]]] = {
+    # a halt
+    "move 8, run, force 9, halt": {"move 8, stop, force 9 | active | 9 N": (R,), "move 8, stop | active | 8 N": (W, E)},
+    "move 8, run, close 3, halt": {"move 8, stop | active | 8 N": (R, W, E)},
+    "move 8, run, halt, halt, force 9": {"move 8, stop, force 9 | active | 9 N": (R, W, E)},
+    "move 8, run, halt, drop, deaf, send, drop, hear": {"move 8, stop | active | 8 N": (R, W, E)},
+    "move 8, run, deaf, force 8, send, halt, force 9, hear": {
+        "move 8, force 8, stop, force 9 | active | 9 N": (R, W, E)
+    },
+    "move 8, run, deaf, force 9, send, close 3, halt, hear, send, halt": {
+        "move 8, force 9, stop, force 9 | active | 9 N": (R,),
+        "move 8, force 9, stop | active | 9 N": (W, E),
+    },
+    # a drop
+    "deaf, move 8, send, close 3, drop, drop, hear, wait": {
+        "move 8, lost | command lost | 8 N": (R, E),
+        "force 8, lost | command lost | 8 N": (W,),
+    },
+    "deaf, move 8, send, drop, force 9, hear": {
+        "move 8, force 9 | active | 9 N": (R,),
+        "force 8, lost | command lost | 8 N": (W,),
+        "move 8, lost | command lost | 8 N": (E,),
+    },
+    # an activation
+    "force 8, run, activate, wait, wait": {"force 8, activate | active | no force": (R, W, E)},
+    "force 8, run, activate, halt": {"force 8, stop | active | 8 N": (R, W, E)},
+    "force 8, run, activate, drop": {"force 8 | active | 8 N": (R, W, E)},
+    "activate, drop, force 9": {"force 9 | active | 9 N": (R, W, E)},
+    "activate, send, halt": {"activate | inactive | no force": (R,), "activate, stop | active | no force": (W, E)},
+    "activate, send, halt, force 9": {
+        "activate | inactive | no force": (R,),
+        "activate, stop | active | no force": (W,),
+        "activate, stop, force 9 | active | 9 N": (E,),
+    },
+    "activate, send, activate, drop, wait": {
+        "activate | inactive | no force": (R,),
+        "activate | active | no force": (W, E),
+    },
+    "deaf, activate, wait": {"activate, lost | no reply | no force": (R, W, E)},
+    "deaf, activate, send, halt, hear, wait": {
+        "activate, lost | command lost | no force": (R,),
+        "activate, stop | active | no force": (W, E),
+    },
+    "deaf, force 8, send, activate, hear, wait, wait": {"force 8, activate | active | no force": (R, W, E)},
+    "refuse, activate, wait, hear": {"activate, lost | command lost | no force": (R, W, E)},
+    "inactive, run, force 8, activate, wait, wait": {"activate | active | no force": (R, W, E)},
+    # what the gripper does meanwhile
+    "force 8, run, inactive, run, force 9": {"force 8 | inactive | no force": (R, W, E)},
+    "deaf, wait, wait, activate, force 8, wait": {
+        "lost | no reply | no force": (R,),
+        " | no reply | no force": (W, E),
+    },
+    "deaf, force 8, wait, wait, hear, wait, force 9": {"force 8, force 8, force 8, force 9 | active | 9 N": (R, W, E)},
+    "fault, run, force 8, move 8, halt": {"stop | fast_stop | no force": (W,), "stop | no_power | no force": (E,)},
+    "move 8, run, fault, run, acknowledge, acknowledge, run, force 9": {
+        "move 8, acknowledge, force 9 | active | 9 N": (W, E)
+    },
+    "deaf, force 8, send, fault, hear, wait": {"force 8, lost | command lost | 8 N": (W, E)},
+    "fault, run, activate, wait, wait": {
+        "acknowledge, activate | active | no force": (W,),
+        "activate | no_power | no force": (E,),
+    },
+}
+"""What is sent, the state, and the force in effect, after each script, on each gripper."""
+
+
+@pytest.mark.parametrize("script", ENDINGS)
+def test_A6_D4_a_script_ends_with_these_commands_this_state_and_this_force(script: str) -> None:
+    for ending, devices in ENDINGS[script].items():
+        for device in devices:
+            played = Script(device)
+            played.play(script)
+            assert played.ending() == ending, device
 
 
 @pytest.mark.parametrize("device", PEERS)

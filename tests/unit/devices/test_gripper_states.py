@@ -70,7 +70,7 @@ OUTCOMES: dict[str, dict[str, dict[str, list[str]]]] = {
         "silent": {},
         "inactive": IDLE,
         "active": READY | {"move": ["force", "move"]},
-        "faulty": {"activate": ["other", "activate"], "halt": ["stop"]},
+        "faulty": {"activate": ["acknowledge", "activate"], "halt": ["stop"]},
         "activation queued": {"activate": ["activate"], "halt": ["stop"], "drop": []},
         "activating": FAULTY,
         "reactivation queued": {"activate": ["activate"], "halt": ["stop"], "drop": []},

@@ -199,12 +199,6 @@ def test_a_dwell_that_cannot_be_sent_is_refused(dwell_us: float) -> None:
         pvdf.encode_scan(counts(0), 0, 0, dwell_us)
 
 
-@pytest.mark.parametrize(("rows", "cols"), [(0, 16), (8, 0), (257, 1), (1, 257)])
-def test_a_pad_of_an_impossible_size_is_refused(rows: int, cols: int) -> None:
-    with pytest.raises(ValueError, match="1 to 256"):
-        pvdf.Decoder(rows=rows, cols=cols)
-
-
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (256, 256)])
 def test_the_smallest_and_the_largest_pad_are_read(rows: int, cols: int) -> None:
     (sample,) = pvdf.Decoder(rows, cols).receive(pvdf.encode_scan(counts(0, rows, cols), 0, 0, 0.01), 0)

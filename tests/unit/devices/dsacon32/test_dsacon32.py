@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -188,23 +187,6 @@ def test_D1_boot_text_is_no_damage() -> None:
 def test_the_device_time_is_returned_as_sent_and_wraps() -> None:
     stream = [dsacon32.encode_frame([1], (1 << 32) + step) for step in (-1, 0, 1)]
     assert decode(*stream)[0] == [(1 << 32) - 1, 0, 1]
-
-
-@pytest.mark.parametrize(
-    ("matrices", "words"),
-    [
-        ([], "got 0"),
-        ([[1, 1]] * 17, "got 17"),
-        ([[6, 14], [0, 3]], "matrix 1 must be"),
-        ([[6, 2.5]], "matrix 0 must be"),
-        ([[6, math.nan]], "matrix 0 must be"),
-        ([[6]], "matrix 0 must be"),
-        ([[64, 64]], "got 4096"),
-    ],
-)
-def test_matrices_that_no_controller_has_are_refused(matrices: list[list[float]], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        dsacon32.Decoder(matrices)
 
 
 @pytest.mark.parametrize(

@@ -53,53 +53,6 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
     assert (holding.last.force_n, holding.last.width_m, holding.session.command_lost) == (12.0, 0.04, False)
 
 
-def test_stop_goes_before_all_else(bench: Bench) -> None:
-    move(bench.session, 0.02, 0.01, 10.0)
-    bench.run(0.1)
-    bench.driver.mute = True
-    set_force(bench.session, 11.0)
-    bench.run(0.01)
-    assert halt(bench.session)
-    set_force(bench.session, 12.0)
-    bench.driver.mute = False
-    bench.run(0.2)
-    assert bench.operations() == ["move", "force", "stop", "force"]
-    assert (bench.last.moving, bench.last.width_m) == (False, pytest.approx(0.079, abs=2e-4))
-
-
-def test_activation_is_the_drivers_own(bench: Bench) -> None:
-    bench.driver.report = Report(0.08, active=False)
-    bench.run(0.1)
-    assert (bench.session.state, halt(bench.session), set_force(bench.session, 5.0)) == ("inactive", False, None)
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    assert (bench.operations(), bench.session.state) == (["activate"], "active")
-
-
-def test_D4_a_fault_is_shown_and_only_its_acknowledgement_is_sent(holding: Bench) -> None:
-    holding.driver.report = Report(0.04, fault="no_power")
-    holding.driver._goal_m = None
-    holding.run(0.1)
-    assert (holding.session.state, holding.last.fault) == ("no_power", "no_power")
-    assert (move(holding.session, 0.0, None, 5.0), set_force(holding.session, 5.0)) == (None, None)
-    halt(holding.session)
-    holding.session.acknowledge()
-    holding.run(0.1)
-    assert (holding.operations(), holding.last.fault) == (["stop", "acknowledge"], "")
-    holding.session.acknowledge()
-    holding.run(0.1)
-    assert len(holding.operations()) == 2
-
-
-def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
-    bench.driver.mute = True
-    set_force(bench.session, 5.0)
-    bench.run(0.01)
-    bench.driver.report = Report(0.08, fault="no_power")
-    bench.run(1.0)
-    assert (bench.operations(), bench.session.state) == (["force"], "command lost: no_power")
-
-
 def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -> None:
     bench.driver.excess = 0.01
     move(bench.session, 0.02, None, 10.0)
@@ -253,13 +206,3 @@ def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(hold
     holding.driver._goal_m = None
     holding.run(0.1)
     assert holding.session.force_sent_n is None
-
-
-@pytest.mark.parametrize("answer_ms", [4, 1001, 100.0])
-def test_an_impossible_answer_time_is_refused(answer_ms: Any) -> None:
-    with pytest.raises(ValueError, match="5 to 1000"):
-        Session(answer_ms)
-
-
-def test_a_force_is_sent_as_requested() -> None:
-    assert Session().applied_n(12.34) == 12.34

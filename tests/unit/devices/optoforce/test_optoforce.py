@@ -11,7 +11,7 @@ from slipd.devices import optoforce
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.sensor_session import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS
+from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]
@@ -170,36 +170,6 @@ def test_an_untrusted_counter_is_not_used() -> None:
     assert decoder.health == DecoderHealth(good=4)
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        ({"wiring": "usb"}, "one of serial, udp, got"),
-        ({"channel": 4}, "0 to 3"),
-        ({"channel": -1}, "0 to 3"),
-        ({"counts_per_n": [1.0, 2.0]}, "counts_per_n"),
-        ({"counts_per_n": [1.0, 0.0, 1.0]}, "counts_per_n"),
-        ({"counts_per_nm": [1.0, float("nan"), 1.0]}, "counts_per_nm"),
-    ],
-)
-def test_impossible_options_are_refused(options: dict[str, Any], fault: str) -> None:
-    for make in (optoforce.Decoder, optoforce.Session):
-        with pytest.raises(ValueError, match=fault):
-            make(**options)
-
-
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        ({"period_ms": 2}, "one of 1, 3, 10, 33, 100, got 2"),
-        ({"wiring": "udp", "period_ms": 256}, "from 1 to 255, got"),
-        ({"filter_hz": 100.0}, "one of 0, 500, 150, 50, 15, 5, 1.5, got"),
-    ],
-)
-def test_impossible_settings_are_refused(options: dict[str, Any], fault: str) -> None:
-    with pytest.raises(ValueError, match=fault):
-        optoforce.Session(**options)
-
-
 def test_the_published_requests_are_written() -> None:
     assert optoforce.Session(period_ms=10, filter_hz=15).start(0) == bytes.fromhex("AA 00 32 03 0A 04 00 00 ED")
     assert frames.encode_frame(b"\xab\x00\x12\x08", b"") == frames.GET_SERIAL_NUMBER
@@ -236,36 +206,6 @@ def test_a_refused_configuration_is_named_and_repeated() -> None:
     session.receive(frames.encode_frame(frames.ACK, b"\x03"), 1)
     assert session.state == "refused configuration: code 3"
     assert session.on_time(1 + RETRY_PAUSE_NS) == configuration
-
-
-def test_a_daq_that_does_not_answer_is_reported_and_retried_forever() -> None:
-    session = optoforce.Session()
-    session.start(0)
-    written = [session.on_time(now_ns) for now_ns in range(0, 20 * ANSWER_NS, ANSWER_NS)]
-    assert session.state == "no answer to configuration"
-    assert sum(map(bool, written)) > 10
-
-
-def test_the_converter_gets_rate_filter_and_start_in_datagrams_of_their_own() -> None:
-    session = optoforce.Session(wiring="udp", period_ms=1, filter_hz=150)
-    written = [session.start(0), session.on_time(0), session.on_time(0)]
-    assert [request.hex(" ") for request in written] == [
-        "12 34 00 82 00 00 00 01",
-        "12 34 00 81 00 00 00 02",
-        "12 34 00 02 00 00 00 00",
-    ]
-    assert session.on_time(0) == b""
-    assert len(session.receive(udp(1), 1)) == 1
-    assert (session.state, session.identity) == ("running", "")
-    assert session.on_time(1 + SILENCE_NS) == written[0]
-
-
-def test_stop_silences_the_sensor() -> None:
-    for wiring, stop in (("serial", "AA 00 32 03 00 02 00 00 E1"), ("udp", "12 34 00 00 00 00 00 00")):
-        session = optoforce.Session(wiring=wiring)
-        session.start(0)
-        assert session.stop() == bytes.fromhex(stop)
-        assert (session.state, session.next_deadline()) == ("closed", None)
 
 
 def test_a_new_link_forgets_the_old_identity_and_numbers() -> None:

@@ -173,15 +173,3 @@ def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
         samples = [sample for piece in pieces for sample in active.session.receive(piece, active.now_ns)]
         assert len(samples) == 1
     assert active.session.health.bad_bytes == 24
-
-
-@pytest.mark.parametrize("period", [0.0, 0.004, -1, float("nan")])
-def test_a_poll_period_below_the_grippers_pause_is_refused(period: float) -> None:
-    with pytest.raises(ValueError, match=r"0\.005"):
-        robotiq_2f.Session(poll_period_s=period)
-
-
-@pytest.mark.parametrize("unit", [0, 248, 9.0])
-def test_an_address_that_no_gripper_has_is_refused(unit: int) -> None:
-    with pytest.raises(ValueError, match="1 to 247"):
-        robotiq_2f.Session(unit=unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from permits import activate, halt, move, set_force
+from permits import halt, move, set_force
 from wsg_bench import GO, Bench
 
 from slipd.devices.shared.command_queue import ATTEMPTS
@@ -33,29 +33,6 @@ def test_a_force_never_opens_or_resumes_after_a_stop(bench: Bench, blocked: str,
     assert (bench.last.width_m, bench.gripper.limit) == (stood_m, 24.0)
 
 
-def test_a_force_after_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    move(bench.session, 0.0, None, 10.0)
-    bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
-    assert bench.session.command_lost
-    bench.swallow = lambda _: False
-    set_force(bench.session, 12.0)
-    bench.run(0.5)
-    assert (bench.last.width_m, bench.session.command_lost) == (0.06, False)
-
-
-def test_a_stop_is_sent_before_all_else_and_nothing_resumes_after_it(bench: Bench) -> None:
-    move(bench.session, 0.0, 0.1, 10.0)
-    bench.run(0.1)
-    set_force(bench.session, 20.0)
-    assert halt(bench.session)
-    set_force(bench.session, 15.0)
-    bench.run(1.0)
-    assert bench.commands() == [*GO, wire.STOP, wire.SET_FORCE, wire.GET_FORCE]
-    assert 0.045 < bench.last.width_m < 0.055
-    assert (bench.session.state, bench.last.echo_ok) == ("active", True)
-
-
 def test_D4_a_goal_from_before_a_fault_is_not_resumed(bench: Bench) -> None:
     move(bench.session, 0.1, 0.05, 5.0)
     bench.run(0.1)
@@ -68,16 +45,6 @@ def test_D4_a_goal_from_before_a_fault_is_not_resumed(bench: Bench) -> None:
     assert set_force(bench.session, 10.0)
     bench.run(1.0)
     assert bench.last.width_m == width_m
-
-
-def test_D4_a_command_that_meets_a_fault_is_dropped(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    set_force(bench.session, 10.0)
-    bench.run(0.1)
-    bench.gripper.words.add("fast_stop")
-    bench.run(1.0)
-    assert bench.commands() == [wire.SET_FORCE]
-    assert bench.session.state == "command lost: fast_stop"
 
 
 @pytest.mark.parametrize("lost", GO)
@@ -120,20 +87,6 @@ def test_the_abort_of_an_older_motion_does_not_answer_the_newer(bench: Bench) ->
     bench.run(0.5)
     assert bench.commands() == [*GO, *GO]
     assert (bench.last.width_m, bench.session.state) == (pytest.approx(0.05), "active")
-
-
-def test_a_silent_gripper_is_configured_again_and_its_commands_are_dropped(bench: Bench) -> None:
-    bench.mute = True
-    bench.run(0.9)
-    activate(bench.session, bench.now_ns)
-    bench.run(1.1)
-    assert bench.session.state == "no reply"
-    assert (move(bench.session, 0.0, None, 5.0), halt(bench.session), bench.session.command_lost) == (None, False, True)
-    bench.mute = False
-    bench.sent.clear()
-    bench.run(3.0)
-    assert bench.commands() == []
-    assert move(bench.session, 0.02, None, 5.0) == 5.0
 
 
 def test_a_refused_query_is_repeated() -> None:

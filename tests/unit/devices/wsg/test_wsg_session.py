@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 from itertools import permutations
-from typing import Any
 
 import pytest
 from permits import activate, halt, move, set_force
@@ -109,12 +108,6 @@ def test_nothing_is_accepted_before_the_first_reading() -> None:
     assert not session.command_lost
 
 
-def test_a_gripper_that_is_not_referenced_any_more_has_no_force(holding: Bench) -> None:
-    holding.gripper.words.clear()
-    holding.run(0.1)
-    assert holding.session.force_sent_n is None
-
-
 def test_nothing_is_sent_before_it_is_due(bench: Bench) -> None:
     bench.swallow = lambda _: True
     set_force(bench.session, 10.0)
@@ -144,12 +137,6 @@ def test_D4_a_fault_is_named_and_nothing_is_tried_against_it(holding: Bench, fau
     holding.run(0.1)
     assert (holding.commands(), holding.last.fault) == ([wire.ACKNOWLEDGE], "")
     assert set_force(holding.session, 12.0)
-
-
-def test_without_a_fault_nothing_is_acknowledged(bench: Bench) -> None:
-    bench.session.acknowledge()
-    bench.run(0.1)
-    assert bench.commands() == []
 
 
 def test_a_connection_that_broke_is_a_fault_of_the_gripper(holding: Bench) -> None:
@@ -195,12 +182,6 @@ def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
     bench.run(0.1)
     assert bench.session.state == "active (temperature_warning, script_running)"
     assert bench.last.fault == ""
-
-
-@pytest.mark.parametrize("period", [4, 201, 20.0])
-def test_a_period_that_no_gripper_keeps_is_refused(period: Any) -> None:
-    with pytest.raises(ValueError, match="5 to 200"):
-        Session(period)
 
 
 def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> None:
@@ -249,10 +230,6 @@ def test_D4_the_state_bits_determine_the_sample() -> None:
     for word in wire.STATE_BITS.values():
         assert read(word).fault == (word if word in wire.FAULTS else "")
     assert (read().force_n, read().width_m, read().t_ns, read().echo_ok) == (10.0, pytest.approx(0.04), 5, None)
-
-
-def test_a_force_is_sent_as_requested() -> None:
-    assert Session().applied_n(12.34) == 12.34
 
 
 def test_a_fault_that_is_acknowledged_while_the_gripper_is_silent_sends_and_loses_nothing(bench: Bench) -> None:
