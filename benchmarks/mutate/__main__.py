@@ -48,7 +48,8 @@ ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for nam
 }
 """Room → folder of its sources and of its tests; a folder inside another room is no part of it."""
 
-EVERY_DECODER = "test_every_decoder.py"
+EVERY_DEVICE = "test_every_*.py"
+"""Tests that one table runs over all devices."""
 
 LIMIT_S = 300.0
 """Longest run of the tests of one room, s; an endless loop is noticed."""
@@ -151,7 +152,7 @@ def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
         for device in devices_of_it.split():
             folder = tests / device
             groups.append([str(folder)] if folder.is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))])
-            groups.append([f"{tests}/{EVERY_DECODER}", "-k", device])
+            groups.append([*map(str, sorted(tests.glob(EVERY_DEVICE))), "-k", device])
         for group in filter(None, groups):
             if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, int(LIMIT_S)):
                 raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
