@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import types
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -47,17 +47,30 @@ def reference() -> str:
     """Return the page."""
     parts = [HEAD]
     for name, model in TABLES.items():
-        parts.append(_section(f"`[{name}]`", model))
+        if _table_above(name) is None:
+            below = [each for each in TABLES if _table_above(each) == name]
+            parts.append(_section(f"`[{name}]`", model, ((each, TABLES[each]) for each in below)))
         if model is Finger:
             parts.append(_section("Keys of every device", Stream))
     return "\n".join(parts)
 
 
-def _section(title: str, model: type[BaseModel]) -> str:
-    also = " It also has the [keys of every device](#keys-of-every-device)." if Stream in model.__mro__[1:] else ""
+def _table_above(name: str) -> str | None:
+    """Return the table that lists this one; None if it has a section of its own, as those of a finger have."""
+    above = [each for each in TABLES if name.startswith(f"{each}.") and TABLES[each] is not Finger]
+    return above[0] if above else None
+
+
+def _section(title: str, model: type[BaseModel], below: Iterable[tuple[str, type[BaseModel]]] = ()) -> str:
     rows = list(_rows(model))
-    table = f"\n{_table(TITLES, iter(rows))}" if rows else ""
-    return f"## {title}\n\n{summary_of(model)}{also}\n{table}"
+    for name, table in below:
+        rows += [(f"**`[{name}]`**", "table", "", "", "", _about(table), ""), *_rows(table)]
+    return f"## {title}\n\n{_about(model)}\n\n{_table(TITLES, iter(rows))}"
+
+
+def _about(model: type[BaseModel]) -> str:
+    also = " It also has the [keys of every device](#keys-of-every-device)." if Stream in model.__mro__[1:] else ""
+    return f"{summary_of(model)}{also}"
 
 
 def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:

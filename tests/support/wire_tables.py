@@ -1,18 +1,17 @@
-"""The tables of ``docs/protocol.md`` and of the methods in the page of the client, made from the schema.
+"""The tables of ``docs/protocol.md``, made from the schema.
 
-``PYTHONPATH=tests/support python -m wire_tables PAGE`` writes them between their markers; other text stays as it is.
+``PYTHONPATH=tests/support python -m wire_tables docs/protocol.md`` writes them between their markers; other text
+stays as it is.
 """
 
 from __future__ import annotations
 
-import inspect
 import re
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from slipd_client.grip import GripClient
 from slipd_client.messages.names import (
     ERROR_MEANINGS,
     EVIDENCE,
@@ -23,14 +22,11 @@ from slipd_client.messages.names import (
     level_code,
 )
 from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.ops import OPS, Op
+from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.parts import FingerStatus, IncidentsStatus, RecordingStatus, StreamStatus
 from slipd_client.messages.schema.replies import Reply, StatusReply
 from slipd_client.messages.schema.request_fields import ENVELOPE
 from slipd_client.messages.schema.topics import TOPICS, Message
-
-_OTHERWISE = {"lease.acquire": "lease"}
-"""Methods that are not named like their op."""
 
 _AS_IN_SLIP = "as in `slip`"
 _OF_SLIP = {field.name: field for field in fields_of(TOPICS["slip"])[len(fields_of(Message)) :]}
@@ -68,7 +64,6 @@ def tables() -> dict[str, str]:
         "replies": _replies(),
         "tare_reasons": _meanings("`given_up_reason`", TARE_REASONS),
         "errors": _meanings("code", ERROR_MEANINGS),
-        "methods": _methods(),
     }
 
 
@@ -145,37 +140,6 @@ def table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Return a table in Markdown."""
     lines = (titles, ("---",) * len(titles), *rows)
     return "".join("|" + "|".join(f" {cell} " if cell else " " for cell in line) + "|\n" for line in lines)
-
-
-def _methods() -> str:
-    """Return the table of the methods: a row for each op that has one."""
-    rows = []
-    for op in OPS.values():
-        method = getattr(GripClient, _OTHERWISE.get(op.name, op.name.replace(".", "_")), None)
-        if method is not None:
-            parameters = list(inspect.signature(method).parameters.values())[1:]
-            rows.append((f"`{method.__name__}({_call(parameters)})`", op.does, _returned(op)))
-    return table(("method", "what it does", "returns"), rows)
-
-
-def _call(parameters: list[inspect.Parameter]) -> str:
-    """Return the arguments of a method as its signature has them, without their types."""
-    parts = []
-    for each in parameters:
-        if each.kind is each.KEYWORD_ONLY and "*" not in parts:
-            parts.append("*")
-        parts.append(each.name if each.default is each.empty else f"{each.name}={each.default!r}")
-    return ", ".join(parts)
-
-
-def _returned(op: Op) -> str:
-    if op.name in _OTHERWISE:
-        return "a `with` block that holds the lease"
-    if op.reply is StatusReply:
-        return "`StatusReply`: the fields of the topic `status`"
-    names = ", ".join(f"`{field.name}`" for field in fields_of(op.reply))
-    result = "TareResult" if op.name == "tare" else op.reply.__name__
-    return "" if op.reply is Reply else f"`{result}`: {names}"
 
 
 if __name__ == "__main__":
