@@ -26,6 +26,7 @@ from slipd_client.messages.schema.replies import (
     GripReply,
     HelloReply,
     HoldReply,
+    MotionReply,
     ObjectReply,
     RecordingReply,
     Reply,
@@ -266,6 +267,23 @@ class GripClientBase:
         Another name needs the lease, unless the daemon's config says otherwise.
         """
         return self._request_exactly("object.set", {"name": name})
+
+    @operation
+    def motion_check(
+        self,
+        points: Sequence[Sequence[float]] | None = None,
+        acceleration_mps2: Sequence[float] | None = None,
+    ) -> Steps[MotionReply]:
+        """Report whether the present grip holds a motion; it moves nothing, and needs no lease.
+
+        Args:
+            points: Up to 2,000 rows of time, s; gravity minus acceleration, m/s²; angular velocity, rad/s; angular
+                acceleration, rad/s²: of the gripper, in its frame.
+            acceleration_mps2: Instead of them one acceleration from the present orientation, m/s², in the same frame.
+        """
+        rows = None if points is None else [[float(number) for number in row] for row in points]
+        vector = None if acceleration_mps2 is None else list(acceleration_mps2)
+        return self._request("motion.check", points=rows, acceleration_mps2=vector)
 
     @operation
     def record_start(self) -> Steps[RecordingReply]:

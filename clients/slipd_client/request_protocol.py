@@ -15,7 +15,7 @@ from typing import Any, TypeVar, Union
 
 from slipd_client.clock import ServerClock
 from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, check_seconds
-from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode
+from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode, request_limits
 from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
@@ -201,7 +201,7 @@ class RequestProtocol:
                 raise NoAnswer(f"the clock of {self.endpoint} is no longer known; nothing was sent")
             body |= {"boot": self.boot, "deadline_ns": earliest_ns + DEADLINE_NS}
         data = _encoded(body, ask)
-        decode(data)
+        decode(data, request_limits(data))
         if ask.unchecked:
             self.lease_asked_ns = now_ns
         return Envelope(number, now_ns, data)

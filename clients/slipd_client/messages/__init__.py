@@ -5,7 +5,15 @@ and back. The same for people: ``docs/protocol.md``.
 """
 
 from slipd_client.errors import MessageError, fault_text
-from slipd_client.messages.codec import MESSAGE_LIMITS, REQUEST_LIMITS, Limits, decode, encode
+from slipd_client.messages.codec import (
+    CHECK_LIMITS,
+    MESSAGE_LIMITS,
+    REQUEST_LIMITS,
+    Limits,
+    decode,
+    encode,
+    request_limits,
+)
 from slipd_client.messages.names import (
     ERROR_CODES,
     EVIDENCE,
@@ -14,6 +22,7 @@ from slipd_client.messages.names import (
     HEALTH,
     IMAGE_REASONS,
     LEVELS,
+    MOTION_TOPIC,
     PROTOCOL_VERSION,
     REASONS,
     SEVERITY,
@@ -31,6 +40,7 @@ from slipd_client.messages.names import (
 )
 
 __all__ = [
+    "CHECK_LIMITS",
     "ERROR_CODES",
     "EVIDENCE",
     "GRASP_TOPIC",
@@ -39,6 +49,7 @@ __all__ = [
     "IMAGE_REASONS",
     "LEVELS",
     "MESSAGE_LIMITS",
+    "MOTION_TOPIC",
     "PROTOCOL_VERSION",
     "REASONS",
     "REQUEST_LIMITS",
@@ -56,6 +67,7 @@ __all__ = [
     "encode",
     "fault_text",
     "level_code",
+    "request_limits",
     "slip_topic",
     "tactile_topic",
     "wrench_topic",

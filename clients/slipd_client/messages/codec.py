@@ -39,6 +39,11 @@ REQUEST_LIMITS = Limits(data_bytes=16 * 1024, text_bytes=1024, items=64, values=
 """A request has fewer than ten short fields. With 64 entries a list, nested list headers take less than 0.2 ms to
 decode; 256 entries in all do the same for many short lists, which would take 7 ms."""
 
+CHECK_LIMITS = Limits(data_bytes=256 * 1024, text_bytes=1024, items=2000, values=24_100)
+"""A request of ``motion.check`` with 2,000 points of ten numbers each."""
+
+_CHECK = b"\xa2op\xacmotion.check"
+
 MESSAGE_LIMITS = Limits(data_bytes=256 * 1024, text_bytes=4096, items=4096, values=16_384)
 """A pad image of 64 by 64 taxels, or a status of a few dozen streams."""
 
@@ -57,6 +62,11 @@ def encode(body: dict[str, Any]) -> bytes:
     """
     packed: bytes = _PACKER.pack(body)
     return packed
+
+
+def request_limits(data: bytes) -> Limits:
+    """Return how large a packed request may be: those of ``motion.check`` bring a whole trajectory."""
+    return CHECK_LIMITS if _CHECK in data else REQUEST_LIMITS
 
 
 def decode(data: bytes, limits: Limits = REQUEST_LIMITS) -> dict[str, Any]:

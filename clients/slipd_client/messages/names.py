@@ -111,6 +111,7 @@ TARE_REASONS: dict[TareReason, str] = {
 
 GRASP_TOPIC = "grasp"
 GRIPPER_TOPIC = "gripper"
+MOTION_TOPIC = "motion"
 WARNING_TOPIC = "warning"
 STATUS_TOPIC = "status"
 

@@ -16,7 +16,7 @@ from typing import Any
 from slipd_client.messages.names import LEVELS, level_code
 from slipd_client.messages.schema import topics
 from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.kinds import FLAG, INTEGER, LEVEL, NUMBER, PAIR, TEXT, TRIPLE, Kind
+from slipd_client.messages.schema.kinds import FLAG, INTEGER, LEVEL, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind
 from slipd_client.messages.schema.parts import LeaseStatus, ReflexAct
 from slipd_client.ros.ros_types import RosField, RosType
 
@@ -28,6 +28,7 @@ NAMES: dict[type[Any], str] = {
     topics.Wrench: "WrenchReading",
     topics.Tactile: "Tactile",
     topics.Grasp: "Grasp",
+    topics.Motion: "Motion",
     topics.Gripper: "Gripper",
     LeaseStatus: "LeaseStatus",
     ReflexAct: "ReflexAct",
@@ -42,6 +43,7 @@ _LEVELS = tuple(("int32", f"LEVEL_{level.upper()}", level_code(level)) for level
 _ASCII = str.maketrans({"−": "-", "π": "pi", "μ": "mu", "×": "x", "→": "->", "`": "'"})  # noqa: RUF001
 _UNITS = {
     "_n": "N", "_nm": "N m", "_m": "m", "_m2": "m^2", "_s": "s", "_hz": "Hz", "_a": "A", "_rad": "rad",
+    "_mps2": "m/s^2", "_radps2": "rad/s^2",
 }  # fmt: skip
 _NS, _TIME = "_ns", "builtin_interfaces/Time"
 
@@ -118,6 +120,8 @@ def _field_shape(field: Field) -> _Shape:
         return _Shape(_TIME, None, lambda t_ns: time_of(t_ns or 0), "0")
     if field.name == "seq":  # 2^31 messages are 99 days at 250 Hz
         return _Shape("int64", None, _integer, "-1")
+    if field.name == "unknown":  # a reason: nothing is unknown where there is none
+        return _Shape("string", None, lambda reason: reason or "", "empty")
     return _shape(field.kind, field.nullable)
 
 
@@ -164,7 +168,7 @@ _SCALARS = {
     TEXT: _Shape("string", None, _text, '"unknown"'),
     LEVEL: _Shape("string", None, _text, '"unknown"'),
 }
-_VECTORS = {PAIR: 2, TRIPLE: 3}
+_VECTORS = {PAIR: 2, TRIPLE: 3, SEXTUPLE: 6}
 
 NAMED_NUMBER = RosType(
     f"{PACKAGE}/NamedNumber", (RosField("name", "string"), RosField("value", "float64")), (), "A number with its name."

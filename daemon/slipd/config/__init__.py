@@ -9,7 +9,7 @@ from slipd.config.check_hints import hints
 from slipd.config.checks import missing_keys
 from slipd.config.config_file import config_file as shipped
 from slipd.config.config_file import load, parse
-from slipd.config.gripper_tables import Arm, Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.gripper_tables import Arm, Grasp, GraspMotion, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.model import Config, axes_of, device_options, in_newtons, stale_after_ns, transport_of
 from slipd.config.service_tables import (
     Bus,
@@ -31,6 +31,7 @@ __all__ = [
     "Continuous",
     "Finger",
     "Grasp",
+    "GraspMotion",
     "Gripper",
     "Incidents",
     "Levels",

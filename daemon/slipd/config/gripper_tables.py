@@ -84,6 +84,17 @@ class Arm(Stream):
     """``[grasp.arm]``: motion of the arm, which a program of yours pushes; see "The arm's motion", docs/arm.md."""
 
 
+class GraspMotion(StrictModel):
+    """``[grasp.motion]``: advice on how fast the arm may go with the object; see "How fast may it go", docs/arm.md.
+
+    Attributes:
+        wanted_acceleration_mps2: Largest acceleration of the arm at full speed, m/s²: the speed scale and the needed
+            grip force refer to it. Wrong: too low, and the arm is slowed down too little; too high, too much.
+    """
+
+    wanted_acceleration_mps2: float = Field(default=3.0, gt=0.0, le=49.0)
+
+
 class Grasp(StrictModel):
     """``[grasp]``: two fingers as one grasp; ``pads`` names both.
 
@@ -91,11 +102,13 @@ class Grasp(StrictModel):
         pads: Pose of the pad of each finger. Wrong: see its keys.
         object: Observation of the object by another process, if there is one. Wrong: see its keys.
         arm: Motion of the arm, reported by another process, if there is one. Wrong: see its keys.
+        motion: Advice on how fast the arm may go. Wrong: see its keys.
     """
 
     pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
     object: ObservedObject | None = None
     arm: Arm | None = None
+    motion: GraspMotion = GraspMotion()
 
 
 class Reflex(StrictModel):

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, PrivateAttr
 
-from slipd.config.gripper_tables import Arm, Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.gripper_tables import Arm, Grasp, GraspMotion, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.service_tables import (
     Bus,
     Continuous,
@@ -40,6 +40,7 @@ TABLES: dict[str, type[BaseModel]] = {
     "grasp.pads.X": PadPlace,
     "grasp.object": ObservedObject,
     "grasp.arm": Arm,
+    "grasp.motion": GraspMotion,
     "reflex": Reflex,
     "levels": Levels,
     "rates": Rates,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, cast
 
-from slipd.config import Config
+from slipd.config import Config, Grasp
 from slipd.devices import GripperSession
 from slipd.engine.held_motion import Found, HeldMotion
 from slipd.engine.kept_state import KeptState
@@ -35,6 +35,7 @@ from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Lateness
 from slipd.grasp.arm_motion import make_arm_motion
 from slipd.grasp.grasp_view import GraspView, NamedObject
+from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.gripper.reflex import make_reflex_controller
@@ -43,6 +44,7 @@ from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.grasp_messages import GraspPublisher, GripperPublisher
 from slipd.publish.message_sequencer import MessageSequencer, Pace
+from slipd.publish.motion_messages import MotionPublisher
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState
@@ -100,6 +102,7 @@ class Engine:
             session = cast("GripperSession", self._links[GRIPPER_LINK].session)
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
+        advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view)
         self._arm = make_arm_motion(config.grasp, self._fingers)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
@@ -110,6 +113,7 @@ class Engine:
             name: FingerPublisher(each, sequencer, config.rates) for name, each in self._fingers.items()
         }
         self._grasp = None if view is None else GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz)
+        self._advice = None if advice is None else MotionPublisher(advice, sequencer)
         self._gripper_publisher = GripperPublisher(self._gripper, sequencer)
         self._status = StatusPublisher(
             self._links,
@@ -129,6 +133,7 @@ class Engine:
             named,
             self._gripper,
             self._arm,
+            advice,
             config.requests,
             self._reflex is not None,
             self._recordings,
@@ -145,10 +150,11 @@ class Engine:
             for name, link in self._links.items()
             if link.session is not None
         }
-        self._grasp_due = Deadline(self._publish_grasp)
+        self._grasp_due, self._advice_due = Deadline(self._publish_grasp), Deadline(self._publish_advice)
         self._time_checks = [*self._silence.values(), self._gripper_check]
         self._deadlines = [
-            *self._time_checks, self._reflex_check, *self._writes.values(), self._grasp_due, Deadline(self._pace_status)
+            *self._time_checks, self._reflex_check, *self._writes.values(), self._grasp_due,
+            self._advice_due, Deadline(self._pace_status),
         ]  # fmt: skip
 
     @property
@@ -233,6 +239,8 @@ class Engine:
             self._handle_images(finger, read, t_ns, out)
         if found := self._motion.update_finger(finger):
             self._report_motion(found, t_ns, out)
+        if publisher.level != before:
+            self._advice_due.due_ns = 0
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
             self._grasp_due.due_ns = self._publish_grasp(t_ns, out)
 
@@ -336,6 +344,7 @@ class Engine:
         if state is not None:
             publisher.publish_state(state, out)
             self._level_lapsed, self._reflex_check.due_ns, self._grasp_due.due_ns = True, 0, 0
+            self._advice_due.due_ns = 0
         if finger.expire_image(t_ns, unread_ns):
             publisher.publish_image(t_ns, out)
         return 0
@@ -358,6 +367,12 @@ class Engine:
             return NEVER_NS
         self._grasp.publish(t_ns, out)
         return self._grasp.pace.due_ns
+
+    def _publish_advice(self, t_ns: int, out: list[Output]) -> int:
+        if self._advice is None:
+            return NEVER_NS
+        self._advice.publish(t_ns, out)
+        return self._advice.pace.due_ns
 
     def _pace_status(self, t_ns: int, out: list[Output]) -> int:
         if self._status_pace.passes(t_ns):

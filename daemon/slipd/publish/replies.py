@@ -9,9 +9,10 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
 from slipd.grasp.grasp_view import NamedObject
+from slipd.grasp.motion_advice import MotionCheck
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.finger_messages import friction_body, friction_setter_body
-from slipd.publish.message_sequencer import Body
+from slipd.publish.message_sequencer import Body, finite
 from slipd.types.arrays import finite_or_none
 from slipd.types.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
@@ -125,3 +126,18 @@ def tare_in_use(tares: Tares) -> Body:
 def recording_file(recording: RecordingChanged) -> Body:
     """Return name and path of the file of a recording that began or was ended."""
     return {"name": recording.name, "path": recording.path or None}
+
+
+def motion_checked(found: MotionCheck) -> Body:
+    """Return whether the present grip holds a motion."""
+    return finite(
+        {
+            "utilisation": found.utilisation,
+            "at_s": found.at_s,
+            "finger": found.finger,
+            "mode": found.mode,
+            "grip_needed_n": found.grip_needed_n,
+            "time_scale": found.time_scale,
+            "unknown": found.unknown or None,
+        }
+    )

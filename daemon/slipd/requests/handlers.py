@@ -9,6 +9,7 @@ from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import NamedObject
+from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
@@ -16,6 +17,7 @@ from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.grip_handlers import Handler, grip_handlers
 from slipd.requests.idempotency import IdempotencyCache
+from slipd.requests.motion_handlers import MotionHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
 from slipd.types.refusal import RefusalError, require
@@ -38,6 +40,7 @@ class RequestHandlers:
         named: The object that clients name.
         gripper: The gripper; keeps the lease.
         arm: Motion of the arm; None: no stream reports it.
+        advice: How fast the arm may go; None: the config has no ``[grasp]``.
         requests: ``[requests]``.
         reflex: The rig has a reflex, which acts on what some requests state.
         recordings: The recordings on request.
@@ -51,6 +54,7 @@ class RequestHandlers:
         named: NamedObject,
         gripper: GripperControl | NoGripper,
         arm: ArmMotion | None,
+        advice: MotionAdvice | None,
         requests: Requests,
         reflex: bool,
         recordings: RecordingState,
@@ -66,6 +70,7 @@ class RequestHandlers:
             "hello": self._hello,
             "status": self._status_now,
             "record.stop": self._stop_recording,
+            "motion.check": MotionHandlers(advice).check,
             **FingerHandlers(fingers, named, gripper.policy, arm, requests).ops,
             **grip_handlers(gripper),
         }

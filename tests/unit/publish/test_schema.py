@@ -39,6 +39,7 @@ REQUESTS: list[tuple[str, dict[str, Any]]] = [
     ("grip.hold", {}),
     ("gripper.stop", {}),
     ("fault.ack", {}),
+    ("motion.check", {"acceleration_mps2": [0.0, 0.0, 1.0]}),
     ("record.start", {}),
     ("record.stop", {}),
     ("tare.undo", {"finger": "left"}),

@@ -42,6 +42,8 @@ RIGHT: dict[str, tuple[Any, ...]] = {
     "seconds": (0.01, 0.5),
     "stream": ("wrench", "pad", "all"),
     "gravity_mps2": ([0.0, 0.0, -9.8],),
+    "points": ([[0.1 * n, 0.0, 0.0, -9.8, *[0.0] * 6] for n in range(3)],),
+    "acceleration_mps2": ([0.0, 0.0, 1.0],),
 }
 ENVELOPE = ("id", "boot", "deadline_ns", "v", "zz")
 

@@ -132,6 +132,12 @@ def list_of(inner: Kind) -> Kind:
     return Kind(f"list of {inner.plural}", f"a list of {inner.plural}", "lists", read, inner=inner)
 
 
+def _rows(value: Any) -> tuple[Any, ...]:
+    if type(value) is not list:
+        raise wrong_kind("a list of rows", value)
+    return tuple(value)
+
+
 def map_of(inner: Kind) -> Kind:
     """Return the kind of a map with any keys."""
 
@@ -157,6 +163,8 @@ TEXT_OR_INTEGER = Kind("string or integer", "a string or an integer", "strings o
 PAIR = Kind("[2]", "a list of two numbers", "[2]", _vector(2, "a list of two numbers"))
 TRIPLE = Kind("[3]", "a list of three numbers", "[3]", _vector(3, "a list of three numbers"))
 SEXTUPLE = Kind("[6]", "a list of six numbers", "[6]", _vector(6, "a list of six numbers"))
+ROWS = Kind("rows", "a list of rows", "lists of rows", _rows)
+"""Rows of numbers; who uses them checks what is in each, so that thousands are read at once."""
 LEVEL = Kind("string", "a level", "strings", _word({level.value: level for level in SlipLevel}))
 HEALTH = Kind("integer", "a health code", "integers", _word({int(health): health for health in Health}))
 

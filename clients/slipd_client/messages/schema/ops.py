@@ -15,6 +15,7 @@ from slipd_client.messages.schema.replies import (
     HelloReply,
     HoldReply,
     LeaseReply,
+    MotionReply,
     ObjectReply,
     RecordingReply,
     Reply,
@@ -23,6 +24,7 @@ from slipd_client.messages.schema.replies import (
     TareReply,
 )
 from slipd_client.messages.schema.request_fields import (
+    ACCELERATION_MPS2,
     DELTA_N,
     DROP,
     FINGER,
@@ -31,6 +33,7 @@ from slipd_client.messages.schema.request_fields import (
     MU_D,
     MU_S,
     OBJECT_NAME,
+    POINTS,
     SECONDS,
     SPEED_MPS,
     STREAM,
@@ -225,6 +228,15 @@ OPS: dict[str, Op] = {
             reply=FaultReply,
             lease="holder",
             needs="lease; where a grip was in force, a gripper that answers (`not_ready`)",
+        ),
+        _op(
+            "motion.check",
+            "Report whether the present grip holds a motion, and how far to slow it down. It moves nothing.",
+            POINTS.optional(),
+            ACCELERATION_MPS2.optional(),
+            reply=MotionReply,
+            open=True,
+            needs="`[grasp]` in the config (`not_ready`); either `points` or `acceleration_mps2`",
         ),
         _op(
             "record.start",

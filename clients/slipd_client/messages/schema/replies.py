@@ -139,6 +139,29 @@ class FaultReply(Reply):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class MotionReply(Reply):
+    """Whether the grip holds a motion. None stands for what is not known: it is never to be read as "holds"."""
+
+    utilisation: float | None = wire(
+        "largest utilisation during the motion: the object slips or tips at 1; nil also where no grip holds it",
+        nil=True,
+    )
+    at_s: float | None = wire("time of the point that has it; 0 for one acceleration", nil=True)
+    finger: str | None = wire("finger that has it", nil=True)
+    mode: str | None = wire('what would happen first: "translation", "rotation" or "tipping"', nil=True)
+    grip_needed_n: float | None = wire(
+        "grip force with which the whole motion holds with the configured safety; nil also where no grip force would",
+        nil=True,
+    )
+    time_scale: float | None = wire(
+        "largest 0 < s ≤ 1 with which the motion holds with that safety when it is slowed down: accelerations by s², "
+        "velocities by s, gravity by nothing. 0: not even at rest",
+        nil=True,
+    )
+    unknown: str | None = wire("why nothing of this is known, for people; nil where it is", nil=True)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RecordingReply(Reply):
     """The file of a recording."""
 

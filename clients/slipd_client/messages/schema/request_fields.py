@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from slipd_client.messages.schema.fields import Field
-from slipd_client.messages.schema.kinds import FLAG, INTEGER, NUMBER, TEXT, TEXT_OR_INTEGER, TRIPLE
+from slipd_client.messages.schema.kinds import FLAG, INTEGER, NUMBER, ROWS, TEXT, TEXT_OR_INTEGER, TRIPLE
 
 ENVELOPE = (
     Field("v", INTEGER, "version of this API: 1"),
@@ -110,3 +110,24 @@ SPEED_MPS = Field(
     omitted="the gripper's usual one",
 )
 DROP = Field("drop", FLAG, "open even if an object is held, or may be", default=False)
+POINT_COLUMNS = ("t_s", "gx", "gy", "gz", "wx", "wy", "wz", "ax", "ay", "az")
+"""Columns of a point: time, s; gravity minus the acceleration of the gripper frame's origin, m/s²; angular velocity,
+rad/s; angular acceleration, rad/s². All in the gripper frame, as in ``docs/arm.md``."""
+
+MOST_POINTS = 2000
+POINTS = Field(
+    "points",
+    ROWS,
+    f"points of a trajectory: rows [{', '.join(POINT_COLUMNS)}] of time, s, then `gravity_mps2`, angular velocity, "
+    "rad/s, and angular acceleration, rad/s², of the gripper as in [The arm's motion](arm.md#what-to-send)",
+    limit=f"1 to {MOST_POINTS:,} rows of {len(POINT_COLUMNS)} finite numbers; their times rise",
+    omitted="`acceleration_mps2` is judged",
+)
+ACCELERATION_MPS2 = Field(
+    "acceleration_mps2",
+    TRIPLE,
+    "acceleration of the gripper from its present orientation, in the gripper frame",
+    unit="m/s²",
+    limit="at most 5 g long",
+    omitted="`points` are judged",
+)

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from slipd_client.messages.names import PROTOCOL_VERSION, SlipLevel
 from slipd_client.messages.schema.fields import wire
-from slipd_client.messages.schema.kinds import Pair, Triple
+from slipd_client.messages.schema.kinds import Pair, Sextuple, Triple
 from slipd_client.messages.schema.parts import (
     MU,
     MU_D,
@@ -276,6 +276,41 @@ class Grasp(Message):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Motion(Message):
+    """``motion``: how fast the arm may go with the present grip. None: not known, never "free"."""
+
+    finger: str | None = wire("finger that limits the acceleration", nil=True)
+    mode: str | None = wire('what would happen first: "translation", "rotation" or "tipping"', nil=True)
+    utilisation: float | None = wire(
+        "of the worse finger by its load now, with the low bound of friction; nil also where no grip holds it", nil=True
+    )
+    acceleration_limit_mps2: float | None = wire("largest acceleration that holds in every direction", nil=True)
+    worst_direction: Triple | None = wire("direction of the acceleration that is limited to this", nil=True)
+    acceleration_limits_mps2: Sextuple | None = wire(
+        "largest acceleration along +x, −x, +y, −y, +z and −z, at most 5 g", nil=True
+    )
+    turn_utilisation: float | None = wire(
+        "utilisation at rest in the worst orientation; nil also where no grip holds it", nil=True
+    )
+    worst_gravity_mps2: Triple | None = wire("gravity in that orientation", nil=True)
+    angular_acceleration_limit_radps2: float | None = wire(
+        "largest angular acceleration about the line through both pads, in either sense, at most 200", nil=True
+    )
+    safety: float = wire("safety factor of these limits: the larger `grip_safety` of both fingers")
+    grip_needed_n: float | None = wire(
+        "grip force with which `wanted_acceleration_mps2` holds in every direction; nil also where no grip force would",
+        nil=True,
+    )
+    wanted_acceleration_mps2: float = wire("as in `[grasp.motion]` of the config")
+    speed_scale: float | None = wire(
+        "time scale, 0 to 1, at which the larger of that and the arm's acceleration now holds in every direction: "
+        "accelerations fall by its square. 0: nothing holds",
+        nil=True,
+    )
+    unknown: str | None = wire("why all of this is not known, for people; nil where it is", nil=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gripper(Message, GripperState):
     """``gripper``: state of the gripper."""
 
@@ -291,6 +326,7 @@ TOPICS: dict[str, type[Message]] = {
     "wrench": Wrench,
     "tactile": Tactile,
     "grasp": Grasp,
+    "motion": Motion,
     "gripper": Gripper,
     "status": Status,
 }

@@ -21,7 +21,7 @@ from slipd.io.zmtp.peer import Peer
 from slipd.io.zmtp.wire import ProtocolError
 from slipd.publish.replies import error_body
 from slipd.types.refusal import Refusal
-from slipd_client.messages import REQUEST_LIMITS, MessageError, decode, encode
+from slipd_client.messages import CHECK_LIMITS, MessageError, decode, encode, request_limits
 from slipd_client.messages.schema.ops import URGENT_OPS
 
 MOST_QUEUED = 100
@@ -42,7 +42,7 @@ _BETWEEN = b"\0"
 _RULES = PeerRules(
     kind=b"ROUTER",
     serves=frozenset({b"DEALER", b"REQ", b"ROUTER"}),
-    max_bytes=REQUEST_LIMITS.data_bytes,  # a client that sends more is disconnected
+    max_bytes=CHECK_LIMITS.data_bytes,  # a client that sends more is disconnected
     max_frames=2,  # from a REQ socket
     most_queued=MOST_QUEUED,
 )
@@ -160,4 +160,4 @@ def _envelope(peer: Peer) -> tuple[bytes, ...]:
 def _decode(frames: list[bytes], envelope: tuple[bytes, ...]) -> dict[str, Any]:
     if not frames or tuple(frames[:-1]) != envelope:
         raise MessageError("malformed", "a request must be one frame, as a DEALER socket sends it")
-    return decode(frames[-1])
+    return decode(frames[-1], request_limits(frames[-1]))

@@ -110,7 +110,7 @@ def test_stock_messages_carry_wrench_contact_and_image(converted: Converted) -> 
             assert (value["height"], value["width"], value["step"]) == (body["rows"], body["cols"], 4 * body["cols"])
             assert same(pixels, body["loads_n"] or [math.nan] * len(pixels)) or pixels == pytest.approx(body["loads_n"])
         seen.add(kind)
-    assert len(seen) == 11
+    assert len(seen) == 12
 
 
 def test_diagnostics_carry_the_health_of_every_stream_and_an_unknown_verdict_is_a_warning(converted: Converted) -> None:

@@ -18,7 +18,7 @@ from zeromq_peers import StandingClock
 from slipd.io.bus import request_server
 from slipd.io.bus.request_server import RequestServer
 from slipd.io.zmtp.endpoint import Access
-from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
+from slipd_client.messages import CHECK_LIMITS, PROTOCOL_VERSION, MessageError, decode, encode
 
 if TYPE_CHECKING:
     from loop_waits import Eventually
@@ -136,11 +136,11 @@ async def test_a_request_of_the_largest_size_is_read_and_one_byte_more_ends_the_
 ) -> None:
     with answering.server:
         other, largest, beyond = dealer(), dealer(), dealer(RECONNECT_IVL=-1)
-        largest.socket.send(bytes(REQUEST_LIMITS.data_bytes))
+        largest.socket.send(bytes(CHECK_LIMITS.data_bytes))
         await eventually(lambda: largest.got)
         await expect_service(beyond, eventually)
         beyond.got.clear()
-        beyond.socket.send(bytes(REQUEST_LIMITS.data_bytes + 1))
+        beyond.socket.send(bytes(CHECK_LIMITS.data_bytes + 1))
         await eventually(lambda: not beyond.socket.poll(0, zmq.POLLOUT))  # it has no connection left
         await expect_service(other, eventually)
         assert beyond.got == []
