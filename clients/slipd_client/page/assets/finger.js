@@ -121,7 +121,7 @@ export class FingerCard {
 
   #drawImage(state, tactile, slip, stream) {
     const masked = Array.isArray(stream?.masked) ? stream.masked : [];
-    this.drawn.pad = drawPad(this.pad, tactile, slip, masked);
+    this.drawn.pad = drawPad(this.pad, tactile, state.last(`tactile.${this.finger}`), slip, masked);
     setText(this.caption, this.#captionOf(state, tactile, masked));
   }
 

@@ -15,16 +15,18 @@ const LEAST_TAXEL_PX = 6;
  *
  * @param canvas where to draw
  * @param tactile the pad's image; null if it is missing or out of date
+ * @param known the newest image, however old: the pad keeps its size and scale
  * @param slip the verdict; null if it is out of date
  * @param masked indices of the taxels that are not used
  */
-export function drawPad(canvas, tactile, slip, masked) {
+export function drawPad(canvas, tactile, known, slip, masked) {
   const { context, width, height } = begin(canvas);
-  const geometry = padGeometry(tactile, slip, width, height);
+  const geometry = padGeometry(known, slip, width, height);
   const { scale, origin, half } = geometry;
   const drawn = { scale, origin, half, taxels: [], circles: [], centroid: null, pole: null };
-  drawGround(context, geometry);
-  if (geometry.centres.length) {
+  const pictured = tactile && geometry.centres.length;
+  drawGround(context, geometry, pictured);
+  if (pictured) {
     drawn.taxels = drawLoads(context, geometry, tactile, masked);
     drawn.largest = Math.max(0, ...(tactile.loads_n ?? []));
     Object.assign(drawn, drawCircles(context, geometry, tactile, slip));
@@ -35,14 +37,14 @@ export function drawPad(canvas, tactile, slip, masked) {
   return drawn;
 }
 
-function drawGround(context, geometry) {
+function drawGround(context, geometry, pictured) {
   const [left, top] = geometry.toPixels([-geometry.half[0], geometry.half[1]]);
   const [right, bottom] = geometry.toPixels([geometry.half[0], -geometry.half[1]]);
   context.fillStyle = colour("--pad");
   context.fillRect(left, top, right - left, bottom - top);
   context.strokeStyle = colour("--line");
   context.lineWidth = 1;
-  if (!geometry.centres.length) context.setLineDash([4, 4]);
+  if (!pictured) context.setLineDash([4, 4]);
   context.strokeRect(left, top, right - left, bottom - top);
   context.setLineDash([]);
   const corner = [left, bottom + 20];
