@@ -346,7 +346,7 @@ COURSES: dict[str, Callable[[], Course]] = {
 
 
 @pytest.mark.parametrize("name", COURSES)
-def test_A6_a_course(name: str) -> None:
+def test_A6_a_gripper_is_sent_what_is_permitted_and_its_grip_is_followed(name: str) -> None:
     bench, steps = COURSES[name]()
     for step in steps:
         step(bench)

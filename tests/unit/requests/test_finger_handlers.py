@@ -1,179 +1,380 @@
-"""Only the lease holder makes verdicts more lenient, within limits, and status shows who did it."""
+"""Tares, gravity, friction and the name of the object: what makes verdicts more lenient needs the lease."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from typing import Any
 
 import pytest
 from arm_rig import ARM, RIG, ArmRun
+from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from run_courses import (
+    Step,
+    ask,
+    bring_up,
+    feel,
+    follow,
+    image,
+    lease,
+    level,
+    newest,
+    no_image,
+    skin,
+    sleep,
+    status,
+    tick,
+    wait,
+    wrench,
+)
 
-Run = Any
+BEN: dict[str, Any] = {"by": b"ben"}
+L: dict[str, Any] = {"finger": "left"}
+NO_LEASE, IN_CONTACT, NOT_READY = ("no_lease", ""), ("in_contact", "finger"), ("not_ready", "finger")
+FREE = "\n[requests]\nfriction_without_lease = true\n"
+RIG_OF_TWO = LEFT + RIGHT + GRIPPER
+DOWN, TURNED = {"gravity_mps2": [0.0, 0.0, -9.8]}, {"gravity_mps2": [0.0, 0.0, 9.8]}
+NEAR = wrench(10.0, (4.6, 0.0))
 
 
-class TestFriction:
-    def test_friction_is_set_for_one_finger_and_published(self, run: Run) -> None:
-        run.lease()
-        reply = run.ask("friction.set", finger="left", mu_s=0.8, mu_d=0.6)
-        stated = {"mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": run.t_ns}
-        assert {key: reply["result"][key] for key in stated} == stated
-        assert reply["result"]["finger"] == "left"
-        run.image()
-        run.wrench(10.0, (1.0, 0.0))
-        body = run.published("slip.left")[-1]
-        assert (body["mu"], body["mu_source"]) == (0.8, "request")
-        assert run.ask("friction.set", finger="left", mu_s=1)["result"]["mu"] == 1.0
+def mu(value: float, by: str | None = "ann", source: str = "request") -> Step:
+    """Check the friction of the left finger in ``status``."""
+    return status(fingers={"left": {"mu": value, "mu_source": source, "mu_by": by}})
 
-    @pytest.mark.parametrize(
-        ("fields", "refusal"),
+
+def tared(number: int, **more: Any) -> Step:
+    return ask("tare.get", {"tare_id": number} | more, **L)
+
+
+def approx(*offset: float) -> Any:
+    return pytest.approx(list(offset), abs=1e-6)
+
+
+COURSES: dict[str, tuple[str, list[Step]]] = {
+    # friction
+    "friction is set for one finger and published": (
+        RIG_OF_TWO,
         [
-            ({"finger": "middle"}, ("unknown_finger", "finger")),
-            ({"mu_s": 0.0}, ("out_of_range", "mu_s")),
-            ({"mu_s": 1.01}, ("out_of_range", "mu_s")),
-            ({"mu_s": 10.0}, ("out_of_range", "mu_s")),
-            ({"mu_s": -0.5}, ("out_of_range", "mu_s")),
-            ({"mu_d": 0.51}, ("out_of_range", "mu_d")),
-            ({"mu_d": 0.0}, ("out_of_range", "mu_d")),
-            ({"mu_s": "0.5"}, ("bad_type", "mu_s")),
-            ({"mu_s": ...}, ("missing_field", "mu_s")),
-            ({"mu": 0.5}, ("unknown_field", "mu")),
+            lease,
+            ask("friction.set", {"mu": 0.8, "mu_source": "request", "mu_by": "ann", **L}, mu_s=0.8, mu_d=0.6, **L),
+            image(),
+            wrench(10.0, (1.0, 0.0)),
+            newest("slip.left", mu=0.8, mu_source="request"),
+            ask("friction.set", {"mu": 1.0}, mu_s=1, **L),
+        ],
+    ),
+    "only the lease holder raises mu, and what is refused changes nothing": (
+        RIG_OF_TWO,
+        [
+            bring_up,
+            image(),
+            NEAR,
+            level("warning", "translation"),
+            ask("friction.set", NO_LEASE, mu_s=0.8, **L, **BEN),
+            NEAR,
+            level("warning", "translation"),
+            newest("slip.left", mu=0.5),
+            ask("friction.set", mu_s=0.8, **L),
+            NEAR,
+            level("stable"),
+            mu(0.8),
+        ],
+    ),
+    "a lease that ran out raises nothing": (
+        RIG_OF_TWO,
+        [ask("friction.set", NO_LEASE, mu_s=0.6, **L), lease, wait(200), ask("friction.set", NO_LEASE, mu_s=0.6, **L)],
+    ),
+    "every client may set a stricter mu, or the same": (
+        RIG_OF_TWO,
+        [
+            lease,
+            ask("friction.set", times=2, mu_s=0.3, **L, **BEN),
+            ask("friction.set", NO_LEASE, mu_s=0.4, **L, **BEN),
+            mu(0.3, "ben"),
+            ask("friction.set", mu_s=0.5, **L),
+        ],
+    ),
+    "a lower mu_d is more lenient, because a smaller fall is a slip": (
+        RIG_OF_TWO,
+        [
+            ask("friction.set", mu_s=0.5, mu_d=0.49, **L),
+            ask("friction.set", NO_LEASE, mu_s=0.5, mu_d=0.2, **L),
+            ask("friction.set", "a lower mu_d", mu_s=0.5, mu_d=0.2, **L),
+        ],
+    ),
+    "any mu is more lenient than an unknown one": (
+        LEFT.replace("mu = 0.5\n", ""),
+        [
+            ask(
+                "friction.set",
+                "mu_s 0.2, while no coefficient is stated, makes the verdicts on finger left more lenient",
+                mu_s=0.2,
+                **L,
+            ),
+            lease,
+            ask("friction.set", ("out_of_range", "mu_s"), mu_s=2.01, **L),
+            ask("friction.set", mu_s=2.0, **L),
+        ],
+    ),
+    "a config may allow every client to raise mu up to mu_max, and to name the object": (
+        LEFT.replace("mu = 0.5", "mu = 0.5\nmu_max = 1.5") + FREE,
+        [
+            ask("friction.set", mu_s=1.5, **L, **BEN),
+            ask("friction.set", ("out_of_range", "mu_s"), mu_s=1.51, **L, **BEN),
+            ask("object.set", name="mug", **BEN),
+        ],
+    ),
+    "a rig without gripper has a lease for friction, and a tare needs none": (
+        LEFT,
+        [
+            wrench(0.0),
+            ask("tare", **L),
+            ask("lease.renew", NO_LEASE),
+            lease,
+            ask("lease.acquire", ("lease_held", ""), ttl_ms=100, **BEN),
+            ask("lease.acquire", ("out_of_range", "ttl_ms"), ttl_ms=201, **BEN),
+            status(lease={"held": True, "expires_in_s": pytest.approx(0.2)}, gripper=None),
+            ask("friction.set", NO_LEASE, mu_s=0.6, **L, **BEN),
+            ask("friction.set", mu_s=0.6, **L),
+            ask("lease.renew"),
+            tick,
+            sleep(100_000_000),
+            ask("lease.renew", NO_LEASE),
+            lease,
+            ask("lease.release"),
+            status(lease={"held": False, "expires_in_s": None}),
+        ],
+    ),
+    # the object
+    "an object is named with the friction in use for it": (
+        RIG_OF_TWO,
+        [
+            lease,
+            ask(
+                "object.set",
+                {
+                    "object_name": "mug-2",
+                    "fingers": {name: {"mu": 0.5, "mu_source": "config"} for name in ("left", "right")},
+                },
+                name="mug-2",
+            ),
+            status(object_name="mug-2", object_by="ann", object_t_ns=100_000_000_000),
+            ask("object.set", name=None),
+            status(object_name=None),
+            *(ask("object.set", {"object_name": name}, name=name) for name in ("mug", "Box_2.b-c", "7", "x" * 64)),
+        ],
+    ),
+    "another name needs the lease, the same does not": (
+        RIG_OF_TWO,
+        [
+            ask("object.set", NO_LEASE, name="mug"),
+            lease,
+            ask("object.set", NO_LEASE, name="mug", **BEN),
+            ask("object.set", name="mug"),
+            ask("object.set", NO_LEASE, name="box", **BEN),
+            ask("object.set", NO_LEASE, name=None, **BEN),
+            ask("object.set", name="mug", **BEN),
+        ],
+    ),
+    "a refusal says whether the lease can be had": (
+        RIG_OF_TWO,
+        [
+            ask("object.set", ": acquire the lease first (lease.acquire)", name="mug"),
+            ask("friction.set", ": acquire the lease first (lease.acquire)", mu_s=0.6, **L),
+            lease,
+            ask("object.set", ": another client holds the lease", name="mug", **BEN),
+            ask("friction.set", ": another client holds the lease", mu_s=0.6, **L, **BEN),
+        ],
+    ),
+    # tares
+    "a free finger is tared and verified": (
+        RIG_OF_TWO,
+        [
+            no_image,
+            wrench(0.2, (0.1, 0.0)),
+            ask(
+                "tare",
+                {"seconds": 0.01, "verified": True, "tare_id": 0, "tare_ids": {"wrench": 0}, **L},
+                seconds=0.01,
+                **L,
+            ),
+            tared(0, busy=True),
+            wrench(0.2, (0.1, 0.0), times=12),
+            tared(1, busy=False, readings=10, taken_t_ns=100_011_000_000, offset=approx(0.1, 0.0, -0.2, 0.0, 0.0, 0.0)),
+            newest("slip.left", tare_id=1),
+        ],
+    ),
+    "a tared finger in contact is not tared again": (
+        RIG_OF_TWO,
+        [
+            bring_up,
+            wrench(5.0),
+            ask("tare", IN_CONTACT, **L),
+            wrench(0.0),
+            ask("tare", {"seconds": 0.5, "verified": True}, **L),
+        ],
+    ),
+    "a finger whose image is pressed is not tared": (RIG_OF_TWO, [image(), wrench(0.0), ask("tare", IN_CONTACT, **L)]),
+    "a silent finger is not tared": (
+        RIG_OF_TWO,
+        [ask("tare", NOT_READY, **L), wrench(0.0), wait(100), tick, ask("tare", NOT_READY, **L)],
+    ),
+    "an averaging time out of range is refused": (
+        RIG_OF_TWO,
+        [
+            wrench(0.0),
+            *(ask("tare", ("out_of_range", "seconds"), seconds=s, **L) for s in (0, -1.0, 10.1, 1e300)),
+            tared(0, busy=False),
+        ],
+    ),
+    "readings that are not finite stay out of a tare": (
+        RIG_OF_TWO,
+        [
+            wrench(0.0),
+            ask("tare", seconds=0.02, **L),
+            *(wrench(math.nan if k in (5, 11) else 0.3) for k in range(24)),
+            tared(1, offset=approx(0.0, 0.0, -0.3, 0.0, 0.0, 0.0)),
+        ],
+    ),
+    "undo restores the tare before, once": (
+        RIG_OF_TWO,
+        [
+            ask("tare.undo", NOT_READY, **L),
+            bring_up,
+            ask("tare.undo", {"tare_id": 0, "taken_t_ns": None}, **L),
+            tared(0),
+            ask("tare.undo", NOT_READY, **L),
+        ],
+    ),
+    "no other client tares the sensors of the holder": (
+        RIG_OF_TWO,
+        [
+            bring_up,
+            *(
+                ask(op, ("lease_held", ""), stream=stream, **L, **BEN)
+                for op in ("tare", "tare.undo")
+                for stream in ("wrench", "pad")
+            ),
+            ask("tare.get", {"tare_id": 1}, **L, **BEN),
+            ask("tare.undo", **L),
+            ask("lease.release"),
+            feel(0.0),
+            ask("tare", **L, **BEN),
+        ],
+    ),
+    "only the holder undoes a tare in contact": (
+        RIG_OF_TWO,
+        [
+            bring_up,
+            ask("lease.release"),
+            feel(5.0),
+            ask("tare.undo", NO_LEASE, **L),
+            tared(1),
+            lease,
+            ask("tare.undo", **L),
+        ],
+    ),
+    # gravity
+    "the gravity that the holder sends is set by no other client while it is fresh": (
+        RIG_OF_TWO,
+        [
+            ask("gravity.set", {"gravity": "none"}, by=b"arm", **DOWN, **L),
+            lease,
+            ask("gravity.set", by=b"arm", **DOWN, **L),
+            ask("gravity.set", **DOWN, **L),
+            ask("gravity.set", ("lease_held", "gravity_mps2"), by=b"arm", **TURNED, **L),
+            wait(150),
+            ask("lease.renew"),
+            wait(150),
+            ask("gravity.set", by=b"arm", **DOWN, **L),
+        ],
+    ),
+    # every other request is refused, and changes nothing
+    "a wrong request is refused with its code and field": (
+        RIG_OF_TWO,
+        [
+            lease,
+            *(
+                ask("friction.set", refusal, **{"mu_s": 0.5} | L | fields)
+                for fields, refusal in (
+                    ({"finger": "middle"}, ("unknown_finger", "finger")),
+                    *(({"mu_s": wrong}, ("out_of_range", "mu_s")) for wrong in (0.0, 1.01, 10.0, -0.5)),
+                    *(({"mu_d": wrong}, ("out_of_range", "mu_d")) for wrong in (0.51, 0.0)),
+                    ({"mu_s": "0.5"}, ("bad_type", "mu_s")),
+                    ({"mu_s": ...}, ("missing_field", "mu_s")),
+                    ({"mu": 0.5}, ("unknown_field", "mu")),
+                    ({"finger": None}, ("bad_type", "finger")),
+                )
+            ),
+            *(
+                ask("gravity.set", refusal, **DOWN | L | fields)
+                for fields, refusal in (
+                    ({"finger": "right"}, NOT_READY),
+                    ({"finger": "middle"}, ("unknown_finger", "finger")),
+                    ({"gravity_mps2": [0.0, 0.0, -98.0]}, ("out_of_range", "gravity_mps2")),
+                    *(
+                        ({"gravity_mps2": wrong}, ("bad_type", "gravity_mps2"))
+                        for wrong in ([0.0, -9.8], -9.8, [0.0, 0.0, "down"], [0.0, 0.0, True])
+                    ),
+                    ({"gravity_mps2": ...}, ("missing_field", "gravity_mps2")),
+                )
+            ),
+            *(ask(op, ("unknown_finger", "finger"), finger="middle") for op in ("tare", "tare.get", "tare.undo")),
+            *(ask("object.set", ("out_of_range", "name"), name=n) for n in ("", "x" * 65, "mug\n", ".mug", "Größe")),
+            ask(
+                "object.set",
+                "name must have 1 to 64 letters, digits, `.`, `_` and `-`, the first a letter or digit, got 'a mug'",
+                name="a mug",
+            ),
+            ask("object.set", ("bad_type", "name"), name=3),
+            ask("object.set", ("missing_field", "name")),
+            ask("object.set", ("unknown_field", "finger"), name="mug", **L),
+            status(object_name=None),
+            mu(0.5, None, "config"),
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_course_of_requests(name: str) -> None:
+    text, steps = COURSES[name]
+    run = Run(text)
+    run.up()
+    follow(run, steps)
+
+
+def test_a_bias_that_looks_like_a_contact_can_be_tared_but_not_verified() -> None:
+    run = Run(RIG_OF_TWO, zeros=False)
+    run.up()
+    biased = wrench(25.0, (3.0, 0.0))
+    follow(run, [biased, ask("tare", {"verified": False}, seconds=0.01, **L), *[biased] * 12, level("no_contact")])
+
+
+def test_a_pad_that_measures_the_force_is_tared_by_its_taxels(run: Run) -> None:
+    run.exact = True
+    light, right = skin(0.4, (0.2, 0.0)), {"finger": "right"}
+    offset = pytest.approx([1050.0, 1000.0, 1100.0] * 4)
+    follow(
+        run,
+        [
+            light,
+            ask("tare", {"verified": True}, seconds=0.1, **right),
+            *[light] * 12,
+            ask("tare.get", {"tare_id": 1, "offset": offset}, **right),
+            skin(5.0),
+            ask("tare", IN_CONTACT, **right),
         ],
     )
-    def test_every_other_request_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
-        given = {"finger": "left", "mu_s": 0.5} | fields
-        assert run.refusal("friction.set", **given) == refusal
-
-    def test_only_the_lease_holder_may_raise_mu(self, run: Run) -> None:
-        run.bring_up()
-        run.image()
-        run.wrench(10.0, (4.6, 0.0))
-        assert run.level()[0] == "warning"
-        raised = {"finger": "left", "mu_s": 0.8}
-        assert run.refusal("friction.set", client=b"ben", **raised) == ("no_lease", "")
-        run.wrench(10.0, (4.6, 0.0))
-        assert run.level()[0] == "warning", "what was refused has changed nothing"
-        assert run.published("slip.left")[-1]["mu"] == 0.5
-        assert run.refusal("friction.set", client=b"ann", **raised) is None
-        run.wrench(10.0, (4.6, 0.0))
-        assert run.level()[0] == "stable"
-        state = run.ask("status")["result"]["fingers"]["left"]
-        set_ns = run.t_ns - 1_000_000
-        stated = {"mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": set_ns}
-        assert {key: state[key] for key in stated} == stated
-
-    def test_mu_is_not_raised_without_a_lease(self, run: Run) -> None:
-        assert run.refusal("friction.set", finger="left", mu_s=0.6) == ("no_lease", "")
-        run.lease()
-        run.wait(200)
-        assert run.refusal("friction.set", finger="left", mu_s=0.6) == ("no_lease", ""), "it ran out"
-
-    def test_every_client_may_set_a_stricter_mu(self, run: Run) -> None:
-        run.lease()
-        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.3) is None
-        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.3) is None, "the same is no change"
-        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.4) == ("no_lease", "")
-        assert run.ask("status")["result"]["fingers"]["left"]["mu_by"] == "ben"
-        assert run.refusal("friction.set", finger="left", mu_s=0.5) is None, "its holder puts it back"
-
-    def test_a_lower_mu_d_counts_as_more_lenient(self, run: Run) -> None:
-        assert run.refusal("friction.set", finger="left", mu_s=0.5, mu_d=0.49) is None, "a smaller fall is a slip"
-        assert run.refusal("friction.set", finger="left", mu_s=0.5, mu_d=0.2) == ("no_lease", "")
-        assert "a lower mu_d" in run.ask("friction.set", finger="left", mu_s=0.5, mu_d=0.2)["error"]["message"]
-
-    def test_any_mu_is_more_lenient_than_an_unknown_one(self, make_run: Callable[[str], Run], left: str) -> None:
-        run = make_run(left.replace("mu = 0.5\n", ""))
-        run.up()
-        message = run.ask("friction.set", finger="left", mu_s=0.2)["error"]["message"]
-        assert message.startswith(
-            "mu_s 0.2, while no coefficient is stated, makes the verdicts on finger left more lenient"
-        )
-        run.lease()
-        assert run.refusal("friction.set", finger="left", mu_s=2.01) == ("out_of_range", "mu_s")
-        assert run.refusal("friction.set", finger="left", mu_s=2.0) is None
-
-    def test_a_config_may_allow_every_client_to_raise_mu_up_to_mu_max(
-        self, make_run: Callable[[str], Run], left: str
-    ) -> None:
-        free = "\n[requests]\nfriction_without_lease = true\n"
-        run = make_run(left.replace("mu = 0.5", "mu = 0.5\nmu_max = 1.5") + free)
-        run.up()
-        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=1.5) is None
-        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=1.51) == ("out_of_range", "mu_s")
-
-    def test_a_rig_without_gripper_has_a_lease_for_friction(self, make_run: Callable[[str], Run], left: str) -> None:
-        run = make_run(left)
-        run.up()
-        assert run.refusal("lease.renew") == ("no_lease", "")
-        run.lease()
-        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=100) == ("lease_held", "")
-        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=201) == ("out_of_range", "ttl_ms")
-        status = run.ask("status")["result"]
-        assert status["lease"] == {"held": True, "expires_in_s": pytest.approx(0.2)}
-        assert status["gripper"] is None
-        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.6) == ("no_lease", "")
-        assert run.refusal("friction.set", finger="left", mu_s=0.6) is None
-        assert run.refusal("lease.renew") is None
-        run.tick()
-        run.tick(100_000_000)
-        assert run.refusal("lease.renew") == ("no_lease", ""), "the host slept"
-        run.lease()
-        assert run.refusal("lease.release") is None
-        assert run.ask("status")["result"]["lease"] == {"held": False, "expires_in_s": None}
 
 
-class TestSensorsOfTheLeaseHolder:
-    def test_no_other_client_may_tare_them(self, run: Run) -> None:
-        run.bring_up()
-        for op in ("tare", "tare.undo"):
-            for stream in ("wrench", "pad"):
-                asked = {"finger": "left", "stream": stream}
-                assert run.refusal(op, client=b"ben", **asked) == ("lease_held", "")
-        assert run.ask("tare.get", client=b"ben", finger="left")["result"]["tare_id"] == 1
-        assert run.refusal("tare.undo", finger="left") is None, "the holder may"
-        run.ask("lease.release")
-        run.feel(0.0)
-        assert run.refusal("tare", client=b"ben", finger="left") is None, "nobody holds the lease"
+def test_no_client_may_set_the_gravity_that_an_arm_stream_gives() -> None:
+    run, refused = ArmRun(), ask("gravity.set", ("not_ready", "gravity_mps2"), gravity_mps2=[9.8, 0.0, 0.0], **L)
+    given = ask("gravity.set", gravity_mps2=[9.8, 0.0, 0.0], **L)
+    carry, carry_long = ArmRun.carry, lambda run: run.carry_for(1100)
+    follow(run, [given, carry_long, lease, refused, wait(21), given, carry, refused])
+    follow(ArmRun(RIG.replace(ARM, "")), [given])
 
-    def test_only_the_holder_may_undo_a_tare_in_contact(self, run: Run) -> None:
-        run.bring_up()
-        run.ask("lease.release")
-        run.feel(5.0)
-        assert run.refusal("tare.undo", finger="left") == ("no_lease", "")
-        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
-        run.lease()
-        assert run.refusal("tare.undo", finger="left") is None
 
-    def test_a_rig_without_gripper_is_tared_without_a_lease(self, make_run: Callable[[str], Run], left: str) -> None:
-        run = make_run(left)
-        run.up()
-        run.wrench(0.0)
-        assert run.refusal("tare", finger="left") is None
-
-    def test_no_other_client_may_set_the_gravity_that_the_holder_sets(self, run: Run) -> None:
-        down, up = [0.0, 0.0, -9.8], [0.0, 0.0, 9.8]
-        assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down) is None
-        run.lease()
-        assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down) is None, "the arm's own"
-        assert run.refusal("gravity.set", finger="left", gravity_mps2=down) is None
-        assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=up) == (
-            "lease_held",
-            "gravity_mps2",
-        )
-        run.wait(150)
-        assert run.refusal("lease.renew") is None
-        run.wait(150)
-        refusal = run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down)
-        assert refusal is None, "that of the holder is stale"
-
-    def test_no_client_may_set_the_gravity_that_an_arm_stream_gives(self) -> None:
-        run, down = ArmRun(), {"finger": "left", "gravity_mps2": [9.8, 0.0, 0.0]}
-        assert run.refusal("gravity.set", **down) is None, "the stream has not begun"
-        run.carry_for(1100)
-        run.lease()
-        assert run.refusal("gravity.set", **down) == ("not_ready", "gravity_mps2"), "nor may who holds the lease"
-        run.wait(21)
-        assert run.refusal("gravity.set", **down) is None, "the stream is stale"
-        run.carry()
-        assert run.refusal("gravity.set", **down) == ("not_ready", "gravity_mps2"), "it counts at once"
-        bare = ArmRun(RIG.replace(ARM, ""))
-        assert bare.refusal("gravity.set", **down) is None
+def test_A2_a_tare_that_was_refused_stays_refused(run: Run) -> None:
+    once = {"id": "c-1", "deadline_ns": run.t_ns + 400_000_000}
+    follow(run, [ask("tare", NOT_READY, **once, **L), wrench(0.0), ask("tare", NOT_READY, **once, **L)])

@@ -3,389 +3,553 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import pytest
-from engine_rig import FULL_IMAGE, GRIPPER, LEFT, MOVES, Run
+from engine_rig import FULL_IMAGE, GRIPPER, LEFT, MOVES, RIGHT, Run
+from run_courses import (
+    Step,
+    ask,
+    bring_up,
+    commanded,
+    down,
+    feel,
+    follow,
+    grip,
+    gripper,
+    image,
+    lease,
+    let_lease_be,
+    level,
+    newest,
+    serve,
+    skin,
+    sleep,
+    status,
+    tick,
+    up,
+    wait,
+    wrench,
+    wrote,
+)
 
-BEN = {"client": b"ben"}
-NO_GRIPPER = LEFT
+from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT
+
+MS = 1_000_000
+RIG = LEFT + RIGHT + GRIPPER
 NO_LIMIT = LEFT + GRIPPER.replace("max_force_n", "# max_force_n")
-
-
-def free(run: Run) -> None:
-    run.bring_up()
-
-
-def released(run: Run) -> None:
-    run.bring_up()
-    run.ask("lease.release")
-
-
-def inactive(run: Run) -> None:
-    run.ask("lease.acquire", ttl_ms=200)
-    run.serve_gripper(50)
-
-
-def unanswered(run: Run) -> None:
-    run.ask("lease.acquire", ttl_ms=200)
-
-
-def silent(run: Run) -> None:
-    run.bring_up()
-    run.gripper.silent = True
-    run.serve_gripper(500)
-
-
-def faulty(run: Run) -> None:
-    run.bring_up()
-    run.gripper.fault = 8
-    run.serve_gripper(50)
-
-
-def faulty_and_acknowledged(run: Run) -> None:
-    faulty(run)
-    run.ask("fault.ack")
-
-
-def half_closed(run: Run) -> None:
-    run.bring_up()
-    run.gripper.position = 128
-    run.serve_gripper(50)
-
-
-def held(run: Run) -> None:
-    run.bring_up()
-    run.grip(5.0)
-
-
-FORCE_OUT = "out_of_range", "force_n"
+COARSE = RIG.replace("[[0, 3.0], [255, 28.5]]", "[[0, 20.0], [255, 235.0]]").replace("25.0", "120.0")
+WEAK = RIG.replace("[255, 28.5]", "[255, 20.0]").replace("= 25.0", "= 20.0")
+BEN: dict[str, Any] = {"by": b"ben"}
+NO_LEASE, NOT_READY, LATCHED, TOO_FAST = ("no_lease", ""), ("not_ready", ""), ("fault_latched", ""), "too_fast"
+FORCE_OUT, DELTA_OUT, DROP = ("out_of_range", "force_n"), ("out_of_range", "delta_n"), ("in_contact", "drop")
 CLOSE = {"force_n": 5.0}
-REFUSED: list[tuple[Callable[[Run], None], str, dict[str, Any], tuple[str, str]]] = [
-    *((free, op, MOVES[op] | BEN, ("no_lease", "")) for op in MOVES),
-    *((released, op, MOVES[op], ("no_lease", "")) for op in MOVES),
-    *((inactive, op, MOVES[op], ("not_active", "")) for op in MOVES if op != "gripper.activate"),
-    (unanswered, "gripper.activate", {}, ("no_gripper", "")),
-    (silent, "gripper.close", CLOSE, ("no_gripper", "")),
-    (silent, "gripper.stop", {}, ("no_gripper", "")),
-    (faulty, "gripper.close", CLOSE, ("fault_latched", "")),
-    (faulty_and_acknowledged, "gripper.close", CLOSE, ("gripper_fault", "")),
-    *((free, "gripper.close", {"force_n": force_n}, FORCE_OUT) for force_n in (25.1, 2.9, -5.0, 0, 10**6, 1e308)),
-    (free, "grip.set", {"force_n": 25.1}, FORCE_OUT),
-    (free, "grip.set", {"force_n": math.nan}, ("not_finite", "force_n")),
-    (free, "gripper.close", {"force_n": math.inf}, ("not_finite", "force_n")),
-    (free, "grip.set", CLOSE, ("not_ready", "")),
-    (free, "grip.adjust", {"delta_n": 1.0}, ("not_ready", "")),
-    (half_closed, "gripper.close", {"force_n": 5.0, "width_m": 0.06}, ("out_of_range", "width_m")),
-    (held, "grip.set", {"force_n": 7.5}, FORCE_OUT),
-    (held, "gripper.close", {"force_n": 7.5}, FORCE_OUT),
-    *((held, "grip.adjust", {"delta_n": delta_n}, ("out_of_range", "delta_n")) for delta_n in (2.5, -2.5, 1e308)),
-    (held, "grip.adjust", {"delta_n": math.nan}, ("not_finite", "delta_n")),
+HELD: list[Step] = [bring_up, grip(5.0)]
+CLOSED: list[Step] = [bring_up, ask("gripper.close", **CLOSE)]
+HALF_CLOSED: list[Step] = [bring_up, gripper(position=128), serve(50)]
+FAULTY: list[Step] = [bring_up, gripper(fault=8), serve(50)]
+SILENT: list[Step] = [bring_up, gripper(silent=True), serve(500)]
+UNANSWERED: list[Step] = [ask("lease.acquire", ttl_ms=200)]
+REFUSED: list[tuple[list[Step], str, dict[str, Any], tuple[str, str]]] = [
+    *(([bring_up], op, MOVES[op] | BEN, NO_LEASE) for op in MOVES),
+    *(([bring_up, ask("lease.release")], op, MOVES[op], NO_LEASE) for op in MOVES),
+    *(([*UNANSWERED, serve(50)], op, MOVES[op], ("not_active", "")) for op in MOVES if op != "gripper.activate"),
+    (UNANSWERED, "gripper.activate", {}, ("no_gripper", "")),
+    (SILENT, "gripper.close", CLOSE, ("no_gripper", "")),
+    (SILENT, "gripper.stop", {}, ("no_gripper", "")),
+    (FAULTY, "gripper.close", CLOSE, LATCHED),
+    ([*FAULTY, ask("fault.ack")], "gripper.close", CLOSE, ("gripper_fault", "")),
+    *(([bring_up], "gripper.close", {"force_n": n}, FORCE_OUT) for n in (25.1, 2.9, -5.0, 0, 10**6, 1e308)),
+    ([bring_up], "grip.set", {"force_n": 25.1}, FORCE_OUT),
+    ([bring_up], "grip.set", {"force_n": math.nan}, ("not_finite", "force_n")),
+    ([bring_up], "gripper.close", {"force_n": math.inf}, ("not_finite", "force_n")),
+    ([bring_up], "grip.set", CLOSE, NOT_READY),
+    ([bring_up], "grip.adjust", {"delta_n": 1.0}, NOT_READY),
+    (HALF_CLOSED, "gripper.close", {"force_n": 5.0, "width_m": 0.06}, ("out_of_range", "width_m")),
+    (HELD, "grip.set", {"force_n": 7.5}, FORCE_OUT),
+    (HELD, "gripper.close", {"force_n": 7.5}, FORCE_OUT),
+    *((HELD, "grip.adjust", {"delta_n": n}, DELTA_OUT) for n in (2.5, -2.5, 1e308)),
+    (HELD, "grip.adjust", {"delta_n": math.nan}, ("not_finite", "delta_n")),
 ]
 
 
-@pytest.mark.parametrize(
-    ("state", "op", "fields", "refusal"), REFUSED, ids=lambda value: getattr(value, "__name__", None)
-)
+@pytest.mark.parametrize(("before", "op", "fields", "refusal"), REFUSED)
 def test_A3_a_motion_that_a_rule_forbids_is_refused_and_nothing_is_sent(
-    run: Run, state: Callable[[Run], None], op: str, fields: dict[str, Any], refusal: tuple[str, str]
+    run: Run, before: list[Step], op: str, fields: dict[str, Any], refusal: tuple[str, str]
 ) -> None:
-    state(run)
-    run.writes()
-    assert run.refusal(op, **fields) == refusal
-    run.serve_gripper(100)
-    assert run.writes() == []
+    follow(run, [*before, wrote(), ask(op, refusal, **fields), serve(100), wrote(0)])
 
 
 @pytest.mark.parametrize(
     ("text", "op", "code"),
-    [
-        *((NO_GRIPPER, op, "no_gripper") for op in (*MOVES, "fault.ack")),
-        *((NO_LIMIT, op, "no_limit") for op in MOVES),
-    ],
+    [*((LEFT, op, "no_gripper") for op in (*MOVES, "fault.ack")), *((NO_LIMIT, op, "no_limit") for op in MOVES)],
 )
 def test_a_rig_that_cannot_move_refuses_every_motion(text: str, op: str, code: str) -> None:
     run = Run(text)
     run.up()
-    run.serve_gripper(50)
-    run.lease()
-    assert run.refusal(op, **MOVES.get(op, {})) == (code, "")
-    run.serve_gripper(100)
-    assert run.writes() == []
+    follow(run, [serve(50), lease, ask(op, (code, ""), **MOVES.get(op, {})), serve(100), wrote(0)])
 
 
-def test_G3_a_force_outside_the_gripper_range_is_refused(rig: str) -> None:
-    run = Run(rig.replace("[255, 28.5]", "[255, 20.0]").replace("= 25.0", "= 20.0"))
+def latched(fault: str) -> Step:
+    """Check the latched fault in ``gripper`` and in ``status``."""
+
+    def step(run: Run) -> None:
+        newest("gripper", latched_fault=fault)(run)
+        found = run.ask("status")["result"]
+        assert found["gripper"]["latched_fault"] == fault
+        assert ("is latched" in found["streams"]["gripper"]["message"]) == bool(fault)
+
+    return step
+
+
+def adjusted(applied_n: float, setting: int, op: str, **fields: float) -> list[Step]:
+    """The force of a held object is set without motion."""
+    return [
+        ask(op, {"applied_n": pytest.approx(applied_n)}, **fields),
+        serve(50),
+        feel(applied_n),
+        commanded(position=255, force=setting),
+        newest("gripper", force_command_n=pytest.approx(applied_n)),
+    ]
+
+
+COURSES: dict[str, tuple[str, list[Step]]] = {
+    "a grip is closed with the setting below the requested force, and stopped": (
+        RIG,
+        [
+            bring_up,
+            ask("gripper.close", {"applied_n": pytest.approx(10.0)}, force_n=10.05),
+            serve(50),
+            commanded(position=255, force=70, go=True),
+            newest("gripper", force_command_n=pytest.approx(10.0)),
+            ask("gripper.stop", {}),
+            serve(50),
+            commanded(go=False, activate=True),
+        ],
+    ),
+    "open is allowed while every finger is known to be free": (
+        RIG,
+        [
+            *CLOSED,
+            serve(50),
+            feel(0.0),
+            ask("gripper.open", {"applied_n": pytest.approx(3.0)}),
+            serve(50),
+            commanded(position=0, go=True),
+        ],
+    ),
+    "open is refused on readings from before a stall, although no tick noticed it": (
+        RIG,
+        [
+            bring_up,
+            feel(0.0),
+            wait(60),
+            ask("gripper.open", DROP),
+            level("no_contact", finger="right"),
+            serve(20),
+            feel(0.0),
+            ask("gripper.open"),
+        ],
+    ),
+    "G3 a force outside the range of the gripper is refused": (
+        WEAK,
+        [bring_up, ask("gripper.close", FORCE_OUT, force_n=2.0), ask("gripper.close", force_n=3.0)],
+    ),
+    "pending commands are not sent to a replugged gripper": (
+        RIG,
+        [
+            bring_up,
+            gripper(silent=True),
+            ask("gripper.close", **CLOSE),
+            down("gripper"),
+            gripper(silent=False),
+            wrote(),
+            up("gripper"),
+            serve(200),
+            wrote(0),
+            ask("grip.set", NO_LEASE, force_n=5.0),
+        ],
+    ),
+    **{
+        f"a command that waited for a poll is not sent after a {what}": (
+            RIG,
+            [
+                bring_up,
+                tick,
+                feel(0.0),
+                gripper(silent=True),
+                serve(20),
+                feel(0.0),
+                ask("gripper.open"),
+                let_lease_be,
+                gripper(silent=False),
+                *steps,
+                serve(500),
+                wrote(0),
+                newest("gripper", latched_fault="command_lost", active=True),
+            ],
+        )
+        for what, steps in (
+            ("stall", [wait(10_000), wrench(0.0)]),
+            ("sleep", [wait(5), sleep(3600 * 10**9), newest("gripper", active=None, width_m=None, age_s=None)]),
+        )
+    },
+    "the force of a held object is set and adjusted without motion": (
+        RIG,
+        [
+            *HELD,
+            *adjusted(6.0, 30, "grip.set", force_n=6),
+            *adjusted(6.5, 35, "grip.adjust", delta_n=0.5),
+            *adjusted(5.5, 25, "grip.adjust", delta_n=-1.0),
+        ],
+    ),
+    "A8 the force rises no faster than the limit": (
+        RIG,
+        [
+            *HELD,
+            ask("grip.adjust", delta_n=2.0),
+            ask("grip.adjust", (TOO_FAST, "delta_n"), delta_n=1.0),
+            ask("grip.adjust", "100 ms", delta_n=1.0),
+            serve(100),
+            feel(7.0),
+            ask("grip.adjust", delta_n=1.0),
+        ],
+    ),
+    "A6 A8 raises that the gripper has not acknowledged never act all at once": (
+        RIG,
+        [
+            *HELD,
+            gripper(silent=True),
+            ask("grip.adjust", delta_n=2.0),
+            wait(20),
+            feel(5.0),
+            ask("grip.adjust", (TOO_FAST, "delta_n"), delta_n=0.2),
+            ask("grip.adjust", "within 2 N of the 5 N that the gripper acknowledged last", delta_n=0.2),
+            gripper(silent=False),
+            serve(60),
+            feel(7.0),
+            ask("grip.adjust", delta_n=0.2),
+        ],
+    ),
+    "A8 all raises of a grasp share a budget": (
+        RIG + "budget_n = 3.0\n",
+        [
+            *HELD,
+            ask("grip.adjust", delta_n=2.0),
+            serve(200),
+            feel(7.0),
+            ask("grip.adjust", ("budget_spent", "delta_n"), delta_n=2.0),
+            ask("gripper.open", drop=True),
+            gripper(found=3),
+            feel(0.0),
+            serve(50),
+            grip(8.0),
+            ask("grip.adjust", delta_n=2.0),
+        ],
+    ),
+    **{
+        f"a lost object ends the grasp unless a finger is pressed: {pressed}": (
+            RIG,
+            [
+                *HELD,
+                gripper(found=3),
+                *[feel(5.0 if pressed else 0.0), serve(20)] * 5,
+                feel(5.0 if pressed else 0.0),
+                newest("gripper", object="none"),
+                ask("grip.adjust", None if pressed else NOT_READY, delta_n=0.5),
+                ask("gripper.close", FORCE_OUT if pressed else None, force_n=12.0),
+            ],
+        )
+        for pressed in (False, True)
+    },
+    **{
+        f"hold keeps {held_n or 5.0} N and stops fingers that move: {not go}": (
+            RIG,
+            [
+                *CLOSED,
+                serve(50),
+                gripper(found=found),
+                serve(50),
+                feel(5.0 if found else 0.0),
+                *([ask("grip.set", force_n=held_n)] if held_n else []),
+                ask("grip.hold", {"force_n": pytest.approx(held_n or 5.0)}),
+                serve(100),
+                commanded(go=go, activate=True),
+            ],
+        )
+        for held_n, found, go in ((None, 2, True), (6.0, 2, True), (None, 0, False))
+    },
+    # a latched fault refuses every motion until it is acknowledged
+    "the first fault blocks every motion until it is acknowledged": (
+        RIG,
+        [
+            *HELD,
+            *(step for fault in (8, 10, 0) for step in (gripper(fault=fault), serve(50))),
+            latched("over_temperature"),
+            feel(5.0),
+            wrote(),
+            *(ask(op, LATCHED, **MOVES[op]) for op in sorted(set(MOVES) - {"gripper.stop", "grip.hold"})),
+            serve(50),
+            wrote(0),
+            ask("grip.hold"),
+            ask("gripper.stop"),
+            serve(50),
+            wrote(1),
+            ask("fault.ack", NO_LEASE, **BEN),
+            ask("fault.ack", {"fault": "over_temperature"}),
+            ask("fault.ack", {"fault": None}),
+            serve(50),
+            latched(""),
+            ask("grip.adjust", delta_n=-0.5),
+        ],
+    ),
+    **{
+        f"D4 fault {fault} of the gripper blocks": (
+            RIG,
+            [
+                bring_up,
+                gripper(fault=fault),
+                serve(50),
+                lambda run: latched(run.published("gripper")[-1]["fault"])(run),
+                ask("gripper.close", LATCHED, **CLOSE),
+            ],
+        )
+        for fault in (5, 7, *range(8, 16))
+    },
+    "D4 reports during an activation are no fault": (
+        RIG,
+        [
+            bring_up,
+            ask("gripper.activate", drop=True),
+            gripper(activates=True, fault=5),
+            serve(100),
+            latched(""),
+            gripper(activates=False, stage=3, fault=0),
+            serve(50),
+            latched(""),
+            ask("gripper.close", **CLOSE),
+        ],
+    ),
+    "D4 a lost activation is latched": (
+        RIG,
+        [
+            *HELD,
+            serve(1000),
+            gripper(stage=0),
+            serve(50),
+            latched("activation_lost"),
+            newest("gripper", force_command_n=None),
+        ],
+    ),
+    "D5 an echo that differs is latched, and again while it lasts": (
+        RIG,
+        [
+            *HELD,
+            gripper(echo=7),
+            serve(200),
+            latched("echo_mismatch"),
+            lambda run: check_first_echoes(run),
+            ask("fault.ack"),
+            serve(100),
+            latched("echo_mismatch"),
+        ],
+    ),
+    "A6 an unanswered command is latched, and does not stand in the way of the next": (
+        RIG,
+        [
+            *HELD,
+            gripper(silent=True),
+            ask("grip.adjust", delta_n=0.5),
+            lambda run: serve_until_latched(run),
+            newest("gripper", latched_fault="command_lost"),
+            newest("status", gripper={"latched_fault": "command_lost"}),
+            gripper(silent=False),
+            serve(100),
+            ask("fault.ack", {"fault": "command_lost"}),
+            serve(50),
+            ask("grip.set", force_n=5.0),
+        ],
+    ),
+    "silence of a holding gripper is latched": (RIG, [*HELD, gripper(silent=True), serve(400), latched("no_answer")]),
+    "a link lost during a grip is latched, and one of a free gripper is not": (
+        RIG,
+        [
+            bring_up,
+            down("gripper"),
+            latched(""),
+            up("gripper"),
+            lease,
+            serve(100),
+            grip(5.0),
+            down("gripper"),
+            latched("link_lost"),
+            newest("gripper", active=None),
+        ],
+    ),
+    # the lease
+    "one client holds the lease until its last nanosecond": (
+        RIG,
+        [
+            ask("lease.acquire", {"ttl_ms": 200}, ttl_ms=200),
+            ask("lease.acquire", ("lease_held", ""), ttl_ms=200, **BEN),
+            ask("lease.acquire", ("out_of_range", "ttl_ms"), ttl_ms=1001),
+            wait(150),
+            ask("lease.renew", {}),
+            wait(200 - 1e-6),
+            status(lease={"held": True, "expires_in_s": pytest.approx(1e-9)}),
+            ask("lease.renew", NO_LEASE, **BEN),
+            wait(1e-6),
+            ask("lease.renew", NO_LEASE),
+            ask("lease.acquire", ttl_ms=200, **BEN),
+            ask("lease.release", {}, **BEN),
+        ],
+    ),
+    "a lease ends before the next client gets it, and its end moves nothing": (
+        RIG,
+        [
+            lease,
+            wait(201),
+            ask("lease.acquire", ttl_ms=200, **BEN),
+            lambda run: check_held(run, [False]),
+            ask("lease.release", **BEN),
+            bring_up,
+            wrote(),
+            ask("gripper.close", force_n=10.0),
+            serve(50),
+            wrote(1),
+            ask("lease.release"),
+            serve(2000),
+            wrote(0),
+        ],
+    ),
+    "urgent requests of the holder are served in a crowd of clients": (
+        RIG,
+        [
+            ask("lease.acquire", ttl_ms=200),
+            ask("tare.get", finger="left", deadline_ns=100_400_000_000, times=PER_CLIENT - 1),
+            *(
+                ask("tare.get", finger="left", deadline_ns=100_400_000_000, by=b"%d" % number)
+                for number in range(MOST_CLIENTS - 1)
+            ),
+            ask("tare.get", ("busy", ""), finger="left", by=b"newcomer"),
+            ask("tare.get", ("busy", ""), finger="left"),
+            ask("gripper.stop", ("busy", ""), by=b"newcomer"),
+            ask("lease.renew"),
+            ask("grip.hold", ("no_gripper", "")),
+            ask("gripper.stop", ("no_gripper", "")),
+        ],
+    ),
+}
+
+
+def check_first_echoes(run: Run) -> None:
+    found = [body["latched_fault"] for body in run.published("gripper")]
+    at = found.index("echo_mismatch")
+    echoes = [body["echo_ok"] for body in run.published("gripper")[: at + 1]]
+    assert echoes[-3:] == [False] * 3
+    assert echoes[-4] is True
+
+
+def serve_until_latched(run: Run) -> None:
+    while not run.published("gripper")[-1]["latched_fault"]:
+        run.serve_gripper(5)
+        assert run.t_ns < 110_000 * MS
+
+
+def check_held(run: Run, expected: list[bool]) -> None:
+    assert [body["lease"]["held"] for body in run.published("gripper")] == expected
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_A6_A8_D4_D5_G3_a_course_of_requests(name: str) -> None:
+    text, steps = COURSES[name]
+    run = Run(text)
     run.up()
-    run.bring_up()
-    assert run.refusal("gripper.close", force_n=2.0) == FORCE_OUT
-    assert run.refusal("gripper.close", force_n=3.0) is None
+    follow(run, steps)
 
 
-@pytest.mark.parametrize(("ms", "suspended_ns"), [(200, 0), (5, 10**9)])
-def test_a_rig_without_gripper_publishes_the_end_of_a_lease_at_once(ms: int, suspended_ns: int) -> None:
-    run = Run(NO_GRIPPER + "[rates]\nstatus_hz = 0.001\n")
-    run.up()
-    run.tick()
-    run.ask("lease.acquire", ttl_ms=200)
-    before = len(run.published("status"))
-    for wait_ms, slept_ns, ends in ((5, 0, []), (ms, suspended_ns, [False]), (5, suspended_ns, [False])):
-        run.wait(wait_ms)
-        run.tick(slept_ns)
-        assert [body["lease"]["held"] for body in run.published("status")[before:]] == ends
-
-
-def test_a_grip_is_closed_with_the_setting_below_the_requested_force(run: Run) -> None:
-    run.bring_up()
-    assert run.ask("gripper.close", force_n=10.05)["result"] == {"applied_n": pytest.approx(10.0)}
-    run.serve_gripper(50)
-    assert (run.gripper.command.position, run.gripper.command.force, run.gripper.command.go) == (255, 70, True)
-    assert run.published("gripper")[-1]["force_command_n"] == pytest.approx(10.0)
-    assert run.ask("gripper.stop")["result"] == {}
-    run.serve_gripper(50)
-    assert (run.gripper.command.go, run.gripper.command.activate) == (False, True)
-
-
-def test_open_is_allowed_while_every_finger_is_known_to_be_free(run: Run) -> None:
-    run.bring_up()
-    run.ask("gripper.close", force_n=5.0)
-    run.serve_gripper(50)
-    run.feel(0.0)
-    assert run.ask("gripper.open")["result"] == {"applied_n": pytest.approx(3.0)}
-    run.serve_gripper(50)
-    assert (run.gripper.command.position, run.gripper.command.go) == (0, True)
-
-
-NOT_FREE: dict[str, Callable[[Run], object]] = {
-    "in contact": lambda run: run.wrench(5.0),
-    "silent": lambda run: (run.wait(100), run.tick()),
-    "right unplugged": lambda run: run.down("right.pad"),
-    "overloaded": lambda run: run.wrench(0.0, status=2),
-    "untared": lambda run: run.ask("tare.undo", finger="left"),
-    "half blind": lambda run: run.down("left.pad"),
+NOT_FREE: dict[str, list[Step]] = {
+    "in contact": [wrench(5.0)],
+    "silent": [wait(100), tick],
+    "right unplugged": [down("right.pad")],
+    "overloaded": [wrench(0.0, status=2)],
+    "untared": [ask("tare.undo", finger="left")],
+    "half blind": [down("left.pad")],
 }
 
 
 @pytest.mark.parametrize("state", NOT_FREE)
 def test_open_is_refused_unless_fingers_are_known_to_be_free_or_drop_is_set(run: Run, state: str) -> None:
-    """Unknown is not free."""
-    run.bring_up()
-    run.ask("gripper.close", force_n=5.0)
-    run.serve_gripper(100)  # the last image is old, so it shows nothing
-    run.wrench(0.0)
-    run.skin(0.0)
-    NOT_FREE[state](run)
-    run.writes()
-    refused = run.ask("gripper.open")["error"]
-    assert (refused["code"], refused["field"]) == ("in_contact", "drop")
-    assert ("right" if state == "right unplugged" else "left") in refused["message"]
-    assert run.refusal("gripper.activate") == run.refusal("gripper.open", drop=False) == ("in_contact", "drop")
-    run.serve_gripper(20)
-    assert run.writes() == []
-    assert run.refusal("gripper.open", drop=True) is None
-    run.serve_gripper(50)
-    assert run.gripper.command.position == 0
+    """Unknown is not free. The last image is old, so it shows nothing."""
+    follow(run, [*CLOSED, serve(100), wrench(0.0), skin(0.0), *NOT_FREE[state], wrote()])
+    named = "right" if state == "right unplugged" else "left"
+    refused = [ask("gripper.open", named), ask("gripper.open", DROP, drop=False), ask("gripper.activate", DROP)]
+    follow(run, [*refused, serve(20), wrote(0), ask("gripper.open", drop=True), serve(50), commanded(position=0)])
 
 
-def test_open_is_refused_on_readings_from_before_a_stall(run: Run) -> None:
-    """No tick lies between: the readings are old, and it is not known yet whether newer ones wait."""
-    run.bring_up()
-    run.feel(0.0)
-    run.wait(60)
-    assert run.refusal("gripper.open") == ("in_contact", "drop")
-    assert run.level("right") == ("no_contact", []), "the sensor is not silent: its line was not read"
-    run.serve_gripper(20)
-    run.feel(0.0)
-    assert run.refusal("gripper.open") is None
-
-
-def test_nothing_moves_without_a_request(run: Run) -> None:
-    """Readings, ticks, faults, losses and refusals write nothing to the gripper."""
-    run.bring_up()
-    run.ask("gripper.close", force_n=5.0)
-    run.serve_gripper(50)
-    run.writes()
-    happens = {
-        20: lambda: run.down("left.wrench"),
-        30: lambda: run.up("left.wrench"),
-        40: lambda: run.tick(suspended_ns=10**12),
-    }
-    for k in range(60):
-        run.wrench(10.0, (4.9, 0.0))
-        run.image(FULL_IMAGE)
-        run.skin(10.0, (4.0, 0.0))
-        run.serve_gripper(5)
-        happens.get(k, lambda: None)()
-    assert run.writes() == []
-
-
-def test_pending_commands_are_not_sent_to_a_replugged_gripper(run: Run) -> None:
-    run.bring_up()
-    run.gripper.silent = True
-    run.ask("gripper.close", force_n=5.0)
-    run.down("gripper")
-    run.gripper.silent = False
-    run.writes()
-    run.up("gripper")
-    run.serve_gripper(200)
-    assert run.writes() == []
-    assert run.refusal("grip.set", force_n=5.0) == ("no_lease", "")
-
-
-@pytest.mark.parametrize("how", ["stall", "sleep"])
-def test_a_command_that_waited_for_a_poll_is_not_sent_after_a_stall(run: Run, how: str) -> None:
-    run.bring_up()
-    run.tick()
-    run.feel(0.0)
-    run.gripper.silent = True
-    run.serve_gripper(20)
-    run.feel(0.0)
-    assert run.refusal("gripper.open") is None
-    run.let_lease_be()
-    run.gripper.silent = False
-    if how == "stall":
-        run.wait(10_000)
-        run.wrench(0.0)
-    else:
-        run.wait(5)
-        run.tick(suspended_ns=3600 * 10**9)
-        body = run.published("gripper")[-1]
-        assert (body["active"], body["width_m"], body["age_s"]) == (None, None, None)
-    run.serve_gripper(500)
-    assert run.writes() == []
-    body = run.published("gripper")[-1]
-    assert (body["latched_fault"], body["active"]) == ("command_lost", True)
-
-
-# -- the force of a held object changes within step, rate and budget
-
-
-def test_the_force_of_a_held_object_is_set_and_adjusted_without_motion(run: Run) -> None:
-    held(run)
-    for op, field, wanted_n, applied_n, setting in (
-        ("grip.set", "force_n", 6, 6.0, 30),
-        ("grip.adjust", "delta_n", 0.5, 6.5, 35),
-        ("grip.adjust", "delta_n", -1.0, 5.5, 25),
-    ):
-        assert run.ask(op, **{field: wanted_n})["result"] == {"applied_n": pytest.approx(applied_n)}
-        run.serve_gripper(50)
-        run.feel(applied_n)
-        assert (run.gripper.command.position, run.gripper.command.force) == (255, setting)
-        assert run.published("gripper")[-1]["force_command_n"] == pytest.approx(applied_n)
-
-
-def test_A8_the_force_rises_no_faster_than_the_limit(run: Run) -> None:
-    held(run)
-    assert run.refusal("grip.adjust", delta_n=2.0) is None
-    refused = run.ask("grip.adjust", delta_n=1.0)["error"]
-    assert (refused["code"], refused["field"]) == ("too_fast", "delta_n")
-    assert "100 ms" in refused["message"]
-    run.serve_gripper(100)
-    run.feel(7.0)
-    assert run.refusal("grip.adjust", delta_n=1.0) is None
-
-
-def test_A6_A8_raises_that_the_gripper_has_not_acknowledged_never_act_all_at_once(run: Run) -> None:
-    held(run)
-    run.gripper.silent = True
-    assert run.refusal("grip.adjust", delta_n=2.0) is None
-    run.wait(20)
-    run.feel(5.0)
-    refused = run.ask("grip.adjust", delta_n=0.2)["error"]
-    assert (refused["code"], refused["field"]) == ("too_fast", "delta_n")
-    assert "within 2 N of the 5 N that the gripper acknowledged last" in refused["message"]
-    run.gripper.silent = False
-    run.serve_gripper(60)
-    run.feel(7.0)
-    assert run.refusal("grip.adjust", delta_n=0.2) is None
-
-
-def test_A8_the_force_falls_no_faster_than_the_limit_also_in_coarse_settings(rig: str) -> None:
-    """Settings are 0.84 N apart, so that every request changes the force by at least that."""
-    run = Run(rig.replace("[[0, 3.0], [255, 28.5]]", "[[0, 20.0], [255, 235.0]]").replace("25.0", "120.0"))
-    run.up()
-    run.bring_up()
-    run.grip(60.0)
-    run.serve_gripper(1000)
-    first_n = force_n = run.published("gripper")[-1]["force_command_n"]
-    began_ns = run.t_ns
-    assert run.refusal("grip.adjust", delta_n=-1.9) == ("out_of_range", "delta_n"), "it would be 2.5 N"
-    for _ in range(50):
-        run.feel(60.0)
-        assert run.refusal("grip.set", force_n=force_n) is None, "what is in force may be asked for at any time"
-        reply = run.ask("grip.adjust", delta_n=-0.01)
-        assert reply["ok"] or reply["error"]["code"] == "too_fast"
-        force_n = reply["result"]["applied_n"] if reply["ok"] else force_n
-        run.serve_gripper(20)
-    assert 2.0 < first_n - force_n <= 2.0 + 2.0 * (run.t_ns - began_ns) * 1e-9
-    run.serve_gripper(1000)
-    run.feel(60.0)
-    assert run.ask("grip.adjust", delta_n=0.1)["result"] == {"applied_n": force_n}, "no setting lies between"
-
-
-def test_A8_all_raises_of_a_grasp_share_a_budget(rig: str) -> None:
-    run = Run(rig + "budget_n = 3.0\n")
-    run.up()
-    held(run)
-    assert run.refusal("grip.adjust", delta_n=2.0) is None
-    run.serve_gripper(200)
-    run.feel(7.0)
-    assert run.refusal("grip.adjust", delta_n=2.0) == ("budget_spent", "delta_n")
-    assert run.refusal("gripper.open", drop=True) is None
-    run.gripper.found = 3
-    run.feel(0.0)
-    run.serve_gripper(50)
-    run.grip(8.0)
-    assert run.refusal("grip.adjust", delta_n=2.0) is None, "another grasp has a budget of its own"
-
-
-@pytest.mark.parametrize("pressed", [False, True])
-def test_a_lost_object_ends_the_grasp_unless_a_finger_is_pressed(run: Run, pressed: bool) -> None:
-    held(run)
-    run.gripper.found = 3
-    for _ in range(5):
-        run.feel(5.0 if pressed else 0.0)
-        run.serve_gripper(20)
-    run.feel(5.0 if pressed else 0.0)
-    assert run.published("gripper")[-1]["object"] == "none"
-    assert run.refusal("grip.adjust", delta_n=0.5) == (None if pressed else ("not_ready", ""))
-    assert run.refusal("gripper.close", force_n=12.0) == (FORCE_OUT if pressed else None)
-
-
-BLIND: dict[str, Callable[[Run], object]] = {
-    "stale": lambda run: (run.serve_gripper(150), run.wrench(5.0)),
-    "old: fresh enough for a verdict on a slow sensor": lambda run: (run.wait(51), run.skin(5.0, ms=1)),
-    "doubtful": lambda run: (run.feel(5.0), run.wrench(5.0, status=2)),
-    "unplugged": lambda run: run.down("left.wrench"),
-    "without its pad": lambda run: (run.feel(5.0), run.down("left.pad")),
+BLIND: dict[str, list[Step]] = {
+    "stale": [serve(150), wrench(5.0)],
+    "old: fresh enough for a verdict on a slow sensor": [wait(51), skin(5.0, ms=1)],
+    "doubtful": [feel(5.0), wrench(5.0, status=2)],
+    "unplugged": [down("left.wrench")],
+    "without its pad": [feel(5.0), down("left.pad")],
 }
 
 
 @pytest.mark.parametrize("state", BLIND)
 def test_F1_no_raise_on_a_stale_or_doubtful_sensor(run: Run, state: str) -> None:
-    held(run)
-    BLIND[state](run)
-    assert run.refusal("grip.set", force_n=6.0) == ("not_ready", "force_n")
-    assert run.refusal("grip.adjust", delta_n=1.0) == ("not_ready", "delta_n")
-    assert run.refusal("gripper.close", force_n=6.0) == ("not_ready", "force_n")
-    assert run.refusal("grip.set", force_n=4.5) is None, "lowering needs no sensor"
+    raises = [("grip.set", "force_n", 6.0), ("grip.adjust", "delta_n", 1.0), ("gripper.close", "force_n", 6.0)]
+    refused = [ask(op, ("not_ready", field), **{field: value}) for op, field, value in raises]
+    follow(run, [*HELD, *BLIND[state], *refused, ask("grip.set", force_n=4.5)])  # lowering needs no sensor
 
 
-@pytest.mark.parametrize(
-    ("force_n", "found", "go"), [(None, 2, True), (6.0, 2, True), (None, 0, False)], ids=["held", "changed", "moving"]
-)
-def test_hold_stops_moving_fingers_alone_and_keeps_the_force(
-    run: Run, force_n: float | None, found: int, go: bool
-) -> None:
-    run.bring_up()
-    run.ask("gripper.close", force_n=5.0)
-    run.serve_gripper(50)
-    run.gripper.found = found
-    run.serve_gripper(50)
-    run.feel(5.0 if found else 0.0)
-    if force_n is not None:
-        assert run.refusal("grip.set", force_n=force_n) is None
-    assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(force_n or 5.0)}
-    run.serve_gripper(100)
-    assert (run.gripper.command.go, run.gripper.command.activate) == (go, True)
+def test_nothing_moves_without_a_request(run: Run) -> None:
+    """Readings, ticks, faults, losses and refusals write nothing to the gripper."""
+    happens = {20: down("left.wrench"), 30: up("left.wrench"), 40: sleep(10**12)}
+    felt = [wrench(10.0, (4.9, 0.0)), image(FULL_IMAGE), skin(10.0, (4.0, 0.0)), serve(5)]
+    follow(run, [*CLOSED, serve(50), wrote()])
+    follow(run, [step for k in range(60) for step in (*felt, happens.get(k, wait(0)))])
+    follow(run, [wrote(0)])
+
+
+def test_A8_the_force_falls_no_faster_than_the_limit_also_in_coarse_settings() -> None:
+    """Settings are 0.84 N apart, so that every request changes the force by at least that."""
+    run = Run(COARSE)
+    run.up()
+    follow(run, [bring_up, grip(60.0), serve(1000), ask("grip.adjust", DELTA_OUT, delta_n=-1.9)])  # it would be 2.5 N
+    first_n = force_n = run.published("gripper")[-1]["force_command_n"]
+    began_ns = run.t_ns
+    for _ in range(50):
+        follow(run, [feel(60.0), ask("grip.set", force_n=force_n)])  # what is in force may be asked for at any time
+        reply = run.ask("grip.adjust", delta_n=-0.01)
+        assert reply["ok"] or reply["error"]["code"] == TOO_FAST
+        force_n = reply["result"]["applied_n"] if reply["ok"] else force_n
+        run.serve_gripper(20)
+    assert 2.0 < first_n - force_n <= 2.0 + 2.0 * (run.t_ns - began_ns) * 1e-9
+    no_setting_between = ask("grip.adjust", {"applied_n": force_n}, delta_n=0.1)
+    follow(run, [serve(1000), feel(60.0), no_setting_between])
+
+
+@pytest.mark.parametrize(("ms", "suspended_ns"), [(200, 0), (5, 10**9)])
+def test_a_rig_without_gripper_publishes_the_end_of_a_lease_at_once(ms: int, suspended_ns: int) -> None:
+    run = Run(LEFT + "[rates]\nstatus_hz = 0.001\n")
+    run.up()
+    follow(run, [tick, ask("lease.acquire", ttl_ms=200)])
+    before = len(run.published("status"))
+    for wait_ms, slept_ns, ends in ((5, 0, []), (ms, suspended_ns, [False]), (5, suspended_ns, [False])):
+        follow(run, [wait(wait_ms), sleep(slept_ns)])
+        assert [body["lease"]["held"] for body in run.published("status")[before:]] == ends
+
+
+@pytest.mark.parametrize("lease_end", ["hold", "stop"])
+@pytest.mark.parametrize("moving", [True, False])
+def test_A5_the_end_of_a_lease_is_published_within_a_tick_and_opens_nothing(lease_end: str, moving: bool) -> None:
+    run, stops = Run(RIG + f'lease_end = "{lease_end}"\n'), lease_end == "stop" and moving
+    run.up()
+    follow(run, [*CLOSED, gripper(found=0 if moving else 2), serve(100), wrote(), let_lease_be, ask("lease.renew")])
+    ends_ns, before = run.t_ns + 200 * MS, len(run.published("gripper"))
+    run.serve_gripper(205)
+    ended = next(body for body in run.published("gripper")[before:] if not body["lease"]["held"])
+    assert 0 <= ended["t_ns"] - ends_ns < 5 * MS
+    released = newest("status", lease={"held": False, "expires_in_s": None})
+    follow(run, [released, serve(100), wrote(int(stops)), commanded(position=255, go=not stops)])

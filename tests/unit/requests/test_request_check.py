@@ -28,11 +28,6 @@ def judge(**changes: Any) -> tuple[str, str] | None:
     return refusal.code, refusal.field
 
 
-def test_a_good_request_may_be_judged() -> None:
-    assert judge() is None
-    assert judge(id=7, force_n=5) is None
-
-
 @pytest.mark.parametrize(
     ("changes", "refusal"),
     [
@@ -77,24 +72,17 @@ def test_a_good_request_may_be_judged() -> None:
         ({"op": "tare", "force_n": ..., "finger": "left", "seconds": math.inf}, ("not_finite", "seconds")),
         ({"op": "gripper.close", "width_m": math.nan}, ("not_finite", "width_m")),
         ({"op": "lease.renew"}, ("unknown_field", "force_n")),
+        ({}, None),
+        ({"id": 7, "force_n": 5}, None),
+        # who only asks needs no boot and no deadline; hello is answered whatever run it was meant for
+        *(({"op": op, "boot": ..., "deadline_ns": ..., "force_n": ...}, None) for op in ("hello", "status")),
+        ({"op": "hello", "boot": "another", "deadline_ns": 0, "force_n": ...}, None),
+        ({"op": "status", "boot": "another", "force_n": ...}, ("wrong_boot", "boot")),
+        ({"op": "status", "deadline_ns": 0, "force_n": ...}, ("deadline_passed", "deadline_ns")),
     ],
 )
 def test_every_fault_has_its_code_and_names_its_field(changes: dict[str, Any], refusal: tuple[str, str] | None) -> None:
     assert judge(**changes) == refusal
-
-
-@pytest.mark.parametrize("op", ["hello", "status"])
-def test_who_only_asks_needs_no_boot_and_no_deadline(op: str) -> None:
-    assert judge(op=op, boot=..., deadline_ns=..., force_n=...) is None
-
-
-def test_hello_is_answered_whatever_run_it_was_meant_for() -> None:
-    assert judge(op="hello", boot="another", deadline_ns=0, force_n=...) is None
-
-
-def test_a_status_that_was_meant_for_another_run_is_refused() -> None:
-    assert judge(op="status", boot="another", force_n=...) == ("wrong_boot", "boot")
-    assert judge(op="status", deadline_ns=0, force_n=...) == ("deadline_passed", "deadline_ns")
 
 
 @pytest.mark.parametrize("op", sorted(set(OPS) - {"hello", "status", "motion.check"}))
@@ -124,16 +112,6 @@ def test_nothing_that_can_arrive_makes_it_fail(changes: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"v": "\x01" * 1024}, {"op": "\x01" * 1024}, {"boot": "\x01" * 1024}, {"\x01" * 1024: 1}]
-)
-def test_what_a_client_sends_is_repeated_in_short(changes: dict[str, Any]) -> None:
-    """A refusal that holds four characters for each one sent is longer than what a client reads."""
-    refusal = check_request(GOOD | changes, "b", T_NS)
-    assert refusal is not None
-    assert len(refusal.message) < 600
-
-
-@pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"op": "lease.acquire", "force_n": ..., "ttl_ms": "1"}, "ttl_ms must be an integer, got a string"),
@@ -157,3 +135,13 @@ def test_a_refusal_says_what_would_be_right_and_what_was_found(changes: dict[str
     refusal = check_request(body, "b", T_NS)
     assert refusal is not None
     assert refusal.message == message
+
+
+@pytest.mark.parametrize(
+    "changes", [{"v": "\x01" * 1024}, {"op": "\x01" * 1024}, {"boot": "\x01" * 1024}, {"\x01" * 1024: 1}]
+)
+def test_what_a_client_sends_is_repeated_in_short(changes: dict[str, Any]) -> None:
+    """A refusal that holds four characters for each one sent is longer than what a client reads."""
+    refusal = check_request(GOOD | changes, "b", T_NS)
+    assert refusal is not None
+    assert len(refusal.message) < 600
