@@ -28,6 +28,12 @@ from slipd_client.messages.schema.replies import Reply, StatusReply
 from slipd_client.messages.schema.request_fields import ENVELOPE
 from slipd_client.messages.schema.topics import TOPICS, Message
 
+STATUS_PARTS = {
+    "a finger": FingerStatus,
+    "a recording": RecordingStatus,
+    "`incidents`": IncidentsStatus,
+    "a stream": StreamStatus,
+}
 _AS_IN_SLIP = "as in `slip`"
 _OF_SLIP = {field.name: field for field in fields_of(TOPICS["slip"])[len(fields_of(Message)) :]}
 
@@ -51,10 +57,10 @@ def tables() -> dict[str, str]:
         "image_reasons": _meanings(
             "reason", {word: text for word, text in IMAGE_REASONS.items() if word not in REASONS}
         ),
-        "fingers": _fields(fields_of(FingerStatus)),
-        "streams": _fields(fields_of(StreamStatus)),
-        "recordings": _fields(fields_of(RecordingStatus)),
-        "incidents": _fields(fields_of(IncidentsStatus)),
+        "status_parts": table(
+            ("of", "field", "type", "meaning"),
+            ((part, *row) for part, cls in STATUS_PARTS.items() for row in _rows(fields_of(cls))),
+        ),
         "envelope": _fields(ENVELOPE),
         "ops": table(
             ("op", "what it does", "fields", "needs"),

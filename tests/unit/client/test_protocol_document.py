@@ -39,7 +39,7 @@ def test_it_is_of_this_version() -> None:
 def test_its_tables_are_those_of_the_schema() -> None:
     """``python -m wire_tables docs/protocol.md`` writes them."""
     assert filled(TEXT) == TEXT
-    assert sorted(re.findall(r"<!-- table: (\w+) -->", TEXT)) == sorted({*tables()} - {"methods"})
+    assert sorted(re.findall(r"<!-- table: (\w+) -->", TEXT)) == sorted(tables())
 
 
 def test_every_word_of_the_wire_has_a_meaning() -> None:
@@ -82,7 +82,7 @@ def test_its_limits_are_those_of_the_decoder(field: str) -> None:
     assert re.search(rf"^\| .* \| {request}\b.* \| {message} \|$", TEXT, re.MULTILINE)
 
 
-@pytest.mark.parametrize(("octets", "body"), EXAMPLES, ids=["request", "refusal"])
+@pytest.mark.parametrize(("octets", "body"), EXAMPLES, ids=["request"])
 def test_its_bytes_are_what_it_says_they_are(octets: str, body: str) -> None:
     assert decode(bytes.fromhex(octets)) == json.loads(body)
     assert encode(json.loads(body)) == bytes.fromhex(octets)
