@@ -114,7 +114,7 @@ class Decoder(FrameDecoder):
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
-        buffer, found = self._frames.receive(data)
+        buffer, found = self._frames.receive(data, t_ns)
         self.text_passed = len(found) * FRAME_LENGTH != len(buffer)
         samples: list[WrenchSample] = []
         for at, in_sync in found:

@@ -72,7 +72,7 @@ class Decoder(FrameDecoder):
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
-        buffer, found = self._frames.receive(data)
+        buffer, found = self._frames.receive(data, t_ns)
         samples: list[WrenchSample] = []
         for at, _ in found:
             status, sequence, time_us, *counts = _BODY.unpack_from(buffer, at + len(_SYNC))

@@ -134,7 +134,7 @@ class Decoder:
         """Return whether a row continues the open scan or begins the next one."""
         if row == 0:
             if scan == self._scan and time_us == self._scan_time_us:
-                self.health.bad += 1  # the same row again
+                self.health.duplicates += 1  # the same row again
                 return False
             self._leave_scan(scan)
             self._open = True

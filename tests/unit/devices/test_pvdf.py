@@ -14,6 +14,7 @@ from project import DOCS
 
 from slipd.devices import pvdf
 from slipd.devices.shared import checksums
+from slipd.devices.shared.device_interface import DecoderHealth
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -139,7 +140,9 @@ def test_a_restart_under_the_same_scan_number_is_not_mixed_with_what_came_before
 def test_a_repeated_first_row_is_skipped_and_another_repeated_row_drops_the_scan() -> None:
     twice = rows_of(0)
     numbers, decoder = decode(twice[0], *twice)
-    assert (numbers, decoder.health.bad, decoder.health.lost) == ([0], 1, 0)
+    assert (numbers, decoder.health.duplicates, decoder.health.lost) == ([0], 1, 0)
+    numbers, decoder = decode(*twice, *twice, *rows_of(1))
+    assert (numbers, decoder.health) == ([0, 1], DecoderHealth(good=2, duplicates=1)), "a whole scan again"
     numbers, decoder = decode(*twice[:4], twice[3], *twice[4:], *rows_of(1))
     assert (numbers, decoder.health.lost) == ([1], 1)
 

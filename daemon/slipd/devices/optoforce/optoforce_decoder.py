@@ -163,7 +163,7 @@ class Decoder:
         ]
 
     def _decode_frames(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        buffer, found = self._frames.receive(data)
+        buffer, found = self._frames.receive(data, t_ns)
         samples: list[WrenchSample] = []
         self.replies = []
         for at, _ in found:

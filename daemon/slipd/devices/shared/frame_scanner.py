@@ -10,6 +10,10 @@ from collections.abc import Callable
 
 from slipd.devices.shared.device_interface import DecoderHealth
 
+PAUSE_NS = 100_000_000
+"""The bytes of a frame follow each other without gaps, but for a late USB adapter: after a pause this long the rest of a
+frame does not count, because its reading would be dated at its last byte."""
+
 
 class FrameScanner:
     """Find the frames of a device whose frames begin with sync bytes.
@@ -48,14 +52,23 @@ class FrameScanner:
         self._text = text
         self._tail = b""
         self._damage = 0
+        self._received_ns = 0
 
-    def receive(self, data: bytes) -> tuple[bytes, list[tuple[int, bool]]]:
+    def receive(self, data: bytes, t_ns: int | None = None) -> tuple[bytes, list[tuple[int, bool]]]:
         """Scan the next bytes of the stream.
+
+        Args:
+            data: The bytes.
+            t_ns: Time of receipt, if a pause of `PAUSE_NS` ends a partial frame.
 
         Returns:
             A buffer, and for each frame in it the offset of the frame and whether the frame is in sync: True if there
             is nothing but text between it and the previous frame.
         """
+        if t_ns is not None:
+            if self._tail and t_ns - self._received_ns > PAUSE_NS:
+                self.forget()
+            self._received_ns = t_ns
         buffer = self._tail + data if self._tail else data
         sync, measure = self._sync, self._measure
         found: list[tuple[int, bool]] = []
@@ -156,11 +169,11 @@ class FixedLengthScanner(FrameScanner):
         super().__init__(sync, measure, length, health, text=text)
         self._check = check
 
-    def receive(self, data: bytes) -> tuple[bytes, list[tuple[int, bool]]]:
+    def receive(self, data: bytes, t_ns: int | None = None) -> tuple[bytes, list[tuple[int, bool]]]:
         """Scan the next bytes of the stream, see `FrameScanner.receive`; the usual read is one frame."""
         if len(data) == self._length and self.in_sync and data.startswith(self._sync) and self._check(data, 0):
             return data, [(0, True)]
-        return super().receive(data)
+        return super().receive(data, t_ns)
 
 
 class FrameDecoder:

@@ -7,7 +7,7 @@ import random
 import pytest
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import FixedLengthScanner
+from slipd.devices.shared.frame_scanner import PAUSE_NS, FixedLengthScanner
 
 SYNC = b"\xab\xcd"
 
@@ -71,6 +71,16 @@ def test_every_split_finds_the_same_frames_and_counts_the_same(size: int) -> Non
     parts = [frame(rng.randrange(256)) if rng.random() < 0.6 else rng.randbytes(3) + SYNC for _ in range(300)]
     stream = b"".join(parts)
     assert scan(stream, size, b"ok") == scan(stream, len(stream), b"ok")
+
+
+@pytest.mark.parametrize(("late_ns", "found"), [(PAUSE_NS, 1), (PAUSE_NS + 1, 0)])
+def test_the_rest_of_a_frame_after_a_pause_does_not_count(late_ns: int, found: int) -> None:
+    health = DecoderHealth()
+    frames = FixedLengthScanner(SYNC, 4, holds, health)
+    assert frames.receive(frame(1) + frame(2)[:1], 10)[1] == [(0, True)]
+    assert frames.receive(frame(2)[1:3], 11)[1] == []
+    assert len(frames.receive(frame(2)[3:] + frame(3), 11 + late_ns)[1]) == 1 + found
+    assert health.bad_bytes == 4 - 4 * found
 
 
 @pytest.mark.parametrize("junk", [b"\xab", b"\xab\xcd", b"\xab\xcd\x01", b"\x00"])
