@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Decoder, Foreign, Registration, Report, sample
 from slipd.devices.external_gripper.external_gripper_setpoints import ACTIVATION, TRANSITIONS, SetpointQueue
+from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, check_range
+from slipd.devices.shared.gripper_session import Event, State
 from slipd.types.samples import GripperSample
 
 ANSWER_MS = 100
@@ -24,7 +23,7 @@ _REGISTER = "the driver must register first"
 _ANOTHER = "another driver registered on this connection: reconnect"
 
 
-class Session(GripperSessionBase[SetpointQueue]):
+class Session(QueuedGripperSession[SetpointQueue]):
     """Handle the registration and reports of a driver, and carry out permits as set-points, one at a time.
 
     `state` is "closed", "waiting" (for the registration or the first report), "inactive", "activating", "active", a
@@ -46,6 +45,7 @@ class Session(GripperSessionBase[SetpointQueue]):
     """
 
     _activation = ACTIVATION
+    _table = TRANSITIONS
 
     def __init__(self, answer_ms: int = ANSWER_MS) -> None:
         check_integer("answer_ms", answer_ms, SHORTEST_MS, LONGEST_MS)
@@ -55,22 +55,12 @@ class Session(GripperSessionBase[SetpointQueue]):
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
-        self.decoder.forget()
-        self._queue.reset()
-        self._machine = StateMachine(TRANSITIONS, state)
-        self.identity = ""
+        super()._reset(state)
         self._driver: Registration | None = None
-        self._reported = Event.REPORTED_INACTIVE  # by the last report
-        self._fault = ""  # in the last report
         self._refusal = ""
         self._notice = b""
         self._notice_ns = 0
         self._silent_at_ns = 0
-
-    @property
-    def command_lost(self) -> bool:
-        """Whether the driver refused the last set-point, or never answered it."""
-        return bool(self._queue.failure)
 
     @property
     def state(self) -> str:
@@ -86,21 +76,6 @@ class Session(GripperSessionBase[SetpointQueue]):
             return f"command lost: {self._queue.failure}"
         return "activating" if self.activating else self._fault or str(state.value)
 
-    @property
-    def width_range_m(self) -> tuple[float, float]:
-        """Smallest and largest width between the pads, m; (0, inf) while no driver is registered."""
-        return (0.0, math.inf) if self._driver is None else self._driver.width_range_m
-
-    @property
-    def speed_range_mps(self) -> tuple[float, float] | None:
-        """Smallest and largest speed, m/s; None if the speed cannot be set."""
-        return None if self._driver is None else self._driver.speed_range_mps
-
-    @property
-    def force_range_n(self) -> tuple[float, float]:
-        """Smallest and largest force, N on one pad; (0, inf) while no driver is registered."""
-        return (0.0, math.inf) if self._driver is None else self._driver.force_range_n
-
     def start(self, now_ns: int) -> bytes:
         """Begin with a driver that has just connected and will send the first message."""
         self._reset(State.UNREGISTERED)
@@ -112,22 +87,11 @@ class Session(GripperSessionBase[SetpointQueue]):
         self._reset(State.CLOSED)
         return b""
 
-    def applied_n(self, force_n: float) -> float:
-        """Return ``force_n``: a set-point has no steps."""
-        return force_n
-
     def drop(self) -> bool:
         """Drop set-points that are not sent yet, except a stop; do not repeat unanswered ones."""
         dropped = self._queue.drop_unsent()
         self._follow_activation()
         return dropped
-
-    def acknowledge(self) -> None:
-        """Forget that a set-point was lost, and acknowledge a reported fault to the driver."""
-        self._queue.failure = ""
-        if self._fault:
-            self._queue.acknowledge()
-            self._follow_activation()
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
@@ -175,23 +139,17 @@ class Session(GripperSessionBase[SetpointQueue]):
         self._queue.activate()
         return True
 
-    def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
-        """Queue a move, at the driver's own speed if none is given."""
-        if not self._machine.accepts(Event.MOVE):
-            return False
-        if speed_mps is not None:
-            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
-        check_range("width", width_m, self.width_range_m, "m")
-        self._machine.handle(Event.MOVE)
-        self._queue.move(width_m, speed_mps, self._in_range(force_n))
-        return True
+    def _acknowledge_fault(self) -> None:
+        self._queue.acknowledge()
+        self._follow_activation()
 
-    def _set_force(self, force_n: float) -> bool:
+    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move, at the driver's own speed if none is given."""
+        self._queue.move(width_m, speed_mps, force_n)
+
+    def _queue_force(self, force_n: float) -> None:
         """Queue another force without another motion; a move that waits is queued with that force."""
-        if not self._machine.handle(Event.SET_FORCE):
-            return False
-        self._queue.set_force(self._in_range(force_n))
-        return True
+        self._queue.set_force(force_n)
 
     def _halt(self) -> bool:
         dropped = self.drop()
@@ -210,15 +168,6 @@ class Session(GripperSessionBase[SetpointQueue]):
         elif self._machine.handle(Event.ACTIVATION_ENDED):
             self._repeat_report()
 
-    def _repeat_report(self) -> None:
-        """Handle the last report again, because an activation is over."""
-        self._machine.handle(self._reported)
-
-    def _in_range(self, force_n: float) -> float:
-        """Return the nearest force that the gripper has."""
-        least, most = self.force_range_n
-        return min(max(force_n, least), most)
-
     def _register(self, driver: Registration, now_ns: int) -> None:
         if self._queue.due_ns is not None:
             self._queue.give_up("the driver registered again")
@@ -226,12 +175,13 @@ class Session(GripperSessionBase[SetpointQueue]):
         self._fault, self._queue.echo_ok = "", None
         if self.identity not in ("", driver.name):
             self._machine.handle(Event.STRANGER)
-            self._driver = None
+            self._driver = self._ranges = None
             self._refuse(_ANOTHER, now_ns)
             return
         self.health.restarts += self.identity != ""
         self._machine.handle(Event.REGISTERED)
         self._driver = driver
+        self._ranges = Ranges(driver.width_range_m, driver.force_range_n, driver.speed_range_mps)
         self.identity = driver.name
         self._silent_at_ns = now_ns + SILENCE_NS
         self._notice, self._notice_ns = wire.encode_notice(wire.REGISTERED, driver.name), now_ns

@@ -39,16 +39,6 @@ class SetpointQueue(CommandQueue):
         self.echo_ok: bool | None = None
         self._goal: dict[str, float | None] = {}
 
-    @property
-    def activation_waits(self) -> bool:
-        """Whether an activation waits to be sent."""
-        return any(command.activates for command in self.waiting)
-
-    @property
-    def activation_is_sent(self) -> bool:
-        """Whether an activation was sent last, and is not answered."""
-        return self.outstanding is not None and self.outstanding.activates
-
     def activate(self) -> None:
         """Queue an activation, and nothing else."""
         self.replace([self._make("activate")])

@@ -1,4 +1,4 @@
-"""Queue that sends commands one at a time, and repeats an unanswered one a limited number of times.
+"""Queue that sends commands one at a time, repeats an unanswered one a limited number of times, and its sessions.
 
 Several gripper sessions share it. It handles commands, answers and time, but does not know what they mean. When a
 command stays unanswered, all waiting commands are dropped with it, because a later motion would come as a surprise.
@@ -6,10 +6,14 @@ command stays unanswered, all waiting commands are dropped with it, because a la
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, Table, check_range
 
 ATTEMPTS = 3
 """A command that is unanswered this often is lost."""
@@ -87,6 +91,16 @@ class CommandQueue:
             force = command.force_after(force)
         return force
 
+    @property
+    def activation_waits(self) -> bool:
+        """Whether an activation waits to be sent."""
+        return any(command.activates for command in self.waiting)
+
+    @property
+    def activation_is_sent(self) -> bool:
+        """Whether an activation was sent last, and is not answered."""
+        return self.outstanding is not None and self.outstanding.activates
+
     def forget_force(self) -> None:
         """Record that the gripper no longer has the force that was sent."""
         self._force = self.acknowledged = None
@@ -154,3 +168,101 @@ class CommandQueue:
             self._attempts = 0
         else:
             self.waiting.insert(0, command)
+
+
+class Ranges(NamedTuple):
+    """Smallest and largest width between the pads, m, force on one pad, N, and speed, m/s; None: it cannot be set."""
+
+    width_m: tuple[float, float]
+    force_n: tuple[float, float]
+    speed_mps: tuple[float, float] | None
+
+
+Queue = TypeVar("Queue", bound=CommandQueue)
+
+
+class QueuedGripperSession(GripperSessionBase[Queue]):
+    """Session that sends one command at a time, to a gripper that reports its own ranges.
+
+    A subclass sets ``decoder``, ``_queue`` and ``_table``, the table of its state machine.
+    """
+
+    decoder: Any
+    _table: ClassVar[Table]
+
+    def _reset(self, state: State) -> None:
+        self.decoder.forget()
+        self._queue.reset()
+        self._machine = StateMachine(self._table, state)
+        self.identity = ""
+        self._ranges: Ranges | None = None
+        self._fault = ""  # in the last reading
+        self._reported: Event | None = None  # by the last reading
+
+    @property
+    def command_lost(self) -> bool:
+        """Whether the last command was refused, was never acknowledged, or reached a gripper that could not obey."""
+        return bool(self._queue.failure)
+
+    @property
+    def width_range_m(self) -> tuple[float, float]:
+        """Smallest and largest width between the pads, m; (0, inf) until the gripper reports them."""
+        return (0.0, math.inf) if self._ranges is None else self._ranges.width_m
+
+    @property
+    def speed_range_mps(self) -> tuple[float, float] | None:
+        """Smallest and largest speed, m/s; None if it cannot be set, or until the gripper reports them."""
+        return None if self._ranges is None else self._ranges.speed_mps
+
+    @property
+    def force_range_n(self) -> tuple[float, float]:
+        """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
+        return (0.0, math.inf) if self._ranges is None else self._ranges.force_n
+
+    def applied_n(self, force_n: float) -> float:
+        """Return ``force_n``: a force has no steps."""
+        return force_n
+
+    def acknowledge(self) -> None:
+        """Forget that a command was lost, and acknowledge a fault if the gripper reports one."""
+        self._queue.failure = ""
+        if self._fault:
+            self._acknowledge_fault()
+
+    def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
+        if not self._machine.accepts(Event.MOVE):
+            return False
+        if speed_mps is not None:
+            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
+        check_range("width", width_m, self.width_range_m, "m")
+        self._machine.handle(Event.MOVE)
+        self._queue_move(width_m, speed_mps, self._in_range(force_n))
+        return True
+
+    def _set_force(self, force_n: float) -> bool:
+        if not self._machine.handle(Event.SET_FORCE):
+            return False
+        self._queue_force(self._in_range(force_n))
+        return True
+
+    def _in_range(self, force_n: float) -> float:
+        """Return the nearest force that the gripper has."""
+        least, most = self.force_range_n
+        return min(max(force_n, least), most)
+
+    def _repeat_report(self) -> None:
+        """Handle the last report again, because an activation is over, or was dropped before it was sent."""
+        if self._reported is not None:
+            self._machine.handle(self._reported)
+
+    @abstractmethod
+    def _acknowledge_fault(self) -> None:
+        """Queue the acknowledgement of a fault."""
+
+    @abstractmethod
+    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move that the gripper can make."""
+
+    @abstractmethod
+    def _queue_force(self, force_n: float) -> None:
+        """Queue a force that the gripper has."""

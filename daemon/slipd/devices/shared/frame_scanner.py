@@ -11,8 +11,8 @@ from collections.abc import Callable
 from slipd.devices.shared.device_interface import DecoderHealth
 
 PAUSE_NS = 100_000_000
-"""The bytes of a frame follow each other without gaps, but for a late USB adapter: after a pause this long the rest of a
-frame does not count, because its reading would be dated at its last byte."""
+"""The bytes of a frame follow each other without gaps, but for a late USB adapter: after a pause this long, the rest of
+a frame does not count, because its reading would be dated at its last byte."""
 
 
 class FrameScanner:

@@ -97,16 +97,6 @@ class WsgCommandQueue(CommandQueue):
         self._goal: Goal | None = None
         self._limit = 0.0  # force limit that was set, N of both fingers
 
-    @property
-    def homing_waits(self) -> bool:
-        """Whether homing waits to be sent."""
-        return HOME in self.waiting
-
-    @property
-    def homing_is_sent(self) -> bool:
-        """Whether homing was sent last, and is not answered."""
-        return self.outstanding is HOME
-
     def home(self, *, faulty: bool) -> None:
         """Queue homing, after the acknowledgement of a fault."""
         self._goal = None

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, check_range
+from slipd.devices.shared.gripper_session import Event, State
 from slipd.devices.shared.sensor_session import StartupSequence, Step
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import (
@@ -19,7 +18,7 @@ from slipd.devices.wsg.wsg_commands import (
     report_of,
 )
 from slipd.devices.wsg.wsg_decoder import Decoder, Reply
-from slipd.devices.wsg.wsg_messages import FINGERS, Limits
+from slipd.devices.wsg.wsg_messages import FINGERS
 from slipd.types.samples import GripperSample
 
 PERIOD_MS = 20
@@ -40,7 +39,7 @@ _IDS = {
 }
 
 
-class Session(GripperSessionBase[WsgCommandQueue]):
+class Session(QueuedGripperSession[WsgCommandQueue]):
     """Request updates, and carry out permits, one command at a time.
 
     `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
@@ -62,6 +61,7 @@ class Session(GripperSessionBase[WsgCommandQueue]):
     """
 
     _activation = ACTIVATION
+    _table = TRANSITIONS
 
     def __init__(self, period_ms: int = PERIOD_MS, overdrive: bool = False) -> None:
         check_integer("period_ms", period_ms, SHORTEST_MS, LONGEST_MS)
@@ -80,20 +80,9 @@ class Session(GripperSessionBase[WsgCommandQueue]):
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
-        self.decoder.forget()
-        self._queue.reset()
-        self._machine = StateMachine(TRANSITIONS, state)
-        self.identity = ""
-        self._limits: Limits | None = None
-        self._fault = ""  # in the last reading
+        super()._reset(state)
         self._width_m = 0.0
-        self._reported: Event | None = None  # by the last reading, except during homing
         self._homing_until_ns = 0
-
-    @property
-    def command_lost(self) -> bool:
-        """Whether the last command was refused, was never acknowledged, or reached a gripper that could not obey."""
-        return bool(self._queue.failure)
 
     @property
     def state(self) -> str:
@@ -112,29 +101,6 @@ class Session(GripperSessionBase[WsgCommandQueue]):
         notices = [word for word in wire.NOTICES if word in self.decoder.words]
         return "active" + (f" ({', '.join(notices)})" if notices else "")
 
-    @property
-    def width_range_m(self) -> tuple[float, float]:
-        """Smallest and largest width, m; (0, inf) until the gripper reports them."""
-        return (0.0, math.inf) if self._limits is None else (0.0, self._limits.stroke_mm / 1000)
-
-    @property
-    def speed_range_mps(self) -> tuple[float, float] | None:
-        """Smallest and largest speed, m/s; None until the gripper reports them."""
-        if self._limits is None:
-            return None
-        return self._limits.min_speed / 1000, self._limits.max_speed / 1000
-
-    @property
-    def force_range_n(self) -> tuple[float, float]:
-        """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
-        if self._limits is None:
-            return 0.0, math.inf
-        return self._limits.min_force / FINGERS, self._limits.most_force(overdrive=self._overdrive) / FINGERS
-
-    def applied_n(self, force_n: float) -> float:
-        """Return ``force_n``: the force limit has no steps."""
-        return force_n
-
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link. Nothing moves."""
         self._reset(State.WAITING)
@@ -152,12 +118,6 @@ class Session(GripperSessionBase[WsgCommandQueue]):
         dropped = self._queue.drop_unsent()
         self._follow_homing()
         return dropped
-
-    def acknowledge(self) -> None:
-        """Forget that a command was lost, and acknowledge a fault if the gripper reports one."""
-        self._queue.failure = ""
-        if self._fault:
-            self._queue.acknowledge()
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
@@ -201,30 +161,17 @@ class Session(GripperSessionBase[WsgCommandQueue]):
         self._homing_until_ns = now_ns + HOMING_NS
         return True
 
-    def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
+    def _acknowledge_fault(self) -> None:
+        self._queue.acknowledge()
+
+    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
         """Queue a move, at half of the largest speed if none is given."""
-        limits = self._limits
-        if limits is None or not self._machine.accepts(Event.MOVE):
-            return False
-        if speed_mps is not None:
-            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
-        check_range("width", width_m, self.width_range_m, "m")
-        speed_mmps = limits.max_speed / 2 if speed_mps is None else speed_mps * 1000
-        self._machine.handle(Event.MOVE)
-        self._queue.move((width_m * 1000, speed_mmps), self._force(force_n))
-        return True
+        speed_mps = (self.speed_range_mps or (0.0, 0.0))[1] / 2 if speed_mps is None else speed_mps
+        self._queue.move((width_m * 1000, speed_mps * 1000), wire.at_most(force_n * FINGERS))
 
-    def _set_force(self, force_n: float) -> bool:
+    def _queue_force(self, force_n: float) -> None:
         """Queue another force; an object gripped by a move is clamped again with it, and nothing opens."""
-        if self._limits is None or not self._machine.handle(Event.SET_FORCE):
-            return False
-        self._queue.set_force(self._force(force_n), self._width_m)
-        return True
-
-    def _force(self, force_n: float) -> float:
-        """Return the force limit, N of both fingers, for a force on one pad."""
-        least_n, most_n = self.force_range_n
-        return wire.at_most(min(max(force_n, least_n), most_n) * FINGERS)
+        self._queue.set_force(wire.at_most(force_n * FINGERS), self._width_m)
 
     def _halt(self) -> bool:
         if not self._machine.handle(Event.HALT):
@@ -233,16 +180,11 @@ class Session(GripperSessionBase[WsgCommandQueue]):
         self._repeat_report()
         return True
 
-    def _repeat_report(self) -> None:
-        """Handle the last report again, because homing was dropped before it was sent."""
-        if self._reported is not None:
-            self._machine.handle(self._reported)
-
     def _follow_homing(self) -> None:
         """Update the state with the outcome of queued homing."""
-        if self._machine.state not in QUEUED or self._queue.homing_waits:
+        if self._machine.state not in QUEUED or self._queue.activation_waits:
             return
-        if self._queue.homing_is_sent:
+        if self._queue.activation_is_sent:
             self._reported = None
             self._machine.handle(Event.ACTIVATION_SENT)
         else:
@@ -267,7 +209,12 @@ class Session(GripperSessionBase[WsgCommandQueue]):
 
     def _handle_info(self, reply: Reply) -> None:
         if reply.id == wire.LIMITS:
-            self._limits = wire.parse_limits(reply.data)
+            limits = wire.parse_limits(reply.data)
+            self._ranges = Ranges(
+                (0.0, limits.stroke_mm / 1000),
+                (limits.min_force / FINGERS, limits.most_force(overdrive=self._overdrive) / FINGERS),
+                (limits.min_speed / 1000, limits.max_speed / 1000),
+            )
         elif reply.id == wire.SYSTEM:
             self.identity = f"S/N {wire.parse_serial(reply.data)}"
 
