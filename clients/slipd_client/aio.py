@@ -1,22 +1,27 @@
-"""The same subscriber and grip client for asyncio; cancelling one of their calls loses no message."""
+"""The same subscriber, grip client and motion advisor for asyncio; cancelling one of their calls loses no message."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import zmq
 
 from slipd_client.client_base import GripClientBase
 from slipd_client.errors import ClientError
 from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper, check_held
+from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.topics import Message
-from slipd_client.request_protocol import Ask, Envelope, Result, Steps
+from slipd_client.motion import MotionAdvisorBase
+from slipd_client.request_protocol import TIMEOUT_S, Ask, Envelope, Result, Steps
 from slipd_client.subscriber import SubscriberBase
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
 
 
 class Waker:
@@ -253,3 +258,36 @@ class AsyncGripClient(GripClientBase):
             if time.monotonic() >= until:
                 raise self._protocol.no_listener()
             await self._waker.wait(zmq.POLLOUT, until)
+
+
+class AsyncMotionAdvisor(MotionAdvisorBase):
+    """The asyncio advisor, for an ``async with``; arguments are those of `MotionAdvisor`, and `check` is awaited."""
+
+    def __init__(
+        self,
+        publish: str | None = None,
+        requests: str | None = None,
+        *,
+        keys: Keys | None = None,
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
+        self.client = AsyncGripClient(requests, keys=keys, timeout_s=timeout_s)
+        super().__init__(publish, self.client.clock, keys)
+
+    async def check(
+        self,
+        trajectory: Sequence[Sequence[float]] | None = None,
+        acceleration_mps2: Sequence[float] | None = None,
+    ) -> MotionReply:
+        """Return whether the grip holds a motion; as `MotionAdvisor.check`."""
+        return await self.client.motion_check(trajectory, acceleration_mps2)
+
+    async def __aenter__(self) -> AsyncMotionAdvisor:
+        await self.client.__aenter__()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._messages.close()
+        await self.client.__aexit__(kind, error, trace)

@@ -125,6 +125,19 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
         help="place of the IMU in the gripper's frame, m, for the stream [grasp.arm] (default: 0 0 0)",
     )
     ros2.add_argument(
+        "--speed-scaling",
+        type=topic,
+        metavar="/TOPIC",
+        help="publish how fast the arm may go as control_msgs/SpeedScalingFactor, e.g. on "
+        "/joint_trajectory_controller/speed_scaling_input; needs --speed-floor",
+    )
+    ros2.add_argument(
+        "--speed-floor",
+        type=_floor,
+        metavar="FACTOR",
+        help="factor while that is not known, 0 (the arm pauses) to less than 1",
+    )
+    ros2.add_argument(
         "--tf-topic",
         type=topic,
         default=TRANSFORMS_TOPIC,
@@ -243,6 +256,13 @@ def _endpoint(text: str) -> str:
             f"got {text!r:.80}"
         )
     return text
+
+
+def _floor(text: str) -> float:
+    floor = finite(text)
+    if not 0.0 <= floor < 1.0:
+        raise argparse.ArgumentTypeError(f"must be from 0 to less than 1, got {text}")
+    return floor
 
 
 def _rate_or_all(text: str) -> float | None:

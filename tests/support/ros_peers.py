@@ -14,8 +14,9 @@ from slipd_client.ros.slipd_types import SLIPD_TYPES
 
 
 def typestore() -> Typestore:
-    """Return the types of ROS 2 Humble as rosbags ships them, and slipd_msgs as its files declare them."""
+    """Return the types of ROS 2 Humble as rosbags ships them, that of control_msgs 6.8, and slipd_msgs by its files."""
     store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg("float64 factor", "control_msgs/msg/SpeedScalingFactor"))
     for kind in SLIPD_TYPES.values():
         store.register(get_types_from_msg(kind.commented_text(), kind.full_name))
     return store

@@ -204,6 +204,9 @@ _TEXTS = {
         geometry_msgs/Vector3 linear_acceleration
         float64[9] linear_acceleration_covariance
     """,
+    "control_msgs/SpeedScalingFactor": """
+        float64 factor
+    """,
     "diagnostic_msgs/KeyValue": """
         string key
         string value

@@ -18,6 +18,7 @@ from slipd_client.errors import CallError, Silence
 from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.grip import GripClient
 from slipd_client.messages.names import Health
+from slipd_client.motion import MotionAdvisor
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
     NAMESPACE,
@@ -37,6 +38,7 @@ from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY
 from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, OrientationSource, RosFeed, TransformSource
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
+from slipd_client.ros2.speed_scaling import SpeedScaling
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 
@@ -143,6 +145,12 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
                 feed = OrientationFeed(client, _source(participant, chosen), pads.orientations)
             feed.start()
             stack.callback(feed.stop)
+        if chosen.speed_scaling is not None:
+            advisor = stack.enter_context(MotionAdvisor(chosen.publish, chosen.requests, keys=keys))
+            controller = RosPublisher(participant, {chosen.speed_scaling: 1})
+            speed = SpeedScaling(controller.publish, chosen.speed_scaling, advisor, chosen.speed_floor)
+            speed.start()
+            stack.callback(speed.stop)
         static_transforms = f"{chosen.tf_topic}_static"
         publisher = RosPublisher(participant, {static_transforms: 1, f"{chosen.prefix}/warning": LATCHED_WARNINGS})
         forwarder = RosForwarder(
@@ -182,6 +190,8 @@ def _check(chosen: argparse.Namespace) -> None:
         )
     if chosen.imu is not None and chosen.config is None:
         raise CallError("--imu needs --config FILE, which has the orientation of the pads in the gripper's frame")
+    if (chosen.speed_scaling is None) is not (chosen.speed_floor is None):
+        raise CallError("--speed-scaling needs --speed-floor, the factor while the speed that holds is not known")
     for name, value in (("--imu-mount", chosen.imu_mount), ("--imu-at", chosen.imu_at)):
         if value is not None and chosen.imu is None:
             raise CallError(f"{name} belongs to --imu")

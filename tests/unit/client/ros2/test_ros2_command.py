@@ -141,8 +141,11 @@ def test_arguments_that_do_not_go_together_are_refused(capsys: pytest.CaptureFix
     assert "needs --hand FRAME" in refused(["--orientation-from", "base_link"], capsys)
     assert "--imu needs --config FILE" in refused(["--imu", "/imu"], capsys)
     assert refused(["--imu-mount", "0", "0", "0", "1"], capsys) == "--imu-mount belongs to --imu"
+    assert refused(["--imu-at", "0", "0", "0"], capsys) == "--imu-at belongs to --imu"
     mount = ["--imu", "/imu", "--config", pads, "--imu-mount", "0", "0", "0", "2"]
     assert refused(mount, capsys) == "--imu-mount must be a unit quaternion x y z w, got one of length 2"
+    assert "needs --speed-floor" in refused(["--speed-scaling", "/jtc/speed_scaling_input"], capsys)
+    assert "must be from 0 to less than 1, got 1" in refused(["--speed-floor", "1"], capsys)
     assert "not allowed with" in refused(["--imu", "/imu", "--orientation-from", "base"], capsys)
     assert "must be the full name of a topic" in refused(["--prefix", "arm"], capsys)
     assert "without a leading slash" in refused(["--hand", "/tool0"], capsys)
