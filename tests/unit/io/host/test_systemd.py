@@ -123,8 +123,9 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Daemon]:
 
 async def test_P2_a_daemon_that_works_has_no_stalled_stage(daemon: Daemon) -> None:
     await daemon.until_stalled()
-    await asyncio.sleep(0.01)
-    assert [await daemon.stages["links"]() for _ in range(3)] == [""] * 3, "no reading comes"
+    async with asyncio.timeout(PATIENCE_S):  # the kernel may still carry the last reading
+        while [await daemon.stages["links"]() for _ in range(3)] != [""] * 3:  # noqa: ASYNC110 - there is no event
+            await asyncio.sleep(0.01)
 
 
 async def test_P2_an_engine_without_ticks_is_stalled(daemon: Daemon) -> None:
