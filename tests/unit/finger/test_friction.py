@@ -73,52 +73,48 @@ def test_static_friction_alone_keeps_the_fall_set_before(finger: Finger, wrench:
     assert levels(finger, wrench, image, FALLS[0.02])[-1] == "slipping"
 
 
-def test_a_larger_fall_than_one_set_before_is_more_lenient(finger: Finger) -> None:
-    finger.set_friction(0.5, 0.49)
-    assert finger.friction.is_more_lenient(0.5, 0.4)
-    assert not finger.friction.is_more_lenient(0.5, 0.49)
+def nothing(_: Finger) -> None:
+    """What the config states holds."""
 
 
-@pytest.mark.parametrize(
-    ("mu_s", "mu_d", "lenient"),
-    [(0.5, None, False), (0.4, None, False), (0.6, None, True), (0.5, 0.4, False), (0.4, 0.1, False)],
-)
-def test_larger_mu_is_more_lenient(finger: Finger, mu_s: float, mu_d: float | None, lenient: bool) -> None:
-    assert finger.friction.is_more_lenient(mu_s, mu_d) is lenient
-
-
-def test_any_mu_is_more_lenient_than_none(left: str, parse: Parse) -> None:
-    assert make_finger(left.replace("mu = 0.5\n", ""), parse).friction.is_more_lenient(0.1, None)
-
-
-def test_what_a_grasp_taught_beyond_the_stated_mu_makes_no_larger_mu_strict(finger: Finger) -> None:
-    """It ends with the grasp; what a client states does not."""
-    teach(finger, 0.6)
-    assert finger.friction.state.mu == pytest.approx(0.6)
-    assert finger.friction.is_more_lenient(0.55, None)
-    assert not finger.friction.is_more_lenient(0.5, None)
-
-
-def test_what_a_grasp_taught_below_the_stated_mu_makes_the_stated_one_lenient(finger: Finger) -> None:
-    teach(finger, 0.3, slips=True)
-    assert finger.friction.is_more_lenient(0.5, None)
-    assert not finger.friction.is_more_lenient(0.2, None)
-
-
-def test_any_mu_is_more_lenient_than_none_although_the_grasp_taught_one(left: str, parse: Parse) -> None:
-    finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
-    teach(finger, 0.5, slips=True)
-    assert finger.friction.state.source == "learned"
-    assert finger.friction.is_more_lenient(0.1, None)
-
-
-def test_a_mu_that_makes_a_slippery_object_unknown_is_more_lenient(finger: Finger) -> None:
+def slippery_before(finger: Finger) -> None:
+    """A named object slipped, and another one is in the grip now."""
     finger.friction.set_object("soap")
     teach(finger, 0.3, slips=True)
     finger.friction.set_object("rubber")
     assert finger.friction.state.mu == 0.5
-    assert finger.friction.is_more_lenient(0.5, None)
-    assert not finger.friction.is_more_lenient(0.2, None)
+
+
+@pytest.mark.parametrize(
+    ("stated", "before", "given", "lenient"),
+    [
+        *((True, nothing, given, False) for given in ((0.5, None), (0.4, None), (0.5, 0.4), (0.4, 0.1))),
+        (True, nothing, (0.6, None), True),
+        (False, nothing, (0.1, None), True),
+        # a larger fall than one set before
+        (True, lambda finger: finger.set_friction(0.5, 0.49), (0.5, 0.4), True),
+        (True, lambda finger: finger.set_friction(0.5, 0.49), (0.5, 0.49), False),
+        # what a grasp taught beyond the stated mu ends with it, what it taught below counts, and so does another object
+        (True, lambda finger: teach(finger, 0.6), (0.55, None), True),
+        (True, lambda finger: teach(finger, 0.6), (0.5, None), False),
+        (True, lambda finger: teach(finger, 0.3, slips=True), (0.5, None), True),
+        (True, lambda finger: teach(finger, 0.3, slips=True), (0.2, None), False),
+        (False, lambda finger: teach(finger, 0.5, slips=True), (0.1, None), True),
+        (True, slippery_before, (0.5, None), True),
+        (True, slippery_before, (0.2, None), False),
+    ],
+)
+def test_what_is_more_lenient(
+    left: str,
+    parse: Parse,
+    stated: bool,
+    before: Callable[[Finger], None],
+    given: tuple[float, float | None],
+    lenient: bool,
+) -> None:
+    finger = make_finger(left if stated else left.replace("mu = 0.5\n", ""), parse)
+    before(finger)
+    assert finger.friction.is_more_lenient(*given) is lenient
 
 
 def test_a_grasp_whose_force_and_image_disagree_teaches_nothing_of_its_object(

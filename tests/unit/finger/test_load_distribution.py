@@ -33,27 +33,14 @@ def test_distribution_is_that_of_1_n_on_the_active_taxels(rule: str, normal_n: f
     assert (loads >= 0.0).all()
 
 
-def test_grey_uses_the_pressure_alone() -> None:
-    assert distributed("grey", RAMP, contact()).loads.loads == pytest.approx(RAMP[1:] / RAMP.sum())
-
-
-@pytest.mark.parametrize("rule", ["binary", "matched"])
-def test_binary_and_matched_have_the_centroid_of_the_force(rule: str) -> None:
+@pytest.mark.parametrize("rule", ["grey", "binary", "matched"])
+def test_each_rule_uses_what_it_says_of_pressure_and_centroid(rule: str) -> None:
     found = distributed(rule, RAMP, contact())
-    assert (found.x @ found.loads.loads, found.y @ found.loads.loads) == pytest.approx(CENTROID, abs=1e-9)
-
-
-def test_only_matched_uses_both_centroid_and_pressure() -> None:
-    binary, matched = (distributed(rule, RAMP, contact()).loads.loads for rule in ("binary", "matched"))
-    even = distributed("binary", EVEN, contact()).loads.loads
-    assert binary == pytest.approx(even)
-    assert matched != pytest.approx(even, rel=0.01)
-
-
-def test_contact_without_centroid_takes_the_pressure() -> None:
+    centroid = found.x @ found.loads.loads, found.y @ found.loads.loads
+    assert (centroid == pytest.approx(CENTROID, abs=1e-9)) is (rule != "grey")
+    by_pressure, even = RAMP[1:] / RAMP.sum(), distributed(rule, EVEN, contact()).loads.loads
+    assert (found.loads.loads == pytest.approx(by_pressure)) is (rule == "grey")
+    assert (found.loads.loads == pytest.approx(even, rel=0.01)) is (rule == "binary")
     unknown = contact()._replace(cx_m=np.nan, cy_m=np.nan)
-    assert distributed("matched", RAMP, unknown).loads.loads == pytest.approx(RAMP[1:] / RAMP.sum())
-
-
-def test_image_without_active_taxels_has_no_distribution() -> None:
-    assert distribute("matched", X, Y, np.zeros(16), contact()) is None
+    assert distributed(rule, RAMP, unknown).loads.loads == pytest.approx(by_pressure)
+    assert distribute(rule, X, Y, np.zeros(16), contact()) is None
