@@ -10,11 +10,273 @@ of the sensor, which slipd changes only where the option ``output_hz`` is given 
 
 from __future__ import annotations
 
-from slipd.devices import Device, RateOption
-from slipd.devices.netft.netft_calibration import FASTEST_HZ
-from slipd.devices.netft.netft_session import Decoder, Session, inquiry
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any
 
-__all__ = ["DEVICE", "Decoder", "Session", "inquiry"]
+import numpy as np
+
+from slipd.devices import Device, Inquiry, RateOption
+from slipd.devices.netft import netft_calibration
+from slipd.devices.netft.netft_calibration import (
+    FASTEST_HZ,
+    INTERNAL_HZ,
+    Calibration,
+    checked_output_hz,
+    needed_change,
+    rate_fault,
+)
+from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS, SensorSession, StartupSequence, Step
+from slipd.types.arrays import Array
+from slipd.types.samples import WrenchSample
+
+_BIT_NAMES = {
+    0: ("temperature",),
+    1: ("supply",),
+    2: ("broken_gauge", "invalid"),
+    3: ("busy",),
+    5: ("other_error", "invalid"),
+    7: ("no_calibration", "invalid"),
+    16: ("monitor",),
+    27: ("gauge_range", "overload"),
+    28: ("simulated",),
+    29: ("calibration_checksum", "invalid"),
+    30: ("overload",),
+}
+_ANY_ERROR = 1 << 31
+_LATCHED = _ANY_ERROR | 1 << 16
+"""Status of a classic Net F/T box whose only finding is a latched monitor condition. An Axia never sends it: there the
+condition is no error."""
+_ERRORS = sum(1 << bit for bit in (0, 1, 2, 5, 7, 27, 29, 30))
+MONITOR = "a monitor condition is latched in the sensor (Thresholding on its web page); its readings count"
+_RESERVED = ~(sum(1 << bit for bit in _BIT_NAMES) | _ANY_ERROR) & 0xFFFF_FFFF
+
+
+class Decoder:
+    """Decode records, one or many per datagram, to wrench samples.
+
+    ``device_time_ns`` is the sensor's sample counter, unwrapped, at its nominal rate. `health.lost` counts the gaps in
+    the record number, which starts again with every start.
+
+    Status names: "temperature", "supply" (outside the sensor's limits), "busy" (settings change), "monitor" (a
+    condition latched), "simulated"; "overload" (force or torque out of range, or a count at the end of its range), with
+    "gauge_range" if a gauge is; "invalid" with "broken_gauge", "other_error", "no_calibration" or
+    "calibration_checksum". "unknown" is a reserved bit; "error" is the bit for any error, and makes a reading "invalid"
+    if no known error explains it. The names are those of the Axia. On a classic Net F/T box the other bits stand for
+    faults of boards, links and memory: with the error bit they are "invalid" or "overload" all the same, except for a
+    latched monitor condition, which is a warning only (`health.warning`).
+
+    Args:
+        counts_per_force: Counts per ``force_unit``.
+        counts_per_torque: Counts per ``torque_unit``.
+        force_unit: "lbf", "N", "klbf", "kN", "kgf" or "gf".
+        torque_unit: "lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm" or "kN-m".
+        internal_hz: Rate of the sensor's sample counter, Hz; 0 if it gives no time.
+
+    Raises:
+        ValueError: A number is out of range or a unit is unknown.
+    """
+
+    def __init__(
+        self,
+        counts_per_force: float = 1_000_000.0,
+        counts_per_torque: float = 1_000_000.0,
+        force_unit: str = "N",
+        torque_unit: str = "N-m",
+        internal_hz: float = INTERNAL_HZ,
+    ) -> None:
+        self.health = DecoderHealth()
+        calibration = netft_calibration.from_counts(counts_per_force, counts_per_torque, force_unit, torque_unit)
+        self._internal_hz = netft_calibration.checked_hz("internal_hz", internal_hz)
+        self._records = rdt.RecordScanner(self.health, _RESERVED)
+        self._per_count: Array | None = None
+        self._warning = ""
+        self.calibrate(calibration)
+
+    def calibrate(self, calibration: Calibration | None, warning: str = "") -> None:
+        """Set the value of a count, and what is wrong with the sensor's settings.
+
+        Args:
+            calibration: None if it is unknown; records are counted as bad then.
+            warning: Shown while the records report nothing more urgent.
+        """
+        self._per_count = None
+        self._warning = warning
+        if calibration is not None:
+            self._per_count = np.repeat((calibration.force_n, calibration.torque_nm), 3)
+            if self._internal_hz and calibration.internal_hz:
+                self._internal_hz = calibration.internal_hz
+
+    def forget(self) -> None:
+        """Drop a partial record, and expect the first record of a freshly opened stream."""
+        self._records.forget()
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
+        heads, counts = self._records.receive(data)
+        if self._per_count is None:
+            self.health.bad += len(heads)
+            return []
+        if heads:
+            self.health.warning = MONITOR if heads[-1][1] >> 16 & 1 else self._warning
+        values = (counts * self._per_count).tolist()
+        tick_ns = 1e9 / self._internal_hz if self._internal_hz else 0.0
+        samples = [
+            WrenchSample(
+                t_ns,
+                round(ticks * tick_ns) if tick_ns else None,
+                row[:3],
+                row[3:],
+                _status_names(status) if status else (),
+            )
+            for (ticks, status), row in zip(heads, values, strict=True)
+        ]
+        self.health.good += len(samples)
+        return samples
+
+
+@lru_cache(maxsize=64)  # a condition lasts for many records, and few exist at a time
+def _status_names(status: int) -> tuple[str, ...]:
+    names = [name for bit, of_bit in _BIT_NAMES.items() if status >> bit & 1 for name in of_bit]
+    if status == _LATCHED:
+        return ("monitor",)
+    if status & rdt.AT_RAIL:
+        names.append("overload")
+    if status & _RESERVED:
+        names.append("unknown")
+    if status & _ANY_ERROR:
+        names.append("error")
+        if not status & _ERRORS:
+            names.append("invalid")
+    return tuple(dict.fromkeys(names))
+
+
+_INQUIRIES = {"tcp": netft_calibration.TCP_INQUIRY, "xml": netft_calibration.XML_INQUIRY, "config": None}
+
+
+class Session(SensorSession[WrenchSample]):
+    """Receive the calibration, start the records, and start them again whenever they fall silent.
+
+    The answer to the inquiry is the first data on the link. No reading is returned before it is known. `state` is
+    "closed", "waiting for calibration", "no calibration", "wrong calibration: …", "waiting" (for records), "running" or
+    "no answer to start".
+
+    Args:
+        calibration: "tcp" (requested over TCP, port 49151), "xml" (read from the sensor's web page) or "config" (the
+            numbers and units given here, which are ignored otherwise).
+        counts_per_force: See `Decoder`.
+        counts_per_torque: See `Decoder`.
+        force_unit: See `Decoder`.
+        torque_unit: See `Decoder`.
+        internal_hz: See `Decoder`; a rate on the web page takes precedence.
+        buffered: Let the sensor send several records per datagram, as its RDT buffer size says: fewer wake-ups, later
+            readings.
+        output_hz: Output rate that slipd sets on the sensor, Hz, where its web page reports another one; the sensor
+            stores it, and rounds it up to its clock divided by a whole number. It needs "xml". 0 leaves the sensor as
+            it is set.
+
+    Raises:
+        ValueError: An option is out of range or unknown.
+    """
+
+    decoder: Decoder
+
+    def __init__(
+        self,
+        calibration: str = "tcp",
+        counts_per_force: float = 1_000_000.0,
+        counts_per_torque: float = 1_000_000.0,
+        force_unit: str = "N",
+        torque_unit: str = "N-m",
+        internal_hz: float = INTERNAL_HZ,
+        buffered: bool = True,
+        output_hz: int = 0,
+    ) -> None:
+        self._has_inquiry = inquiry(calibration) is not None
+        self._output_hz = checked_output_hz(output_hz, calibration)
+        self._read = netft_calibration.read_tcp if calibration == "tcp" else netft_calibration.read_xml
+        start = Step("start", rdt.encode_request(rdt.START_BUFFERED if buffered else rdt.START), "none")
+        super().__init__(
+            Decoder(counts_per_force, counts_per_torque, force_unit, torque_unit, internal_hz),
+            StartupSequence([start]),
+            rdt.encode_request(rdt.STOP),
+        )
+        self._answer: bytes | None = None  # the part received so far; None if no answer is awaited
+        self._trouble = ""
+        self._trouble_due_ns = 0
+        if self._has_inquiry:
+            self.decoder.calibrate(None)
+
+    @property
+    def state(self) -> str:
+        """State of the session, as a short text for people."""
+        return self._trouble or super().state
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link: wait for the calibration, or start the records."""
+        if not self._has_inquiry:
+            return super().start(now_ns)
+        self.identity, self._answer = "", b""
+        self.decoder.calibrate(None)
+        self._set_trouble("waiting for calibration", now_ns)
+        return b""
+
+    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
+        """Decode bytes received at ``now_ns``; return the readings they complete."""
+        if self._answer is not None:
+            self._handle_answer(self._answer + data, now_ns)
+            return []
+        return super().receive(data, now_ns)
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        return self._trouble_due_ns if self._trouble else super().next_deadline()
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the request that is due at ``now_ns``; empty if none is."""
+        if not self._trouble:
+            if request := super().on_time(now_ns):
+                self.decoder.forget()
+            return request
+        if now_ns >= self._trouble_due_ns:
+            self._set_trouble("no calibration" if self._answer is not None else self._trouble, now_ns)
+        return b""
+
+    def stop(self) -> bytes:
+        """End; return the request that stops the records."""
+        self._answer, self._trouble = None, ""
+        return super().stop()
+
+    def _handle_answer(self, answer: bytes, now_ns: int) -> None:
+        calibration = self._read(answer)
+        self._answer = answer if calibration is None else None
+        if isinstance(calibration, str):
+            self.health.bad += 1
+            self.health.bad_bytes += len(answer)
+            self._set_trouble(f"wrong calibration: {calibration}", now_ns)
+        elif calibration is not None:
+            self.decoder.calibrate(calibration, rate_fault(self._output_hz, calibration))
+            self.identity = calibration.identity
+            self._trouble = ""
+            self._startup.start(now_ns)
+
+    def _set_trouble(self, trouble: str, now_ns: int) -> None:
+        self._trouble, self._trouble_due_ns = trouble, now_ns + RETRY_PAUSE_NS
+
+
+def inquiry(calibration: str = "tcp", output_hz: int = 0, **_others: Any) -> Inquiry | None:
+    """Return the inquiry to send over TCP before the link is up, for the options of `Session`; None for none.
+
+    Raises:
+        ValueError: The calibration is not "tcp", "xml" or "config".
+    """
+    if calibration not in _INQUIRIES:
+        raise ValueError(f"calibration must be one of {', '.join(_INQUIRIES)}, got {calibration!r}")
+    found = _INQUIRIES[calibration]
+    return replace(found, change=partial(needed_change, output_hz)) if found is not None and output_hz else found
+
 
 DEVICE = Device(
     "netft",

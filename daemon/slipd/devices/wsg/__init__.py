@@ -10,10 +10,247 @@ if the goal is unknown, as after a stop, it sets only the limit.
 from __future__ import annotations
 
 from slipd.devices import Device, GripRange, RateOption
-from slipd.devices.wsg.wsg_decoder import Decoder
-from slipd.devices.wsg.wsg_session import LONGEST_MS, SHORTEST_MS, Session
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
+from slipd.devices.shared.device_interface import check_integer
+from slipd.devices.shared.gripper_session import Event, State
+from slipd.devices.shared.sensor_session import StartupSequence, Step
+from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_commands import (
+    ACTIVATION,
+    HOME,
+    IN_PROGRESS,
+    QUEUED,
+    TRANSITIONS,
+    WsgCommandQueue,
+    report_of,
+)
+from slipd.devices.wsg.wsg_decoder import Decoder, Reply
+from slipd.devices.wsg.wsg_messages import FINGERS
+from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
+
+PERIOD_MS = 20
+"""Period of the public drivers; the shortest one observed, on an older gripper, is 7 ms."""
+SHORTEST_MS, LONGEST_MS = 5, 200
+"""Shortest and longest period that can be configured; the longest is a fifth of the time that counts as silence."""
+HOMING_NS = 30_000_000_000
+"""Time allowed for homing; a slow gripper needs some seconds for its whole stroke and back."""
+
+_IDS = {
+    "system": wire.SYSTEM,
+    "limits": wire.LIMITS,
+    "overdrive": wire.OVERDRIVE,
+    "width": wire.WIDTH,
+    "force": wire.FORCE,
+    "grasping state": wire.GRASPING,
+    "system state": wire.STATE,
+}
+
+
+class Session(QueuedGripperSession[WsgCommandQueue]):
+    """Request updates, and carry out permits, one command at a time.
+
+    `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
+    lost" with the reason, or the request that the gripper refuses; "active" is followed by the gripper's warnings.
+    `identity` is its serial number. `wsg_commands` lists what the gripper accepts in each state.
+
+    ``echo_ok`` of a sample is whether the force limit was read back as it was set. Widths are between the gripper's
+    own fingers, without pads. The largest force is the nominal one, or with ``overdrive`` the overdrive force.
+
+    Attributes:
+        health: Its ``lost`` counts unanswered commands.
+
+    Args:
+        period_ms: Time from one update to the next, 5 to 200 ms.
+        overdrive: Whether to allow forces above the gripper's nominal one, which wears it more.
+
+    Raises:
+        ValueError: The period is out of range or not an integer.
+    """
+
+    _activation = ACTIVATION
+    _table = TRANSITIONS
+
+    def __init__(self, period_ms: int = PERIOD_MS, overdrive: bool = False) -> None:
+        check_integer("period_ms", period_ms, SHORTEST_MS, LONGEST_MS)
+        self.decoder = Decoder()
+        self.health = self.decoder.health
+        self._overdrive = overdrive
+        self._startup = StartupSequence(
+            [
+                Step("system", wire.encode(wire.SYSTEM), "optional"),
+                Step("limits", wire.encode(wire.LIMITS)),
+                *([Step("overdrive", wire.overdrive())] if overdrive else []),
+                *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[3:]),
+            ]
+        )
+        self._queue = WsgCommandQueue(self.health)
+        self._reset(State.CLOSED)
+
+    def _reset(self, state: State) -> None:
+        super()._reset(state)
+        self._width_m = 0.0
+        self._homing_until_ns = 0
+
+    @property
+    def state(self) -> str:
+        """State of the gripper, as a short text for people."""
+        state = self._machine.state
+        if state in (State.CLOSED, State.WAITING):
+            return self._startup.state
+        if state is State.SILENT:
+            return "no reply"
+        if self.command_lost:
+            return f"command lost: {self._queue.failure}"
+        if self.activating:
+            return "activating"
+        if state is not State.ACTIVE:
+            return self._fault if state is State.FAULTY else "inactive"
+        notices = [word for word in wire.NOTICES if word in self.decoder.words]
+        return "active" + (f" ({', '.join(notices)})" if notices else "")
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link. Nothing moves."""
+        self._reset(State.WAITING)
+        self._startup.start(now_ns)
+        return self.on_time(now_ns)
+
+    def stop(self) -> bytes:
+        """End with a disconnect, because a broken connection is a fault to the gripper. It keeps what it holds."""
+        self._reset(State.CLOSED)
+        self._startup.stop()
+        return wire.encode(wire.DISCONNECT)
+
+    def drop(self) -> bool:
+        """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
+        dropped = self._queue.drop_unsent()
+        self._follow_homing()
+        return dropped
+
+    def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
+        """Decode bytes received at ``now_ns``; return the readings they complete."""
+        samples = []
+        for reply in self.decoder.replies(data):
+            self._handle_reply(reply, now_ns)
+            sample = self.decoder.decode_reply(reply, now_ns)
+            if sample is not None:
+                self._handle_sample(sample, now_ns)
+                samples.append(sample)
+        return samples
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        due = [self._startup.due_ns]
+        if self._startup.state == "running":
+            due += [self._queue.due_ns, self._homing_until_ns if self.activating else None]
+        return min((time_ns for time_ns in due if time_ns is not None), default=None)
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the request or command that is due at ``now_ns``; empty if none is."""
+        request = self._startup.on_time(now_ns)
+        if self._startup.state != "running":
+            self._fall_silent()
+            return request
+        if self.activating and now_ns >= self._homing_until_ns:
+            self._queue.give_up(f"no end of {HOME.name}")
+            self._machine.handle(Event.ACTIVATION_ENDED)
+        command = self._queue.on_time(now_ns)
+        self._follow_homing()
+        return request + command
+
+    def _on_one_pad(self, force: float | None) -> float | None:
+        return None if force is None else force / FINGERS
+
+    def _activate(self, now_ns: int) -> bool:
+        """Queue homing, after the acknowledgement of a fault if there is one."""
+        if not self._machine.handle(Event.ACTIVATE):
+            return False
+        self._queue.home(faulty=bool(self._fault))
+        self._homing_until_ns = now_ns + HOMING_NS
+        return True
+
+    def _acknowledge_fault(self) -> None:
+        self._queue.acknowledge()
+
+    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move, at half of the largest speed if none is given."""
+        speed_mps = (self.speed_range_mps or (0.0, 0.0))[1] / 2 if speed_mps is None else speed_mps
+        self._queue.move((width_m * 1000, speed_mps * 1000), wire.at_most(force_n * FINGERS))
+
+    def _queue_force(self, force_n: float) -> None:
+        """Queue another force; an object gripped by a move is clamped again with it, and nothing opens."""
+        self._queue.set_force(wire.at_most(force_n * FINGERS), self._width_m)
+
+    def _halt(self) -> bool:
+        if not self._machine.handle(Event.HALT):
+            return False
+        self._queue.stop()
+        self._repeat_report()
+        return True
+
+    def _follow_homing(self) -> None:
+        """Update the state with the outcome of queued homing."""
+        if self._machine.state not in QUEUED or self._queue.activation_waits:
+            return
+        if self._queue.activation_is_sent:
+            self._reported = None
+            self._machine.handle(Event.ACTIVATION_SENT)
+        else:
+            self._machine.handle(Event.ACTIVATION_DROPPED)
+            self._repeat_report()
+
+    def _handle_reply(self, reply: Reply, now_ns: int) -> None:
+        awaited = self._startup.awaited
+        if awaited and reply.id == _IDS[awaited]:
+            succeeded = reply.status == wire.OK
+            error = "" if succeeded else f"refused {awaited}: {weiss.status_word(reply.status)}"
+            self._startup.handle_answer(now_ns, error)
+            if succeeded:
+                self._handle_info(reply)
+            return
+        if self._queue.match_answer(reply, now_ns):
+            self._follow_homing()
+        else:
+            self._queue.handle_motion_end(reply)
+        if reply.id == wire.HOME and reply.status != wire.PENDING:
+            self._machine.handle(Event.ACTIVATION_ENDED)
+
+    def _handle_info(self, reply: Reply) -> None:
+        if reply.id == wire.LIMITS:
+            limits = wire.parse_limits(reply.data)
+            self._ranges = Ranges(
+                (0.0, limits.stroke_mm / 1000),
+                (limits.min_force / FINGERS, limits.most_force(overdrive=self._overdrive) / FINGERS),
+                (limits.min_speed / 1000, limits.max_speed / 1000),
+            )
+        elif reply.id == wire.SYSTEM:
+            self.identity = f"S/N {wire.parse_serial(reply.data)}"
+
+    def _handle_sample(self, sample: GripperSample, now_ns: int) -> None:
+        self._startup.reading_received(now_ns)
+        referenced, fault = sample.active, sample.fault
+        if self._startup.state == "running":
+            self._fault, self._width_m = fault, sample.width_m or 0.0
+            if self._machine.state not in IN_PROGRESS:
+                self._reported = report_of(referenced=referenced, fault=fault)
+                self._machine.handle(self._reported)
+        sample.active = referenced and not self.activating
+        sample.echo_ok = self._queue.echo_ok
+        if not referenced:
+            self._queue.forget_force()
+        if fault or not referenced:
+            self._queue.drop_grip(fault or "not referenced")
+            self._follow_homing()
+
+    def _fall_silent(self) -> None:
+        """Drop all commands, because the gripper does not answer or is being configured again."""
+        if self._queue.due_ns is not None or self.activating:
+            self._queue.give_up("no reply")
+        self._fault, self._reported = "", None
+        self._machine.handle(Event.FELL_SILENT)
+
 
 GRIP = GripRange(force_n=60.0, stroke_m=0.210, speed_mps=0.420)
 """Force on one pad: half of the 120 N of a WSG 50 in overdrive. Stroke of a WSG 50-210."""

@@ -12,14 +12,13 @@ from external_gripper_bench import Bench
 from permits import activate, halt, move, set_force
 from project import DOCS
 
-from slipd.devices.external_gripper import Session
+from slipd.devices.external_gripper import ANSWER_MS, SILENCE_NS, Session
 from slipd.devices.external_gripper.external_gripper_message import (
     Registration,
     Report,
     encode_registration,
     encode_report,
 )
-from slipd.devices.external_gripper.external_gripper_session import ANSWER_MS, SILENCE_NS
 from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.tools.sim.emulated_external_gripper import DRIVER
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from slipd.devices import netft
-from slipd.devices.netft import netft_calibration, netft_session
+from slipd.devices.netft import netft_calibration
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
@@ -117,7 +117,7 @@ def test_F2_a_latched_monitor_condition_of_a_classic_box_is_a_warning(status: in
     decoder = netft.Decoder()
     sample = decoder.receive(b"".join(record(number, status) for number in range(1, 5)), 0)[-1]
     assert UNTRUSTED.isdisjoint(sample.status) == trusted
-    assert (decoder.health.warning == netft_session.MONITOR) == bool(status & 0x10000)
+    assert (decoder.health.warning == netft.MONITOR) == bool(status & 0x10000)
     decoder.receive(b"".join(record(number) for number in range(5, 9)), 1)
     assert decoder.health.warning == ""
 
@@ -182,7 +182,7 @@ def test_the_output_rate_is_set_only_where_the_page_reports_another(
     assert len(session.receive(record(1), 1)) == 1
     assert re.search(fault, session.health.warning) if fault else session.health.warning == ""
     session.receive(record(2, 1 << 16), 2)
-    assert session.health.warning == netft_session.MONITOR
+    assert session.health.warning == netft.MONITOR
 
 
 def test_a_page_that_cannot_be_read_changes_nothing() -> None:

@@ -7,9 +7,9 @@ from permits import activate, halt, move, set_force
 from wsg_bench import Bench
 
 from slipd.devices.shared.command_queue import ATTEMPTS
+from slipd.devices.wsg import HOMING_NS
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import ANSWER_NS
-from slipd.devices.wsg.wsg_session import HOMING_NS
 
 
 def test_activation_homes_and_is_over_when_the_gripper_reports_it() -> None:
