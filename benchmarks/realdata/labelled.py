@@ -26,7 +26,7 @@ from realdata.truth import Span, spans_where
 from slipd.errors import SlipdError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.level_spans import level_spans
+from slipd.tools.evaluation.config_run import level_spans
 from slipd.tools.recordings.imported_run import START_NS
 from slipd.tools.recordings.taxels_import import TaxelTrial, import_taxels, read_arq, read_papillarray
 

@@ -16,10 +16,9 @@ from realdata.truth import PUSHED_N, Motion, Span, motion
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.level_spans import LevelSpan, level_spans
+from slipd.tools.evaluation.config_run import LevelSpan, level_spans
 from slipd.tools.recordings.imported_run import START_NS
-from slipd.tools.recordings.pushes_file import Pushes, read_pushes
-from slipd.tools.recordings.pushes_import import LIFTED_NS, import_pushes
+from slipd.tools.recordings.pushes_import import LIFTED_NS, Pushes, import_pushes, read_pushes
 
 RUNS = DATA / "pushes" / "runs"
 MASS_KG = 0.15

@@ -11,7 +11,7 @@ from realdata.__main__ import main
 from realdata.score import Course, Onset, oracle, overlap_s, score, tremor
 from realdata.truth import Motion, Span, motion
 
-from slipd.tools.recordings.pushes_file import Pushes
+from slipd.tools.recordings.pushes_import import Pushes
 
 RATE_HZ = 60.0
 NONE = np.zeros((2, 7))

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from slipd.tools.recordings.pushes_file import Pushes
-from slipd.tools.recordings.pushes_import import CENTRE_M
+from slipd.tools.recordings.pushes_import import CENTRE_M, Pushes
 from slipd.types.arrays import Array
 
 ARM_M = 0.025

@@ -8,7 +8,7 @@ from typing import Any
 
 from realgrasps.labels import Label
 
-from slipd.tools.evaluation.level_spans import LevelSpan
+from slipd.tools.evaluation.config_run import LevelSpan
 
 ALARMS = frozenset({"warning", "slipping"})
 SLIPPING = frozenset({"slipping"})

@@ -13,7 +13,7 @@ from realgrasps.__main__ import main
 from realgrasps.labels import Label, LabelError, read_labels
 from realgrasps.score import Reported, Trial, score
 
-from slipd.tools.evaluation.level_spans import LevelSpan
+from slipd.tools.evaluation.config_run import LevelSpan
 
 OPEN, HELD = 40, 120
 LABELS = """\

@@ -13,7 +13,7 @@ from realgrasps.score import Trial, score
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.level_spans import level_spans
+from slipd.tools.evaluation.config_run import level_spans
 from slipd.tools.recordings.grips_import import import_trial
 
 

@@ -15,7 +15,7 @@ from slipd_client.errors import CallError, MessageError, Silence, check_seconds
 from slipd_client.lease_keeper import check_held, held_until
 from slipd_client.link import Link
 from slipd_client.messages import STATUS_TOPIC
-from slipd_client.messages.reader import read, typed_message
+from slipd_client.messages.codec import read, typed_message
 from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
 from slipd_client.paths import hint_for, publish_endpoint
 

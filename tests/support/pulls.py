@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from slipd_client.messages.reader import typed_message
+from slipd_client.messages.codec import typed_message
 from slipd_client.messages.schema.topics import Slip
 
 HZ = 250

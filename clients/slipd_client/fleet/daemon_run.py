@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from slipd_client.messages.reader import typed_message
+from slipd_client.messages.codec import typed_message
 from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 
 BESIDE_S = 3.0

@@ -10,8 +10,8 @@ from typing import Any
 from slipd_client.errors import MessageError
 from slipd_client.fleet.daemon_run import DaemonRun
 from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
+from slipd_client.messages.codec import read
 from slipd_client.messages.names import SEVERITY, STATUS_TOPIC, WARNING_TOPIC, Health
-from slipd_client.messages.reader import read
 from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 
 SILENT_AFTER_S = 1.8

@@ -20,12 +20,12 @@ from websockets.exceptions import ConnectionClosed
 from slipd_client.errors import MessageError
 from slipd_client.link import Link
 from slipd_client.messages import WARNING_TOPIC
-from slipd_client.messages.reader import read
+from slipd_client.messages.codec import read
 from slipd_client.page.requests_of_page import PageRequests, Reply, refused
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
-    from slipd_client.page.emulated_hand import EmulatedHand
+    from slipd_client.page.requests_of_page import EmulatedHand
 
 CHANGES = 200
 """Changes of level that are kept for a browser that is late, or comes later."""

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from slipd_client.page import emulated_hand
-from slipd_client.page.emulated_hand import SOCKET, EmulatedHand
+from slipd_client.page import requests_of_page
+from slipd_client.page.requests_of_page import SOCKET, EmulatedHand
 
 PATIENCE_S = 60.0
 
@@ -109,7 +109,7 @@ async def test_nothing_else_is_passed_on(tmp_path: Path, touch: str) -> None:
 async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_that_is_late(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(emulated_hand, "LOOK_S", 0.005)
+    monkeypatch.setattr(requests_of_page, "LOOK_S", 0.005)
     hand, browser = EmulatedHand(tmp_path), Browser()
     telling = asyncio.create_task(hand.tell(browser))  # type: ignore[arg-type]
 
@@ -125,7 +125,7 @@ async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_th
     await until([[], both, []])
     async with emulating(tmp_path) as emulation:
         await until([[], both, [], both])
-        monkeypatch.setattr(emulated_hand, "ANSWER_S", 0.01)
+        monkeypatch.setattr(requests_of_page, "ANSWER_S", 0.01)
         emulation.answers["press"] = emulation.answers["show"] = None
         reply = await hand.touch(json.dumps(PRESS))
         assert reply["text"].startswith("the emulation has ended, or does not answer")

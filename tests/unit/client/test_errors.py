@@ -12,7 +12,7 @@ from slipd_client import keys
 from slipd_client.errors import CallError, ClientError, ConnectionClosed, NoAnswer, RequestRefused, SlipdClientError
 from slipd_client.grip import GripClient
 from slipd_client.messages import decode
-from slipd_client.messages.reader import read
+from slipd_client.messages.codec import read
 from slipd_client.subscriber import Subscriber
 
 if TYPE_CHECKING:

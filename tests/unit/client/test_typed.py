@@ -7,7 +7,7 @@ import pytest
 
 from slipd_client.clock import ServerClock
 from slipd_client.messages import LEVELS, Health, MessageError, encode
-from slipd_client.messages.reader import read, typed_message
+from slipd_client.messages.codec import read, typed_message
 from slipd_client.messages.typed import (
     FingerStatus,
     Grasp,

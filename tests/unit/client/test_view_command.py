@@ -17,8 +17,7 @@ from websockets.exceptions import InvalidStatus
 
 from slipd_client.arguments import parse_listen
 from slipd_client.errors import CallError
-from slipd_client.page.commission_page import CommissionPage
-from slipd_client.page.view_command import view
+from slipd_client.page.view_command import CommissionPage, view
 
 PATIENCE_S = 60.0
 

@@ -31,7 +31,7 @@ from slipd.tools.sim.robot_program import RobotProgram
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, VirtualRig
 from slipd_client.messages import encode
-from slipd_client.messages.reader import typed_message
+from slipd_client.messages.codec import typed_message
 
 
 class SteppedDemo(Story):

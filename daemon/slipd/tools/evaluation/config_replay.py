@@ -12,8 +12,7 @@ from slipd.config import Config
 from slipd.errors import RecordingError
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.config_run import ConfigRun, Largest, StreamHealth, with_status
-from slipd.tools.evaluation.level_spans import level_spans
+from slipd.tools.evaluation.config_run import ConfigRun, Largest, StreamHealth, level_spans, with_status
 from slipd_client.messages import STATUS_TOPIC, slip_topic
 
 _SLIP = slip_topic("")

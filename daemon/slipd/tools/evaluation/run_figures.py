@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
-from slipd.tools.evaluation.config_run import ConfigRun, Largest
-from slipd.tools.evaluation.level_spans import LevelSpan
+from slipd.tools.evaluation.config_run import ConfigRun, Largest, LevelSpan
 from slipd_client.messages import GRASP_TOPIC, SEVERITY
 
 ALARMS = ("warning", "slipping")

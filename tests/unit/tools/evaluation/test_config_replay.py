@@ -14,8 +14,7 @@ from slipd.events import Tick
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.tools.evaluation.config_replay import outline, run_config
-from slipd.tools.evaluation.config_run import ConfigRun
-from slipd.tools.evaluation.level_spans import NOT_RECORDED
+from slipd.tools.evaluation.config_run import NOT_RECORDED, ConfigRun
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]

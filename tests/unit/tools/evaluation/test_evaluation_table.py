@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest, LevelSpan
 from slipd.tools.evaluation.evaluate import Evaluation
-from slipd.tools.evaluation.evaluation_table import as_map, comparisons, table
-from slipd.tools.evaluation.level_spans import LevelSpan
+from slipd.tools.evaluation.evaluate_command import as_map, comparisons, table
 
 
 def run(*parts: tuple[str, float, float], used: float = 0.5) -> ConfigRun:

@@ -8,7 +8,7 @@ from typing import Any
 from replays import messages
 
 from slipd.recording.reader import Gap
-from slipd.tools.evaluation.level_spans import NOT_RECORDED, LevelSpan, level_spans
+from slipd.tools.evaluation.config_run import NOT_RECORDED, LevelSpan, level_spans
 
 
 def slip(t_s: float, level: str, *reasons: str, topic: str = "slip.left", **more: Any) -> tuple[str, dict[str, Any]]:

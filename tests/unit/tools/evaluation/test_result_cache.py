@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from slipd.tools.evaluation import result_cache
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest, LevelSpan
 from slipd.tools.evaluation.executors import Job, LastingFault, NamedConfig
-from slipd.tools.evaluation.level_spans import LevelSpan
 from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 
 RUN = ConfigRun(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.tools.evaluation.config_run import ConfigRun, Largest
-from slipd.tools.evaluation.level_spans import LevelSpan
+from slipd.tools.evaluation.config_run import ConfigRun, Largest, LevelSpan
 from slipd.tools.evaluation.run_figures import differences, figures, worst_spans
 
 

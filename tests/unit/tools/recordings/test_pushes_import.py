@@ -14,8 +14,17 @@ from slipd.cli import main
 from slipd.errors import RecordingError, UsageError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.recordings.pushes_file import Pushes, bag_library, read_pushes, write_compact
-from slipd.tools.recordings.pushes_import import CENTRE_M, GRAVITY, board_wrench, import_pushes, support_loads
+from slipd.tools.recordings.pushes_import import (
+    CENTRE_M,
+    GRAVITY,
+    Pushes,
+    bag_library,
+    board_wrench,
+    import_pushes,
+    read_pushes,
+    support_loads,
+    write_compact,
+)
 
 MASS_KG = 0.15
 SHIPPED = (CONFIG / "pushes.toml").read_text(encoding="utf-8")
