@@ -2,14 +2,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from slipd_client.aio import AT_ONCE, AsyncGripClient, AsyncSubscriber
-from slipd_client.errors import LeaseInUse, LeaseLost, NoAnswer, Silence
+from slipd_client.aio import AsyncGripClient, AsyncSubscriber
+from slipd_client.errors import LeaseInUse, LeaseLost, NoAnswer
 
 if TYPE_CHECKING:
     from conftest import Daemon, Publisher
@@ -19,23 +17,6 @@ PATIENCE_S = 60.0
 
 async def joined(publisher: Publisher) -> None:
     await asyncio.to_thread(publisher.wait_for_subscriber)
-
-
-async def test_a_timeout_is_none_and_before_the_first_message_all_is_stale(publish: str) -> None:
-    async with AsyncSubscriber(publish) as subscriber:
-        assert await subscriber.receive(0.0) is None
-        assert await subscriber.receive(0.01) is None
-        assert subscriber.stale
-
-
-async def test_silence_is_told_and_iterating_anew_goes_on(publisher: Publisher) -> None:
-    async with AsyncSubscriber(publisher.endpoint, silence_s=0.05) as subscriber:
-        await joined(publisher)
-        with pytest.raises(Silence, match=r"for 0\.05 s"):
-            await anext(aiter(subscriber))
-        subscriber._tracker.silence_s = PATIENCE_S
-        publisher.send("slip.left", 1)
-        assert (await anext(aiter(subscriber))).seq == 1
 
 
 async def test_the_sign_of_life_ends_a_silence_but_is_not_handed_out(publisher: Publisher) -> None:
@@ -73,39 +54,6 @@ async def test_no_message_is_lost_by_cancelled_receives(publisher: Publisher) ->
     assert heard == [(seq, 0) for seq in range(count)]
 
 
-async def test_a_backlog_leaves_the_loop_to_others(publisher: Publisher) -> None:
-    turns = 0
-
-    async def other() -> None:
-        nonlocal turns
-        while True:
-            await asyncio.sleep(0)
-            turns += 1
-
-    async with AsyncSubscriber(publisher.endpoint) as subscriber:
-        await joined(publisher)
-        for seq in range(4 * AT_ONCE):
-            publisher.send("slip.left", seq)
-        task = asyncio.create_task(other())
-        for _ in range(4 * AT_ONCE):
-            assert await subscriber.receive(PATIENCE_S) is not None
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await task
-    assert turns >= 1
-
-
-async def test_a_daemon_that_comes_while_it_is_waited_for_is_asked(
-    start_daemon: Callable[..., Daemon], requests: str
-) -> None:
-    async with AsyncGripClient(requests, timeout_s=PATIENCE_S) as client:
-        asking = asyncio.create_task(client.status())
-        await asyncio.sleep(0.02)
-        daemon = start_daemon()
-        assert await asking == {}
-    assert daemon.ops[-1] == "status"
-
-
 async def test_a_late_reply_and_one_to_a_cancelled_request_are_not_taken_for_the_next(daemon: Daemon) -> None:
     daemon.handlers["silent"] = lambda _: None
     daemon.handlers["echo"] = lambda request: {"told": request["told"]}
@@ -120,13 +68,6 @@ async def test_a_late_reply_and_one_to_a_cancelled_request_are_not_taken_for_the
             assert await client.request("echo", told=told) == {"told": told}
 
 
-async def test_tasks_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) -> None:
-    daemon.handlers["echo"] = lambda request: {"told": request["told"]}
-    async with AsyncGripClient(daemon.endpoint) as client:
-        replies = await asyncio.gather(*(client.request("echo", told=told) for told in range(50)))
-    assert [reply["told"] for reply in replies] == list(range(50))
-
-
 async def test_a_lease_renews_itself_and_is_given_back(daemon: Daemon, often: int) -> None:
     async with AsyncGripClient(daemon.endpoint) as client, client.lease(often) as lease:
         async with asyncio.timeout(PATIENCE_S):
@@ -135,26 +76,6 @@ async def test_a_lease_renews_itself_and_is_given_back(daemon: Daemon, often: in
                 await lease.wait(0.001)
         assert not lease.lost
     assert daemon.ops[-1] == "lease.release"
-
-
-async def test_a_lease_begins_with_its_request_and_not_with_the_greetings_before_it(daemon: Daemon) -> None:
-    greet = daemon.handlers["hello"]
-    daemon.handlers["hello"] = lambda request: (time.sleep(0.45), greet(request))[1]
-    async with AsyncGripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(1500):
-        await client.grip_set(5.0)
-    assert daemon.ops.count("hello") == 4
-    assert "grip.set" in daemon.ops
-
-
-async def test_a_lease_that_is_lost_is_told_at_once(daemon: Daemon, often: int) -> None:
-    daemon.handlers["lease.renew"] = lambda _: {"error": {"code": "no_lease", "message": "it has ended"}}
-    async with AsyncGripClient(daemon.endpoint) as client, client.lease(often) as lease:
-        with pytest.raises(LeaseLost, match="it has ended"):
-            await lease.wait(PATIENCE_S)
-        assert lease.why == "no_lease: it has ended"
-        with pytest.raises(LeaseLost):
-            await client.grip_set(5.0)
-    assert not {"grip.set", "lease.release"} & set(daemon.ops)
 
 
 async def test_an_iteration_ends_with_the_lease(daemon: Daemon, publisher: Publisher, often: int) -> None:

@@ -23,29 +23,6 @@ def test_the_clock_is_unknown_before_the_first_reply_and_after_another_daemon() 
         assert (clock.error_ns(0), clock.server_ns(0), clock.local_ns(0), clock.earliest_ns(0)) == (None,) * 4
 
 
-def test_the_error_is_half_the_way_there_and_back() -> None:
-    clock = ServerClock()
-    clock.observe(1_000, 3_000, 502_000)
-    assert clock.error_ns(3_000) == 1_001, "half of 2 µs, and what the clocks may part meanwhile"
-    assert clock.server_ns(2_000) == 502_000
-    assert clock.local_ns(502_000) == 2_000
-
-
-def test_the_quicker_of_several_replies_tells_the_clock() -> None:
-    clock = ServerClock()
-    clock.observe(0, 100_000, 99_000)
-    clock.observe(100_000, 102_000, 151_000)
-    assert clock.error_ns(102_000) < 1_100
-    clock.observe(102_000, 902_000, 600_000)
-    assert clock.error_ns(902_000) < 1_300
-
-
-def test_the_error_grows_with_time() -> None:
-    clock = ServerClock()
-    clock.observe(0, 0, 0)
-    assert clock.error_ns(10 * SECOND) == 10 * SECOND * DRIFT_PPM // 1_000_000
-
-
 def test_a_clock_that_steps_is_believed_anew() -> None:
     clock = ServerClock()
     clock.observe(0, 1_000, 500)

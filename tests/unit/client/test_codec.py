@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd_client.errors import RequestRefused
 from slipd_client.messages import MESSAGE_LIMITS, REQUEST_LIMITS, Limits, MessageError, decode, encode
 
 plain = st.recursive(
@@ -95,10 +94,6 @@ def test_a_number_that_is_none_is_refused_with_its_place(value: float) -> None:
     assert (error.code, error.field) == ("not_finite", "inner.list.1")
 
 
-def test_single_precision_nan_is_refused() -> None:
-    assert refusal(b"\x81\xa7force_n\xca" + struct.pack(">f", math.nan)).field == "force_n"
-
-
 @pytest.mark.parametrize("header", [b"\xdc", b"\xde"], ids=["lists", "maps"])
 @pytest.mark.parametrize(("limits", "allowed"), [(REQUEST_LIMITS, 4e6), (MESSAGE_LIMITS, 64e6)])
 def test_a_nest_of_large_headers_takes_little_memory(header: bytes, limits: Limits, allowed: float) -> None:
@@ -112,29 +107,6 @@ def test_a_nest_of_large_headers_takes_little_memory(header: bytes, limits: Limi
         tracemalloc.stop()
 
 
-def test_a_message_at_the_limits_is_read() -> None:
-    body = {"texts": ["x" * 1024] * 15, "numbers": list(range(64))}
-    assert decode(encode(body)) == body
-
-
-def test_a_pad_image_needs_the_limits_of_messages() -> None:
-    body = {"loads_n": [0.25] * 4096}
-    assert decode(encode(body), MESSAGE_LIMITS) == body
-    assert refusal(encode(body)).code == "malformed"
-
-
-def test_the_encoder_works_on_after_a_value_it_cannot_pack() -> None:
-    with pytest.raises(TypeError):
-        encode({"a": "x" * 100, "b": object()})
-    assert decode(encode({"a": 1})) == {"a": 1}
-
-
-def test_an_error_tells_code_place_and_reason() -> None:
-    error = MessageError("bad_type", "a number is expected", "force_n")
-    assert str(error) == "bad_type: force_n: a number is expected"
-    assert str(MessageError("malformed", "no map")) == "malformed: no map"
-
-
 @pytest.mark.parametrize("leaf", [b"\x01", b"\x90", b"\x80", b"\xa0", b"\x81\xa0\x01"])
 def test_a_bush_of_short_lists_is_not_read_to_its_end(leaf: bytes) -> None:
     """Of entries that are few in each list and many in all: some 7 ms of a daemon's loop otherwise."""
@@ -143,17 +115,3 @@ def test_a_bush_of_short_lists_is_not_read_to_its_end(leaf: bytes) -> None:
     assert len(bush) <= REQUEST_LIMITS.data_bytes
     with pytest.raises(MessageError, match="at most 256 entries"):
         decode(bush)
-
-
-@pytest.mark.parametrize(
-    ("message", "text"),
-    [
-        ("force_n must be 3 to 25 N", "out_of_range: force_n must be 3 to 25 N"),
-        ("force_n: the gripper has 3 to 25 N", "out_of_range: force_n: the gripper has 3 to 25 N"),
-        ("a raise of 5 N is too much", "out_of_range: force_n: a raise of 5 N is too much"),
-    ],
-)
-def test_a_fault_names_its_field_once(message: str, text: str) -> None:
-    assert str(MessageError("out_of_range", message, "force_n")) == text
-    assert str(RequestRefused("out_of_range", message, "force_n")) == text
-    assert str(RequestRefused("out_of_range", message)) == f"out_of_range: {message}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import threading
 import tomllib
 from collections.abc import Callable, Iterable
@@ -16,11 +15,8 @@ from slipd_client.friction_session import NO_SLIP
 from slipd_client.slipctl import main
 
 if TYPE_CHECKING:
-    import subprocess
-
     from conftest import Daemon, Publisher
 
-PATIENCE_S = 60.0
 SPEED = 20.0
 """How much faster than real time verdicts are sent; their own times are in real time."""
 
@@ -86,18 +82,6 @@ def test_three_pulls_give_lines_for_the_config(
     assert set(daemon.ops) == {"hello", "status"}, "it asks for nothing that moves or sets anything"
 
 
-def test_both_fingers_are_measured_with_the_same_pulls(
-    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    left, right = Hand(), Hand("right", mu_s=0.7, mu_d=0.5)
-    both = [[one, other] for _ in range(2) for one, other in zip(left.once(), right.once(), strict=True)]
-    assert main([*played(both), "--samples", "1"]) == 0
-    out = capsys.readouterr().out
-    assert "1 of 1 (left 10.0 N, right 10.0 N)" in out
-    assert "left: static friction 0.600 ± 9.3%, dynamic friction 0.450" in out
-    assert "right: static friction 0.700 ± 9.3%, dynamic friction 0.500" in out
-
-
 def test_as_json_the_result_is_one_document_and_the_guide_is_on_standard_error(
     played: Callable[..., list[str]], call: Callable[..., tuple[int, str, str]]
 ) -> None:
@@ -106,18 +90,6 @@ def test_as_json_the_result_is_one_document_and_the_guide_is_on_standard_error(
     assert found["mu_s"] == pytest.approx(0.5, rel=0.01)
     assert found["mu"] == pytest.approx(found["mu_s"] * (1.0 - found["mu_spread"]))
     assert errors.startswith("Pull slowly")
-
-
-def test_what_one_finger_showed_is_printed_where_the_other_shows_nothing(
-    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    left, right = Hand(), Hand("right")
-    both = [[one, other] for one, other in zip(left.once(), right.rest(2.2), strict=False)]
-    assert main([*played(both), "--samples", "1", "--patience", "2"]) == 1
-    shown = capsys.readouterr()
-    assert "left: static friction 0.600" in shown.out
-    assert "right" not in shown.out.partition("left: static")[2]
-    assert shown.err.startswith("slipctl: nothing more was measured for 2 s")
 
 
 @pytest.mark.parametrize(
@@ -156,21 +128,3 @@ def test_a_sensor_with_a_fault_and_a_wrong_name_are_told_before_anything_else(
     daemon.handlers["status"] = lambda _: next(answers, STATUS)
     assert main(["--requests", daemon.endpoint, "friction", "measure", "middle"]) == 1
     assert capsys.readouterr().err == "slipctl: finger must be one of left, right, got 'middle'\n"
-
-
-def test_a_daemon_that_falls_silent_is_told(
-    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*played([[body] for body in Hand().rest(1.0)]), "left"]) == 1
-    assert "no message" in capsys.readouterr().err
-
-
-def test_ctrl_c_ends_it_in_one_line(
-    played: Callable[..., list[str]], slipctl: Callable[..., subprocess.Popen[str]]
-) -> None:
-    process = slipctl(*played([body] for body in Hand().rest(600.0)), "left")
-    assert process.stdout is not None
-    assert process.stdout.readline().startswith("Pull slowly")
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, errors) == (130, "")

@@ -14,16 +14,13 @@ from pulls import Hand, typed
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import (
-    LONGEST_STEP_S,
     MOST_PULLS,
     MOST_REJECTED,
     OBSTACLE_S,
-    ElapsedTime,
     FrictionSession,
     agreeing,
     config_lines,
     disagreement,
-    median_of,
     spread,
 )
 
@@ -106,23 +103,6 @@ def test_what_never_ends_by_itself_ends_with_its_reason_and_goes_on_afterwards(
     assert [sample.mu_s for sample in guided.results["left"]][:1] == pytest.approx([0.6], rel=0.02)
 
 
-def test_release_is_asked_for_where_the_last_pull_still_acts() -> None:
-    hand, guided = Hand(), Guided()
-    grows = list(hand.pull())
-    guided.play([*Hand(t_s=99.0).rest(), *grows[:100], grows[100] | STALE])
-    assert guided.said[-1].startswith("  left: not counted")
-    guided.play(grows[101:])
-    assert guided.said[-1] == "Let go of it."
-    guided.play(hand.once())
-    assert (guided.said.count(PULL), guided.done) == (2, True)
-
-
-def test_elapsed_time_counts_no_stall_and_no_message_that_is_late() -> None:
-    clock = ElapsedTime()
-    assert [clock.update(now_s) for now_s in (7.0, 7.25, 7.125, 7.375)] == [0.0, 0.25, 0.25, 0.375]
-    assert clock.update(100.0) == 0.375 + LONGEST_STEP_S
-
-
 def samples(*values: float) -> list[PullSample]:
     return [PullSample(value, 0.8 * value, 10.0) for value in values]
 
@@ -133,12 +113,6 @@ def test_samples_within_a_quarter_agree_and_the_largest_group_counts() -> None:
     assert [each.mu_s for each in group] == [0.5, 0.52, 0.54]
     assert [disagreement(each, group) for each in found] == ["", "0.800 is 54% from the others, 0.520", "", ""]
     assert [each.mu_s for each in agreeing(samples(0.3, 0.31, 0.5, 0.6))] == [0.3, 0.31], "of two, the closer one"
-
-
-def test_the_median_leaves_out_slides_without_dynamic_friction() -> None:
-    group = [PullSample(0.5, None, 9.0), PullSample(0.52, 0.4, 10.0), PullSample(0.56, 0.44, 11.0)]
-    assert median_of(group) == (0.52, pytest.approx(0.42), 10.0)
-    assert median_of(group[:1]).mu_d is None
 
 
 @pytest.mark.parametrize(("scatter", "most"), [(0.05, 0.16), (0.02, 0.02), (0.1, 0.25)])

@@ -11,7 +11,7 @@ import pytest
 
 from slipd_client import gravity_feed
 from slipd_client.errors import CallError, RequestRefused
-from slipd_client.gravity_feed import gravity_of, parse_line
+from slipd_client.gravity_feed import gravity_of
 from slipd_client.grip import GripClient
 from slipd_client.slipctl import main
 
@@ -52,14 +52,6 @@ def test_the_orientation_of_the_pad_gives_gravity_in_its_frame(
     assert [component / gravity_feed.STANDARD_GRAVITY_MPS2 for component in gravity_of(quaternion)] == pytest.approx(
         gravity, abs=1e-12
     )
-
-
-def test_a_line_has_three_or_four_numbers() -> None:
-    assert parse_line(" 1, 2 -3 # tilted\n") == [1.0, 2.0, -3.0]
-    assert parse_line("# nothing") is None
-    for line in ("1 2", "1 2 3 4 5", "1 2 x", "1 2 nan", "1 2 3 4"):
-        with pytest.raises(CallError):
-            parse_line(line)
 
 
 def test_one_orientation_is_sent_once_or_repeated(

@@ -13,11 +13,10 @@ import pytest
 import zmq
 
 from slipd_client.aio import AsyncGripClient
-from slipd_client.errors import CallError, NoAnswer, RequestRefused, TareGivenUp
+from slipd_client.errors import NoAnswer, RequestRefused, TareGivenUp
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys
 from slipd_client.messages import MessageError, encode
-from slipd_client.request_protocol import TARE_POLL_S
 
 if TYPE_CHECKING:
     from conftest import Daemon
@@ -275,27 +274,6 @@ def test_a_client_with_keys_is_answered_by_the_daemon_that_it_trusts_and_by_no_o
         client.hello()
 
 
-def test_a_request_that_waits_too_long_for_its_turn_is_not_sent(daemon: Daemon) -> None:
-    with (
-        GripClient(daemon.endpoint, timeout_s=0.01) as client,
-        client._turn,
-        pytest.raises(NoAnswer, match="another thread"),
-    ):
-        client.status()
-    assert daemon.ops == []
-
-
-def test_wrong_calls_are_refused_before_anything_is_sent(daemon: Daemon, client: Any) -> None:
-    with pytest.raises(ValueError, match="'tcp://robot'"):
-        GripClient("tcp://robot")
-    for seconds in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(ValueError, match="positive time"):
-            client.tare("left", seconds)
-    with pytest.raises(CallError, match=r"call tare\(finger, stream, seconds\)"):
-        client.tare("left", 0.5, "pad")
-    assert daemon.ops == []
-
-
 def test_a_tare_is_waited_for_until_it_is_taken_of_each_stream_that_was_named(daemon: Daemon, client: Any) -> None:
     looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
     daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
@@ -315,17 +293,6 @@ def test_a_tare_is_waited_for_until_it_is_taken_of_each_stream_that_was_named(da
     states["pad"] = 1
     with pytest.raises(RequestRefused, match="tare of left pad was given up"):
         client.tare("left", "all")
-
-
-def test_a_tare_in_progress_is_asked_for_with_pauses(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    paused: list[float] = []
-    looks = iter([{"busy": True, "tare_id": 1}] * 2 + [{"busy": False, "tare_id": 2}])
-    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
-    daemon.handlers["tare.get"] = lambda _: next(looks)
-    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
-        monkeypatch.setattr(time, "sleep", paused.append)
-        client.tare("left", seconds=0.1)
-    assert paused == [TARE_POLL_S] * 2
 
 
 @pytest.mark.parametrize(

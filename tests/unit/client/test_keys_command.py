@@ -45,14 +45,6 @@ def test_a_directory_that_is_not_there_is_told(tmp_path: Path) -> None:
         run("list", "--dir", str(tmp_path / "nowhere"))
 
 
-def test_the_directory_is_the_users_own_unless_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CONFIG_HOME", "/home/r/conf")
-    assert slipctl_parser.keys_directory() == Path("/home/r/conf/slipd/keys")
-    monkeypatch.setenv("XDG_CONFIG_HOME", "")
-    monkeypatch.setenv("HOME", "/home/r")
-    assert slipctl_parser.keys_directory() == Path("/home/r/.config/slipd/keys")
-
-
 def test_slipctl_makes_keys_and_refuses_to_overwrite_them(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "slipd_client.slipctl", "keys", "new", "robot-1"]
     environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}

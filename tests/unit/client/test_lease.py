@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from conftest import Daemon, Publisher
 
 PATIENCE_S = 60.0
-SHORT_MS = 1500
 
 
 def in_threads(*works: Callable[[], object], names: list[str | None] | None = None) -> None:
@@ -92,20 +91,6 @@ def test_a_lease_renews_itself_while_the_block_runs_and_asks_a_busy_daemon_again
     assert daemon.ops[-1] == "lease.release"
 
 
-def greets_slowly(daemon: Daemon) -> None:
-    """The four greetings of a slow line take longer than a lease of `SHORT_MS` lasts."""
-    greet = daemon.handlers["hello"]
-    daemon.handlers["hello"] = lambda request: (time.sleep(0.3 * SHORT_MS / 1000), greet(request))[1]
-
-
-def test_a_lease_begins_with_its_request_and_not_with_the_greetings_before_it(daemon: Daemon) -> None:
-    greets_slowly(daemon)
-    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(SHORT_MS):
-        client.grip_set(5.0)
-    assert daemon.ops.count("hello") == 4
-    assert "grip.set" in daemon.ops
-
-
 def test_a_lease_that_is_refused_its_renewal_is_lost_at_once(daemon: Daemon, often: int) -> None:
     daemon.handlers["lease.renew"] = refuse("no_lease", "it has ended")
     with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
@@ -167,32 +152,6 @@ def test_a_connection_that_is_closed_within_the_block_loses_the_lease(daemon: Da
         client.disconnect()
         with pytest.raises(LeaseLost, match="closed"):
             lease.wait(PATIENCE_S)
-
-
-def test_threads_cannot_take_each_others_lease(daemon: Daemon) -> None:
-    """Eight threads of one client ask at once: one of them holds the lease, alone, until it gives it back."""
-    together, outcomes, holders = threading.Barrier(8), [], []
-    daemon.handlers["lease.acquire"] = lambda _: time.sleep(0.05) or {}
-
-    def hold() -> None:
-        together.wait()
-        try:
-            with client.lease(60_000) as lease:
-                holders.append(lease)
-                together.wait()  # the others have asked
-                client.grip_set(5.0)
-                assert not lease.lost
-                outcomes.append("held")
-        except LeaseInUse:
-            outcomes.append("refused")
-            together.wait()
-
-    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
-        in_threads(*[hold] * 8)
-        assert sorted(outcomes) == ["held"] + ["refused"] * 7
-        assert moves(daemon) == ["lease.acquire", "grip.set", "lease.release"]
-        with client.lease(60_000):
-            client.grip_set(6.0)
 
 
 def test_a_lease_is_free_for_others_only_once_the_daemon_has_it_back(daemon: Daemon) -> None:

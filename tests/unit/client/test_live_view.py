@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from shown_rig import GRIPPER, PAD, RIG, SLIP, STATUS, STREAM, drawn, rig
 
 from slipd_client.live_view import LiveView, change_line
-from slipd_client.live_view_parts import LEVEL_COLOURS, clock_time
-from slipd_client.messages import LEVELS
-from slipd_client.terminal import Sheet, Terminal, paint, spelled
+from slipd_client.live_view_parts import clock_time
+from slipd_client.terminal import Terminal
 
 Bodies = dict[str, dict[str, Any]]
 
-LONG = "no such port: /dev/serial/by-id/usb-Bota_Systems_AG_SensONE_ABC123; tries again every second; is it plugged in?"
 UNKNOWN = dict.fromkeys(("mu", "utilisation", "utilisation_lower", "utilisation_upper"))
 GROWN = {"required_friction": 0.306, "carried_friction": 0.36, "relative_utilisation": 0.85}
 MOVING = {"reasons": ["no_mu"], "evidence": ["load_drop", "width"]}
@@ -108,14 +106,6 @@ def test_a_quantity_that_is_not_known_is_a_dash_and_never_zero(field: str, unkno
     assert drawn(slip_left=SLIP | {field: unknown}).count("–") == 1 + drawn(slip_left=SLIP).count("–")
 
 
-def test_every_level_is_drawn_in_a_colour_of_its_own() -> None:
-    assert len(set(LEVEL_COLOURS.values())) == len(LEVELS)
-    for level in LEVELS:
-        view = LiveView()
-        view.update("slip.left", SLIP | {"level": level})
-        assert f"\x1b[{LEVEL_COLOURS[level]}m{level.upper()}" in view.render(Terminal(200, colour=True))[1]
-
-
 def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
     hostile = "\x1b[2J\n\x9b5m"
     view = LiveView()
@@ -137,14 +127,6 @@ def test_fingers_and_grippers_that_the_daemon_no_longer_has_vanish() -> None:
     assert all(re.search(f"^{finger}", text, re.MULTILINE) for finger in ("left", "right"))
     view.update("slip.index", SLIP | {"boot": "two"})
     assert "left" not in "\n".join(view.render(Terminal(200))), "another run of the daemon"
-
-
-def test_the_summary_names_every_finger_in_one_line() -> None:
-    view = LiveView()
-    assert view.summary() == "–  no verdict yet"
-    view.update("slip.left", SLIP)
-    view.update("slip.right", SLIP | UNKNOWN | {"level": "stable", "utilisation_lower": 0.5, "normal_n": None})
-    assert view.summary().endswith(".250  left warning λ 0.50 10.12 N  |  right stable λ ≥0.50 –")
 
 
 def test_a_change_of_level_is_one_line() -> None:
@@ -182,31 +164,12 @@ def test_two_fingers_with_pads_and_a_gripper_fit_and_what_does_not_is_named(
             assert part in text
 
 
-def test_streams_with_a_fault_stay_those_with_one_message_together() -> None:
-    well = {f"f{n}.wrench": STREAM | {"health": 0, "message": ""} for n in range(30)}
-    ill = {f"f{n}.wrench": STREAM | {"health": 2, "message": LONG} for n in (7, 8)}
-    shown = rig(Terminal(80, 20), status=STATUS | {"streams": well | ill})
-    assert "ERROR     f7.wrench, f8.wrench" in shown
-    assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(shown))
-    assert "28 streams without a fault" in shown[-1]
-    assert rig(Terminal(60, 3))[-1] == "9 more lines do not fit in 60 x 3"
-
-
 @pytest.mark.parametrize(("silent_s", "pads"), [(0.0, 4), (5.0, 0)])
 def test_a_pad_is_not_drawn_without_a_usable_image_nor_of_a_silent_daemon(silent_s: float, pads: int) -> None:
     unusable = PAD | {"image_ok": False, "image_reasons": ["stale"], "loads_n": None}
     shown = rig(Terminal(80, 24), silent_s, tactile_left=unusable)
     assert sum("█" * 32 in line for line in shown) == pads, "of the other pad"
     assert ("no image: stale" in "\n".join(shown)) == (pads > 0)
-
-
-def test_in_ascii_every_character_is_spelled() -> None:
-    view = rig(Terminal(80, 24, ascii_only=True), status=QUIET | {"object_name": "Teekanne µ"})
-    text = "\n".join(view)
-    assert text.isascii()
-    for part in ("load  0.50  ##########=====.....", "spin 0.0123 N.m", "object Teekanne ?"):
-        assert part in text
-    assert change_line(SLIP | {"previous": "stable"}, ascii_only=True).endswith(" -> warning  (rotation, tipping)")
 
 
 anything = st.recursive(
@@ -230,36 +193,3 @@ def test_a_field_of_any_kind_is_drawn_within_the_terminal(topic: str, terminal: 
     assert max(map(len, lines)) <= terminal.columns
     assert not terminal.ascii_only or "".join(lines).isascii()
     assert view.summary()
-
-
-def texts(sheet: Sheet) -> list[str]:
-    return [paint(line, sheet.width, colour=False) for line in sheet.lines]
-
-
-def test_facts_are_packed_and_a_remark_follows_where_it_fits() -> None:
-    sheet = Sheet(20, ascii_only=False)
-    sheet.facts([("head", "1")], [("one fact", ""), ("another", ""), ("third", "")], indent=4)
-    sheet.remark("end", "31")
-    sheet.remark("no answer for a minute", "31", indent=4)
-    sheet.remark("", "31")
-    sheet.facts([("head", "")], [("01234567890123456789", "")])
-    assert texts(sheet) == [
-        *("head  one fact", "    another  third", "end", "    no answer for a", "    minute"),
-        *("head", "01234567890123456789"),
-    ]
-
-
-def test_a_text_stands_beside_a_picture_of_any_height() -> None:
-    sheet = Sheet(20, ascii_only=False)
-    for width in (5, 15):
-        beside = sheet.narrower(width)
-        beside.facts([], [("one", ""), ("two", "")])
-        sheet.beside([[("###", "")]] * (3 - width // 6), 3, beside)
-    assert texts(sheet) == ["###  one  two", "###", "###", "###  one", "     two"]
-
-
-def test_colours_are_around_what_is_left_of_their_text() -> None:
-    line = [("left", "1"), ("WARNING", "31"), ("gone", "32")]
-    assert paint(line, 7, colour=True) == "\x1b[1mleft\x1b[0m\x1b[31mWAR\x1b[0m"
-    assert paint(line, 7, colour=False) == "leftWAR"
-    assert spelled("λ ≤0.70 a → b naïve ✓", ascii_only=True) == "load <=0.70 a -> b na?ve ?"

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from slipd_client.pad_picture import HEAT, LARGEST_SCALE, Mark, PadImage, largest_scale, pad_image, pad_picture
+from slipd_client.pad_picture import Mark, PadImage, pad_image, pad_picture
 
 BODY: dict[str, Any] = {
     "rows": 2,
@@ -53,22 +53,6 @@ def test_the_scan_may_run_in_any_direction(rows_along: str, cols_along: str, pla
     assert found.rows[int(at[1])][int(at[0])] == 1.0, "the largest load is there"
 
 
-def test_two_rows_of_taxels_share_a_line_at_scale_one() -> None:
-    lines, columns = pad_picture(image(), 1, (), colour=True, ascii_only=False)
-    (line,) = lines
-    assert columns == 3
-    assert [text for text, _ in line] == ["▀", "▀", "▀"]
-    assert line[1][1] == f"38;5;{HEAT[0]};48;5;{HEAT[0]}"
-    assert line[2][1] == f"38;5;{HEAT[0]};48;5;{HEAT[-1]}", "the lower pixel is the background"
-
-
-def test_an_odd_number_of_pixel_rows_ends_in_the_background() -> None:
-    lines, _ = pad_picture(image(rows=3, cols=2), 1, (), colour=True, ascii_only=False)
-    assert len(lines) == 2
-    assert lines[1][0][1].endswith(";49")
-    assert len(shades(image(rows=3, cols=2), 1)) == 2
-
-
 def test_marks_stand_where_the_points_are() -> None:
     at_load = Mark("+", [0.01, -0.005])
     assert shades(image(), 2, at_load) == ["==....", "....@+"]
@@ -76,19 +60,6 @@ def test_marks_stand_where_the_points_are() -> None:
     assert "+" in [text for text, _ in lines[1]]
     assert shades(image(), 2, Mark("o", [0.1, 0.0]), Mark("+", None), Mark("x", [0.0, "a"])) == shades(image())
     assert shades(image(pitch_m=None), 2, at_load) == shades(image())
-
-
-def test_the_picture_is_as_large_as_it_fits() -> None:
-    assert largest_scale(image(), 10, 10) == 3
-    assert largest_scale(image(), 100, 2) == 2
-    assert largest_scale(image(), 2, 10) == 0
-    assert largest_scale(image(), 1000, 1000) == LARGEST_SCALE
-
-
-def test_a_pad_without_load_is_empty() -> None:
-    found = image(loads_n=[0.0] * 6)
-    assert found.peak == 0.0
-    assert shades(found) == ["......", "......"]
 
 
 @pytest.mark.parametrize(
@@ -104,12 +75,3 @@ def test_a_pad_without_load_is_empty() -> None:
 )
 def test_what_is_no_image_is_not_drawn(fields: dict[str, Any]) -> None:
     assert pad_image(BODY | fields) is None
-
-
-def test_a_load_that_is_no_number_is_no_load() -> None:
-    assert image(loads_n=[None, "a", float("nan"), float("inf"), -1.0, 2.0]).peak == 2.0
-
-
-def test_the_unit_is_that_of_the_image() -> None:
-    assert image().unit == "N"
-    assert image(force_unit="uncalibrated").unit == ""

@@ -18,7 +18,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from slipd_client.arguments import ListenAddress
 from slipd_client.messages import encode
 from slipd_client.page import live_feed
-from slipd_client.page.live_feed import CHANGES, LiveFeed, Newest
+from slipd_client.page.live_feed import LiveFeed, Newest
 from slipd_client.page.page_server import PageServer, Site
 from slipd_client.page.requests_of_page import PageRequests
 
@@ -33,7 +33,6 @@ def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[byte
 
 
 FIRST = [message("slip.left", 1), message("status", 1)]
-SECOND = message("slip.left", 2)
 AGAIN = message("slip.left", 3)
 UNREADABLE = [[b"slip.left", b"\xc1"], [b"warning"], [*message("status", 1), b""], message("grasp", 1, v=2)]
 BAD = "unsupported_version: v must be 1, got 2"
@@ -93,14 +92,6 @@ def test_a_frame_has_what_is_new_to_a_browser_with_its_age(
     assert (newest.bad, newest.bad_reason, frame["bad"]) == (
         (4, BAD, BAD) if ticks[0][1] is UNREADABLE else (0, "", "")
     )
-
-
-def test_every_change_of_level_is_kept_up_to_a_bound() -> None:
-    newest = Newest()
-    newest.add([message("warning", seq) for seq in range(CHANGES + 5)], 0.0)
-    changes = json.loads(newest.frame(0, 0.0))["changes"]
-    assert [change["seq"] for change in changes] == list(range(5, CHANGES + 5))
-    assert json.loads(newest.frame(newest.tick, 0.0)) == {"topics": {}, "ages": {}, "changes": [], "bad": ""}
 
 
 class Sender:
@@ -210,12 +201,6 @@ async def test_a_browser_that_asks_for_nothing_delays_no_other_and_then_gets_the
             assert [change["seq"] for change in found["changes"]] == [0]
     finally:
         sender.close()
-
-
-async def test_a_frame_comes_even_where_no_daemon_is(publish: str) -> None:
-    async with viewing(publish) as (_, url), browser(url) as socket:
-        assert (await frame(socket))["topics"] == {}
-        assert (await frame(socket))["topics"] == {}
 
 
 async def test_a_page_that_only_shows_refuses_requests(publish: str) -> None:

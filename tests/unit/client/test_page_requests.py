@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from slipd_client.errors import CallError
 from slipd_client.page.requests_of_page import PageRequests
 
 if TYPE_CHECKING:
@@ -86,8 +85,3 @@ async def test_without_a_daemon_a_request_says_so(requests: str) -> None:
     reply = await page.carry_out('{"do": "tare", "finger": "left"}')
     assert reply["ok"] is False
     assert "Is slipd running?" in reply["text"]
-
-
-def test_a_wrong_endpoint_is_an_error_at_once() -> None:
-    with pytest.raises(CallError, match="'nowhere'"):
-        PageRequests("nowhere")

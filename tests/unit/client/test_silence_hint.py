@@ -27,14 +27,6 @@ def directory() -> Iterator[Path]:
         yield made
 
 
-def test_of_an_endpoint_over_the_network_the_keys_may_be_wrong() -> None:
-    assert hint_for("tcp://10.0.0.5:7777") == "Is slipd running, and are the keys right?"
-
-
-def test_a_directory_that_may_be_entered_leaves_one_question(directory: Path) -> None:
-    assert hint_for(f"ipc://{directory}/publish") == "Is slipd running?"
-
-
 def test_a_user_whose_variable_is_not_set_is_told_where_the_service_is(
     directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -51,15 +43,6 @@ def test_a_user_outside_the_group_is_told_to_join_it(directory: Path) -> None:
     directory.chmod(0o750)
     want = f"Only the group daemon may enter {directory}: sudo usermod -aG daemon $USER, then log in again"
     assert asked_by_nobody(directory) == want
-
-
-@root_alone
-def test_numbers_without_a_name_are_shown_as_numbers(directory: Path) -> None:
-    os.chown(directory, 54321, 54322)
-    directory.chmod(0o750)
-    assert asked_by_nobody(directory).startswith(f"Only the group 54322 may enter {directory}")
-    directory.chmod(0o700)
-    assert asked_by_nobody(directory) == f"Only user 54321 may enter {directory}"
 
 
 def asked_by_nobody(directory: Path) -> str:

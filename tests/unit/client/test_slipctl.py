@@ -7,13 +7,11 @@ import sys
 import time
 from collections.abc import Callable
 from importlib import metadata
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from slipd_client.grip import GripClient, Lease
-from slipd_client.keys import create
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.slipctl import COMMANDS
 
@@ -135,15 +133,6 @@ def test_without_a_daemon_every_request_fails_with_a_clear_line(
     assert call(*command, "--requests", requests) == (1, "", complaint)
 
 
-def test_a_refusal_is_told_with_code_field_and_message(daemon: Daemon, call: Call) -> None:
-    daemon.handlers["grip.set"] = lambda _: {
-        "error": {"code": "out_of_range", "message": "at most 40 N", "field": "force_n"}
-    }
-    refusal = "slipctl: out_of_range: force_n: at most 40 N\n"
-    assert call("--requests", daemon.endpoint, "grip", "set", "99") == (1, "", refusal)
-    assert daemon.ops[-1] == "lease.release"
-
-
 def test_a_refusal_names_what_to_type_for_the_request_that_it_names(daemon: Daemon, call: Call) -> None:
     message = "request gripper.activate first; see rig.toml"
     daemon.handlers["grip.set"] = lambda _: {"error": {"code": "not_active", "message": message}}
@@ -172,13 +161,6 @@ def test_status_is_drawn_for_people(daemon: Daemon, call: Call) -> None:
     assert "slipd 0.1.0 up – lease –" in text
     assert "left STABLE" in text
     assert text.endswith(long), "broken into lines, and nothing of it is cut"
-
-
-def test_status_as_json_is_the_whole_map(daemon: Daemon, call: Call) -> None:
-    status = {"version": "0.1.0", "lease": {"held": False, "expires_in_s": None}}
-    daemon.handlers["status"] = lambda _: status
-    code, out, _ = call("status", "--requests", daemon.endpoint, "--json")
-    assert (code, json.loads(out)) == (0, status | {"repairs": []})
 
 
 def test_tare_waits_until_it_is_taken_and_takes_the_stream_that_is_named(daemon: Daemon, call: Call) -> None:
@@ -274,30 +256,6 @@ def test_grip_keeps_its_lease_while_it_holds(daemon: Daemon, call: Call, monkeyp
     assert daemon.asked_ops[0] == "lease.acquire"
     assert daemon.ops[-1] == "lease.release"
     assert daemon.ops.count("lease.renew") >= 2
-
-
-@pytest.mark.usefixtures("renewed_often")
-def test_a_lease_lost_while_holding_is_a_fault(daemon: Daemon, call: Call) -> None:
-    daemon.handlers["lease.renew"] = lambda _: {"error": {"code": "no_lease", "message": "it has ended"}}
-    code, _, errors = call("--requests", daemon.endpoint, "grip", "set", "5", "--hold", "30")
-    assert code == 1
-    assert errors.startswith("slipctl: the lease is lost: no_lease: it has ended.")
-
-
-def test_new_keys_are_files_that_the_next_call_uses(daemon: Daemon, tmp_path: Path, call: Call) -> None:
-    for name in ("robot", "slipd"):
-        code, out, _ = call("keys", "new", name, "--dir", str(tmp_path), "--json")
-        assert (code, json.loads(out)["secret_file"]) == (0, f"{tmp_path}/{name}.key_secret")
-    keys = ["--key", f"{tmp_path}/robot.key_secret", "--server-key", f"{tmp_path}/slipd.key"]
-    assert call("--requests", daemon.endpoint, *keys, "status")[0] == 1, "this daemon has no such key"
-    assert daemon.ops == []
-
-
-def test_the_public_half_in_place_of_the_secret_one_is_recognised(tmp_path: Path, call: Call) -> None:
-    public, _ = create("robot-1", tmp_path)
-    code, _, errors = call("--key", str(public), "--server-key", str(public), "status")
-    complaint = f"slipctl: {public}: must hold a secret key (.key_secret), but holds only the public key\n"
-    assert (code, errors) == (2, complaint)
 
 
 def test_ctrl_c_while_holding_gives_the_lease_back(daemon: Daemon, slipctl: Start) -> None:

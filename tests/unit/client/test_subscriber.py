@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
-from slipd_client.errors import Silence
 from slipd_client.messages import encode
 from slipd_client.messages.typed import Message, Slip, SlipLevel
 from slipd_client.subscriber import Subscriber
@@ -90,14 +89,6 @@ def test_the_chosen_topics_are_heard_once_each_with_its_gaps(
     assert [(message.topic, message.seq, message.missed) for message in told] == expected
 
 
-def test_the_last_warning_of_each_finger_is_no_gap_for_a_late_subscriber(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint, ("warning",)) as subscriber:
-        publisher.wait_for(b"warning")
-        for finger, seq in (("left", 3), ("right", 7), ("left", 8), ("right", 10)):
-            publisher.send("warning", seq, finger=finger)
-        assert [heard(subscriber).missed for _ in range(4)] == [0, 0, 0, 1]
-
-
 def test_a_restart_is_told_once_and_is_no_gap(start_publisher: Callable[..., Publisher]) -> None:
     old = start_publisher()
     with Subscriber(old.endpoint) as subscriber:
@@ -157,38 +148,6 @@ def test_a_message_makes_it_fresh_until_its_age_passes_the_limit(publisher: Publ
         assert not subscriber.stale
 
 
-def test_unreadable_messages_do_not_make_it_fresh(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint) as subscriber:
-        publisher.wait_for_subscriber()
-        publisher.send_frames(b"slip.left", b"\xc1")
-        hear_nothing(subscriber, until=lambda: subscriber.bad == 1)
-        assert subscriber.stale
-
-
-def test_iteration_yields_messages_and_then_tells_the_silence(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint, silence_s=PATIENCE_S) as subscriber:
-        publisher.wait_for_subscriber()
-        publisher.send("slip.left", 1)
-        publisher.send("slip.left", 2)
-        messages = iter(subscriber)
-        assert [next(messages).seq, next(messages).seq] == [1, 2]
-        subscriber._tracker.silence_s = 0.2
-        with pytest.raises(Silence, match=r"0\.2 s. Is slipd running"):
-            next(messages)
-        subscriber._tracker.silence_s = PATIENCE_S
-        publisher.send("slip.left", 3)
-        assert next(iter(subscriber)).seq == 3, "iterating anew goes on"
-
-
-def test_silence_is_told_with_why_nothing_could_be_read(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint, silence_s=0.2) as subscriber:
-        publisher.wait_for_subscriber()
-        publisher.send("slip.left", 1, v=2)
-        hear_nothing(subscriber, until=lambda: subscriber.bad == 1)
-        with pytest.raises(Silence, match="1 could not be read, the last: unsupported_version"):
-            next(iter(subscriber))
-
-
 def test_status_is_a_sign_of_life_that_only_those_get_who_asked_for_it(publisher: Publisher) -> None:
     with Subscriber(publisher.endpoint, ["warning"], silence_s=PATIENCE_S) as subscriber:
         assert {publisher.wait_for_subscriber(), publisher.wait_for_subscriber()} == {b"warning", b"status"}
@@ -208,17 +167,6 @@ def test_a_restart_that_only_the_sign_of_life_told_is_told_by_the_next_message(p
         publisher.send("slip.left", 3)
         publisher.send("slip.left", 4)
         assert [heard(subscriber).restarted for _ in range(3)] == [False, True, False]
-
-
-def test_a_wrong_call_is_refused_and_before_the_first_message_all_is_stale(publish: str) -> None:
-    for endpoint, topics, complaint in (("nowhere", ("slip",), "'nowhere'"), (publish, "slip", "sequence")):
-        with pytest.raises(ValueError, match=complaint):
-            Subscriber(endpoint, topics)
-    with Subscriber(publish) as subscriber:
-        assert subscriber.receive(0.0) is None
-        assert subscriber.age_s is None
-        assert subscriber.stale
-        subscriber.close()
 
 
 def test_a_daemon_that_dies_behind_a_backlog_does_not_take_its_subscribers_along(publish: str) -> None:

@@ -79,13 +79,6 @@ def test_a_line_as_wide_as_the_terminal_neither_wraps_nor_loses_its_end(terminal
     assert shown[2] == ""
 
 
-def test_another_size_clears_the_screen(terminal: PseudoTerminal, run: Run) -> None:
-    run(FOREVER)
-    terminal.wait_for(lambda lines: lines[:2] == ["one", "40"])
-    terminal.resize(30, 4)
-    terminal.wait_for(lambda lines: lines == ["one", "30", "", ""])
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_end_gives_the_terminal_back(terminal: PseudoTerminal, run: Run, number: signal.Signals) -> None:
     process = run(FOREVER)
@@ -96,15 +89,6 @@ def test_a_signal_to_end_gives_the_terminal_back(terminal: PseudoTerminal, run: 
         pass
     assert terminal.sent.endswith(LEFT)
     assert not terminal.cursor_hidden
-
-
-def test_an_error_gives_the_terminal_back_and_is_told(terminal: PseudoTerminal, run: Run) -> None:
-    process = run("""screen.draw(["one"], size())\nraise ValueError("no such thing")""")
-    _, told = process.communicate(timeout=PATIENCE_S)
-    while terminal.read(0.1):
-        pass
-    assert terminal.sent.endswith(LEFT)
-    assert b"no such thing" in told
 
 
 def test_ctrl_z_gives_the_terminal_back_until_the_program_goes_on(terminal: PseudoTerminal, run: Run) -> None:

@@ -39,12 +39,6 @@ def sending(publisher: Publisher) -> Callable[..., threading.Thread]:
     return start
 
 
-def test_no_daemon_is_told(publish: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "FIRST_S", 0.05)
-    with pytest.raises(Silence, match=rf"no message from {publish} for 0.05 s. Is slipd running"):
-        watch(publish, as_json=False, once=False)
-
-
 def test_a_daemon_that_cannot_be_read_is_told_with_the_reason(
     publisher: Publisher,
     sending: Callable[..., threading.Thread],
@@ -107,17 +101,6 @@ def test_into_a_pipe_goes_each_change_and_ctrl_c_ends_it_cleanly(publisher: Publ
     assert lines[2].endswith("left warning → slipping\n")
     assert errors == "slipctl: 2 messages of warning were missed\n"
     assert process.returncode == 130
-
-
-def test_a_line_a_second_tells_of_silence(publisher: Publisher, slipctl: Start) -> None:
-    process = slipctl("--publish", publisher.endpoint, "watch")
-    for _ in module.TOPICS:
-        publisher.wait_for_subscriber()
-    publisher.send("slip.left", 1, level="stable")
-    assert process.stdout is not None
-    lines = [process.stdout.readline() for _ in range(3)]
-    assert "left stable" in lines[0]
-    assert re.match(r"no message for \d+\.\d s", lines[2])
 
 
 @pytest.mark.parametrize(

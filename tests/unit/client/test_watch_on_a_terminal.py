@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
@@ -88,50 +87,6 @@ def whole(lines: list[str]) -> bool:
     return all(part in text for part in ("slipd 1.2.3", "CAUTION", "SLIPPING", "width 42.5 mm", "normal 10.00 N"))
 
 
-@pytest.mark.parametrize(("columns", "lines", "scale"), [(80, 24, 2), (60, 20, 1), (200, 60, 4)])
-def test_on_a_terminal_two_fingers_with_pads_fit(watched: Watch, columns: int, lines: int, scale: int) -> None:
-    terminal, _, rig = watched(columns, lines)
-
-    def fits(shown: list[str]) -> bool:
-        """Whether all is drawn: a large screen arrives in pieces."""
-        text = "\n".join(shown)
-        if not whole(shown) or "▀" * 16 * scale not in text or "centroid + 0.0, 6.0 mm" not in text:
-            return False
-        first = next(row for row, line in enumerate(shown) if line.startswith("▀"))
-        loaded_half_above = terminal.background_at(first, 0) == LARGEST
-        unloaded_half_below = terminal.background_at(first + 4 * scale - 1, 0) == UNLOADED
-        left_out = any(line.startswith(f"left out in {columns} x {lines}: 4 streams") for line in shown)
-        return loaded_half_above and unloaded_half_below and left_out == (columns < 200)
-
-    terminal.wait_for(fits, rig.send)
-
-
-def test_another_size_is_drawn_at_once(watched: Watch) -> None:
-    terminal, _, rig = watched(80, 24)
-    terminal.wait_for(whole, rig.send)
-    terminal.resize(60, 20)
-    terminal.wait_for(lambda lines: whole(lines) and any("in 60 x 20" in line for line in lines), rig.send)
-    terminal.resize(200, 60)
-    shown = terminal.wait_for(lambda lines: whole(lines) and "▀" * 64 in "\n".join(lines), rig.send)
-    assert "left out" not in "\n".join(shown)
-
-
-@pytest.mark.parametrize("changes", [{"LANG": "C"}, {"LANG": ""}, {"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "latin-1"}])
-def test_nothing_but_ascii_where_the_locale_has_no_more(watched: Watch, changes: dict[str, str]) -> None:
-    terminal, _, rig = watched(80, 24, **changes)
-    shown = terminal.wait_for(whole, rig.send)
-    assert terminal.sent.isascii()
-    assert any("load  0.80  ################...." in line for line in shown)
-    assert any(line.startswith("@@@@@@@@") for line in shown), "the pad"
-
-
-def test_no_color_means_no_colour(watched: Watch) -> None:
-    terminal, _, rig = watched(80, 24, NO_COLOR="1")
-    shown = terminal.wait_for(whole, rig.send)
-    assert not re.search(rb"\x1b\[[0-9;]+m", terminal.sent)
-    assert any("██" in line for line in shown), "the pad in shades"
-
-
 def test_ctrl_c_gives_the_terminal_back_with_the_last_view(watched: Watch) -> None:
     terminal, process, rig = watched(80, 24)
     terminal.wait_for(whole, rig.send)
@@ -145,26 +100,9 @@ def test_ctrl_c_gives_the_terminal_back_with_the_last_view(watched: Watch) -> No
     assert process.stderr.read() == ""
 
 
-def test_a_terminal_that_is_gone_ends_it_quietly(watched: Watch) -> None:
-    terminal, process, rig = watched(80, 24)
-    terminal.wait_for(whole, rig.send)
-    terminal.hang_up()
-    assert process.wait(PATIENCE_S) == 0
-    assert process.stderr is not None
-    assert process.stderr.read() == ""
-
-
 def test_a_dumb_terminal_gets_lines_without_escape_sequences(watched: Watch) -> None:
     terminal, process, rig = watched(80, 24, TERM="dumb")
     terminal.wait_for(lambda lines: "\n".join(lines).count("left caution") >= 2, rig.send)
     process.send_signal(signal.SIGINT)
     assert process.wait(PATIENCE_S) == 130
-    assert b"\x1b" not in terminal.sent
-
-
-def test_a_dumb_terminal_gets_no_colours_of_a_view(watched: Watch) -> None:
-    terminal, process, rig = watched(80, 24, "--once", TERM="dumb")
-    rig.send()
-    terminal.wait_for(lambda lines: any("CAUTION" in line for line in lines))
-    assert process.wait(PATIENCE_S) == 0
     assert b"\x1b" not in terminal.sent

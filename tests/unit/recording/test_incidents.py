@@ -143,15 +143,6 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     assert change == IncidentsChanged(1, 1, 1, change.dropped, str(path), "")
 
 
-def test_the_oldest_incidents_are_deleted(tmp_path: Path, incidents) -> None:
-    kept = incidents(keep_files=2, pause_s=1.0)
-    for n in range(5):
-        kept.note_warning(WARNING, n * SECOND_NS)
-        kept.event(Bytes("left.wrench", b"x"), n * SECOND_NS + 6)
-    kept.close()
-    assert len(files(tmp_path)) <= 2
-
-
 def test_a_disk_without_room_or_that_fails_costs_the_file_only(
     tmp_path: Path, incidents, small_disk, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -198,17 +189,3 @@ def test_a_ring_that_dropped_entries_begins_with_the_links_that_were_open(
     assert isinstance(entries[2], Entered)
     assert 75 * SECOND_NS < entries[2].t_ns <= 89 * SECOND_NS
     assert entries[-1].t_ns == 99 * SECOND_NS
-
-
-def test_a_flood_shortens_the_time_that_is_kept(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 100)
-    monkeypatch.setattr(entry_ring, "MOST_BYTES", 1000)
-    ring = EntryRing(10 * SECOND_NS)
-    for n in range(1000):
-        ring.published("status", bytes([n % 256, n // 256]) * 20, n)
-    kept = len(written(ring, tmp_path / "ring.mcap", about_run))
-    assert 20 < kept < 100, "as many blocks as there is room for, however many were dropped"
-
-
-def test_an_empty_ring_writes_a_file_without_entries(tmp_path: Path, about_run) -> None:
-    assert written(EntryRing(SECOND_NS), tmp_path / "ring.mcap", about_run) == []

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import Writer
 
 from slipd.errors import RecordingError
 from slipd.recording.reader import Recording, open_recording
@@ -117,14 +116,6 @@ def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -
         open_recording(tmp_path / "none.mcap")
     with pytest.raises(RecordingError, match="Is a directory"):
         open_recording(tmp_path)
-
-
-def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
-    foreign = Writer(str(tmp_path / "foreign.mcap"))
-    foreign.start(profile="ros2")
-    foreign.finish()
-    with pytest.raises(RecordingError, match="not a recording of slipd"):
-        open_recording(tmp_path / "foreign.mcap")
 
 
 def text(value: bytes) -> bytes:

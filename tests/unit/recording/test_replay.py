@@ -87,10 +87,6 @@ def test_K5_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: R
     assert {topic for topic, _ in recorded} >= {"slip.left", "slip.right", "tactile.left", "warning", "status"}
 
 
-def test_a_second_replay_is_the_first(live: Recording) -> None:
-    assert list(replay(live)) == list(replay(live))
-
-
 def test_messages_stand_right_behind_the_event_that_caused_them(live: Recording) -> None:
     settings = config.parse(live.config_text, "again")
     engine = Engine(settings, boot=live.boot, wall_minus_monotonic_ns=live.wall_minus_monotonic_ns)
@@ -103,17 +99,6 @@ def test_messages_stand_right_behind_the_event_that_caused_them(live: Recording)
         else:
             assert entry.payload == due.pop(0)
     assert due == []
-
-
-def test_a_recording_that_was_cut_off_replays_as_the_beginning_of_the_run(live: Recording, tmp_path: Path) -> None:
-    data = live.path.read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
-    cut = open_recording(tmp_path / "cut.mcap")
-    replayed = [(topic, messages.encode(body)) for topic, body in replay(cut)]
-    recorded = list(live.messages())
-    assert 0 < len(replayed) < len(recorded)
-    assert replayed == recorded[: len(replayed)]
-    assert not cut.complete
 
 
 def test_the_recorded_speed_is_kept_or_multiplied(trial: Recording) -> None:

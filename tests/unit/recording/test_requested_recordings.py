@@ -164,24 +164,6 @@ def test_a_folder_that_cannot_be_used_or_is_full_keeps_a_recording_from_beginnin
     made.close()
 
 
-def test_a_recording_that_reaches_its_size_ends_by_itself_whole(state: Path) -> None:
-    def make_small(path: Path, prepare: Callable[[], None]) -> Recorder:
-        return make(path, prepare, Room(max_bytes=3000, min_free_bytes=0))
-
-    made = RequestedRecordings(state, make_small, lambda: private_directory(state))
-    made.handle(Record("a.mcap"), 0)
-    assert news(made).state == "running"
-    for n in range(500):
-        made.event(Tick(n), n)
-    ended = news(made, 2)
-    assert ended == RecordingChanged(
-        "a.mcap", f"{state}/a.mcap", "limited", f"{state}/a.mcap: the recording reached recording.max_bytes, 3000"
-    )
-    made.event(Tick(501), 501)
-    made.close()
-    assert open_recording(state / "a.mcap").complete
-
-
 def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(state: Path) -> None:
     go_on = threading.Event()
 
@@ -250,23 +232,6 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     recordings.close()
     assert len(list((tmp_path / "slipd").iterdir())) == len(made)
     assert [record.levelname for record in caplog.records].count("WARNING") == len(refused)
-
-
-def test_a_recording_without_a_thread_fails_alone(
-    recordings: RequestedRecordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def start(thread: threading.Thread) -> None:
-        raise RuntimeError("can't start new thread")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(threading.Thread, "start", start)
-        recordings.handle(Record("a.mcap"), 0)
-    recordings.event(Tick(1), 1)
-    path = str(tmp_path / "state" / "slipd" / "a.mcap")
-    assert news(recordings) == RecordingChanged("a.mcap", path, "failed", f"{path}: can't start new thread")
-    recordings.handle(Record("b.mcap"), 2)
-    recordings.close()
-    assert open_recording(tmp_path / "state" / "slipd" / "b.mcap").complete
 
 
 def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(

@@ -8,7 +8,7 @@ import pytest
 
 from slipd.events import Bytes, Event, LinkUp, Request, Tick
 from slipd.recording import entry_ring
-from slipd.recording.entry_ring import TARES, Entered, EntryRing, TareEvents
+from slipd.recording.entry_ring import Entered, EntryRing, TareEvents
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 
@@ -26,13 +26,6 @@ def test_the_readings_before_and_during_a_tare_are_kept() -> None:
     assert kept[26].event == TARE
     assert kept[-1].n == 200
     assert [one.n for one in tares.before(60)] == list(range(48, 60, 2))
-
-
-def test_only_the_last_tares_of_a_sensor_are_kept() -> None:
-    tares = TareEvents()
-    for n in range(20):
-        tares.update(Entered(n, n * 10**10, TARE))
-    assert [one.n for one in tares.before(20)] == list(range(20 - TARES, 20))
 
 
 def test_a_ring_that_dropped_a_tare_begins_with_it(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:

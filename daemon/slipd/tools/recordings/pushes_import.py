@@ -47,7 +47,7 @@ class Pushes:
 
 
 def read_pushes(source: Path) -> Pushes:
-    """Read a bag, or the compact form of one (``.npz``, see `write_compact`).
+    """Read a bag, or the compact form of one (``.npz``: the rows of each part as 32-bit numbers).
 
     Raises:
         RecordingError: The file cannot be read as such.
@@ -69,11 +69,6 @@ def read_pushes(source: Path) -> Pushes:
         if (np.diff(part[:, 0]) < 0.0).any():
             raise RecordingError(f"{source}: the times of {name} must not decrease")
     return Pushes(parts["wrench"], _tracked(parts["object"]), parts["pusher"])
-
-
-def write_compact(pushes: Pushes, out: Path) -> None:
-    """Write the compact form: the same rows as 32-bit numbers."""
-    np.savez_compressed(out, **{name: getattr(pushes, name).astype(np.float32) for name in TOPICS})
 
 
 def _tracked(poses: Array) -> Array:

@@ -15,7 +15,7 @@ from slipd_client.messages import decode, encode
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
-from zenoh_peers import Router, free_endpoint, session
+from zenoh_peers import Router, session
 
 from slipd_client.fleet.fleet_listener import FleetListener
 
@@ -170,22 +170,6 @@ def test_a_topic_that_comes_often_is_bounded_and_a_warning_is_not(robot: Robot, 
         assert len(heard["slip.left"]) < 200
 
 
-def test_a_topic_that_fits_no_key_is_left_out_and_the_bridge_goes_on(robot: Robot, router: Router) -> None:
-    with session(router.endpoint) as here:
-        heard: list[bytes] = []
-        here.declare_subscriber("plant/arm3/grasp", lambda sample: heard.append(sample.payload.to_bytes()))
-        until(lambda: robot.sends("grasp") and heard)
-        payloads = [b"%d" % n for n in range(30)]
-        for payload in payloads:  # more often than the rate, so that some are held back
-            robot.publisher.send_frames(b"New-Topic", payload)
-            robot.publisher.send_frames(b"grasp", payload)
-            time.sleep(0.01)
-        until(lambda: heard[-1] == payloads[-1])
-    assert robot.process.stderr is not None
-    until(lambda: "left out: topic must be a word" in robot.process.stderr.readline())
-    assert robot.process.poll() is None
-
-
 def test_nothing_that_the_fleet_sends_reaches_the_daemon(
     robot: Robot, router: Router, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,29 +197,6 @@ def test_topics_are_chosen_and_status_is_always_among_them(
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, "Traceback" in errors) == (130, False)
-
-
-def test_a_bridge_waits_for_a_router_that_is_not_there_yet(publisher: Publisher, slipctl: Start) -> None:
-    with Router() as router:
-        endpoint = router.endpoint
-    process = slipctl("--publish", publisher.endpoint, "serve", "fleet", "--robot", "arm3", "--connect", endpoint)
-    assert process.stderr is not None
-    assert process.stderr.readline() == f"slipctl: no Zenoh router at {endpoint} yet; trying again\n"
-    with Router(endpoint):
-        assert process.stdout is not None
-        assert process.stdout.readline() == f"fleet: slipd/arm3 at {endpoint}\n"
-
-
-def test_a_bridge_that_listens_itself_joins_a_router_that_comes_later(publisher: Publisher, slipctl: Start) -> None:
-    here, there = free_endpoint(), free_endpoint()
-    bridge = ("serve", "fleet", "--robot", "arm3", "--listen", here, "--connect", there)
-    process = slipctl("--publish", publisher.endpoint, *bridge)
-    assert process.stdout is not None
-    assert process.stdout.readline() == f"fleet: slipd/arm3 at {there}, {here}\n"
-    with Router(there), session(there) as far, session(here) as near:
-        listeners = [FleetListener(each, "slipd") for each in (far, near)]
-        for listener in listeners:
-            until(lambda listener=listener: state_of(listener) == "silent")
 
 
 def test_wrong_arguments_are_refused(call: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import pickle
 from collections.abc import Iterable
 from typing import Any
 
@@ -171,27 +170,6 @@ def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age_and_what_canno
     robot.state.take_token("arm3", BRIDGE, alive=True)
     robot.reports(10.0)
     assert (robot.row(10.0).state, robot.row(10.0).age_s) == ("silent", None)
-
-
-def test_robots_beyond_the_bound_are_counted_and_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", 1)
-    state = FleetState()
-    Robot(state, "arm1").reports(1.0)
-    Robot(state, "arm2").joins()
-    Robot(state, "arm2").reports(1.0)
-    assert ([row.robot for row in state.rows(1.0)], state.unread) == (["arm1"], 1)
-
-
-def test_a_robot_that_restarts_for_ever_takes_no_more_memory_and_every_restart_counts(robot: Robot) -> None:
-    def restarts(times: int) -> int:
-        for _ in range(times):
-            robot.restarts(f"boot-{robot.t_ns}")
-            robot.reports(10.0 + robot.t_ns)
-        return len(pickle.dumps(robot.state))
-
-    few = restarts(2 * MOST_RUNS)
-    assert restarts(20 * MOST_RUNS) < 1.5 * few
-    assert robot.row(10.0).restarts == 22 * MOST_RUNS - 1
 
 
 def twins(count: int = 2) -> list[Robot]:

@@ -58,32 +58,6 @@ def test_robots_of_one_name_are_told_and_their_alarm_counts() -> None:
     assert lines[2].split(maxsplit=6)[1:] == ["clash", "slipping", "OK", "0.4", "s", f"{fault}; left stable"]
 
 
-def test_robots_that_are_not_named_come_last_whatever_they_claim() -> None:
-    claims = row("made-up", level="slipping", expected=False)
-    lines = fleet_lines("plant", [claims, row("arm1"), GONE], 0, Terminal())
-    assert [line.split()[0] for line in lines[2:]] == ["arm2", "arm1", "made-up"]
-    assert "not one of --robots" in lines[4]
-    assert fleet_lines("plant", [claims, row("arm1"), GONE], 0, Terminal(lines=4))[-1] == "2 more"
-    assert [each["expected"] for each in fleet_map("plant", [claims, row("arm1")], 0)["robots"]] == [True, False]
-
-
-def test_robots_without_room_are_counted() -> None:
-    lines = fleet_lines("plant", [row(f"arm{n}") for n in range(10)], 3, Terminal(columns=60, lines=5))
-    assert lines[0].endswith("3 messages not read")
-    assert lines[-1] == "8 more, all less urgent"
-    assert len(lines) == 5
-    assert max(map(len, lines)) <= 60
-
-
-def test_a_terminal_without_unicode_gets_ascii() -> None:
-    assert all(line.isascii() for line in fleet_lines("plant", [GONE], 0, Terminal(ascii_only=True)))
-
-
-def test_a_fleet_without_robots_is_one_line() -> None:
-    assert fleet_lines("plant", [], 0, Terminal()) == ["fleet plant  0 robots"]
-    assert fleet_lines("plant", [GONE], 0, Terminal())[0] == "fleet plant  1 robot  1 gone"
-
-
 def test_a_log_has_a_line_for_each_change_and_none_without() -> None:
     assert change_text(None, row("arm1")) == "arm1: live, stable"
     assert change_text(row("arm1"), row("arm1", age_s=0.9)) == ""

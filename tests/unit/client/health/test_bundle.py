@@ -16,9 +16,7 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd_client import slipctl
 from slipd_client.errors import CallError
-from slipd_client.health import bundle
 from slipd_client.health.bundle import REMOVED, Bundle, without_secrets
-from slipd_client.keys import create
 from slipd_client.messages import decode, encode
 
 SECRET_URL = "ws://robot:hunter2@host:5000"
@@ -51,14 +49,6 @@ def contents(path: Path) -> dict[str, str]:
 )
 def test_secrets_are_removed_and_the_rest_stays(text: str, clean: str) -> None:
     assert without_secrets(text) == clean
-
-
-def test_no_key_of_a_real_pair_stays(tmp_path: Path) -> None:
-    create("daemon", tmp_path)
-    for file in tmp_path.iterdir():
-        keys = [word for word in file.read_text(encoding="utf-8").split('"') if len(word) == 40]
-        assert keys
-        assert not any(key in without_secrets(file.read_text(encoding="utf-8")) for key in keys)
 
 
 def test_a_bundle_is_private_and_overwrites_nothing(tmp_path: Path) -> None:
@@ -126,14 +116,6 @@ def test_only_recordings_of_this_user_are_added(recording: Path, tmp_path: Path)
         assert why in problem
 
 
-def test_a_long_recording_is_left_out(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bundle, "MOST_RECORDING_BYTES", 3)
-    made = Bundle()
-    made.add_recording(recording)
-    size = recording.stat().st_size
-    assert (made.parts, made.problems) == ({}, [f"{recording}: left out: it has {size} bytes, and the most is 3"])
-
-
 def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config, out = tmp_path / "rig.toml", tmp_path / "out.tar.gz"
     config.write_text("mu = 0.5\n", encoding="utf-8")
@@ -151,20 +133,3 @@ def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: p
     out.unlink()
     assert slipctl.main([*arguments, "--seconds", "0", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["bytes"]["config.toml"] == len("mu = 0.5\n")
-
-
-def test_without_a_journal_the_log_is_that_which_the_daemon_keeps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setenv("PATH", "")
-    made = Bundle()
-    made.add("log.txt", bundle._log)
-    assert "no journalctl" in made.problems[0]
-    (tmp_path / "log.1").write_text("ERROR before\n")
-    (tmp_path / "log").write_text("ERROR left.wrench: gone, token=abc\n")
-    made.add("log.txt", bundle._log)
-    assert re.search(
-        f"ERROR before\n== .*/log\nERROR left.wrench: gone, token={re.escape(REMOVED)}\n",
-        made.parts["log.txt"].decode(),
-    )

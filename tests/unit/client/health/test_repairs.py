@@ -52,10 +52,6 @@ def test_a_grip_of_unknown_force_comes_first() -> None:
     assert ids(found) == ["gripper-force-unknown", "config-kept"]
 
 
-def test_an_empty_status_of_an_older_daemon_is_no_fault() -> None:
-    assert (repairs({}), summary({})) == ([], "0 of 0 streams are read")
-
-
 @pytest.mark.parametrize(
     ("changes", "number", "command"),
     [
@@ -82,12 +78,6 @@ def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
     parser().parse_args(repair.command.removeprefix("slipctl ").removesuffix(" --help").split())
 
 
-def test_a_finger_whose_stream_is_not_well_is_not_listed_twice() -> None:
-    unknown = {"fingers": {"left": {"level": "unknown", "reasons": ["stale"]}}}
-    assert ids(repairs(stream(health=3) | unknown)) == ["stream-silent"]
-    assert ids(repairs(WELL | unknown)) == ["finger-unknown"]
-
-
 @pytest.mark.parametrize(
     ("changes", "found"),
     [
@@ -107,12 +97,6 @@ def test_a_finger_whose_stream_is_not_well_is_not_listed_twice() -> None:
 )
 def test_what_is_wrong_around_the_streams_is_listed(changes: dict[str, Any], found: list[str]) -> None:
     assert ids(repairs(WELL | changes)) == found
-
-
-def test_errors_come_first_and_the_line_names_the_first_two() -> None:
-    status = stream(health=3, message="no reading") | {"notices": {"config": "kept", "realtime": "no"}, "late_s": 1.0}
-    assert [repair.severity for repair in repairs(status)] == ["error", "error", "warning", "warning"]
-    assert summary(status) == "0 of 1 streams are read; config: kept; left.wrench: no reading (and 2 more)"
 
 
 def test_every_repair_has_its_section_in_the_documents() -> None:
@@ -150,12 +134,6 @@ def test_the_command_shows_what_is_wrong_with_the_disk(failure: str, command: st
     assert repair.command == command
     [repair] = repairs({"incidents": {"failure": failure.replace("the recording stopped", "not saved")}})
     assert repair.command == command
-
-
-def test_a_path_with_a_space_is_one_word_of_the_command() -> None:
-    failure = "/r/my run.mcap: the recording stopped: Read-only file system"
-    [repair] = repairs({"recording": {"state": "failed", "failure": failure, "path": "/r/my run.mcap"}})
-    assert repair.command == "findmnt --target '/r/my run.mcap'"
 
 
 def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,14 +128,6 @@ def test_diagnostics_carry_the_health_of_every_stream_and_an_unknown_verdict_is_
     assert {("slipd: gripper", 3), ("slipd: gripper", 0), ("slipd: gripper", 2), ("slipd: daemon", 0)} <= levels
 
 
-def test_a_fault_of_the_daemon_itself_is_a_warning(published: Published) -> None:
-    body = next(body for topic, body in published if topic == "status")
-    late = body | {"late_s": 0.25, "recording": {"state": "failed"}}
-    (message,) = ros_messages("status", late)
-    daemon = message.value["status"][0]
-    assert (daemon["level"], daemon["message"]) == (1, "stalled for 0.250 s; recording failed")
-
-
 @pytest.mark.parametrize(
     ("width_m", "places"),
     [(0.04, {"left_pad": 0.02, "right_pad": -0.02}), (0.01, {"left_pad": 0.005}), (0.09, {}), (None, {})],

@@ -14,10 +14,7 @@ from slipd_client.ros2.orientation import (
     ImuOrientation,
     OrientationUnknown,
     TransformTree,
-    conjugate,
     pad_gravities,
-    product,
-    unit_of,
 )
 
 PADS = {"left": (0.5, -0.5, 0.5, 0.5), "right": (-0.5, -0.5, -0.5, 0.5)}
@@ -53,12 +50,6 @@ def imu(rotation: Rotation, stamp_ns: int = 1, variance: float = 0.0) -> Any:
 
 def same(one: Any, other: Rotation) -> bool:
     return bool((Rotation.from_quat(one) * other.inv()).magnitude() < 1e-12)
-
-
-def test_quaternions_are_multiplied_and_inverted_as_by_scipy() -> None:
-    one, other = rotations(2)
-    assert same(product(one.as_quat(), other.as_quat()), one * other)
-    assert same(conjugate(tuple(one.as_quat())), one.inv())
 
 
 def test_a_chain_of_moving_and_static_transforms_is_composed_up_to_the_base() -> None:
@@ -110,12 +101,6 @@ def test_a_rotation_that_is_no_unit_quaternion_is_refused_and_the_one_before_sta
     reading.orientation = wrong.transform.rotation
     with pytest.raises(OrientationUnknown, match="the orientation of /imu must be a unit quaternion"):
         ImuOrientation("/imu").add(reading, 0.0)
-
-
-def test_a_quaternion_has_four_numbers() -> None:
-    assert unit_of([0.0, 0.0, 0.0, 0.999], "it") == (0.0, 0.0, 0.0, 1.0)
-    with pytest.raises(OrientationUnknown, match="it must be a unit quaternion x y z w, got 3 numbers of length 1"):
-        unit_of([0.0, 0.0, 1.0], "it")
 
 
 def test_an_imu_gives_the_orientation_of_the_gripper_it_is_mounted_on() -> None:

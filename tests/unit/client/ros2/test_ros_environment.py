@@ -25,11 +25,6 @@ def test_without_variables_dds_is_left_to_its_defaults_in_domain_0() -> None:
     assert ros_environment({"ROS_DOMAIN_ID": "", "ROS_STATIC_PEERS": ";"}) == (0, "", "")
 
 
-def test_the_argument_outranks_the_variable() -> None:
-    assert ros_environment({"ROS_DOMAIN_ID": "42"}).domain == 42
-    assert ros_environment({"ROS_DOMAIN_ID": "42"}, 7).domain == 7
-
-
 def test_the_reach_of_discovery_is_that_of_ros() -> None:
     peers = {"ROS_STATIC_PEERS": "robot; 10.0.0.7;"}
     subnet = ros_environment(peers).configuration

@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from typing import Any
 
-from slipd import config
 from slipd_client.messages.schema.topics import TOPICS
 from slipd_client.ros.conversion import TYPES, ros_messages
 from slipd_client.viewers.layouts import Levels, foxglove_layout, plotjuggler_layout, plots
@@ -62,10 +61,3 @@ def test_the_plotjuggler_layout_names_series_that_exist() -> None:
     curves = [curve.get("name", "") for curve in root.iter("curve")]
     assert len(curves) > 10
     assert all(exists(*name.rsplit("/", 1)) for name in curves)
-
-
-def test_the_lines_are_at_the_levels_and_the_title_names_where_these_come_from() -> None:
-    assert Levels()[:2] == (config.Levels().caution, config.Levels().warning)
-    panel = json.loads(foxglove_layout(FINGERS, Levels(0.5, 0.6, "rig.toml")))["configById"]["Plot!0"]
-    assert [path["value"] for path in panel["paths"] if path["value"].replace(".", "").isdigit()] == ["0.5", "0.6", "1"]
-    assert panel["title"] == "Utilisation: slips at 1; lines at caution 0.5, warning 0.6 (rig.toml)"

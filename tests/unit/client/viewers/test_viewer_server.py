@@ -71,20 +71,6 @@ def test_a_client_gets_the_last_message_with_its_own_time_and_then_every_other(
         assert str(plain(found.message, NAMES[found.type])) == str(wanted.value)
 
 
-def test_a_second_client_does_not_disturb_the_first(
-    server: ViewerServer, client: FoxgloveClient, published: dict[str, list[Body]]
-) -> None:
-    first, second = published["gripper"][-2:]
-    server.publish("gripper", first)
-    client.subscribe("/slipd/gripper")
-    assert client.receive().message.seq == first["seq"]
-    with FoxgloveClient(f"ws://127.0.0.1:{server.port}") as other:
-        other.subscribe("/slipd/gripper")
-        assert other.receive().message.seq == first["seq"]
-    server.publish("gripper", second)
-    assert client.receive().message.seq == second["seq"], "the last message went to the other client only"
-
-
 def test_while_the_daemon_is_silent_a_client_sees_stale_diagnostics_and_no_last_message(
     server: ViewerServer, client: FoxgloveClient, published: dict[str, list[Body]]
 ) -> None:

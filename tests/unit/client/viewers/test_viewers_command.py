@@ -66,23 +66,6 @@ def test_while_nobody_watches_the_newest_of_every_topic_is_kept_and_a_silence_sa
         assert capsys.readouterr().err.count("no message from") == 1, "of a further silence"
 
 
-def test_a_server_that_other_machines_reach_says_that_they_can_read(
-    publish: str, slipctl: Callable[..., subprocess.Popen[str]]
-) -> None:
-    process = slipctl("--publish", publish, "serve", "foxglove", "--listen", "0.0.0.0:0")
-    assert process.stdout is not None
-    assert process.stderr is not None
-    port = process.stdout.readline().strip().rpartition(":")[2]
-    assert process.stderr.readline() == f"slipctl: every program that reaches port {port} can read every message\n"
-
-
-def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["serve", "foxglove", "--write-layouts", str(tmp_path / "new" / "layouts"), "--fingers", "a", "b"]) == 0
-    shown = capsys.readouterr().out.splitlines()
-    assert [Path(line).name for line in shown] == ["foxglove.json", "plotjuggler.xml"]
-    assert all(Path(line).exists() for line in shown)
-
-
 def test_the_levels_of_the_layouts_are_those_of_a_config(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     for text, levels in (

@@ -12,7 +12,7 @@ from guided_engine import GuidedEngine
 
 from slipd import config
 from slipd.tools.commission import gripper_steps
-from slipd.tools.commission.commission_guide import Allowed, Commission
+from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.dialogue import Ask, Event, Output, Refusal, follow
 from slipd.tools.sim import touched_devices
 
@@ -48,12 +48,3 @@ def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_th
     touches = [line for line in host.printed[again:] if line.startswith("Press")]
     assert [line for line in touches if "push" in line] == []
     assert len(touches) >= 3
-
-
-def test_what_is_found_but_not_written_leaves_out_the_steps_that_build_on_it(tmp_path: Path) -> None:
-    host = guided(tmp_path, write=False)
-    steps = Commission(WRONG, ["left"], 20.0, allowed=Allowed(write=False, move=False)).run()
-    assert not follow(steps, host.respond)
-    left_out = "  left out: what was found is not written, so the daemon does not run it"
-    assert host.printed.count(left_out) == 2, "weight and friction"
-    assert host.text == WRONG.text

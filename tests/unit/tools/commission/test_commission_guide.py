@@ -48,24 +48,6 @@ def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(
     assert host.printed[-1].startswith("Hold the object")
 
 
-def test_steps_that_are_left_out_move_nothing_and_change_nothing(tmp_path: Path) -> None:
-    host = guided(tmp_path, commission_rig(), commission_rig(), answers={})
-    assert not follow(Commission(commission_rig(), FINGERS, 20.0).run("weight"), host.respond)
-    assert [line for line in host.printed if "left out; later" in line] == [
-        f"  left out; later: slipd commission --from {step}" for step in ("weight", "friction", "grasp")
-    ]
-    assert "gripper.close" not in host.asked
-    assert host.text == commission_rig().text
-
-
-def test_a_gripper_without_a_limit_is_not_moved(tmp_path: Path) -> None:
-    read = commission_rig(gripper=GRIPPER, mass=0.0)
-    host = guided(tmp_path, read, read)
-    assert not follow(Commission(read, FINGERS, 20.0).run("grasp"), host.respond)
-    assert "[gripper] has no max_force_n, so nothing may be moved" in host.printed[-1]
-    assert not any(op.startswith("gripper") for op in host.asked)
-
-
 def test_a_dry_run_weighs_two_fingers_and_moves_and_writes_nothing(tmp_path: Path) -> None:
     two = [FINGER.format(name=name, number=k, **TRUE) for k, name in enumerate(("left", "right"), 1)]
     read = config.parse(
@@ -227,26 +209,6 @@ def test_a_weight_that_contradicts_the_mounting_leads_back_to_the_touches(tmp_pa
     else:
         assert host.text == read.text
         assert len(left_out) == 2, "friction and grasp"
-
-
-def test_touches_that_are_made_again_for_the_weight_count_in_place_of_the_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(friction_step, "SAMPLES", 1)
-    monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
-    read = commission_rig(quat=TURNED, mass=0.0, com_z=0.0)
-    answers = ANSWERS | {"touch_again": ("", "go on"), "mounting_again": ("", "again")}
-    host = guided(tmp_path, commission_rig(), read, answers=answers)
-    host.touches = TOUCHES | dict.fromkeys(PRESSES, TOUCHES["Press the centre"])
-
-    def respond(output: Output) -> Event:
-        if isinstance(output, Prompt) and output.step == "mounting_again":
-            host.touches = TOUCHES | PRESSES
-        return host.respond(output)
-
-    complete = follow(Commission(read, FINGERS, 20.0).run(), respond)
-    assert complete, "\n".join(host.printed)
-    assert any("all presses were at one place" in line for line in host.printed)
 
 
 def test_what_is_found_and_not_written_is_not_gripped_with(tmp_path: Path) -> None:

@@ -21,9 +21,3 @@ def test_sensors_of_fingers_that_are_swapped_change_hands_once() -> None:
     both = changes(RIG, {"left": result("right"), "right": result("left")})
     assert fragment(both) == '[finger.left.pad]\nsensor = "2"\n[finger.right.pad]\nsensor = "1"'
     assert changes(RIG, {"left": result("right")}) == both, "the other finger follows"
-
-
-def test_only_signs_that_differ_change() -> None:
-    assert changes(RIG, {"left": FingerResult(None, None, (1, 1, -1), {})}) == {}
-    turned = changes(RIG, {"left": FingerResult(None, None, (-1, 1, -1), {})})
-    assert turned == {("finger", "left", "pad", "axis_scale"): "[-0.001, 0.001, -0.001]"}

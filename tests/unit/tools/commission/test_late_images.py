@@ -76,11 +76,3 @@ def test_a_touch_without_images_is_held_until_they_are_back(tmp_path: Path) -> N
     outcome, waits = found(tmp_path, lost=True)
     assert outcome.findings.problems == []
     assert waits
-
-
-def test_what_an_image_keeps_of_the_last_touch_does_not_move_the_sensor(tmp_path: Path) -> None:
-    """A charge pad keeps some of a touch where scans are lost; pushes are a short lever for the depth of the sensor."""
-    mount, (clean, _) = found(tmp_path, keeps=True)[0].findings.mount, found(tmp_path)
-    assert mount is not None
-    assert clean.findings.mount is not None
-    assert np.allclose(mount.xyz_m, clean.findings.mount.xyz_m, atol=5e-4)

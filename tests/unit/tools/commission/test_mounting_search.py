@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from slipd.signals.mounting import Mounting
 from slipd.tools.commission.mounting_search import find_mounting
-from slipd.tools.commission.sensor_pose import nearest_known
 from slipd.tools.commission.touches import (
     CENTRE,
     CORNER,
@@ -23,7 +22,6 @@ from slipd.tools.commission.touches import (
     PUSH_X,
     PUSH_Y,
     SYMMETRIES,
-    Findings,
     Mount,
     Symmetry,
     Touch,
@@ -114,14 +112,6 @@ def test_what_is_right_in_a_config_is_kept_to_the_digit(fault: str) -> None:
     assert "the position of the config is kept" in found.notes[-1]
 
 
-def test_an_unknown_rotation_is_taken_as_measured() -> None:
-    odd = replace(TRUE, quat_xyzw=as_tuple(Rotation.from_euler("xyz", (40.0, 25.0, 20.0), degrees=True)))
-    found = find_mounting(touches(odd), replace(TRUE, quat_xyzw=(0.0, 0.0, 0.0, 1.0)))
-    assert found.mount is not None
-    assert away_deg(found.mount, odd) < 0.1
-    assert any("as measured, about ±5°" in note for note in found.notes)
-
-
 def test_a_sensor_without_a_pad_has_its_mounting_from_the_presses_at_the_centre() -> None:
     wrong_config = replace(TRUE, sign=1, xyz_m=(0.0, 0.0, 0.0))
     found = find_mounting(touches(symmetry=None), wrong_config, has_pad=False)
@@ -192,23 +182,6 @@ def test_an_image_that_fits_in_two_orientations_is_reported() -> None:
     assert "the orientation of the image is open" in found.problems[0]
 
 
-def test_the_notes_name_the_fault_of_the_config() -> None:
-    def notes(fault: str) -> str:
-        found: Findings = find_mounting(touches(), wrong(TRUE)[fault])
-        return "\n".join(found.notes)
-
-    assert "as the config states" in notes("sign")
-    assert "read as w, x, y, z" in notes("wxyz")
-    assert "with the sensor turned by 90° about (0, 0" in notes("turned by z90")
-
-
-def test_the_nearest_known_rotation_is_within_what_a_hand_can_push() -> None:
-    true = Rotation.from_quat(TILTED)
-    for angle, known in ((8.0, True), (14.0, False)):
-        found, how = nearest_known(Rotation.from_euler("x", angle, degrees=True) * true, TRUE)
-        assert (found == TILTED, how == "as the config states") == (known, known)
-
-
 def three_axis(symmetry: Symmetry, signs: tuple[int, int, int]) -> dict[str, Touch]:
     found: dict[str, Touch] = {}
     for step, place in PLACES.items():
@@ -256,11 +229,3 @@ def test_a_push_that_is_a_press_shows_no_direction(step: str) -> None:
     assert found.mount is None
     assert found.problems == ["the pushes show no force along the pad: push along +X and along +Y"]
     assert found.doubtful == (step,)
-
-
-def test_presses_that_cancel_out_have_no_direction_in_common() -> None:
-    seen = touches()
-    for k, step in enumerate((CENTRE, END, CORNER)):
-        seen[step] = replace(seen[step], force=np.array([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)][k % 2]))
-    seen[CORNER] = replace(seen[CORNER], force=np.array((0.0, 1.0, 0.0)))
-    assert "the presses had different directions" in find_mounting(seen, TRUE).problems[0]

@@ -95,13 +95,6 @@ def test_friction_waits_where_a_sensor_is_stale_for_long_and_goes_on() -> None:
     assert rig.asked == []
 
 
-def test_friction_that_is_left_out_at_that_opens_what_the_guide_closed() -> None:
-    rig = Rig(course(stale), "close", "skip", "open")
-    with pytest.raises(Skipped):
-        follow(measure_friction(["left"], 5.0, 60.0), rig.respond)
-    assert rig.asked == ["gripper_close", "gripper_open"]
-
-
 def test_what_one_finger_showed_stays_where_the_other_is_left_out() -> None:
     def left_alone(hand: Hand) -> Iterator[dict[str, Any]]:
         right = Hand("right")
@@ -144,13 +137,6 @@ def test_a_command_that_was_lost_names_the_command_that_acknowledges_it() -> Non
     assert any("command_lost is latched" in line and "slipctl grip ack" in line for line in rig.printed)
 
 
-def test_an_activation_is_asked_for_again_and_waited_for() -> None:
-    rig = Rig(course(), "activate", "again", "close", "open", refusals=["lease_held"])
-    rig.active = False
-    assert follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    assert rig.asked[:2] == ["gripper_activate", "gripper_activate"]
-
-
 def test_a_gripper_that_does_not_become_active_ends_the_step() -> None:
     rig = Rig(course(), "activate")
     rig.active = False
@@ -170,12 +156,6 @@ def test_a_release_that_is_refused_is_asked_for_again_or_the_grip_is_kept() -> N
     follow(release(), rig.respond)
     assert rig.printed[1] == "  not opened: in contact"
     assert rig.printed[-1].startswith("  the gripper keeps its grip")
-
-
-def test_a_verdict_that_is_missing_at_the_end_of_the_grasp_is_waited_for() -> None:
-    flicker = course(lambda hand: (hand.body(0.05) | (STALE if k == 251 else {}) for k in range(600)))
-    rig = Rig(flicker, "close", "open")
-    assert follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
 
 
 @pytest.mark.parametrize(("more", "why"), [(STALE, "left is unknown: stale"), (FREE, "left is no_contact")])

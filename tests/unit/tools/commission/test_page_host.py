@@ -89,8 +89,3 @@ def test_nothing_is_asked_of_the_daemon_before_the_person_begins(
         assert host.wait_for_begin() is begins
     (prompt,) = said()
     assert prompt["prompt"]["choices"] == ["begin", "skip"]
-
-
-def test_a_word_before_the_question_is_no_answer_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with hosted(tmp_path, monkeypatch, answers="skip\n", before="write\nwri") as host:
-        assert host.respond(CHANGE) == Written(None)

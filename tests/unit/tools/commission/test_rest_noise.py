@@ -29,22 +29,6 @@ def test_noise_is_that_of_the_sensors_without_their_drift() -> None:
     assert noise.threshold == pytest.approx(10.0 * TAXEL_STD, rel=0.25)
 
 
-def test_torque_noise_is_that_about_the_pad() -> None:
-    far = Mount(1, (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 1.0))
-    noise = noise_at_rest(rest(0, np.random.default_rng(1)), MOUNT, far)
-    assert noise is not None
-    assert noise.torque_std_nm == pytest.approx(0.1 * FORCE_STD_N, rel=0.15)
-    assert noise.threshold is None
-
-
-def test_images_that_are_held_at_zero_show_no_noise() -> None:
-    held = rest(0, np.random.default_rng(1))
-    held.images = [np.zeros(64)] * 50
-    noise = noise_at_rest(held, MOUNT, MOUNT)
-    assert noise is not None
-    assert noise.threshold is None
-
-
 @pytest.mark.parametrize("scale", [0.0, 100.0])
 def test_readings_that_do_not_change_or_that_move_have_no_noise(scale: float) -> None:
     readings = rest(0, np.random.default_rng(1))

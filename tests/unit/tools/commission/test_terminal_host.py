@@ -15,7 +15,7 @@ from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission import hosts
 from slipd.tools.commission.daemon_link import DaemonLink
-from slipd.tools.commission.dialogue import Change, Choice, Gravity, Prompt, Refusal, Say, Written, ask
+from slipd.tools.commission.dialogue import Change, Choice, Prompt, Refusal, Written, ask
 from slipd.tools.commission.hosts import TerminalHost
 
 TEXT = config.shipped("demo.toml").read_text(encoding="utf-8")
@@ -58,19 +58,6 @@ def test_enter_is_the_first_word_and_a_letter_another(
     assert capsys.readouterr().out == "Turn it. [Enter: ready, s: skip, or type gravity (x y z)]\n"
 
 
-def test_where_only_leaving_out_is_possible_enter_is_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with hosted(tmp_path, monkeypatch) as (host, person):
-        host.respond(Prompt("end", "Press the end."))
-        type_line(person, "")
-        assert host.respond(None) == Choice("")
-        host.respond(Say("5 N"))
-        host.respond(Gravity({}))
-        assert host.respond(None) is None, "nobody publishes"
-    assert capsys.readouterr().out == "Press the end.\n5 N\n"
-
-
 def test_a_question_without_anybody_to_answer_ends_the_guide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with hosted(tmp_path, monkeypatch) as (host, person):
         host.respond(QUESTION)
@@ -101,21 +88,6 @@ def test_a_config_is_written_once_and_its_first_state_is_kept(tmp_path: Path, mo
         file.unlink()
         with pytest.raises(SlipdError, match=r"is left as it was: .*; put the lines above into it"):
             host.respond(CHANGE)
-
-
-def test_a_linked_config_is_written_through_its_link_and_keeps_its_line_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file, target = tmp_path / "rig.toml", tmp_path / "kept" / "rig.toml"
-    target.parent.mkdir()
-    with hosted(tmp_path, monkeypatch, text=TEXT.replace("\n", "\r\n")) as (host, _):
-        file.rename(target)
-        file.symlink_to(target)
-        host.respond(Change({("finger", "left", "mu"): "0.42"}))
-    assert file.is_symlink()
-    written = target.read_bytes()
-    assert b"mu = 0.42  # slipd commission\r\n" in written
-    assert written.count(b"\r\n") == written.count(b"\n")
 
 
 def test_a_dry_run_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

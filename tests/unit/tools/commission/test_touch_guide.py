@@ -142,13 +142,6 @@ def test_swapped_fingers_are_found(tmp_path: Path) -> None:
         check_same(corrected(read, outcome, finger), true, finger)
 
 
-def test_a_right_config_needs_no_change(tmp_path: Path) -> None:
-    read = charge_rig(left={"sign": -1}, right={})
-    outcome, _ = commission(read, read, tmp_path)
-    assert outcome.findings.problems == []
-    assert changes(read, {"left": outcome.result}) == {}
-
-
 @pytest.mark.parametrize(
     ("touches", "words"),
     [
@@ -182,12 +175,6 @@ def test_only_touches_that_do_not_fit_are_asked_for_again(tmp_path: Path) -> Non
     assert [line for line in printed[asked + 1 :] if line.startswith("Press")] == [
         line for line in printed[:asked] if ("corner" in line and line.startswith("Press")) or "without sliding" in line
     ]
-
-
-def test_touches_that_never_fit_are_reported_after_some_repetitions(tmp_path: Path) -> None:
-    outcome, printed = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, WRONG_CORNER, then=WRONG_CORNER)
-    assert outcome.findings.problems
-    assert sum("do not fit together" in line for line in printed) == touch_guide.MOST_REPEATS
 
 
 @pytest.mark.parametrize(
@@ -267,9 +254,3 @@ def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
         follow(TouchGuide(other, listener, 1.0).run("left"), lambda output: None if output else engine.receive())
     with pytest.raises(SlipdError, match="Is slipd running"):
         follow(listener.collect(0.1), lambda output: None)
-
-
-def test_a_finger_without_a_pad_has_its_mounting_alone(tmp_path: Path) -> None:
-    outcome, _ = commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path)
-    assert outcome.findings.problems == []
-    assert changes(SENSOR_ONLY, {"left": outcome.result}) == {}

@@ -65,20 +65,3 @@ def test_each_device_makes_a_valid_config(found: Found) -> None:
     assert not [hint for hint in config.hints(rig, "rig.toml") if " sets " in hint], "rate and options agree"
     pad = rig.finger["left"].pad
     assert pad is None or pad.rows * pad.cols == found.taxels
-
-
-def test_a_third_sensor_is_named_in_a_comment() -> None:
-    found = [(port(name), Found("bota", 800.0)) for name in "abc"]
-    assert "# not used: bota on /dev/serial/by-id/c" in draft(found, [], "rig.toml")
-
-
-def test_without_a_sensor_there_is_no_config() -> None:
-    for device in (Found("robotiq_2f"), Found("wts", 100.0, taxels=84)):
-        with pytest.raises(ValueError, match="no force sensor answered"):
-            draft([(port("g"), device)], [], "rig.toml")
-
-
-def test_the_name_that_a_device_reports_stays_in_its_comment() -> None:
-    found = Found("bota", 800.0, identity="MiniONE\n[levels]\nwarning = 0.99")
-    rig = config.parse(draft([(port("a"), found)], [], "rig.toml"), "draft")
-    assert rig.levels.warning != 0.99

@@ -89,14 +89,6 @@ def test_a_file_that_appears_while_ports_are_asked_stays_and_the_remedy_is_one_t
     assert file.read_text(encoding="utf-8") == "of another program"
 
 
-def test_a_relative_folder_of_ports_is_written_in_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    with plugged(tmp_path / "by-id", "bota"):
-        init_command(Path("rig.toml"), Path("by-id"), only_list=False)
-    [stream] = config.load(Path("rig.toml")).streams().values()
-    assert stream.port == f"{tmp_path}/by-id/bota"
-
-
 def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(SlipdError, match="there is no serial port in"):
         init_command(tmp_path / "rig.toml", tmp_path / "none", only_list=False)

@@ -42,7 +42,3 @@ def test_a_file_that_is_no_port_is_left_out(tmp_path: Path, terminals: list[str]
     (tmp_path / "left-wrench").symlink_to(terminals[0])
     nowhere = tmp_path / "nowhere"
     assert list_ports(tmp_path, nowhere, nowhere) == [SerialPort(tmp_path / "left-wrench")]
-
-
-def test_without_the_folders_there_is_no_port(tmp_path: Path) -> None:
-    assert list_ports(tmp_path / "a", tmp_path / "b", tmp_path / "c") == []

@@ -11,7 +11,7 @@ from replays import RECORDINGS
 from slipd.tools.evaluation import evaluate as module
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
-from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
+from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs
 from slipd.tools.evaluation.executors import Finished, NamedConfig, Work, here
 from slipd.tools.evaluation.result_cache import ResultCache
 
@@ -68,19 +68,6 @@ def test_a_recording_that_a_worker_cannot_open_is_tried_again(cache: ResultCache
     assert isinstance(again.run, ConfigRun)
 
 
-def test_an_interrupted_evaluation_goes_on(cache: ResultCache) -> None:
-    runs = finished_runs([XELA, GAUGES], [], cache)
-    done = next(runs).job
-    runs.close()
-    assert [found.job for found in finished_runs([done.path], [], cache, only_known)] == [done]
-
-
-def test_the_longest_recording_comes_first(cache: ResultCache) -> None:
-    assert [found.job.path for found in finished_runs([XELA, GAUGES], [], cache)] == sorted(
-        [XELA, GAUGES], key=lambda path: -path.stat().st_size
-    )
-
-
 def test_long_recordings_are_replayed_in_processes(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FEW_BYTES", 0)
     monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1})
@@ -95,17 +82,3 @@ def test_a_config_that_fits_one_recording_may_not_fit_another(cache: ResultCache
     assert isinstance(xela.runs["a.toml"], str)
     assert xela.faults[0].endswith("the config must have the link 'left.pad' of an event, got left.wrench (a.toml)")
     assert isinstance(xela.runs[RECORDED], ConfigRun)
-
-
-@pytest.mark.parametrize(
-    ("paths", "names"),
-    [
-        (["/a/x.mcap", "/b/y.mcap"], ["x.mcap", "y.mcap"]),
-        (["/a/x.mcap", "/b/x.mcap"], ["a/x.mcap", "b/x.mcap"]),
-        (["x.mcap", "b/x.mcap"], ["x.mcap", "b/x.mcap"]),
-        (["/x", "a/x"], ["/x", "a/x"]),
-        ([], []),
-    ],
-)
-def test_names_are_as_short_as_they_differ(paths: list[str], names: list[str]) -> None:
-    assert short_names([Path(path) for path in paths]) == names

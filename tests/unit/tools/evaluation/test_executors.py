@@ -33,16 +33,6 @@ def test_every_executor_gives_the_same_and_passes_on_what_is_known() -> None:
         assert {found.job.path: found.run for found in executor(iter([JOB, KNOWN]))} == expected
 
 
-def test_the_processes_of_a_pool_find_the_engine_loaded() -> None:
-    with executors._pool(1) as pool:
-        assert pool.submit(eval, "'slipd.engine.engine' in __import__('sys').modules").result()
-
-
-def test_no_process_starts_where_all_results_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executors, "_pool", None)
-    assert list(in_processes(iter([KNOWN, KNOWN]))) == [KNOWN, KNOWN]
-
-
 def test_only_a_few_jobs_are_taken_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(executors.os, "sched_getaffinity", lambda pid: {0})
     monkeypatch.setattr(executors, "_pool", ThreadPoolExecutor)
@@ -83,14 +73,6 @@ def test_an_error_of_slipd_is_the_result_of_its_recording(monkeypatch: pytest.Mo
     (found,) = here(iter([JOB]))
     assert isinstance(found.run, str)
     assert found.run.startswith(f"{XELA}: an error of slipd, please report it: KeyError: 'left' (test_executors.py:")
-
-
-def test_a_recording_without_enough_memory_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def large(*arguments: object) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr(config_replay, "run_config", large)
-    assert [found.run for found in here(iter([JOB]))] == [f"{XELA}: not enough memory to replay it"]
 
 
 @contextmanager

@@ -5,46 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from replays import messages
-
 from slipd.recording.reader import Gap
 from slipd.tools.evaluation.config_run import NOT_RECORDED, LevelSpan, level_spans
 
 
 def slip(t_s: float, level: str, *reasons: str, topic: str = "slip.left", **more: Any) -> tuple[str, dict[str, Any]]:
     return topic, {"t_ns": round(t_s * 1e9), "level": level, "reasons": list(reasons), **more}
-
-
-def test_a_span_lasts_until_level_or_reasons_change() -> None:
-    found = level_spans(
-        [
-            slip(1.0, "stable"),
-            slip(2.0, "stable"),
-            slip(3.0, "warning", "rotation"),
-            slip(4.0, "warning", "translation"),
-            slip(5.0, "stable"),
-            ("status", {"t_ns": 7_000_000_000}),
-        ]
-    )
-    assert found == {
-        "left": [
-            LevelSpan("stable", (), (), 1.0, 3.0),
-            LevelSpan("warning", ("rotation",), (), 3.0, 4.0),
-            LevelSpan("warning", ("translation",), (), 4.0, 5.0),
-            LevelSpan("stable", (), (), 5.0, 7.0),
-        ]
-    }
-
-
-def test_every_finger_and_the_grasp_have_their_own() -> None:
-    found = level_spans(
-        [slip(1.0, "stable"), slip(1.0, "unknown", "stale", topic="slip.right"), slip(1.0, "unknown", topic="grasp")]
-    )
-    assert {source: spans[0].level for source, spans in found.items()} == {
-        "left": "stable",
-        "right": "unknown",
-        "grasp": "unknown",
-    }
 
 
 def test_the_evidence_of_a_span_is_that_of_all_its_messages() -> None:
@@ -79,14 +45,3 @@ def test_no_level_is_known_from_the_begin_of_a_gap_to_the_next_message() -> None
         LevelSpan("unknown", (NOT_RECORDED,), (), 6.0, 7.0),
     ]
     assert [(span.level, span.begin_s) for span in found["right"]] == [("warning", 5.0), ("unknown", 6.0)]
-
-
-def test_the_spans_of_a_run_have_the_levels_of_its_warnings() -> None:
-    run = messages("demo")
-    spans = level_spans(run)
-    for finger in ("left", "right"):
-        told = [body["level"] for topic, body in run if topic == "warning" and body["finger"] == finger]
-        levels = [span.level for span in spans[finger]]
-        changes = [level for before, level in zip(["unknown", *levels], levels, strict=False) if level != before]
-        assert changes == told
-        assert all(span.end_s == after.begin_s for span, after in zip(spans[finger], spans[finger][1:], strict=False))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from slipd.tools.evaluation.config_run import ConfigRun, Largest, LevelSpan
 from slipd.tools.evaluation.run_figures import differences, figures, worst_spans
 
@@ -62,16 +60,6 @@ def test_the_figures_of_a_run() -> None:
     assert found.named == ["rotation", "load_drop", "tipping"]
 
 
-def test_a_change_of_reasons_is_no_change_of_level() -> None:
-    found = figures(ConfigRun({"left": spans(("warning:rotation", 1.0), ("warning:tipping", 1.0))}))
-    assert (found.changes, found.warnings) == (0, 1)
-
-
-def test_a_run_without_alarms_or_fingers_has_figures_too() -> None:
-    assert figures(ConfigRun({"left": spans(("stable", 1.0))})).first_warning_s is None
-    assert figures(ConfigRun({})).level_s["stable"] == 0.0
-
-
 def test_the_differences_of_two_runs() -> None:
     before = spans(("stable", 1.0), ("warning:rotation", 1.0), ("warning:tipping", 1.0), ("stable", 1.0))
     after = spans(("stable", 0.5), ("caution", 1.0), ("warning", 2.0))
@@ -85,10 +73,3 @@ def test_the_differences_of_two_runs() -> None:
     apart = [LevelSpan("warning", (), (), 0.0, 1.0), LevelSpan("warning", (), (), 2.0, 3.0)]
     calm = [LevelSpan("stable", (), (), span.begin_s, span.end_s) for span in apart]
     assert [found[:2] for found in differences(apart, calm)] == [(0.0, 1.0), (2.0, 3.0)]
-
-
-def test_a_finger_that_begins_later_counts_from_there() -> None:
-    late = [LevelSpan("warning", (), (), 1.0, 2.0)]
-    found = worst_spans({"left": spans(("stable", 2.0)), "right": late})
-    assert [span.level for span in found] == ["stable", "warning"]
-    assert found[1].seconds == pytest.approx(1.0)

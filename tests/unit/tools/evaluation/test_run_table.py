@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,9 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.errors import SlipdError
-from slipd.tools.evaluation import run_table
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED
 from slipd.tools.evaluation.evaluate import finished_runs
-from slipd.tools.evaluation.executors import Finished, Job, NamedConfig
 from slipd.tools.evaluation.result_cache import ResultCache
 from slipd.tools.evaluation.run_figures import figures
 from slipd.tools.evaluation.run_table import write_table
@@ -54,24 +51,6 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     assert row["compute_s"] > 0.0
     write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache))
     assert rows(tmp_path / "a.parquet") == [row], "the time of computing is that of the first evaluation"
-
-
-def test_bytes_of_a_name_that_are_no_text_are_escaped(tmp_path: Path) -> None:
-    path = Path(os.fsdecode(bytes(tmp_path) + b"/run\xff.mcap"))
-    path.write_text("no recording")
-    write_table(tmp_path / "a.parquet", finished_runs([path], [], ResultCache(tmp_path / "results")))
-    (row,) = rows(tmp_path / "a.parquet")
-    assert row["recording"] == f"{tmp_path}/run\\xff.mcap"
-    assert row["fault"].startswith(f"{row['recording']}: not an MCAP file")
-
-
-def test_faults_are_rows_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_table, "ROWS", 2)
-    bad = [Finished(Job(Path(f"{n}.mcap"), NamedConfig(RECORDED, None), ""), f"{n} is bad") for n in range(5)]
-    write_table(tmp_path / "a.parquet", bad)
-    assert [(row["recording"], row["fault"], row["length_s"]) for row in rows(tmp_path / "a.parquet")] == [
-        (f"{n}.mcap", f"{n} is bad", None) for n in range(5)
-    ]
 
 
 def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import resource
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from replays import RECORDINGS
@@ -16,9 +13,7 @@ from slipd import cli
 from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.recording.replay import replay_dated
 from slipd.tools.cli_arguments import EXPORTS as FORMATS
-from slipd.tools.export import export_command
 
 RUN = RECORDINGS / "demo.mcap"
 
@@ -60,20 +55,6 @@ def test_a_disk_that_is_full_leaves_nothing_behind(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert capsys.readouterr().err == f"slipd: {tmp_path / 'out'}: cannot be written: File too large\n"
-    assert names(tmp_path) == []
-
-
-@pytest.mark.parametrize("to", ["csv", "lerobot"])
-def test_an_export_that_is_interrupted_writes_nothing_and_fails(
-    to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*arguments: Any, **more: Any) -> Iterator[tuple[int, str, dict[str, Any]]]:
-        yield from itertools.islice(replay_dated(*arguments, **more), 200)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(export_command, "replay_dated", interrupted)
-    assert export(RUN, tmp_path / "out", to=to) == 130
-    assert capsys.readouterr().err == "slipd: interrupted; nothing was written\n"
     assert names(tmp_path) == []
 
 
@@ -124,12 +105,6 @@ def test_a_recording_without_an_event_is_refused(tmp_path: Path, rig: str, capsy
     assert names(tmp_path) == ["empty.mcap"]
 
 
-def test_a_rig_without_a_grasp_has_no_transforms(tmp_path: Path) -> None:
-    run = RUN.with_name("netft.mcap")
-    assert export(run, tmp_path / "out", to="ros2") == 0
-    assert "/tf" not in (tmp_path / "out" / "metadata.yaml").read_text()
-
-
 def test_a_format_of_before_is_answered_with_what_to_type(capsys: pytest.CaptureFixture[str]) -> None:
     for to, told in (("xlsx", "must be one of ros2, csv, parquet, lerobot, got 'xlsx'"), ("json-mcap", "--to ros2")):
         with pytest.raises(SystemExit):
@@ -151,15 +126,6 @@ def edited(path: Path, *, year: int = 0, jump_s: int = 0, stopped: str = "") -> 
         file.event(n, entry.t_ns + (jump_s * 10**9 if n > len(events) // 2 else 0), entry.event)
     file.finish(len(events), stopped)
     return path
-
-
-def test_a_clock_after_2038_does_not_fit_ros_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = edited(tmp_path / "run.mcap", year=30)
-    assert export(run, tmp_path / "out", to="ros2") == 1
-    said = capsys.readouterr().err
-    assert "a time of ROS 2 must lie between 1901 and 2038-01-19 (int32 seconds), got 2" in said
-    assert names(tmp_path) == ["run.mcap"]
-    assert export(run, tmp_path / "out", to="csv") == 0
 
 
 def test_a_jump_of_years_ends_an_export_for_learning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

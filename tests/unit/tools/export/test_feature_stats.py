@@ -52,10 +52,3 @@ def test_quantiles_of_long_runs_come_from_evenly_spaced_frames(monkeypatch: pyte
     assert set(np.diff(sample)) == {stats._stride}
     assert stats.summary()["q50"][0] == pytest.approx(5000.0, rel=0.02)
     assert stats.summary()["mean"] == [pytest.approx(4999.5)]
-
-
-def test_a_number_that_no_sampled_frame_knows_has_its_mean_as_quantile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_stats, "MOST_SAMPLES", 1)
-    stats = FeatureStats(1)
-    stats.add(np.array([[np.nan], [4.0]]))
-    assert stats.summary()["q10"] == stats.summary()["mean"] == [4.0]

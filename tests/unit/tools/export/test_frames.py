@@ -7,23 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from replays import RECORDINGS
 
-from slipd import config
 from slipd.errors import SlipdError
-from slipd.recording.reader import open_recording
 from slipd.tools.export.frames import (
-    ACTION,
     AGE,
     LEVEL,
     STATE,
-    TACTILE,
     UNKNOWN_LEVEL,
     Feature,
     FrameLayout,
     FrameSampler,
     Tap,
-    frame_layout,
 )
 
 LAYOUT = FrameLayout(
@@ -74,16 +68,6 @@ def test_a_frame_has_the_newest_values_published_until_then() -> None:
     assert [frame[AGE][0] for frame in run.frames] == pytest.approx([1.5e-3] * 4)
 
 
-def test_a_value_published_a_nanosecond_after_a_frame_is_not_in_it() -> None:
-    run = Run(100)
-    run.wrench(0, [1.0, 0.0, 0.0])
-    run.wrench(10.000001, [2.0, 0.0, 0.0])
-    run.wrench(20, [3.0, 0.0, 0.0])
-    run.sampler.finish()
-    assert [frame[STATE][0] for frame in run.frames] == [1.0, 1.0, 3.0]
-    assert run.frames[1][AGE][0] == pytest.approx(0.01)
-
-
 def test_a_held_value_ages_and_what_was_never_published_is_missing() -> None:
     run = Run(100)
     run.slip(0, 1, 0.5)
@@ -114,15 +98,6 @@ def test_nothing_is_known_in_a_gap_of_the_recording() -> None:
     assert all(math.isnan(frame[AGE][0]) for frame in run.frames[2:7])
 
 
-def test_times_of_frames_do_not_drift() -> None:
-    run = Run(30)
-    for ms in range(0, 10_001, 10):
-        run.wrench(ms, [float(ms), 0.0, 0.0])
-    run.sampler.finish()
-    assert len(run.frames) == 301
-    assert run.frames[300][STATE][0] == 10_000.0
-
-
 def test_topics_without_a_place_are_left_out_and_events_without_messages_go_on() -> None:
     run = Run(10)
     run.sampler.event(BEGIN - 50 * MS)
@@ -145,16 +120,3 @@ def test_a_jump_of_years_is_refused_at_once() -> None:
     ):
         run.sampler.event(BEGIN + 3 * 365 * 86_400_000 * MS)
     assert len(run.frames) == 0
-
-
-def layout_of(name: str) -> FrameLayout:
-    return frame_layout(config.parse(open_recording(RECORDINGS / f"{name}.mcap").config_text, name))
-
-
-def test_the_features_are_those_of_the_rig() -> None:
-    demo = layout_of("demo")
-    sizes = {each.name: len(each.names) for each in demo.features}
-    assert sizes == {STATE: 18, LEVEL: 2, f"{TACTILE}left": 128, f"{TACTILE}right": 128, ACTION: 1, AGE: 7}
-    assert demo.pads == {f"{TACTILE}left": (8, 16), f"{TACTILE}right": (8, 16)}
-    assert ACTION not in {each.name for each in layout_of("netft").features}
-    assert layout_of("netft").pads == {}

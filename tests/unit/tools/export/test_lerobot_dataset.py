@@ -96,10 +96,3 @@ def test_a_full_file_is_followed_by_another_and_full_folders_likewise(
     for each in episodes:
         path = module.DATA_PATH.format(chunk_index=each["data/chunk_index"], file_index=each["data/file_index"])
         assert parquet.read_table(tmp_path / "set" / path).num_rows == each["length"]
-
-
-def test_many_episodes_are_written_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slipd.tools.export.lerobot_dataset.EPISODES", 2)
-    write(tmp_path / "set", [1, 2, 3, 4, 5])
-    table = parquet.read_table(tmp_path / "set" / "meta" / "episodes")
-    assert table["episode_index"].to_pylist() == [0, 1, 2, 3, 4]

@@ -83,12 +83,6 @@ def test_a_column_has_one_type_and_every_number_has_its_unit(exported: dict[str,
             assert len(kinds) <= 1 or name == "config_id" or name.endswith("boot"), (path.name, name, kinds)
 
 
-def test_the_loads_of_a_pad_have_a_column_each_even_if_the_first_image_is_unusable(exported: dict[str, Path]) -> None:
-    with (exported["csv"] / "tactile.left.csv").open(encoding="utf-8") as file:
-        header = next(csv.reader(file))
-    assert [name for name in header if name.startswith("loads_n.")] == [f"loads_n.{n}" for n in range(128)]
-
-
 def test_a_text_that_a_spreadsheet_would_compute_is_quoted_and_a_number_is_not(tmp_path: Path) -> None:
     texts = ("=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "a=1", "")
     with csv_files(tmp_path / "csv", RIG) as write:

@@ -79,10 +79,3 @@ def test_the_metadata_have_the_counts_the_times_and_the_quality_of_service(
             assert (quality.history, quality.depth) == (QosHistory.KEEP_LAST, 10)
             assert (quality.reliability, quality.durability) == (QosReliability.RELIABLE, QosDurability.VOLATILE)
             assert (quality.liveliness, quality.deadline.sec) == (QosLiveliness.AUTOMATIC, 9223372036)
-
-
-def test_no_message_is_published_before_its_acquisition(dated: Dated) -> None:
-    for log_ns, topic, body in dated:
-        for message in ros_messages(topic, body):
-            stamp = message.value["header"]["stamp"]
-            assert log_ns - (stamp["sec"] * 10**9 + stamp["nanosec"]) >= -500  # the step of the wire's timestamp

@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,9 +16,7 @@ from slipd.tools.plot.chart import (
     Span,
     StripGroup,
     chart,
-    stretches,
     ticks,
-    title_of,
 )
 from slipd.tools.plot.run_tracks import RunTracks
 from slipd_client.messages import HEALTH, LEVELS
@@ -64,15 +61,6 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
         assert all(0.0 <= span.begin_s <= span.end_s <= tracks.window.end_s for span in spans)
 
 
-def test_what_was_never_known_is_left_out(run: Any) -> None:
-    run.add("slip.left", 0.0, spin_nm=None, utilisation=None, utilisation_lower=None, mu_source="none")
-    run.add("slip.left", 1.0, spin_nm=None, utilisation=None, utilisation_lower=None, relative_utilisation=0.8)
-    parts = chart(run.tracks, LEVELS_IN_FORCE)
-    assert "spin" not in [each.title for each in parts]
-    assert names(part(parts, "utilisation λ")) == ["left: relative, without μ"]
-    assert names(part(parts, "grip force on one pad")) == ["left: needed"], "there is no gripper and no second finger"
-
-
 def test_levels_name_their_reasons_and_evidence_its_finger(run: Any) -> None:
     run.add("slip.left", 0.0, level="caution", reasons=["rotation", "tipping"])
     run.add("slip.left", 1.0, level="slipping", evidence=["load_drop"])
@@ -103,52 +91,12 @@ def test_faults_of_streams_are_counted_beside_the_title(run: Any) -> None:
     assert group.strips[0].spans[0].texts == ("ERROR: no such port", "ERROR")
 
 
-def test_units_are_those_of_all_fingers(run: Any) -> None:
-    run.add("slip.left", 0.0)
-    assert title_of(part(chart(run.tracks, LEVELS_IN_FORCE), "normal force")) == "normal force, N"
-    run.add("slip.right", 1.0, force_unit="uncalibrated")
-    parts = chart(run.tracks, LEVELS_IN_FORCE)
-    assert title_of(part(parts, "normal force")) == "normal force, uncalibrated"
-    assert title_of(part(parts, "utilisation λ")) == "utilisation λ"
-
-
 def test_every_level_and_health_has_a_colour() -> None:
     assert {*LEVELS, *HEALTH, "evidence", "config", "request", "learned", "none"} == set(SPAN_COLOURS)
 
 
-def test_a_coefficient_stays_until_the_next(run: Any) -> None:
-    run.add("slip.left", 0.0, mu=0.5)
-    run.add("slip.left", 1.0, mu=0.7)
-    run.add("slip.left", 2.0, mu=0.7)
-    (curve,) = (c for c in part(chart(run.tracks, LEVELS_IN_FORCE), "friction coefficient μ").curves if "use" in c.name)
-    corners = [(round(each.begin_s, 3), each.value[0]) for each in curve.points]
-    assert corners == [(0.0, 0.5), (1.0, 0.5), (1.0, 0.7), (2.0, 0.7), (2.0, 0.7), (2.0, 0.7)]
-
-
-def test_a_commanded_force_stays_until_the_next(run: Any) -> None:
-    run.add("slip.left", 0.0)
-    for t_s, force_n in ((0.0, 5.0), (1.0, 8.0), (3.0, 8.0)):
-        run.add("gripper", t_s, force_command_n=force_n)
-    (_, curve) = part(chart(run.tracks, LEVELS_IN_FORCE), "grip force on one pad").curves
-    assert (curve.name, curve.kind) == ("commanded", "dashed")
-    corners = [(round(each.begin_s, 3), each.value[0]) for each in curve.points]
-    assert corners[:4] == [(0.0, 5.0), (1.0, 5.0), (1.0, 8.0), (3.0, 8.0)]
-
-
 def held(*values: tuple[float, float]) -> list[Held[tuple[float, float]]]:
     return [Held(float(at), at + 1.0, value) for at, value in enumerate(values)]
-
-
-def test_a_curve_is_broken_where_its_value_was_not_known() -> None:
-    a, b, c = (1.0, 2.0), (3.0, 3.0), (0.0, 0.0)
-    points = held(NO_VALUE, a, b, NO_VALUE, NO_VALUE, c)
-    assert list(stretches(points)) == [points[1:3], points[5:]]
-    assert list(stretches([])) == []
-
-
-def test_a_curve_is_broken_by_a_gap() -> None:
-    a, b, c = Held(0.0, 1.0, (1.0, 1.0)), Held(1.0, 1.5, (1.0, 1.0)), Held(4.0, 5.0, (1.0, 1.0))
-    assert list(stretches([a, b, c])) == [[a, b], [c]]
 
 
 def test_an_axis_has_every_value_that_is_finite_and_zero() -> None:
@@ -170,11 +118,3 @@ def test_ticks_are_round_and_within_the_axis(least: float, length: float, about:
     assert len(found) >= about / 2.5 - 1
     slack = 1e-6 * max(abs(least), abs(most), length)
     assert all(least - slack <= tick <= most + slack for tick in found)
-
-
-@pytest.mark.parametrize(
-    ("axis", "found"),
-    [((0.0, 1.06), [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]), ((-0.045, 0.042), [-0.04, -0.02, 0.0, 0.02, 0.04])],
-)
-def test_ticks_of_usual_axes(axis: tuple[float, float], found: list[float]) -> None:
-    assert ticks(*axis, 6) == pytest.approx(found)

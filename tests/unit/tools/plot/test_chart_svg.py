@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.tools.plot.binned_track import NO_VALUE, Held, Window
+from slipd.tools.plot.binned_track import Held, Window
 from slipd.tools.plot.chart import Curve, Panel, Span, Strip, StripGroup
 from slipd.tools.plot.chart_svg import LEFT, PANEL, RIGHT, TAXEL, TITLE, WIDTH, chart_svg, snapshot_svg
 from slipd_client.pad_picture import CENTROID, POLE, PadImage, pad_image
@@ -58,24 +58,6 @@ def test_a_curve_goes_through_least_and_largest_value_at_their_times_and_holds_t
     assert "force, N" in [text.text for text in of_class(root, "title")]
 
 
-def test_a_curve_has_a_gap_where_its_value_is_not_known() -> None:
-    root = drawn(Panel("force", "N", [curve((0.0, 1.0, 1.0), (4.0, *NO_VALUE), (5.0, 1.0, 1.0))]))
-    first, second = path_of(root, "line").strip("M").split("M")
-    assert max(x for x, _ in points_of(first)) == pytest.approx(at(4.0), abs=0.1)
-    assert min(x for x, _ in points_of(second)) == pytest.approx(at(5.0), abs=0.1)
-
-
-def test_a_later_window_begins_at_the_left_and_every_ground_is_as_wide_as_the_curves() -> None:
-    begin_s, strip = 2.0, Strip("left", [Span(2.0, 12.0, "stable", ("stable",), "stable")])
-    parts = (Panel("force", "N", [curve((2.0, 0.0, 0.0), (7.0, 1.0, 1.0))]), StripGroup("levels", [strip]))
-    root = ElementTree.fromstring(chart_svg(parts, Window(begin_s, begin_s + END_S)))
-    assert [x for x, _ in points_of(path_of(root, "line"))][:2] == pytest.approx([at(0.0), at(5.0)], abs=0.1)
-    for ground in [*of_class(root, "ground"), *(each for each in root.iter("rect") if each.get("fill"))]:
-        assert float(ground.get("x", "")) == LEFT
-        assert float(ground.get("x", "")) + float(ground.get("width", "")) == WIDTH - RIGHT
-    assert [text.text for text in of_class(root, "middle")][:2] == ["2 s", "3 s"]
-
-
 @pytest.mark.parametrize("kind", ["line", "band"])
 @pytest.mark.parametrize("largest", [2.5, 1e300, math.inf])
 def test_a_value_beyond_the_axis_is_drawn_at_its_edge(largest: float, kind: str) -> None:
@@ -100,11 +82,6 @@ def test_whatever_is_drawn_lies_within_its_panel(points: list[tuple[float, float
     for x, y in points_of(path_of(drawn(panel), "band" if band else "line")):
         assert LEFT <= x <= WIDTH - RIGHT
         assert TITLE - 0.1 <= y <= TITLE + PANEL + 0.1
-
-
-def test_a_value_that_stays_costs_two_points() -> None:
-    many = [(n * 0.01, 1.0, 1.0) for n in range(900)]
-    assert len(points_of(path_of(drawn(Panel("force", "N", [curve(*many)])), "line"))) == 2
 
 
 def test_spans_stand_at_their_times_with_the_text_that_fits() -> None:

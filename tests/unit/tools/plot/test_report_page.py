@@ -5,9 +5,8 @@ from html.parser import HTMLParser
 from typing import Any
 
 from slipd.config import Levels
-from slipd.tools.plot.chart import COLOURS, chart
+from slipd.tools.plot.chart import chart
 from slipd.tools.plot.report_page import Report, page
-from slipd.tools.plot.run_tracks import MOST_CHANGES, MOST_SNAPSHOTS
 
 
 def page_of(tracks: Any, *, title: str = "a.mcap", faults: tuple[str, ...] = ()) -> str:
@@ -45,14 +44,6 @@ def test_the_page_asks_nobody_for_anything(demo: Any) -> None:
     assert any("default-src 'none'" in (attributes.get("content") or "") for _, attributes in tags)
 
 
-def test_the_page_has_colours_for_dark_and_light(demo: Any) -> None:
-    text = page_of(demo[0])
-    assert 'name="color-scheme" content="light dark"' in text
-    assert text.count("prefers-color-scheme:dark") == 2
-    for name, pair in COLOURS.items():
-        assert all(f"--{name.replace(' ', '')}:{colour};" in text for colour in pair)
-
-
 def test_a_real_run_is_shown_with_its_alarms_and_changes(demo: Any) -> None:
     tracks = demo[0]
     text = page_of(tracks)
@@ -77,18 +68,3 @@ def test_a_quiet_run_says_so(run: Any) -> None:
     text = page_of(run.tracks)
     assert "No finger rose to “warning” or “slipping”." in text
     assert "<p>None.</p>" in text
-
-
-def test_alarms_without_images_are_counted(run: Any) -> None:
-    run.add_change(1.0, "left", "stable", "warning")
-    assert "1 alarm, of which none has an image of its pad." in page_of(run.tracks)
-
-
-def test_what_is_not_listed_is_counted(run: Any) -> None:
-    run.add_image(0.0, "left", 0.0, 1.0, 2.0, 4.0)
-    for n in range(MOST_CHANGES + 1):
-        run.add_change(n, "left", "stable", "warning")
-    text = page_of(run.tracks)
-    assert f"{MOST_CHANGES + 1} alarms; the first {MOST_SNAPSHOTS} with an image are shown." in text
-    assert f"{MOST_CHANGES + 1} changes, of which the first {MOST_CHANGES} are listed." in text
-    assert text.count("<figure>") == MOST_SNAPSHOTS

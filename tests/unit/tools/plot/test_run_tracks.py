@@ -32,14 +32,6 @@ def test_the_tracks_of_a_real_run_reach_as_far_as_its_messages(demo: Demo) -> No
     assert tracks.changes.count == sum(topic == "warning" for topic, _ in found)
 
 
-def test_the_levels_of_a_real_run_are_those_of_its_warnings(demo: Demo) -> None:
-    tracks, found = demo
-    told = [body["level"] for topic, body in found if topic == "warning" and body["finger"] == "left"]
-    runs = [run.value.level for run in tracks.fingers["left"].level.runs(tracks.extent)]
-    levels = [level for before, level in zip(["unknown", *runs], runs, strict=False) if level != before]
-    assert levels == told
-
-
 @pytest.mark.parametrize(
     ("fields", "key", "range_"),
     [
@@ -90,15 +82,6 @@ def test_the_health_of_a_stream_has_its_worst_time_and_its_counters(run: Any) ->
     assert (pad.counters["lost"], pad.masked, gripper.masked) == (7, 2, None)
 
 
-def test_evidence_within_a_column_is_kept(run: Any) -> None:
-    run.add("slip.left", 0.0, evidence=["load_drop"])
-    run.add("slip.left", 0.0002, evidence=["width"])
-    run.add("slip.left", 0.5, evidence=[], force_unit="uncalibrated")
-    finger = run.tracks.fingers["left"]
-    assert [each.value for each in finger.evidence.runs(Extent(1.0))] == [{"load_drop", "width"}, frozenset()]
-    assert not finger.in_newtons
-
-
 def test_no_level_is_known_while_no_event_is_recorded(run: Any) -> None:
     """A level that stays needs no message; without events nobody knows that it stays."""
     run.add("slip.left", 0.0)
@@ -109,14 +92,6 @@ def test_no_level_is_known_while_no_event_is_recorded(run: Any) -> None:
     run.add("slip.left", 5.0)
     runs = [(each.begin_s, each.end_s) for each in run.tracks.fingers["left"].level.runs(run.tracks.extent)]
     assert runs == [(0.0, pytest.approx(0.995)), (pytest.approx(4.0, abs=0.001), 5.0)]
-
-
-def test_an_alarm_after_a_gap_has_no_image_of_before(run: Any) -> None:
-    run.add_image(0.9, "left", 0.0, 1.0, 2.0, 4.0)
-    run.add_event(1.0)
-    run.add_event(3.0)
-    run.add_change(3.0, "left", "stable", "warning", "rotation")
-    assert run.tracks.changes.snapshots == []
 
 
 def test_an_alarm_has_the_image_centroid_and_pole_of_its_reading(run: Any) -> None:
@@ -131,22 +106,6 @@ def test_an_alarm_has_the_image_centroid_and_pole_of_its_reading(run: Any) -> No
     assert change.image.peak == 4.0
     assert (change.verdict["centroid_m"], change.verdict["pole_m"]) == ([0.001, 0.002], [0.003, 0.004])
     assert (log.count, log.alarms) == (1, 1)
-
-
-def test_a_fall_and_a_caution_are_no_alarms(run: Any) -> None:
-    run.add_image(0.0, "left", 0.0, 1.0, 2.0, 4.0)
-    run.add_change(1.0, "left", "stable", "caution")
-    run.add_change(2.0, "left", "slipping", "warning", rising=False)
-    log = run.tracks.changes
-    assert (log.count, log.alarms, log.snapshots) == (2, 0, [])
-
-
-def test_an_alarm_without_an_image_is_counted(run: Any) -> None:
-    run.add_change(1.0, "left", "stable", "warning")
-    run.add("tactile.left", 1.5, rows=2, cols=2, loads_n=None)
-    run.add_change(2.0, "left", "warning", "slipping")
-    log = run.tracks.changes
-    assert (log.alarms, log.snapshots) == (2, [])
 
 
 def test_a_run_of_any_length_keeps_the_first_changes_and_counts_all(run: Any) -> None:

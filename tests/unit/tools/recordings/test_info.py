@@ -14,7 +14,6 @@ from replays import RECORDINGS
 from slipd import config
 from slipd.cli import main
 from slipd.events import Bytes
-from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 
 DEMO = RECORDINGS / "demo.mcap"
@@ -56,13 +55,3 @@ def test_what_is_missing_is_stated_and_the_answer_is_no(tmp_path: Path, capsys: 
     shown = capsys.readouterr().out
     assert "complete:  no: " in shown
     assert re.search(r"^gap: +nothing is known from (0\.99|1\.00)\d to (1\.99|2\.00)\d s$", shown, re.MULTILINE)
-
-
-def test_a_config_that_is_faulty_today_hides_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = RecordingFile(tmp_path / "a.mcap", config_text="gone = 1", boot="b", wall_minus_monotonic_ns=0)
-    file.finish(0)
-    assert main(["info", str(tmp_path / "a.mcap"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["config_id"] is None
-    assert "gone" in found["config_fault"]
-    assert found["topics"] == {}

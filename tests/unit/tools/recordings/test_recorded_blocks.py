@@ -56,23 +56,6 @@ def test_a_frame_has_the_newest_message_and_the_first_of_a_block_every_topic(blo
     assert all(frame["topics"]["slip.left"]["t_ns"] == frame["now_ns"] for frame in first + second)
 
 
-def test_every_change_of_level_is_kept_where_it_happened_and_in_the_list(blocks: RecordedBlocks) -> None:
-    for at_ms in range(0, 1000, 100):
-        add(blocks, "warning", at_ms, seq=2 * at_ms)
-        add(blocks, "warning", at_ms + 1, seq=2 * at_ms + 1)
-    blocks.end()
-    in_frames = [change["seq"] for frame in frames(blocks, 0) for change in frame["changes"]]
-    assert in_frames == [change["seq"] for change in blocks.changes]
-    assert len(in_frames) == 20
-
-
-def test_what_the_page_does_not_draw_is_left_out(blocks: RecordedBlocks) -> None:
-    add(blocks, "wrench.left", 0)
-    add(blocks, "slip.left", 1)
-    blocks.end()
-    assert frames(blocks, 0)[0]["topics"].keys() == {"slip.left"}
-
-
 def test_time_never_runs_back_and_a_pause_has_no_blocks(blocks: RecordedBlocks) -> None:
     for at_ms in (0, 100, 40, 200, 3500, 3400, 3600):
         add(blocks, "slip.left", at_ms)
@@ -86,11 +69,3 @@ def test_time_never_runs_back_and_a_pause_has_no_blocks(blocks: RecordedBlocks) 
 def test_nothing_recorded_is_nothing_shown(blocks: RecordedBlocks) -> None:
     blocks.end()
     assert (blocks.begin_ns, blocks.seconds, blocks.ended, blocks.block(0)) == (None, 0.0, True, None)
-
-
-def test_a_block_can_be_read_as_soon_as_the_next_begins(blocks: RecordedBlocks) -> None:
-    for at_ms in range(0, 1100, 10):
-        add(blocks, "slip.left", at_ms)
-    assert frames(blocks, 0)
-    assert blocks.block(1) is None
-    assert not blocks.ended

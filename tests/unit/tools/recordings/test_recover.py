@@ -92,19 +92,6 @@ def test_entries_behind_a_damaged_chunk_are_recovered_and_the_gap_is_located(dam
     assert any("20 entries are missing, from 0.009 s up to 0.020 s: bytes " in fault for fault in found.faults)
 
 
-def test_a_damaged_first_chunk_costs_only_itself(damaged, entries) -> None:
-    found, kept = recovered(damaged(flip(0, 60)))
-    assert kept == entries(60)[20:]
-    assert found.lost == 20
-
-
-def test_a_damaged_last_chunk_is_counted_by_the_end_record(damaged, entries) -> None:
-    found, kept = recovered(damaged(flip(2, 60)))
-    assert kept == entries(40)
-    assert found.lost == 20
-    assert any(fault.startswith("20 entries are missing, from 0.019 s: bytes") for fault in found.faults)
-
-
 def test_a_damaged_end_record_is_reported(damaged, entries) -> None:
     def change(data: bytearray) -> None:
         at = data.index(b"\x02\x00\x00\x0060")
@@ -125,25 +112,6 @@ def test_a_damaged_summary_of_a_file_without_its_first_chunk_leaves_nothing(dama
     with pytest.raises(RecordingError, match=r"holds no entry that is intact; .*on a channel that was never announced"):
         recover(path, path.with_name("out.mcap"))
     assert not path.with_name("out.mcap").exists()
-
-
-def test_entries_that_were_lost_while_recording_are_told_from_damage(tmp_path: Path, write, entries) -> None:
-    write(tmp_path / "run.mcap", entries(60)[:20] + entries(60)[40:], 20)
-    found, kept = recovered(tmp_path / "run.mcap")
-    assert len(kept) == 40
-    assert found.faults == ["20 entries are missing, from 0.009 s up to 0.020 s: lost while recording"]
-
-
-def test_a_complete_recording_is_copied_and_keeps_what_stopped_it(tmp_path: Path, about_run, write, entries) -> None:
-    write(tmp_path / "run.mcap", entries(60), 20)
-    found, kept = recovered(tmp_path / "run.mcap")
-    assert (kept, found.faults, found.lost) == (entries(60), [], 0)
-    file = RecordingFile(tmp_path / "stopped.mcap", **about_run)
-    file.event(0, 0, entries(1)[0].event)
-    file.finish(1, "the disk failed")
-    (tmp_path / "out.mcap").unlink()
-    found, _ = recovered(tmp_path / "stopped.mcap")
-    assert found.faults[0].endswith("the recording stopped before the run did (the disk failed)")
 
 
 def test_versions_boot_and_first_index_of_the_run_are_kept(tmp_path: Path, about_run, entries) -> None:
@@ -171,27 +139,6 @@ def test_a_file_that_exists_is_kept_and_the_source_too(tmp_path: Path, write, en
         with pytest.raises(SlipdError, match=text):
             recover(source, out)
     assert (source.read_bytes(), other.read_bytes()) == (before, b"precious")
-
-
-@pytest.mark.parametrize(
-    ("data", "text"), [(b"", "is empty"), (b"time,force\n", "not an MCAP file"), (None, "No such file")]
-)
-def test_what_is_no_recording_is_refused(
-    tmp_path: Path, data: bytes | None, text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    source = tmp_path / "some.mcap"
-    if data is not None:
-        source.write_bytes(data)
-    assert main(["recover", str(source), str(tmp_path / "out.mcap")]) == (1 if data is not None else 2)
-    assert text in capsys.readouterr().err
-    assert not (tmp_path / "out.mcap").exists()
-
-
-def test_a_disk_that_is_full_leaves_no_file(tmp_path: Path, write, entries, small_disk) -> None:
-    write(tmp_path / "run.mcap", entries(600), 20)
-    with small_disk(2000), pytest.raises(SlipdError, match=r"out\.mcap: cannot be written: File too large"):
-        recover(tmp_path / "run.mcap", tmp_path / "out.mcap")
-    assert not (tmp_path / "out.mcap").exists()
 
 
 def test_the_command_prints_what_is_missing_and_where(damaged, capsys: pytest.CaptureFixture[str]) -> None:

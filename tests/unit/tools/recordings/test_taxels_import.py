@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from project import CONFIG
 
 from slipd.cli import main
 from slipd.errors import RecordingError, UsageError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.recordings.taxels_import import import_taxels, read_arq, read_papillarray
+from slipd.tools.recordings.taxels_import import read_arq, read_papillarray
 
 EXPERIMENT = "GGCNN2/SpoolSolder/Pose1/Exp1"
 SAMPLES = 180
@@ -138,10 +137,3 @@ def test_a_file_without_pillars_is_refused(tmp_path: Path, text: str) -> None:
         pytest.warns() if not text else pytest.MonkeyPatch.context(),
     ):
         read_papillarray(tmp_path / "trial.csv")
-
-
-@pytest.mark.usefixtures("hdf5")
-def test_a_config_without_the_pad_is_refused(source: Path, tmp_path: Path) -> None:
-    text = (CONFIG / "trial_arq.toml").read_text(encoding="utf-8").replace('sensor = "pad"', 'sensor = "other"')
-    with pytest.raises(RecordingError, match="one external pad"):
-        import_taxels(read_arq(source, EXPERIMENT), tmp_path / "out.mcap", text)

@@ -106,22 +106,6 @@ def test_wrong_arguments_are_refused_with_a_reason(
     assert words in capsys.readouterr().err
 
 
-async def test_what_is_written_is_answered_and_time_goes_on(tmp_path: Path) -> None:
-    echo, path = Echo(), tmp_path / "echo"
-    async with emulated([("gauges", echo, str(path))]) as emulation:
-        running = asyncio.create_task(emulation.run())
-        port = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        os.write(port, b"hello")
-        async with asyncio.timeout(PATIENCE_S):
-            while len(echo.at_ns) < 50:  # noqa: ASYNC110 - there is no event
-                await asyncio.sleep(0.001)
-        assert os.read(port, 100) == b"HELLO"
-        os.close(port)
-        running.cancel()
-    assert len(echo.opened_ns) == 1
-    assert echo.at_ns == sorted(echo.at_ns)
-
-
 async def test_after_a_long_pause_a_device_does_not_catch_up(tmp_path: Path) -> None:
     echo = Echo()
     async with emulated([("gauges", echo, str(tmp_path / "echo"))]) as emulation:
@@ -135,14 +119,6 @@ async def test_after_a_long_pause_a_device_does_not_catch_up(tmp_path: Path) -> 
                 await asyncio.sleep(0)
         running.cancel()
     assert echo.at_ns[known] - echo.at_ns[known - 1] < emulate.LONGEST_LAG_NS
-
-
-async def test_an_inquiry_over_tcp_is_answered(unused_udp_port: int) -> None:
-    async with emulated([("netft", Echo(), f"udp://127.0.0.3:{unused_udp_port}")]):
-        reader, writer = await asyncio.open_connection("127.0.0.3", 49_151)
-        writer.write(b"abc")
-        assert await reader.read() == b"cba"
-        writer.close()
 
 
 async def test_a_device_that_fails_ends_the_run_with_its_fault(

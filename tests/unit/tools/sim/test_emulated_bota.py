@@ -36,32 +36,6 @@ def test_what_it_reads_unloaded_is_its_bias():
     assert np.concatenate((sample.force_n, sample.torque_nm)) == pytest.approx(QUIET.bias, abs=1e-6)
 
 
-def test_the_noise_has_its_deviation_and_its_seed():
-    mount = BotaMount(noise_n=0.05, noise_nm=0.001)
-    said = [listen(BotaSensor(mount, np.random.default_rng(3)), 0, 4_000 * MS) for _ in range(2)]
-    assert said[0] == said[1]
-    samples = bota.Decoder().receive(said[0], 0)
-    assert np.std([s.force_n for s in samples], axis=0) == pytest.approx([0.05] * 3, rel=0.1)
-    assert np.std([s.torque_nm for s in samples], axis=0) == pytest.approx([0.001] * 3, rel=0.1)
-
-
-def test_it_boots_with_a_banner_and_then_sends_800_frames_a_second_by_its_own_clock():
-    said = listen(sensor(), 0, BOOT_NS + 1_000 * MS)
-    assert said.startswith(bota.BANNER)
-    decoder = bota.Decoder()
-    samples = decoder.receive(said, 0)
-    assert len(samples) == 800
-    assert decoder.health.bad == decoder.health.bad_bytes == 0
-    steps_us = np.diff([s.device_time_ns for s in samples]) / 1000
-    assert set(steps_us) <= {1250, 1251}
-    assert steps_us.sum() == pytest.approx(799 * 1250 * (1 + 40e-6), abs=1.0)
-
-
-def test_a_late_advance_makes_up_for_every_frame():
-    late = sensor()
-    assert late.advance(BOOT_NS // 2) + late.advance(BOOT_NS + 100 * MS) == listen(sensor(), 0, BOOT_NS + 101 * MS)
-
-
 def test_the_daemons_session_brings_it_to_the_wanted_rate():
     made, session, now_ns, samples = sensor(), bota.Session(sinc_length=256), 0, []
     session.start(now_ns)
@@ -76,36 +50,12 @@ def test_the_daemons_session_brings_it_to_the_wanted_rate():
     assert session.health.bad == 0
 
 
-def test_configuring_silences_it_until_the_run_command():
-    made = sensor()
-    listen(made, 0, BOOT_NS + 10 * MS)
-    assert bota.find_ack(made.receive(b"C", BOOT_NS + 10 * MS), "C") == 0
-    assert listen(made, BOOT_NS + 10 * MS, BOOT_NS + 500 * MS) == b""
-    assert bota.find_ack(made.receive(b"R", BOOT_NS + 500 * MS), "R") == 0
-    assert len(bota.Decoder().receive(listen(made, BOOT_NS + 500 * MS, BOOT_NS + 600 * MS), 0)) == 79
-
-
-def test_commands_may_come_one_character_at_a_time():
-    made = sensor()
-    made.advance(BOOT_NS)
-    said = b"".join(made.receive(bytes((byte,)), BOOT_NS) for byte in b"Cf,512,0,0,1R")
-    assert [bota.find_ack(said, letter) for letter in "CfR"] == [0, 0, 0]
-    assert len(bota.Decoder().receive(listen(made, BOOT_NS, BOOT_NS + 1_000 * MS), 0)) == 99
-
-
 @pytest.mark.parametrize("command", [b"c,0,1,1,4", b"f,0,0,0,1"])
 def test_what_it_cannot_do_is_refused(command):
     made = sensor()
     made.advance(BOOT_NS)
     made.receive(b"C", BOOT_NS)
     assert bota.find_ack(made.receive(command, BOOT_NS), command[:1].decode()) == 1
-
-
-def test_settings_are_refused_while_it_runs():
-    made = sensor()
-    made.advance(BOOT_NS)
-    assert made.receive(b"f,512,0,0,1", BOOT_NS) == b""
-    assert len(bota.Decoder().receive(listen(made, BOOT_NS + MS, BOOT_NS + 1_000 * MS), 0)) > 700
 
 
 def test_a_hard_reset_boots_it_anew():

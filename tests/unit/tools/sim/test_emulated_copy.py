@@ -26,9 +26,3 @@ def test_a_copy_that_is_no_text_any_more_stays_with_the_reason(copy: EmulatedCop
     with pytest.raises(SlipdError, match=r"run/rig\.toml: changed meanwhile, and is not UTF-8 text now; it stays"):
         copy.remove()
     assert copy.path.read_bytes() == b"\xff\xfe"
-
-
-def test_a_copy_that_was_removed_by_hand_is_no_error(copy: EmulatedCopy) -> None:
-    copy.path.unlink()
-    copy.remove()
-    assert not list(copy.path.parent.iterdir())

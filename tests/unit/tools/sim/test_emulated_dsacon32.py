@@ -39,46 +39,6 @@ def test_images_come_plain_or_run_length_encoded_as_asked(rle):
     assert (said[10], len(said)) == ((1, 15) if rle else (0, 37))
 
 
-def test_its_rate_is_at_most_30_hz():
-    made = controller()
-    made.receive(dsacon32.acquire(1000, rle=True), 0)
-    assert len(images(made, 0, S + MS)) == 30
-
-
-def test_a_late_advance_makes_up_for_every_image_and_the_seed_repeats_them():
-    late, steady = controller(), controller()
-    for made in (late, steady):
-        made.receive(dsacon32.acquire(30, rle=False), 0)
-    assert b"".join(late.advance(S)) == b"".join(piece for t in range(0, S + MS, MS) for piece in steady.advance(t))
-
-
-def test_the_noise_has_its_deviation():
-    made = controller(noise_counts=5.0)
-    made.press(np.full(12, 2000.0))
-    made.receive(dsacon32.acquire(30, rle=False), 0)
-    assert np.std([sample.values for sample in images(made, 0, 20 * S, S)]) == pytest.approx(5.0, rel=0.05)
-
-
-def test_a_matrix_it_does_not_have_is_an_error():
-    assert controller().receive(dsacon32.encode_matrix_query(2), 0) == [dsacon32.encode_error(dsacon32.MATRIX, 24)]
-
-
-def test_requests_may_come_one_byte_at_a_time_and_a_new_user_of_the_line_starts_afresh():
-    made = controller()
-    asked = dsacon32.encode_query(dsacon32.SENSOR) + dsacon32.encode_matrix_query(1)
-    answers = [answer for byte in asked for answer in made.receive(bytes((byte,)), 0)]
-    assert answers == [dsacon32.encode_sensor(2, 5678), dsacon32.encode_matrix(2, 2)]
-    made.receive(dsacon32.encode_matrix_query(1)[:-1], 0)
-    made.opened(1)
-    assert made.receive(dsacon32.encode_matrix_query(1)[-1:], 2) == []
-    assert len(made.receive(asked, 3)) == 2
-
-
-def test_values_of_another_size_are_refused():
-    with pytest.raises(ValueError, match=r"must have shape \(12,\), got \(11,\)"):
-        controller().press(np.zeros(11))
-
-
 def test_the_daemons_session_starts_the_finger_that_is_made_by_name():
     made = make_emulator("dsacon32", 3)
     made.press(np.full(162, 100.0))

@@ -31,14 +31,6 @@ def test_both_streams_carry_values_and_times() -> None:
     assert (decoder.health.bad, decoder.health.lost, decoder.health.duplicates) == (0, 0, 0)
 
 
-def test_it_pushes_without_a_listener() -> None:
-    emulator = make(1)
-    first = emulator.advance(S // 10)
-    emulator.opened(S // 10)
-    assert emulator.receive(b"hello", S // 10) == []
-    assert len(emulator.advance(S // 5)) == len(first) == pytest.approx(60)
-
-
 def test_a_stream_has_the_rate_that_is_asked_for() -> None:
     decoder = Decoder()
     emulator = make(1, rates_hz={WRENCH: 50.0, PAD: 20.0})

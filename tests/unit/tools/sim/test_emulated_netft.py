@@ -56,46 +56,6 @@ def test_the_daemons_session_calibrates_and_gets_4000_readings_a_second(calibrat
     assert session.health.lost == session.health.bad == 0
 
 
-def test_unbuffered_records_come_one_per_datagram() -> None:
-    emulator = NetftSensor(2, rate_hz=1000.0)
-    emulator.receive(rdt.encode_request(rdt.START), 0)
-    assert [len(datagram) for datagram in emulator.advance(5 * MS)] == [36] * 5
-    emulator.receive(rdt.encode_request(rdt.START_BUFFERED), 5 * MS)
-    assert [len(datagram) for datagram in emulator.advance(25 * MS)] == [360, 360]
-
-
-def test_a_start_with_a_number_of_records_ends_after_them() -> None:
-    emulator = NetftSensor(2, rate_hz=1000.0)
-    emulator.receive(rdt.encode_request(rdt.START, 3), 0)
-    assert [len(datagram) for datagram in emulator.advance(10 * MS)] == [36] * 3
-    emulator.receive(rdt.encode_request(rdt.START_BUFFERED, 13), 10 * MS)
-    assert [len(datagram) for datagram in emulator.advance(50 * MS)] == [360, 108]
-    assert emulator.advance(100 * MS) == []
-
-
-def test_it_is_silent_until_started_and_after_it_was_stopped() -> None:
-    emulator = make(3)
-    emulator.opened(0)
-    assert emulator.advance(100 * MS) == []
-    assert emulator.receive(rdt.encode_request(rdt.START), 100 * MS) == []
-    assert len(emulator.advance(101 * MS)) == 4
-    emulator.receive(b"noise", 101 * MS)
-    assert len(emulator.advance(102 * MS)) == 4
-    emulator.receive(rdt.encode_request(rdt.STOP), 102 * MS)
-    assert emulator.advance(200 * MS) == []
-
-
-def test_each_start_numbers_the_records_from_one_and_the_status_is_sent() -> None:
-    emulator, decoder = make(4), netft.Decoder(**make(4).options)
-    for begin_ns in (0, 10 * MS):
-        emulator.receive(rdt.encode_request(rdt.START), begin_ns)
-        for datagram in emulator.advance(begin_ns + 5 * MS):
-            assert all(sample.status == () for sample in decoder.receive(datagram, 0))
-    emulator.status = 1 << 30 | 1 << 31
-    assert decoder.receive(emulator.advance(16 * MS)[0], 0)[0].status == ("overload", "error")
-    assert (decoder.health.restarts, decoder.health.lost) == (1, 0)
-
-
 @pytest.mark.parametrize("request_", [b"GET / HTTP/1.0\r\n\r\n", encode_change(7001), encode_change(0)])
 def test_nothing_else_is_answered(request_: bytes) -> None:
     assert make(5).inquire(request_) == b""
@@ -150,15 +110,6 @@ async def test_the_output_rate_is_set_over_http_before_the_records_start(
     times_ns = [sample.device_time_ns for sample in samples if sample.device_time_ns is not None]
     assert times_ns[4] - times_ns[0] == pytest.approx(4e9 / rate_hz, abs=2e9 / 7000)
     assert session.health.warning == warning
-
-
-def test_the_seed_makes_the_noise() -> None:
-    said = []
-    for seed in (6, 6, 7):
-        emulator = make(seed)
-        emulator.receive(rdt.encode_request(rdt.START), 0)
-        said.append(emulator.advance(20 * MS))
-    assert said[0] == said[1] != said[2]
 
 
 def test_a_force_beyond_the_counts_is_sent_as_the_largest() -> None:

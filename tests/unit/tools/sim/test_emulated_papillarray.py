@@ -39,11 +39,3 @@ def test_it_streams_from_power_on_and_obeys_only_its_own_rates() -> None:
     for byte in b"f100\n":
         emulator.receive(bytes((byte,)), 100 * MS)
     assert len(emulator.advance(200 * MS)) == 10
-
-
-def test_half_a_command_is_forgotten_when_the_line_is_opened_anew() -> None:
-    emulator = make(1)
-    emulator.receive(b"f1", 0)
-    emulator.opened(MS)
-    emulator.receive(b"00\n", MS)
-    assert len(emulator.advance(100 * MS)) == POWER_ON_HZ / 10

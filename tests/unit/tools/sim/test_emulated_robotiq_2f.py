@@ -7,7 +7,7 @@ from permits import activate, move
 from slipd.devices.robotiq_2f import Session, robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Units
 from slipd.devices.shared import modbus
-from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F, make
+from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, Gripper2F, make
 from slipd.tools.sim.scene import GripCommand, Scene
 
 MS = 1_000_000
@@ -86,76 +86,6 @@ def test_the_status_reports_the_scene():
     assert status(observed(gripper, width_m=0.0), ACTIVATION_NS).object == "none"
 
 
-def test_the_force_alone_is_rewritten_while_holding():
-    gripper = active()
-    write(gripper, (0x0900, 255, 0x8000), ACTIVATION_NS)
-    write(gripper, (0x80B4,), ACTIVATION_NS, at=robotiq_registers.FORCE_ADDRESS)
-    assert gripper.command(ACTIVATION_NS).force_n == 19.5
-    assert gripper.command(ACTIVATION_NS).width_m == 0.0
-
-
-def test_a_stop_keeps_position_and_grip():
-    gripper = active()
-    write(gripper, (0x0900, 255, 0x803C), ACTIVATION_NS)
-    gripper.command(ACTIVATION_NS)
-    write(gripper, (0x0100,), ACTIVATION_NS)
-    assert observed(gripper, width_m=0.07).command(ACTIVATION_NS).width_m == 0.07
-    write(gripper, (0x0900,), ACTIVATION_NS)
-    gripper.command(ACTIVATION_NS)
-    write(gripper, (0x0100,), ACTIVATION_NS)
-    holding = observed(gripper, width_m=0.06, in_contact=True).command(ACTIVATION_NS)
-    assert (holding.width_m, holding.force_n) == (0.0, 7.5)
-
-
-@pytest.mark.parametrize(
-    "request_",
-    [
-        modbus.Request(UNIT, modbus.READ_INPUT, IN, 7),
-        modbus.Request(UNIT, modbus.READ_HOLDING, IN - 1, 1),
-        modbus.Request(UNIT, modbus.WRITE, write_address=OUT + 3, registers=(1,)),
-    ],
-)
-def test_registers_that_are_not_there_are_refused(request_):
-    gripper = active()
-    reply = modbus.find_reply(gripper.receive(modbus.encode_request(request_), 0), request_)
-    assert reply.error == modbus.ILLEGAL_ADDRESS
-    assert gripper.command(ACTIVATION_NS).width_m == 0.085
-
-
-PICKNIK_READ = bytes.fromhex("09 03 07 D0 00 06 C4 0D")
-"""Status request of PickNikRobotics/ros2_robotiq_gripper at 3b6cf8f (``default_driver.cpp``, line 205; the CRC is from
-its ``crc_utils.cpp``). It expects 17 bytes, with the position in byte 3 + 4: 3 is open, 230 closed
-(``hardware_interface.cpp``, lines 45 and 46)."""
-
-
-@pytest.mark.parametrize(("width_m", "position"), [(0.085, 3), (0.0, 230)])
-def test_a_driver_that_reads_six_registers_finds_its_open_and_closed_position(width_m, position):
-    answer = observed(active(), width_m=width_m).receive(PICKNIK_READ, ACTIVATION_NS)
-    assert (len(answer), answer[3 + 4]) == (17, position)
-    assert Session()._units.width_m(position) == width_m
-
-
-def test_write_and_read_go_in_one_request():
-    request = modbus.Request(UNIT, modbus.READ_WRITE, IN, 3, OUT, (0x0100, 0, 0))
-    gripper = Gripper2F()
-    reply = modbus.find_reply(gripper.receive(modbus.encode_request(request), 5 * MS), request)
-    assert len(reply.registers) == 3
-    assert gripper.activated_ns == 5 * MS
-
-
-def test_half_a_request_is_forgotten_after_a_pause():
-    gripper = active()
-    gripper.receive(bytes((UNIT, modbus.WRITE, 0x03, 0xE8, 0x00, 0x03, 0xFF)), MS)  # 255 bytes are to follow
-    assert status(gripper, MS + FRAME_GAP_NS + 1).width_m == 0.085
-
-
-def test_a_request_may_come_in_pieces_and_damaged_ones_are_not_answered():
-    gripper = active()
-    request = modbus.encode_request(modbus.Request(UNIT, modbus.READ_INPUT, IN, 3))
-    assert b"".join(gripper.receive(bytes((byte,)), MS) for byte in request) != b""
-    assert gripper.receive(request[:-1] + b"\0", 100 * MS) == b""
-
-
 def test_the_daemons_session_activates_and_grips():
     gripper, scene, session = Gripper2F(), Scene(), Session(force_table=FORCE_TABLE)
     samples, now_ns = [], 0
@@ -192,13 +122,3 @@ def test_a_session_with_another_address_hears_nothing_and_says_what_to_check():
     session = Session()
     drive(session, line, 0.5)
     assert (session.health.note, session.state) == ("", "inactive")
-
-
-def test_noise_on_the_line_is_not_taken_for_a_wrong_address():
-    session = Session(unit=5)
-    due = session.start(0)
-    for now_ns in range(0, 500 * MS, MS):
-        if due:
-            session.receive(b"\xff", now_ns)
-        due = session.on_time(now_ns)
-    assert (session.state, session.health.note) == ("no reply", "")

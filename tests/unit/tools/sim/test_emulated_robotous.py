@@ -36,15 +36,6 @@ def test_a_second_session_writes_nothing_to_its_eeprom() -> None:
     assert emulator.writes == 2
 
 
-def test_a_running_sensor_is_stopped_before_it_is_asked() -> None:
-    emulator = make(3, baud=921_600)
-    emulator.receive(robotous.encode_command(robotous.START), 0)
-    session = robotous.Session(output_hz=1000)
-    drive(session, emulator, 0.2)
-    assert session.state == "running"
-    assert session.health.bad == 0
-
-
 @pytest.mark.parametrize(("baud", "hz", "note"), [(115_200, 200, "refused rate"), (921_600, 500, "")])
 def test_a_rate_that_its_line_does_not_carry_is_refused_and_it_sends_at_its_own(baud: int, hz: int, note: str) -> None:
     session = robotous.Session(output_hz=500)
@@ -60,11 +51,3 @@ def test_what_it_cannot_do_is_refused(number: int, arguments: bytes) -> None:
     (answer,) = emulator.receive(robotous.encode_command(number, arguments), 0)
     assert answer == robotous.encode_response(number, b"\0\x02")
     assert emulator.writes == 0
-
-
-def test_a_command_that_is_not_known_is_not_answered_and_overload_is_sent() -> None:
-    emulator = make(5)
-    assert emulator.receive(robotous.encode_command(17, b"\1"), 0) == []
-    emulator.overload = 0x20
-    emulator.receive(robotous.encode_command(robotous.START), 0)
-    assert robotous.Decoder().receive(emulator.advance(5 * MS)[0], 0)[0].status == ("overload",)

@@ -36,24 +36,3 @@ def test_it_sends_a_packet_each_period_until_it_is_stopped() -> None:
     assert len({packet[4:118] for packet in packets}) in (6, 7)
     emulator.receive(STOP, 200 * MS)
     assert emulator.advance(300 * MS) == []
-
-
-def test_commands_may_come_in_pieces_and_behind_noise() -> None:
-    emulator = make(1)
-    asked = b"\0\1" + tsf85.encode_packet(tsf85.VERSION) + START
-    said = [answer for byte in asked for answer in emulator.receive(bytes((byte,)), 0)]
-    assert said == [tsf85.encode_packet(tsf85.VERSION, FIRMWARE)]
-    assert len(emulator.advance(10 * MS)) == 10
-
-
-def test_half_a_command_is_forgotten_when_the_line_is_opened_anew() -> None:
-    emulator = make(1)
-    emulator.receive(START[:4], 0)
-    emulator.opened(MS)
-    emulator.receive(b"\1", MS)
-    assert emulator.advance(10 * MS) == []
-
-
-def test_an_image_of_another_shape_is_refused() -> None:
-    with pytest.raises(ValueError, match="an image must have shape"):
-        make(1).press(np.zeros(27))

@@ -30,21 +30,6 @@ def test_it_pushes_images_at_the_requested_interval(asked_ms, interval_ms):
     assert made.advance(2 * S) == []
 
 
-def test_it_reports_its_identity():
-    made = module(serial=8)
-    asked = b"?" + wts.encode_query(wts.SYSTEM) + wts.encode_query(0x46) + wts.encode_query(wts.MATRIX)
-    assert made.receive(asked, 0) == [wts.encode_system(8), wts.encode_matrix(wts.Matrix(2, 3))]
-
-
-def test_it_sends_one_image_on_request():
-    made = module(noise_counts=0.0, clock_ppm=0.0)
-    made.press(np.array([0, 1, 2, 300, 5000, -3]))
-    single = bytes.fromhex("AA AA AA 20 01 00 00 8F 83")
-    (answer,) = made.receive(single, 1000 * MS)
-    assert answer[:-2] == bytes.fromhex("AA AA AA 20 13 00 00 00 E8 03 00 00 00 00 00 01 00 02 00 2C 01 FF 0F 00 00")
-    assert made.advance(S) == []
-
-
 def test_the_daemons_session_starts_the_module_that_is_made_by_name():
     made = make_emulator("wts", 3)
     made.press(np.full(32, 100.0))

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from dataclasses import replace
 
 import pytest
 import zmq
@@ -167,30 +166,8 @@ def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
     assert report.slip_report.level == "slipping"
 
 
-def test_a_raise_is_made_in_the_steps_that_the_gripper_allows(daemon):
-    daemon.on["gripper.close"] = [slip("left", 10.5), warning()]
-    report = work(daemon, replace(QUICK, step_n=2.0, step_s=0.05))
-    assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.0, 10.5]
-    first, second = report.raises
-    assert second.requested_ns - first.requested_ns >= 50_000_000
-
-
-def test_a_step_that_came_too_soon_is_asked_for_again(daemon):
-    daemon.answers["grip.set"] = ["too_fast", "not_ready"]
-    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
-    report = work(daemon)
-    assert [made.result for made in report.raises] == [{"applied_n": 9.5}]
-    assert [text.split(":")[0] for text in report.refusals] == ["too_fast", "not_ready"]
-
-
 def test_it_never_asks_for_more_than_its_own_limit(daemon):
     daemon.on["gripper.close"] = [slip("left", 50.0), warning()]
-    work(daemon)
-    assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
-
-
-def test_without_a_force_that_holds_it_requests_its_limit(daemon):
-    daemon.on["gripper.close"] = [slip("left"), warning(reasons=["unsupportable", "rotation"])]
     work(daemon)
     assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
 
@@ -213,81 +190,11 @@ def test_it_leaves_the_grip_alone_when(daemon, told):
     assert len(report.changes) == 1
 
 
-def test_a_raise_that_is_refused_is_noted_and_the_work_goes_on(daemon):
-    daemon.answers["grip.set"] = "out_of_range"
-    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
-    report = work(daemon)
-    assert report.raises[0].result is None
-    assert "out_of_range" in report.raises[0].refusal
-    assert report.opened_ns is not None
-
-
-def test_the_force_after_a_raise_is_read_once_it_has_settled(daemon):
-    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
-    daemon.on["grip.set"] = [slip("left", 9.5, 7.5)]
-    daemon.on["gripper.open"] = [slip("left", 9.5, 9.4)]
-    settled = lambda report: report.raises and report.raises[0].after_n  # noqa: E731
-    report = work(daemon, replace(QUICK, close_s=0.0, open_s=0.8), settled)
-    assert report.raises[0].after_n == 9.4
-
-
-def test_a_lease_that_ran_out_is_acquired_anew(daemon):
-    daemon.answers["lease.renew"] = ["no_lease"]
-    report = work(daemon)
-    assert daemon.ops().count("lease.acquire") == 2
-    assert "no_lease" in report.refusals[0]
-    assert "gripper.open" in daemon.ops()
-    assert report.error == ""
-
-
-def test_an_alarm_waits_for_a_verdict_that_knows_the_grip_needed(daemon):
-    daemon.on["gripper.close"] = [slip("left"), warning(), slip("left", 9.5)]
-    work(daemon)
-    assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.5]
-
-
-def test_a_raise_that_came_too_late_is_asked_for_again(daemon):
-    daemon.answers["grip.set"] = ["deadline_passed", "no_lease"]
-    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
-    report = work(daemon)
-    assert len(daemon.requests("grip.set")) == 3
-    assert [made.result for made in report.raises] == [{"applied_n": 9.5}]
-    assert [text.split(":")[0] for text in report.refusals] == ["deadline_passed", "no_lease", "the lease is lost"]
-
-
-@pytest.mark.parametrize("op", ["gripper.activate", "gripper.close", "gripper.open"])
-def test_a_step_that_came_too_late_is_asked_for_again(daemon, op):
-    daemon.answers[op] = ["deadline_passed"]
-    report = work(daemon)
-    assert len(daemon.requests(op)) == 2
-    assert report.error == ""
-
-
-def test_an_activation_is_asked_for_again_while_a_stall_hides_that_the_fingers_are_free(daemon):
-    daemon.answers["gripper.activate"] = ["in_contact"]
-    report = work(daemon)
-    assert len(daemon.requests("gripper.activate")) == 2
-    assert report.error == ""
-    assert report.opened_ns is not None
-
-
 def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
     daemon.answers["gripper.close"] = "gripper_fault"
     report = work(daemon)
     assert "gripper_fault" in report.error
     assert daemon.ops()[-1] == "lease.release"
-
-
-def test_an_early_end_does_not_open_the_gripper(daemon):
-    program = RobotProgram(*daemon.endpoints, Plan(tare_s=0.01, close_s=0.0))
-    program.start()
-    deadline = time.monotonic() + 30.0
-    while program.report.closed_ns is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    program.end()
-    program.join(30.0)
-    assert daemon.ops()[-2:] == ["gripper.close", "lease.release"]
 
 
 def test_a_missing_daemon_is_reported():

@@ -1,6 +1,5 @@
 import math
 
-import numpy as np
 import pytest
 
 from slipd.tools.sim.scene import GripCommand, Scene
@@ -54,13 +53,6 @@ def test_the_fingers_never_pass_through_the_object(step_s, speed_mps):
     assert scene.width_m == scene.object_width_m
 
 
-def test_the_grip_force_follows_its_command_with_the_lag():
-    scene = Scene(grip_lag_s=0.06)
-    play(scene, until_s=2.5)
-    scene.step(2.5 + 0.06, GripCommand(0.0, SPEED_MPS, 17.0))
-    assert scene.normal_n == pytest.approx(17.0 - 10.0 / math.e, rel=1e-3)
-
-
 def test_a_round_contact_begins_to_turn_at_the_closed_form_limit():
     radius_m, mu = 0.01, 0.6
     script = Script(pour_n_per_s=0.001, lever_m=20.0, tug_s=NEVER)  # a torque with hardly any weight
@@ -107,27 +99,6 @@ def test_without_help_the_box_turns_when_forecast_and_falls():
     assert min(sliding) < 0.85 * spin[round(begin - 0.02, 3)]
 
 
-def test_a_part_of_the_contact_slides_before_the_box_turns_as_a_whole():
-    scene, _ = play(Scene(), until_s=9.1)
-    assert not times(scene, "slide_begins")
-    assert 0.1 < scene._grasp.sliding_share < 0.95
-    assert 0.001 < scene.angle_rad < 0.05
-
-
-def test_a_slow_hand_lets_the_box_stick_and_slip_in_turns():
-    slow = Script(pour_s=NEVER, drain_s=NEVER, tug_speed_mps=0.015, tug_stiffness_n_per_m=1500.0)
-    scene, _ = play(Scene(slow), raised(3.0, 12.0), until_s=14.9)
-    begins, ends = times(scene, "slide_begins"), times(scene, "slide_ends")
-    assert len(begins) >= 3
-    assert all(0.05 < again - stopped < 0.5 for again, stopped in zip(begins[1:], ends, strict=False))
-
-
-def test_the_truth_of_the_utilisation_is_one_where_the_box_begins_to_turn():
-    scene, _ = play(Scene(), until_s=9.6)
-    begins = next(truth for truth in scene.truth if truth.event == "slide_begins")
-    assert begins.values["utilisation"] == pytest.approx(1.0, abs=0.01)
-
-
 def test_a_timely_raise_of_the_grip_saves_the_box_until_the_tug():
     scene, seen = play(Scene(), raised(8.8, 14.0))
     begins, ends = times(scene, "slide_begins"), times(scene, "slide_ends")
@@ -136,34 +107,6 @@ def test_a_timely_raise_of_the_grip_saves_the_box_until_the_tug():
     assert not times(scene, "dropped")
     assert not any(sliding for t, _, sliding, *_ in seen if t < 13.0)
     assert scene.width_m == scene.open_width_m
-
-
-def test_raising_the_grip_catches_a_box_that_has_begun_to_turn():
-    begin = play(Scene())[0].truth
-    begin_s = next(truth.t_s for truth in begin if truth.event == "slide_begins")
-    scene, _ = play(Scene(Script(tug_s=NEVER)), raised(begin_s + 0.05, 20.0))
-    assert len(times(scene, "slide_ends")) == 1
-    assert 0.0 < scene.angle_rad < 0.5
-    assert not times(scene, "dropped")
-
-
-def test_a_firm_grip_is_forecast_to_hold():
-    scene, _ = play(Scene(), lambda t: 20.0, until_s=7.0)
-    assert scene.rotation_would_begin_s is None
-    assert [truth.values for truth in scene.truth if truth.event == "forecast"] == [{"rotation_would_begin_s": None}]
-
-
-def test_while_it_sticks_friction_carries_the_load():
-    scene, seen = play(Scene(), raised(8.8, 14.0), until_s=12.9)
-    for t, _, sliding, load, _ in seen:
-        assert not sliding
-        assert load == pytest.approx(scene.script.weight(t, scene.mass_kg), abs=0.03)
-
-
-def test_the_right_finger_feels_the_mirror_image():
-    scene, _ = play(Scene(), until_s=8.0)
-    assert scene.wrench(right=True).tolist() == scene._grasp.wrench(right=True).tolist()
-    assert scene.wrench(right=True)[:2] == pytest.approx(scene.wrench(right=False)[:2] * (1.0, -1.0))
 
 
 def test_opening_in_the_air_drops_the_box():
@@ -183,16 +126,3 @@ def test_a_gripper_that_closes_too_late_leaves_the_box_behind():
     assert scene.width_m == 0.0
     assert not scene.in_contact
     assert scene.utilisation == 0.0
-
-
-def test_long_steps_are_divided_and_give_the_same_result():
-    fine, coarse = (play(Scene(), raised(8.8, 14.0), step_s=step)[0] for step in (0.001, 0.02))
-    assert [t.event for t in fine.truth] == [t.event for t in coarse.truth]
-    assert np.array([t.t_s for t in fine.truth]) == pytest.approx(np.array([t.t_s for t in coarse.truth]), abs=0.03)
-
-
-def test_time_does_not_go_back():
-    scene = Scene()
-    scene.step(1.0, GripCommand(0.085, SPEED_MPS, 7.0))
-    with pytest.raises(ValueError, match="t_s must not decrease"):
-        scene.step(0.5, GripCommand(0.085, SPEED_MPS, 7.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stick_slip_scenes import BOX, GRIP_N, PAD, STEADY, history, kinetic_j, onset, ramp, simulate
+from stick_slip_scenes import GRIP_N, PAD, history, kinetic_j, onset, simulate
 
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject
 
@@ -69,50 +69,6 @@ def test_an_object_beyond_the_grip_falls_freely() -> None:
     fall = np.diff(trace.velocity[-40:, 0]) / np.diff(trace.t_s[-40:])
     assert fall == pytest.approx(9.81, rel=1e-9)
     assert trace.pressure(-1).loads_n.sum() == 0.0
-
-
-def test_an_object_without_a_grip_falls_freely() -> None:
-    trace = simulate(PATCH, DROPS, history([NOTHING, (1.0, 0.0, 0.0)], [0.0, 0.1], 0.0))
-    assert trace.velocity[-1, 0] == pytest.approx(0.5 * 1.0 * 0.1 / BOX.mass_kg, rel=1e-6)
-
-
-def test_the_same_scene_gives_the_same_trace() -> None:
-    a, b = (simulate(PATCH, DROPS, ramp((14.0, 3.0, 0.05), 0.3)) for _ in range(2))
-    for name in ("wrench_left", "wrench_right", "displacement", "velocity", "sliding_share", "gross", "energy"):
-        assert np.array_equal(getattr(a, name), getattr(b, name))
-
-
-def test_a_light_object_is_stepped_finely_enough() -> None:
-    light = GraspedObject(mass_kg=0.002, inertia_kgm2=1e-6)
-    trace = simulate(PATCH, DROPS, history([NOTHING, *[(6.0, 0.0, 0.0)] * 2], [0.0, 0.1, 0.2]), held=light)
-    assert not trace.gross.any()
-    assert trace.wrench_left[-50:, 0] == pytest.approx(3.0, rel=1e-3)
-
-
-def test_the_velocity_is_the_rate_of_the_displacement() -> None:
-    held = GraspedObject(centre_of_mass_m=(0.03, -0.02))
-    trace = simulate(PATCH, DROPS, history([NOTHING, (13.0, 4.0, 0.15)], [0.0, 0.4]), held=held)
-    rate = np.gradient(trace.displacement, trace.t_s, axis=0)
-    late = slice(-60, -2)
-    assert np.abs(trace.displacement[-1]).min() > 0.002
-    assert trace.velocity[late] == pytest.approx(rate[late], rel=0.03, abs=2e-3)
-
-
-def test_a_finer_step_changes_little() -> None:
-    load = history([NOTHING, (13.0, 0.0, 0.04)], [0.0, 0.5])
-    coarse, fine = (simulate(PATCH, DROPS, load, step_s=step) for step in (2.5e-4, 2.5e-5))
-    assert onset(coarse) == pytest.approx(onset(fine), abs=2)
-    before = slice(0, onset(fine) - 5)
-    assert coarse.wrench_left[before, 0] == pytest.approx(fine.wrench_left[before, 0], abs=0.002 * GRIP_N)
-    moved = np.abs(fine.displacement[-1]).max(initial=0.0, where=[True, True, False])
-    assert coarse.displacement[-1, :2] == pytest.approx(fine.displacement[-1, :2], abs=0.03 * moved)
-    assert coarse.displacement[-1, 2] == pytest.approx(fine.displacement[-1, 2], rel=0.03)
-
-
-def test_a_finer_grid_changes_little() -> None:
-    load = ramp((9.0, 0.0, 0.07))
-    coarse, fine = (simulate(PATCH, STEADY, load, cell_m=cell) for cell in (0.0015, 0.0005))
-    assert coarse.t_s[onset(coarse)] == pytest.approx(fine.t_s[onset(fine)], rel=0.015)
 
 
 def winkler(s: float) -> float:

@@ -33,16 +33,6 @@ def test_steps_give_what_the_whole_history_gives() -> None:
     assert stepped.gross
 
 
-def test_long_steps_are_divided() -> None:
-    a, b = grasp(), grasp()
-    for i in range(1, 31):
-        a.advance(0.010, (0.45 * i, 0.0, 0.0), 0.0, 10.0)
-    for i in range(1, 241):
-        b.advance(0.00125, (0.05625 * i, 0.0, 0.0), 0.0, 10.0)
-    assert a.t_s == pytest.approx(b.t_s)
-    assert a.displacement() == pytest.approx(b.displacement(), rel=1e-6, abs=1e-12)
-
-
 def test_a_load_that_answers_the_motion_is_possible() -> None:
     """A hand pulls through a spring: the object slides when the spring reaches the limit, and follows the hand."""
     stepped, pulls = grasp(), []
