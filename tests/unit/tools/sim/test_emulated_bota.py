@@ -36,20 +36,6 @@ def test_what_it_reads_unloaded_is_its_bias():
     assert np.concatenate((sample.force_n, sample.torque_nm)) == pytest.approx(QUIET.bias, abs=1e-6)
 
 
-def test_the_daemons_session_brings_it_to_the_wanted_rate():
-    made, session, now_ns, samples = sensor(), bota.Session(sinc_length=256), 0, []
-    session.start(now_ns)
-    while now_ns < 4_000 * MS:
-        now_ns += MS
-        samples += session.receive(made.advance(now_ns), now_ns)
-        while (due := session.next_deadline()) is not None and due <= now_ns:
-            if asked := session.on_time(now_ns):
-                samples += session.receive(made.receive(asked, now_ns), now_ns)
-    assert session.state == "running"
-    assert np.diff([s.device_time_ns for s in samples[-50:]]) / 1e6 == pytest.approx(5.0, rel=0.001)
-    assert session.health.bad == 0
-
-
 @pytest.mark.parametrize("command", [b"c,0,1,1,4", b"f,0,0,0,1"])
 def test_what_it_cannot_do_is_refused(command):
     made = sensor()

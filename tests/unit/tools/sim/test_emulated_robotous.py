@@ -12,19 +12,6 @@ from slipd.tools.sim.emulated_robotous import make
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
 
 
-def test_the_daemons_session_names_sets_and_starts_it() -> None:
-    emulator = make(1)
-    emulator.opened(0)
-    emulator.feel(FORCE_N, TORQUE_NM)
-    session = robotous.Session(**emulator.options)
-    samples = drive(session, emulator, 1.0)
-    assert (session.state, session.identity) == ("running", "RFT40-SA01-D RFT-2211-0042")
-    assert 310 <= len(samples) <= 333
-    assert np.mean([s.force_n for s in samples], axis=0) == pytest.approx(FORCE_N, abs=0.01)
-    assert np.mean([s.torque_nm for s in samples], axis=0) == pytest.approx(TORQUE_NM, abs=2e-4)
-    assert session.health.bad == 0
-
-
 def test_a_second_session_writes_nothing_to_its_eeprom() -> None:
     emulator = make(2)
     session = robotous.Session(filter_hz=100)

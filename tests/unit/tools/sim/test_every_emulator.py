@@ -10,6 +10,7 @@ import pytest
 
 from slipd.devices import DEVICES, Device
 from slipd.tools.sim.emulators import Emulator, make_emulator
+from slipd.types.samples import WrenchSample
 
 MS = 1_000_000
 SECONDS = 3
@@ -37,7 +38,11 @@ def plain(sample: Any) -> tuple[Any, ...]:
 
 
 def play(
-    device: Device, emulator: Emulator, split: Callable[[bytes], list[bytes]], seconds: float = SECONDS
+    device: Device,
+    emulator: Emulator,
+    split: Callable[[bytes], list[bytes]],
+    seconds: float = SECONDS,
+    load: Callable[[int], object] = lambda _: None,
 ) -> tuple[list[Any], Any]:
     """Run a device and its host in steps of a millisecond; return the readings and the counters."""
     session: Any = device.session(**emulator.options) if device.session is not None else None
@@ -49,6 +54,7 @@ def play(
     if inquiry is not None:
         listener.receive(emulator.inquire(inquiry.request), 0)  # type: ignore[attr-defined]
     for now_ns in range(MS, round(seconds * 1000) * MS, MS):
+        load(now_ns)
         for data in said + emulator.advance(now_ns):
             samples += [sample for piece in split(data) for sample in listener.receive(piece, now_ns)]
         said = []
@@ -86,3 +92,39 @@ def test_equal_seeds_give_equal_bytes_and_others_do_not(device: Device) -> None:
     )
     assert first == second
     assert first != other or device.kind == "gripper"
+
+
+LOADED_NS = SECONDS * 500 * MS
+"""When the load begins."""
+
+sensors = [name for name, device in DEVICES.items() if device.kind in ("wrench", "tactile")]
+
+
+def numbers(sample: Any) -> Any:
+    return np.array(sample.numbers) if isinstance(sample, WrenchSample) else sample.values
+
+
+@pytest.mark.parametrize("name", [name for name in sensors if name != "pvdf"])  # its charge leaks away
+def test_what_a_sensor_feels_is_what_its_readings_show(name: str) -> None:
+    device, emulator = DEVICES[name], make_emulator(name, 4)
+    shapes = {one.source: numbers(one).shape for one in play(device, make_emulator(name, 4), whole, 1.5)[0]}
+    loads = {
+        source: np.array((1.5, -2.0, 4.0, 0.02, -0.03, 0.01))
+        if device.kind == "wrench"
+        else 40.0 + 30.0 * number + np.arange(np.prod(shape)).reshape(shape)
+        for number, (source, shape) in enumerate(sorted(shapes.items()))
+    }
+
+    def feel(t_ns: int) -> None:
+        for source, load in loads.items() if t_ns == LOADED_NS else ():
+            if device.kind == "wrench":
+                emulator.feel(load[:3], load[3:])  # type: ignore[attr-defined]
+            else:
+                emulator.press(load, *filter(None, [source]))  # type: ignore[attr-defined]
+
+    samples, _ = play(device, emulator, whole, load=feel)
+    for source, load in loads.items():
+        of_source = [one for one in samples if one.source == source]
+        before = np.mean([numbers(one) for one in of_source if one.t_ns < LOADED_NS], axis=0)
+        after = np.mean([numbers(one) for one in of_source if one.t_ns > LOADED_NS + 200 * MS], axis=0)
+        assert after - before == pytest.approx(load, abs=0.01 if device.kind == "wrench" else 2.0)
