@@ -1,118 +1,101 @@
-"""The robot program against a scripted daemon on real sockets."""
+"""The robot program against a scripted daemon, in simulated time: no stall of the machine changes what it does."""
 
-import threading
-import time
+from __future__ import annotations
+
+from collections import deque
+from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
-import zmq
 
+from slipd.tools.sim import robot_program
 from slipd.tools.sim.robot_program import Plan, RobotProgram
-from slipd_client import lease_keeper
-from slipd_client.messages import LEVELS, decode, encode
+from slipd_client.errors import RequestRefused
 
-BOOT = "run1"
-QUICK = Plan(
-    patience_s=60.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=60.0, limit_n=20.0, step_n=50.0, step_s=0.0,
-    lease_ms=60_000,
-)  # fmt: skip
+PLAN = Plan(limit_n=20.0, step_n=50.0, step_s=0.0)
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
 ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gripper": {"health": 0, "message": ""}}
 
 
-class Daemon(threading.Thread):
-    """Answer every request with success unless a test scripts otherwise, and publish messages of the test."""
+class Daemon:
+    """Subscriber and client of the program, and its clock: whatever it waits for takes simulated time alone."""
 
     def __init__(self):
-        super().__init__()
-        self.context = zmq.Context()
-        self.router, self.pub = self.context.socket(zmq.ROUTER), self.context.socket(zmq.XPUB)
-        for socket in (self.router, self.pub):
-            socket.linger = 0
-        self.ports = [socket.bind_to_random_port("tcp://127.0.0.1") for socket in (self.router, self.pub)]
-        self.heard, self.answers, self.on = [], {}, {}
-        self.seq, self.ending = {}, threading.Event()
+        self.now_s, self.heard, self.answers, self.on, self.inbox = 0.0, [], {}, {}, deque()
 
-    @property
-    def endpoints(self):
-        return [f"tcp://127.0.0.1:{port}" for port in reversed(self.ports)]
-
-    def ops(self):
-        return [body["op"] for body in self.heard if body["op"] not in ("hello", "lease.renew", "status", "tare.get")]
-
-    def requests(self, op):
-        return [body for body in self.heard if body["op"] == op]
-
-    def run(self):
-        while not self.ending.is_set():
-            if self.router.poll(20):
-                client, data = self.router.recv_multipart()
-                body = decode(data)
-                self.heard.append(body)
-                self.router.send_multipart([client, encode({"v": 1, "id": body["id"]} | self.answer(body))])
-                for topic, message in self.on.pop(body["op"], []):
-                    self.publish(topic, message)
-        self.router.close()
-        self.pub.close()
-        self.context.term()
-
-    def answer(self, body):
-        scripted = self.answers.get(body["op"])
+    def ask(self, op, **fields):
+        self.heard.append((op, fields))
+        self.now_s += 0.001
+        scripted = self.answers.get(op)
         if isinstance(scripted, list):
             scripted = scripted.pop(0) if scripted else None
         if isinstance(scripted, str):
-            return {"ok": False, "error": {"code": scripted, "message": "scripted", "field": ""}}
-        usual = {
-            "hello": {"boot": BOOT, "t_ns": time.monotonic_ns(), "fingers": ["left", "right"]},
-            "status": {"streams": WELL},
-            "tare": {"verified": True, "tare_id": 0},
-            "tare.get": {"busy": False, "readings": 400, "tare_id": 1},
-            "gripper.close": {"applied_n": body.get("force_n")},
-            "grip.set": {"applied_n": body.get("force_n")},
-        }
-        return {"ok": True, "result": scripted or usual.get(body["op"], {})}
+            raise RequestRefused(scripted, "scripted")
+        self.inbox += [SimpleNamespace(topic=topic, raw=raw) for topic, raw in self.on.pop(op, [])]
+        return scripted or {"streams": WELL, "fingers": ["left", "right"], "applied_n": fields.get("force_n")}
 
-    def publish(self, topic, body):
-        self.seq[topic] = self.seq.get(topic, 0) + 1
-        head = {"v": 1, "seq": self.seq[topic], "boot": BOOT, "t_ns": time.monotonic_ns()}
-        self.pub.send_multipart([topic.encode(), encode(head | body)])
+    def receive(self, timeout_s):
+        if self.inbox:
+            return self.inbox.popleft()
+        self.now_s += timeout_s
+        return None
 
+    def wait(self, seconds):
+        self.now_s += seconds
 
-@pytest.fixture(autouse=True)
-def renewed_often(monkeypatch):
-    """No stall of the machine ends a lease, which is renewed all the same."""
-    monkeypatch.setattr(lease_keeper, "RENEWALS", 1000)
+    @contextmanager
+    def lease(self, ttl_ms):
+        self.ask("lease.acquire")
+        yield
+        self.ask("lease.release")
+
+    def tare(self, finger, seconds):
+        return self.ask("tare", finger=finger)
+
+    def gripper_close(self, force_n, **fields):
+        return self.ask("gripper.close", force_n=force_n, **fields)
+
+    def grip_set(self, force_n):
+        return self.ask("grip.set", force_n=force_n)
+
+    def __getattr__(self, op):
+        return lambda **fields: self.ask(op.replace("_", "."), **fields)
+
+    def ops(self):
+        return [op for op, _ in self.heard if op not in ("hello", "status")]
+
+    def forces(self):
+        return [fields["force_n"] for op, fields in self.heard if op == "grip.set"]
 
 
 @pytest.fixture
-def daemon():
+def daemon(monkeypatch):
     made = Daemon()
-    made.start()
-    yield made
-    made.ending.set()
-    made.join()
+
+    @contextmanager
+    def connected(*_):
+        yield made
+
+    clock = SimpleNamespace(monotonic=lambda: made.now_s, monotonic_ns=lambda: round(made.now_s * 1e9))
+    for name, fake in (("time", clock), ("Subscriber", connected), ("GripClient", connected)):
+        monkeypatch.setattr(robot_program, name, fake)
+    return made
 
 
-def slip(finger, grip_needed_n=None, normal_n=7.0):
-    verdict = {"finger": finger, "level": "stable", "level_code": 1, "reasons": []}
-    return f"slip.{finger}", verdict | {"grip_needed_n": grip_needed_n, "normal_n": normal_n}
-
-
-def warning(level="warning", reasons=("rotation",), rising=True, finger="left"):
-    body = {"finger": finger, "level": level, "level_code": LEVELS.index(level), "previous": "stable", "rising": rising}
-    return "warning", body | {"reasons": list(reasons), "utilisation": 0.86}
-
-
-def work(daemon, plan=QUICK, done=lambda report: report.opened_ns is not None):
-    """Run the program until ``done`` of its report, by default until it has opened the gripper, or until it ends."""
-    program = RobotProgram(*daemon.endpoints, plan)
-    program.start()
-    until_s = time.monotonic() + 30.0
-    while program.is_alive() and not done(program.report) and time.monotonic() < until_s:
-        program.join(0.005)
-    program.end()
-    program.join(30.0)
-    assert not program.is_alive()
+def work(daemon, plan=PLAN):
+    program = RobotProgram("", "", plan)
+    program._ending = SimpleNamespace(wait=daemon.wait, is_set=lambda: False)
+    program.run()
     return program.report
+
+
+def slip(finger, grip_needed_n=None, normal_n=7.0, t_ns=0):
+    return "slip", {"t_ns": t_ns, "finger": finger, "grip_needed_n": grip_needed_n, "normal_n": normal_n}
+
+
+def warning(level="warning", reasons=("rotation",), rising=True):
+    words = {"t_ns": 1, "finger": "left", "level": level, "rising": rising, "reasons": list(reasons)}
+    return "warning", {**words, "utilisation": 0.86}
 
 
 def test_it_tares_grips_and_opens_in_this_order(daemon):
@@ -120,81 +103,89 @@ def test_it_tares_grips_and_opens_in_this_order(daemon):
     assert daemon.ops() == [
         "tare", "tare", "lease.acquire", "gripper.activate", "gripper.close", "gripper.open", "lease.release",
     ]  # fmt: skip
-    assert [body["finger"] for body in daemon.requests("tare")] == ["left", "right"]
-    (close,) = daemon.requests("gripper.close")
-    assert (close["force_n"], close["speed_mps"]) == (QUICK.force_n, QUICK.speed_mps)
-    assert daemon.requests("gripper.open")[0]["drop"] is True
-    assert len(daemon.requests("lease.renew")) >= 3
-    assert report.error == ""
-    assert report.refusals == []
-    assert report.activated_ns < report.closed_ns < report.opened_ns
-    assert report.tares["left"]["readings"] == 400
-
-
-def test_it_waits_until_every_stream_is_well(daemon):
-    daemon.answers["status"] = [{"streams": ILL}, {"streams": ILL}]
-    assert work(daemon).error == ""
-    first_ops = [body["op"] for body in daemon.heard if body["op"] != "hello"][:4]
-    assert first_ops == ["status", "status", "status", "tare"]
-
-
-def test_a_look_that_came_too_late_is_taken_again_and_so_is_a_lease(daemon):
-    daemon.answers["status"] = ["deadline_passed"]
-    daemon.answers["lease.acquire"] = ["deadline_passed"]
-    report = work(daemon)
-    assert report.error == ""
-    assert daemon.ops().count("lease.acquire") == 2
-    assert [text.split(":")[0] for text in report.refusals] == ["deadline_passed"]
-
-
-def test_it_gives_up_on_streams_that_stay_ill_and_touches_nothing(daemon):
-    daemon.answers["status"] = {"streams": ILL}
-    report = work(daemon, Plan(patience_s=0.2))
-    assert "left.wrench (open, but no reading yet)" in report.error
-    assert daemon.ops() == []
-
-
-def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
-    daemon.on["gripper.close"] = [slip("left", 9.5), slip("right", 9.1, 6.9), warning()]
-    daemon.on["grip.set"] = [warning("slipping", ["slip_detected", "translation"])]
-    report = work(daemon)
-    assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.5]
-    (made,) = report.raises
-    assert (made.requested_n, made.before_n, made.result, made.refusal) == (9.5, 6.9, {"applied_n": 9.5}, "")
-    assert report.rotation_warning.level == "warning"
-    assert report.rotation_warning.t_ns < report.rotation_warning.received_ns <= made.requested_ns
-    assert report.slip_report.level == "slipping"
-
-
-def test_it_never_asks_for_more_than_its_own_limit(daemon):
-    daemon.on["gripper.close"] = [slip("left", 50.0), warning()]
-    work(daemon)
-    assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
+    assert [fields["finger"] for op, fields in daemon.heard if op == "tare"] == ["left", "right"]
+    assert ("gripper.close", {"force_n": PLAN.force_n, "speed_mps": PLAN.speed_mps}) in daemon.heard
+    assert ("gripper.open", {"drop": True}) in daemon.heard
+    assert (report.error, report.refusals, set(report.tares)) == ("", [], {"left", "right"})
+    assert report.closed_ns == pytest.approx(report.activated_ns + PLAN.close_s * 1e9, abs=1e8)
+    assert report.opened_ns == pytest.approx(report.activated_ns + PLAN.open_s * 1e9, abs=1e8)
 
 
 @pytest.mark.parametrize(
-    "told",
+    ("op", "code", "asked"),
     [
-        [slip("left", 9.5), warning("caution")],
-        [slip("left", 9.5), warning(reasons=["translation"])],
-        [slip("left", 9.5), warning(rising=False)],
-        [slip("left", 5.0), warning()],
-        [slip("left"), warning()],
+        ("lease.acquire", "deadline_passed", 2),
+        ("tare", "deadline_passed", 3),
+        ("gripper.activate", "in_contact", 2),
+        ("gripper.close", "no_lease", 2),
+        ("grip.set", "too_fast", 2),
+        ("grip.set", "deadline_passed", 2),
+        ("gripper.open", "not_ready", 2),
     ],
-    ids=["caution", "translation", "falling", "less than it has", "nothing known"],
 )
-def test_it_leaves_the_grip_alone_when(daemon, told):
-    daemon.on["gripper.close"] = told
+def test_what_a_stall_of_the_machine_refused_is_asked_for_again(daemon, op, code, asked):
+    daemon.answers |= {op: [code], "status": [{"streams": ILL}, "deadline_passed", {"streams": WELL}]}
+    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
     report = work(daemon)
-    assert daemon.requests("grip.set") == []
+    assert report.error == ""
+    assert daemon.ops().count(op) == asked
+    assert daemon.forces()[-1] == 9.5
+    assert report.opened_ns is not None
+
+
+@pytest.mark.parametrize(("answers", "error", "last"), [
+    ({"status": {"streams": ILL}}, "left.wrench (open, but no reading yet)", []),
+    ({"status": "internal"}, "internal", []),
+    ({"tare": "in_contact"}, "in_contact", ["tare"]),
+    ({"gripper.close": "gripper_fault"}, "gripper_fault", ["gripper.close"]),
+])  # fmt: skip
+def test_what_does_not_pass_by_itself_ends_it_with_the_reason(daemon, answers, error, last):
+    daemon.answers |= answers
+    assert error in work(daemon).error
+    assert daemon.ops()[-1:] == last
+
+
+def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
+    later = slip("left", 9.5, 9.4, t_ns=10**10)
+    daemon.on["gripper.close"] = [slip("left", 9.5), slip("right", 9.1, 6.9), warning()]
+    daemon.on["grip.set"] = [warning("slipping", ["slip_detected", "translation"]), later, slip("right", 9.1, 9.3)]
+    report = work(daemon)
+    (made,) = report.raises
+    assert (made.requested_n, made.before_n, made.after_n, made.refusal) == (9.5, 6.9, 6.9, "")
+    assert (report.rotation_warning.level, report.slip_report.level) == ("warning", "slipping")
+
+
+@pytest.mark.parametrize(
+    ("told", "plan", "asked"),
+    [
+        ([slip("left", 50.0), warning()], PLAN, [20.0]),
+        ([slip("left", 9.5), warning()], Plan(), [9.0, 9.5]),
+        ([slip("left"), warning(reasons=["rotation", "unsupportable"])], PLAN, [20.0]),
+        ([slip("left"), warning(), slip("left", 9.5)], PLAN, [9.5]),
+        ([slip("left", 9.5), warning("caution")], PLAN, []),
+        ([slip("left", 9.5), warning(reasons=["translation"])], PLAN, []),
+        ([slip("left", 9.5), warning(rising=False)], PLAN, []),
+        ([slip("left", 5.0), warning()], PLAN, []),
+        ([slip("left"), warning()], PLAN, []),
+    ],
+    ids=[
+        *("own limit", "steps", "unsupportable", "a later verdict knows"),
+        *("caution", "translation", "falling", "less than it has", "nothing known"),
+    ],
+)
+def test_it_asks_for_what_is_needed_within_its_limits_and_otherwise_for_nothing(daemon, told, plan, asked):
+    daemon.on["gripper.close"] = told
+    report = work(daemon, plan)
+    assert daemon.forces() == asked
     assert len(report.changes) == 1
 
 
-def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
-    daemon.answers["gripper.close"] = "gripper_fault"
+def test_a_raise_that_is_refused_is_noted_and_the_work_goes_on(daemon):
+    daemon.answers["grip.set"] = "force_limit"
+    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
     report = work(daemon)
-    assert "gripper_fault" in report.error
-    assert daemon.ops()[-1] == "lease.release"
+    assert [each.refusal.partition(":")[0] for each in report.raises] == ["force_limit"]
+    assert report.opened_ns is not None
 
 
 def test_a_missing_daemon_is_reported():
