@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from commission_person import ANSWERS, POSES_OF_TWO, TOUCHES
+from commission_person import TOUCHES
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
 from slipd import config
-from slipd.config.toml_text import marked_keys
-from slipd.tools.commission import gripper_steps
 from slipd.tools.commission.commission_guide import Commission
-from slipd.tools.commission.dialogue import AGAIN, Prompt, Say, follow
+from slipd.tools.commission.dialogue import Prompt, Say, follow
 from slipd.tools.discovery.config_draft import draft
 from slipd.tools.discovery.port_probe import Found, SerialPort
 
@@ -28,25 +26,6 @@ FILLED_IN = {
     "charge_tau_s = 2.0  # MEASURE": "charge_tau_s = 2.0  #",
 }
 """What a person fills in after ``slipd init``, from data sheets and drawings."""
-
-GRIPPER = """
-[gripper]
-device = "wsg"
-port = "tcp://192.168.1.20:1000"
-rate_hz = 50.0
-max_force_n = 30.0
-"""
-TRIED_AGAIN = {"close_again": ("", AGAIN)}
-"""A close that is refused is tried again."""
-
-MOUNTED = {
-    "sign = 1 ": "sign = -1 ",
-    "xyz_m = [0.0, 0.0, 0.0], quat_xyzw = [0.0, 0.0, 0.0, 1.0]": "xyz_m = [0.0, 0.006, -0.048], "
-    "quat_xyzw = [0.0, 0.0, 0.7071068, 0.7071068]",
-    "flip_x = false": "flip_x = true",
-    "force_std_n": "mass_kg = 0.1\ncom_m = [-0.004, 0.0, -0.022]\nforce_std_n",
-}
-"""How the sensors are mounted, which the guide finds."""
 
 
 class Person(GuidedEngine):
@@ -66,28 +45,6 @@ def replaced(text: str, changed: dict[str, str]) -> str:
         assert old in text, old
         text = text.replace(old, new)
     return text
-
-
-def test_a_rig_of_serial_optoforce_pvdf_and_wsg_is_commissioned(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(gripper_steps, "HOLD_S", 1.0)
-    read = config.parse(replaced(draft(PORTS, [], "rig.toml"), FILLED_IN) + GRIPPER, "read")
-    true = config.parse(replaced(read.text, MOUNTED), "true")
-    host = Person(EmulatedEngine(true, read, tmp_path), read.text, TOUCHES, ANSWERS | POSES_OF_TWO | TRIED_AGAIN)
-    follow(Commission(read, ["left", "right"], 20.0, "restart").run(), host.respond)
-    assert any("left stable" in line and "right stable" in line for line in host.printed), "\n".join(host.printed)
-    found = config.parse(host.text, "found")
-    for finger in found.finger.values():
-        assert finger.wrench is not None
-        assert finger.pad is not None
-        assert (finger.wrench.sign, finger.pad.flip_x) == (-1, True)
-        assert finger.wrench.mass_kg == pytest.approx(0.1, abs=0.005)
-        assert finger.mu == pytest.approx(0.57, abs=0.02), "a low estimate of 0.6"
-    assert sum("hides a slip at less than" in line for line in host.printed) == 1
-    assert not [line for line in host.printed if "not counted" in line or "not measured" in line]
-    left = {key for *_, key in marked_keys(found.text)}
-    assert left == {"rate_hz", "rows", "cols", "pitch_m", "electrode_m"}
 
 
 def test_readings_in_counts_are_remarked_on_every_finger_and_end_what_builds_on_them(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from slipd.tools.commission.dialogue import (
     choose,
     follow,
 )
-from slipd.tools.commission.gripper_steps import gentle_force, pulling_force, take_zero
+from slipd.tools.commission.gripper_steps import gentle_force, pulling_force
 from slipd.tools.commission.readings import ReadingListener, pause, read_status
 from slipd.tools.commission.weight_step import POSES, weigh
 from slipd_client import keys
@@ -63,18 +63,6 @@ def messages() -> list[Event]:
     return [Message(topic="wrench.left", raw={}, seq=k, boot="b", t_ns=k * 1_000_000_000) for k in range(60)]
 
 
-def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
-    answers: list[Event] = [Refusal("in_contact: it is touched"), Reply({})]
-    printed: list[str] = []
-    left = config.parse(RIG, "rig").finger["left"]
-    assert follow(take_zero("left", left), host(printed, lambda _: answers.pop(0), messages()))
-    assert printed[1:] == ["  not taken: in_contact: it is touched", "  it is tried again"]
-    printed.clear()
-    assert not follow(take_zero("left", left), host(printed, lambda _: Refusal("lease_held: taken"), messages()))
-    assert printed.count("  not taken: lease_held: taken") == 3
-    assert "Later: slipctl tare take left --stream wrench" in printed[-1]
-
-
 def test_a_status_that_is_refused_is_asked_for_again() -> None:
     answers: list[Event] = [Refusal("no answer"), Reply("status")]
     assert follow(read_status(), host([], lambda _: answers.pop(0), messages())) == "status"  # type: ignore[comparison-overlap]
@@ -99,18 +87,6 @@ def test_weighing_is_refused_while_another_program_sends_gravity() -> None:
             weigh(config.parse(RIG, "rig"), {}, ["left"]),
             host([], lambda _: Reply(SimpleNamespace(streams=streams)), []),
         )
-
-
-def test_a_pause_waits_for_messages_from_after_it_and_not_for_ever() -> None:
-    def now_is(t_s: float) -> int:
-        """Return how many messages of 1 Hz a pause of 2 s takes, the first of which is from 0 s."""
-        events: list[Event] = [Reply(SimpleNamespace(t_ns=round(t_s * 1e9))), *messages()]
-        follow(pause(2.0), lambda _: events.pop(0))
-        return 60 - len(events)
-
-    assert now_is(0.0) == 3
-    assert now_is(7.0) == 10, "those from before the pause came late"
-    assert now_is(1000.0) == 13, "a clock that fits no message"
 
 
 def test_a_person_chooses_one_of_the_words() -> None:

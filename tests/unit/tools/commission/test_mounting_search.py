@@ -112,15 +112,6 @@ def test_what_is_right_in_a_config_is_kept_to_the_digit(fault: str) -> None:
     assert "the position of the config is kept" in found.notes[-1]
 
 
-def test_a_sensor_without_a_pad_has_its_mounting_from_the_presses_at_the_centre() -> None:
-    wrong_config = replace(TRUE, sign=1, xyz_m=(0.0, 0.0, 0.0))
-    found = find_mounting(touches(symmetry=None), wrong_config, has_pad=False)
-    assert (found.mount, found.symmetry, found.problems) == (TRUE, None, [])
-    beside_a_pad = find_mounting(touches(symmetry=None), wrong_config)
-    assert beside_a_pad.mount == TRUE
-    assert "the pad showed no image" in beside_a_pad.problems[0]
-
-
 ONE_PLACE = dict.fromkeys(PLACES, (0.0, 0.0))
 Change = Callable[[], dict[str, Touch]]
 
@@ -208,18 +199,6 @@ def test_what_a_three_axis_pad_does_not_show_is_reported() -> None:
         found, axes = find_three_axis(wrong_touches)
         assert axes is None
         assert words in found.problems[0]
-
-
-@pytest.mark.parametrize("step", PLACES)
-def test_a_touch_without_any_force_is_one_that_showed_nothing(step: str) -> None:
-    seen = touches()
-    seen[step] = replace(seen[step], force=np.zeros(3))
-    found = find_mounting(seen, TRUE)
-    assert found.mount is None
-    assert found.problems == [f"the force sensor showed nothing at: {step}"]
-    pads, axes = find_three_axis(seen)
-    assert axes is None
-    assert pads.problems == [f"the pad showed nothing at: {step}"]
 
 
 @pytest.mark.parametrize("step", [PUSH_X, PUSH_Y])

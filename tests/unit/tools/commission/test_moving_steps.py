@@ -16,7 +16,6 @@ from slipd.tools.commission.dialogue import Ask, Choice, Event, Output, Prompt, 
 from slipd.tools.commission.friction_step import measure_friction
 from slipd.tools.commission.gripper_steps import MOST_TRIES, first_grasp, release
 from slipd.tools.commission.readings import LEAST_READINGS, ReadingListener
-from slipd_client.friction_session import OBSTACLE_S
 from slipd_client.messages.codec import typed_message
 from slipd_client.messages.schema.topics import Message
 
@@ -83,18 +82,6 @@ def course(*parts: Callable[[Hand], Iterable[dict[str, Any]]]) -> Iterator[dict[
     yield from endless(hand)
 
 
-def stale(hand: Hand) -> Iterator[dict[str, Any]]:
-    return (body | STALE for body in hand.rest(OBSTACLE_S + 0.5))
-
-
-def test_friction_waits_where_a_sensor_is_stale_for_long_and_goes_on() -> None:
-    rig = Rig(course(Hand.rest, stale, Hand.once, Hand.once), "gripped already", "again")
-    results = follow(measure_friction(["left"], None, 60.0), rig.respond)
-    assert results["left"][0].mu_s == pytest.approx(0.6, rel=0.02)
-    assert any("not measured: finger left: its readings are not trusted (stale)" in line for line in rig.printed)
-    assert rig.asked == []
-
-
 def test_what_one_finger_showed_stays_where_the_other_is_left_out() -> None:
     def left_alone(hand: Hand) -> Iterator[dict[str, Any]]:
         right = Hand("right")
@@ -114,19 +101,6 @@ def test_a_sample_that_was_lost_is_gripped_again() -> None:
     assert follow(measure_friction(["left"], 5.0, 2.0), rig.respond)
     assert rig.asked == ["gripper_close", "gripper_close", "gripper_open"]
     assert any("nothing touches the pad" in line for line in rig.printed)
-
-
-@pytest.mark.parametrize("word", ["again", "skip"])
-def test_a_grip_that_is_refused_is_asked_for_again(word: str) -> None:
-    refusal = "command_lost is latched: look at the gripper, then: slipctl grip ack (fault.ack)"
-    rig = Rig(course(), "close", word, "open", refusals=[refusal])
-    if word == "skip":
-        with pytest.raises(Skipped):
-            follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    else:
-        assert follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    assert f"  not closed: {refusal}" in rig.printed
-    assert rig.asked == ["gripper_close", "gripper_close", "gripper_open"][: None if word == "again" else 1]
 
 
 def test_a_command_that_was_lost_names_the_command_that_acknowledges_it() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from slipd.tools.commission.daemon_link import TARES, reason_of
 from slipd_client.errors import ClientError, NoAnswer, RequestRefused, TareGivenUp
-from slipd_client.messages import ERROR_CODES, TARE_REASONS
+from slipd_client.messages import TARE_REASONS
 
 DEADLINE = "deadline_ns must not have passed: it passed 12 ms ago"
 
@@ -29,8 +29,3 @@ def test_a_refusal_says_what_to_do(error: ClientError, words: str) -> None:
 
 def test_every_reason_of_a_tare_has_words() -> None:
     assert set(TARES) == set(TARE_REASONS)
-
-
-def test_no_code_is_shown() -> None:
-    for code in ERROR_CODES:
-        assert f"{code}:" not in reason_of(RequestRefused(code, "the rule"))

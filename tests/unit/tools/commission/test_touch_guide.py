@@ -110,14 +110,6 @@ def tared(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
 
 
-def test_the_orientation_of_the_image_is_found(tmp_path: Path) -> None:
-    """One of the eight; the search itself is tested with all."""
-    true, read = charge_rig(left={}), charge_rig(left={"swap": "true", "flip_x": "true"})
-    outcome, _ = commission(true, read, tmp_path)
-    assert outcome.findings.problems == []
-    check_same(corrected(read, outcome), true)
-
-
 @pytest.mark.parametrize("fault", list(WRONG))
 def test_every_wrong_mounting_is_found_and_a_charge_pad_shows_its_image_with_the_right_one(
     fault: str, tmp_path: Path

@@ -92,19 +92,6 @@ def test_a_wrong_unit_is_named(gains: tuple[float, float], words: str) -> None:
     assert words in texts(findings)
 
 
-def test_poses_that_are_not_those_asked_for_give_no_mass() -> None:
-    made = poses()
-    mixed = [*made[:2], Pose(made[0].force, made[0].torque, made[2].gravity), made[3]]
-    findings = find_weight(mixed, TRUE)
-    assert findings.found is None
-    assert "of the weight from any weight in these poses" in findings.problems[0]
-    assert findings.worst == 2, "the pose that was another"
-    plane = find_weight(mixed[:3], TRUE)
-    assert plane.found is None
-    assert plane.problems
-    assert find_weight(poses(down=DOWN[:1] * 3), TRUE).problems[0].startswith("gravity is about")
-
-
 @pytest.mark.parametrize("number", range(4))
 def test_a_pose_in_which_the_finger_was_touched_is_named(number: int) -> None:
     for force, torque, words in (
