@@ -14,6 +14,7 @@ from slipd import __version__
 from slipd.tools.cli_arguments import (
     EVERY,
     EXPORTS,
+    IMPORTED,
     add_command,
     add_doctor_arguments,
     endpoint,
@@ -204,13 +205,11 @@ def _add_recordings(commands: Any) -> None:
     _add_json(identify)
     importer = add_command(commands, "import", "convert other data to a recording")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
-    grips = add_command(formats, "import grips", "import a gripper trial with two XELA pads")
-    grips.add_argument(
-        "source", type=Path, metavar="SRC", help="folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"
-    )
-    grips.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    grips.add_argument(
-        "--config", type=Path, metavar="FILE", help="config of the rig (default: the shipped grips.toml)"
+    grips = _add_import(
+        formats,
+        "grips",
+        "import a gripper trial with two XELA pads",
+        "folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv",
     )
     grips.add_argument(
         "--tare-rows",
@@ -218,24 +217,16 @@ def _add_recordings(commands: Any) -> None:
         metavar="N",
         help="the fingers are open in the first N rows: take the zero of the pads from them (default: the config's)",
     )
-    arq = add_command(formats, "import arq", "import an experiment of slip_detection_dataset_2021 (needs h5py)")
-    arq.add_argument("source", type=Path, metavar="SRC", help="HDF5 file of an object")
-    arq.add_argument("experiment", metavar="EXPERIMENT", help="such as GGCNN2/SpoolSolder/Pose1/Exp1")
-    arq.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    arq.add_argument("--config", type=Path, metavar="FILE", help="config (default: the shipped trial_arq.toml)")
-    pillars = add_command(formats, "import papillarray", "import a trial of Incipient-Slip-Detection-PapillArray")
-    pillars.add_argument("source", type=Path, metavar="SRC", help="CSV file")
-    pillars.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    pillars.add_argument("--config", type=Path, metavar="FILE", help="config (default: trial_papillarray.toml)")
-    pushes = add_command(formats, "import pushes", "import measured pushes of an object over a board")
-    pushes.add_argument(
-        "source",
-        type=Path,
-        metavar="SRC",
-        help="ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ",
+    _add_import(
+        formats, "arq", "import an experiment of slip_detection_dataset_2021 (needs h5py)", "HDF5 file of an object"
     )
-    pushes.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    pushes.add_argument("--config", type=Path, metavar="FILE", help="config (default: the shipped pushes.toml)")
+    _add_import(formats, "papillarray", "import a trial of Incipient-Slip-Detection-PapillArray", "CSV file")
+    pushes = _add_import(
+        formats,
+        "pushes",
+        "import measured pushes of an object over a board",
+        "ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ",
+    )
     pushes.add_argument(
         "--mass-kg",
         type=float,
@@ -251,6 +242,18 @@ def _add_recordings(commands: Any) -> None:
         metavar=("BEGIN", "END"),
         help="time in which the pusher is clear of the object: the zero of the sensor (default: 0 to 0.4 s)",
     )
+
+
+def _add_import(formats: Any, name: str, purpose: str, source: str) -> argparse.ArgumentParser:
+    """Add the import of one format, with the arguments that all have, and return its parser."""
+    command = add_command(formats, f"import {name}", purpose)
+    command.add_argument("source", type=Path, metavar="SRC", help=source)
+    if name == "arq":
+        example = "such as GGCNN2/SpoolSolder/Pose1/Exp1"
+        command.add_argument("experiment", metavar="EXPERIMENT", help=example)
+    command.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    command.add_argument("--config", type=Path, metavar="FILE", help=f"config (default: the shipped {IMPORTED[name]})")
+    return command
 
 
 def _add_batches(commands: Any) -> None:

@@ -5,17 +5,10 @@ from __future__ import annotations
 import argparse
 
 from slipd import config
+from slipd.tools.cli_arguments import IMPORTED
 from slipd.tools.recordings.grips_import import import_trial
 from slipd.tools.recordings.pushes_import import import_pushes
 from slipd.tools.recordings.taxels_import import import_taxels, read_arq, read_papillarray
-
-SHIPPED = {
-    "import grips": "grips.toml",
-    "import pushes": "pushes.toml",
-    "import arq": "trial_arq.toml",
-    "import papillarray": "trial_papillarray.toml",
-}
-"""Config of each format where none is given."""
 
 
 def import_command(arguments: argparse.Namespace) -> None:
@@ -24,7 +17,7 @@ def import_command(arguments: argparse.Namespace) -> None:
     Raises:
         SlipdError: The source or the config has faults, or the recording cannot be written.
     """
-    rig = config.load(arguments.config or config.shipped(SHIPPED[arguments.command]))
+    rig = config.load(arguments.config or config.shipped(IMPORTED[arguments.command.removeprefix("import ")]))
     if arguments.command == "import grips":
         for finding in import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows):
             print(finding)
