@@ -11,7 +11,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import BOOT, GRIPPER, LEFT, NO_IMAGE, RIGHT, WALL_NS, Run
+from engine_rig import BOOT, GRIPPER, LEFT, RIGHT, WALL_NS, Run
+from run_courses import (
+    Step,
+    ask,
+    bring_up,
+    feel,
+    follow,
+    grip,
+    lease,
+    level,
+    no_image,
+    serve,
+    skin,
+    status,
+    up,
+    wait,
+    wrench,
+)
 
 from slipd import config
 from slipd.engine.engine import Engine
@@ -39,35 +56,49 @@ def holding() -> Run:
     """What all tests begin with is run once."""
     run = Run(RIG, zeros=False)
     run.up()
-    run.bring_up()
-    for _ in range(30):  # the tared force sensor measures nothing, and the pad before it shows nothing
-        run.serve_gripper(10)
-        run.feel(0.0)
-    run.ask("tare", finger="right", seconds=0.05)
-    for _ in range(12):
-        run.skin(0.0)
-    run.grip(5.0)
-    run.serve_gripper(50)
+    quiet = [serve(10), feel(0.0)] * 30  # the tared force sensor measures nothing, and the pad before it shows nothing
+    tare = [ask("tare", finger="right", seconds=0.05), skin(0.0, times=12)]
+    follow(run, [bring_up, *quiet, *tare, grip(5.0), serve(50)])
     return run
 
 
-def restarted(before: Run, state: dict[str, Any] | str | None, text: str = RIG, after_s: float = 1.0) -> Run:
+def begun(before: Run, state: dict[str, Any] | str) -> Run:
+    """A new run beside the same devices, whose links are not open yet."""
+    run = Run(RIG, zeros=False)
+    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+    run.feed(StateRestored(state if isinstance(state, str) else seal(json.dumps(state))))
+    return run
+
+
+def restarted(before: Run, state: dict[str, Any] | str) -> Run:
     """A new run beside the same devices, which goes on to feel 5 N."""
-    run = Run(text, zeros=False)
-    run.gripper, run.t_ns = before.gripper, before.t_ns + round(after_s * SECOND)
-    if state is not None:
-        run.feed(StateRestored(state if isinstance(state, str) else seal(json.dumps(state))))
+    run = begun(before, state)
     run.up()
-    for _ in range(20):
-        run.feel(5.0)
-        run.serve_gripper(10)
-    run.feel(5.0)
+    follow(run, [*[feel(5.0), serve(10)] * 20, feel(5.0)])
     return run
 
 
 def zeros(run: Run) -> dict[str, tuple[int, str | None]]:
     streams = run.ask("status")["result"]["streams"]
     return {name: (each["tare_id"], each["tare_origin"]) for name, each in streams.items() if "tare_id" in each}
+
+
+ADJUSTED = ask("grip.adjust", {"applied_n": pytest.approx(6.0)}, delta_n=1.0)
+
+
+def zero(origin: str | None, number: int | None = None) -> Step:
+    """Check where the zero of the left force sensor comes from."""
+    found = {"tare_origin": origin, "tare_id": int(origin is not None) if number is None else number}
+    return status(streams={"left.wrench": found})
+
+
+def said(words: str) -> Step:
+    """Check the message of the left force sensor."""
+
+    def step(run: Run) -> None:
+        assert words in run.ask("status")["result"]["streams"]["left.wrench"]["message"]
+
+    return step
 
 
 def test_a_restart_in_a_grasp_goes_on_with_the_zeros_and_the_grip_in_force() -> None:
@@ -82,8 +113,7 @@ def test_a_restart_in_a_grasp_goes_on_with_the_zeros_and_the_grip_in_force() -> 
     )
     taken = run.ask("tare.get", finger="left")["result"]
     assert (taken["by"], taken["readings"], taken["tare_origin"]) == ("ann", 10, "stored")
-    run.lease()
-    assert run.ask("grip.adjust", delta_n=1.0)["result"]["applied_n"] == pytest.approx(6.0)
+    follow(run, [lease, ADJUSTED])
     assert kept(run)["grip"]["raised_n"] == pytest.approx(1.0)
 
 
@@ -98,56 +128,35 @@ def test_a_kill_while_the_gripper_is_silent_keeps_the_grip(unplugged: bool) -> N
     assert kept(before)["grip"] == state["grip"]
     before.gripper.silent = False
     run = restarted(before, kept(before) | {"boot": EARLIER})
-    run.lease()
-    assert run.ask("grip.adjust", delta_n=1.0)["result"]["applied_n"] == pytest.approx(6.0)
+    follow(run, [lease, ADJUSTED])
 
 
 def test_F6_a_stored_zero_that_a_clear_pull_contradicts_is_not_used() -> None:
     before, state = held()
-    run = restarted(before, state)
-    assert zeros(run)["left.wrench"] == (1, "stored")
-    for _ in range(30):
-        run.feel(-4.0)
-    assert zeros(run)["left.wrench"] == (0, None)
-    stream = run.ask("status")["result"]["streams"]["left.wrench"]
-    assert "the stored zero does not fit: the normal force is clearly negative" in stream["message"]
-    for _ in range(30):
-        run.feel(5.0)
-    assert run.level("left") == ("unknown", ["not_tared"])
+    pulled = [feel(-4.0)] * 30
+    refused = [zero(None), said("the stored zero does not fit: the normal force is clearly negative")]
+    follow(
+        restarted(before, state),
+        [zero("stored"), *pulled, *refused, *[feel(5.0)] * 30, level("unknown", "not_tared")],
+    )
 
 
 def test_a_state_that_cannot_be_read_is_reported_and_nothing_of_it_is_used() -> None:
     run = Run(RIG, zeros=False)
     run.feed(StateRestored("", "state.json: Permission denied"))
-    run.up()
-    notices = run.ask("status")["result"]["notices"]
-    assert notices["state"] == "the state of the run before is not used: state.json: Permission denied"
+    notice = "the state of the run before is not used: state.json: Permission denied"
+    follow(run, [up(), status(notices={"state": notice})])
 
 
-def test_a_stored_zero_waits_for_the_identity_of_its_device() -> None:
+def test_a_stored_zero_waits_for_its_device_and_replaces_none_that_was_measured_meanwhile() -> None:
     before, state = held()
+    late = [wait(3700_000), up(), feel(5.0), zero(None), said("the device answers too late for restart.gap_s")]
+    follow(begun(before, state), late)
+    measured, _ = held()
+    measured.feed(StateRestored(seal(json.dumps(state))))
+    follow(measured, [feel(5.0), zero("measured")])
     state["tares"]["left.wrench"]["device"] = "S/N 7"
-    assert zeros(restarted(before, state))["left.wrench"] == (0, None), "this device never reports one"
-
-
-def test_a_stored_zero_replaces_none_that_was_measured_meanwhile() -> None:
-    run, state = held()
-    run.feed(StateRestored(seal(json.dumps(state))))
-    run.feel(5.0)
-    assert zeros(run)["left.wrench"] == (1, "measured")
-
-
-def test_a_device_that_answers_only_after_the_longest_gap_gets_no_stored_zero() -> None:
-    before, state = held()
-    run = Run(RIG, zeros=False)
-    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
-    run.feed(StateRestored(seal(json.dumps(state))))
-    run.t_ns += 3700 * SECOND
-    run.up()
-    run.feel(5.0)
-    assert zeros(run)["left.wrench"] == (0, None)
-    stream = run.ask("status")["result"]["streams"]["left.wrench"]
-    assert "the device answers too late for restart.gap_s" in stream["message"]
+    follow(restarted(before, state), [zero(None)])  # this device never reports one
 
 
 @pytest.mark.parametrize(
@@ -208,31 +217,20 @@ def test_A10_what_a_slip_taught_and_the_name_go_on_with_the_grip(name: str | Non
     assert (status["object_by"], status["object_t_ns"]) == (None, None), "no client of this run named it"
     again = restarted(run, kept(run) | {"boot": EARLIER})
     assert friction(again) == (name, mu, 0.5), "nor does a second kill lose it"
-    for _ in range(5):
-        again.feel(0.0)
-        again.serve_gripper(10)
+    follow(again, [feel(0.0), serve(10)] * 5)
     assert (friction(again)[1] < 0.5) is (name is not None), "another grasp, of the same object where it has a name"
 
 
 def test_what_a_slip_taught_waits_for_the_gripper() -> None:
     before, state, mu = slipped()
-    run = Run(RIG, zeros=False)
-    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
-    run.feed(StateRestored(seal(json.dumps(state))))
+    run = begun(before, state)
     assert kept(run)["grip"] == state["grip"], "kept until the gripper answers"
-    run.up()
-    run.feel(5.0)
+    follow(run, [up(), feel(5.0)])
     assert friction(run) == (None, 0.5, 0.5)
-    for _ in range(5):
-        run.serve_gripper(10)
-        run.feel(5.0)
+    follow(run, [serve(10), feel(5.0)] * 5)
     assert friction(run) == ("mug", mu, 0.5)
-
-
-def test_what_a_slip_taught_ends_where_the_gripper_does_not_confirm_its_grip() -> None:
-    before, state, _ = slipped()
     state["grip"]["width_m"] += 0.01
-    assert friction(restarted(before, state)) == (None, 0.5, 0.5)
+    assert friction(restarted(before, state)) == (None, 0.5, 0.5), "it is not confirmed"
 
 
 def test_what_a_client_states_before_the_gripper_answers_counts_instead() -> None:
@@ -241,13 +239,8 @@ def test_what_a_client_states_before_the_gripper_answers_counts_instead() -> Non
         ("object.set", {"name": "box"}, ("box", 0.5, 0.5)),
         ("friction.set", {"finger": "left", "mu_s": 0.4}, ("mug", 0.4, 0.5)),
     ):
-        run = Run(RIG, zeros=False)
-        run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
-        run.feed(StateRestored(seal(json.dumps(state))))
-        run.up()
-        run.lease()
-        assert run.refusal(op, **fields) is None
-        run.serve_gripper(50)
+        run = begun(before, state)
+        follow(run, [up(), lease, ask(op, **fields), serve(50)])
         assert kept(run)["grip"]["force_n"] == 5.0
         assert friction(run) == expected
 
@@ -315,19 +308,10 @@ def test_a_tare_serves_at_about_the_temperature_of_its_sensor(temperature_c: flo
 
 def test_a_stored_tare_waits_for_its_device_and_gives_way_to_one_of_this_run() -> None:
     before, state = held()
-    run = Run(RIG, zeros=False)
-    run.t_ns = before.t_ns + SECOND
-    run.feed(StateRestored(seal(json.dumps(state))))
+    run = begun(before, state)
     assert set(kept(run)["tares"]) == set(state["tares"]), "kept while no device answers"
-    run.up()
-    for _ in range(3):
-        run.image(NO_IMAGE)
-    run.wrench(0.0)
-    assert zeros(run)["left.wrench"] == (1, "stored")
-    assert run.refusal("tare", finger="left", seconds=0.01) is None
-    for _ in range(20):
-        run.wrench(0.0)
-    assert zeros(run)["left.wrench"] == (2, "measured")
+    again = [ask("tare", finger="left", seconds=0.01), wrench(0.0, times=20), zero("measured", 2)]
+    follow(run, [up(), *[no_image] * 3, wrench(0.0), zero("stored"), *again])
 
 
 def test_a_recording_that_begins_during_a_run_begins_with_its_state() -> None:
