@@ -15,7 +15,7 @@ from slipd.fusion.hull import Outline, fill_margins
 from slipd.fusion.rows import READING, new_rows
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_the_margin_inside_is_that_of_an_independent_hull(seed: int) -> None:
     rng = np.random.default_rng(seed)

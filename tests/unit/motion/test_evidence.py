@@ -52,13 +52,13 @@ def test_the_combined_surprise_is_that_of_a_gamma_variable() -> None:
     "kinds", [("vibration",), ("image_change", "vibration"), ("image_change", "width", "external")]
 )
 def test_noise_is_reported_as_often_as_the_risk_allows(kinds: tuple[str, ...]) -> None:
-    """5 hours of looks of exponential surprises, at 60 false alarms an hour; those of combined kinds overlap."""
+    """2 hours of looks of exponential surprises, at 60 false alarms an hour; those of combined kinds overlap."""
     risk = MotionRisk(60.0, dict.fromkeys(kinds, HOUR_LOOKS))
-    surprises = np.random.default_rng(4).exponential(size=(int(5 * HOUR_LOOKS), len(kinds)))
+    surprises = np.random.default_rng(4).exponential(size=(int(2 * HOUR_LOOKS), len(kinds)))
     found = 0
     for k, looks in enumerate(surprises.tolist()):
         found += any(list(map(risk.update, map(Evidence, kinds, [k * LOOK_NS] * len(kinds), looks))))
-    assert 120 < found < 300 + 5.0 * math.sqrt(300.0)
+    assert 48 < found < 120 + 5.0 * math.sqrt(120.0)
 
 
 def test_weak_evidence_of_two_kinds_counts_together_only_at_one_time() -> None:

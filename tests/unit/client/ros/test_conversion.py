@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import Counter
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -51,12 +53,21 @@ def same(one: Any, other: Any) -> bool:
     return one == other or (one != one and other != other)
 
 
+def each_third(converted: Converted) -> Iterator[RosMessage]:
+    """Yield each third message of each type."""
+    counts: Counter[str] = Counter()
+    for _, _, message in converted:
+        if counts[message.type] % 3 == 0:
+            yield message
+        counts[message.type] += 1
+
+
 def test_two_other_libraries_decode_every_value(converted: Converted) -> None:
     decoders = {}
     for name in {message.type for _, _, message in converted}:
         text = Schema(id=1, name=TYPES[name].full_name, encoding=SchemaEncoding.ROS2, data=schema(name).encode())
         decoders[name] = DecoderFactory().decoder_for(MessageEncoding.CDR, text)
-    for _, _, message in converted:
+    for message in each_third(converted):
         data, wanted = encode(message), message.value
         assert same(plain(STORE.deserialize_cdr(data, TYPES[message.type].full_name), message.type), wanted)
         decode = decoders[message.type]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 
@@ -48,13 +49,13 @@ def test_every_unit_code_is_converted(code: int) -> None:
     assert found.torque_nm == pytest.approx(list(NEWTON_METRES.values())[code - 1] / 1000)
 
 
-@pytest.mark.parametrize("force", [*NEWTONS, "g", "KLB", "lb"])
-@pytest.mark.parametrize("torque", [*NEWTON_METRES, "Nm", "lb-in", "KN-m"])
-def test_every_unit_name_is_converted_however_it_is_spelled(force: str, torque: str) -> None:
-    found = from_counts(10, 10, force, torque)
-    known = {"g": "gf", "KLB": "klbf", "lb": "lbf", "Nm": "N-m", "lb-in": "lbf-in", "KN-m": "kN-m"}
-    assert found.force_n == pytest.approx(NEWTONS[known.get(force, force)] / 10)
-    assert found.torque_nm == pytest.approx(NEWTON_METRES[known.get(torque, torque)] / 10)
+def test_every_unit_name_is_converted_however_it_is_spelled() -> None:
+    forces = {name: name for name in NEWTONS} | {"g": "gf", "KLB": "klbf", "lb": "lbf"}
+    torques = {name: name for name in NEWTON_METRES} | {"Nm": "N-m", "lb-in": "lbf-in", "KN-m": "kN-m"}
+    for force, torque in itertools.product(forces, torques):
+        found = from_counts(10, 10, force, torque)
+        assert found.force_n == pytest.approx(NEWTONS[forces[force]] / 10), force
+        assert found.torque_nm == pytest.approx(NEWTON_METRES[torques[torque]] / 10), torque
 
 
 @pytest.mark.parametrize("counts", [0, -1, math.nan, math.inf])
