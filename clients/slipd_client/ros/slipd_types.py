@@ -17,7 +17,7 @@ from slipd_client.messages.names import LEVELS, level_code
 from slipd_client.messages.schema import topics
 from slipd_client.messages.schema.fields import Field, fields_of
 from slipd_client.messages.schema.kinds import FLAG, INTEGER, LEVEL, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind
-from slipd_client.messages.schema.parts import LeaseStatus, ReflexAct
+from slipd_client.messages.schema.parts import HeldObject, LeaseStatus, ReflexAct
 from slipd_client.ros.ros_types import RosField, RosType
 
 PACKAGE = "slipd_msgs"
@@ -32,6 +32,7 @@ NAMES: dict[type[Any], str] = {
     topics.Gripper: "Gripper",
     LeaseStatus: "LeaseStatus",
     ReflexAct: "ReflexAct",
+    HeldObject: "HeldObject",
 }
 """Name of the type of each class of the wire; ``status`` becomes a ``diagnostic_msgs/DiagnosticArray``."""
 

@@ -35,6 +35,7 @@ from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Lateness
 from slipd.grasp.arm_motion import make_arm_motion
 from slipd.grasp.grasp_view import GraspView, NamedObject
+from slipd.grasp.held_object import make_held_object
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
 from slipd.gripper.no_gripper import NoGripper
@@ -104,6 +105,7 @@ class Engine:
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
         advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view)
         self._arm = make_arm_motion(config.grasp, self._fingers)
+        self._held = make_held_object(config.grasp, view, self._fingers, self._arm)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
         self._lateness = Lateness()
@@ -153,8 +155,8 @@ class Engine:
         self._grasp_due, self._advice_due = Deadline(self._publish_grasp), Deadline(self._publish_advice)
         self._time_checks = [*self._silence.values(), self._gripper_check]
         self._deadlines = [
-            *self._time_checks, self._reflex_check, *self._writes.values(), self._grasp_due,
-            self._advice_due, Deadline(self._pace_status),
+            *self._time_checks, self._reflex_check, *self._writes.values(), Deadline(self._weigh),
+            self._grasp_due, self._advice_due, Deadline(self._pace_status),
         ]  # fmt: skip
 
     @property
@@ -361,6 +363,16 @@ class Engine:
         if self._reflex is not None and (self._level_lapsed or t_ns >= self._reflex.due_ns):
             self._run_reflex(t_ns, out)
         return NEVER_NS if self._reflex is None else self._reflex.due_ns
+
+    def _weigh(self, t_ns: int, out: list[Output]) -> int:
+        """Follow what is held, and report at once that the arm stream contradicts it, or does no longer."""
+        if self._held is None:
+            return NEVER_NS
+        misfit = "" if self._arm is None else self._arm.misfit
+        due_ns = self._held.update(t_ns, self._gripper.width_m)
+        if self._arm is not None and self._arm.misfit != misfit:
+            self._status.publish(t_ns, out)
+        return due_ns
 
     def _publish_grasp(self, t_ns: int, out: list[Output]) -> int:
         if self._grasp is None:

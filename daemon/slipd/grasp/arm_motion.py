@@ -13,7 +13,8 @@ from slipd.config import Grasp, stale_after_ns
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.grasp.grasp_view import Place
-from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, gravity_at, gravity_fault
+from slipd.grasp.motion_history import MotionHistory
+from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravity_at, gravity_fault
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 from slipd_client.messages import Health
@@ -23,6 +24,10 @@ LEAST_MEAN_MPS2, MOST_MEAN_MPS2 = 5.0, 20.0
 """Range of the mean length of the apparent gravity over `CHECK_NS`. The mean vector differs from gravity by the change
 of speed over this time, and no arm changes its speed by more than about 4 m/s; a stream in g is at 1."""
 
+
+STILL_MPS2, REST_PART = 0.3, 0.05
+"""Over a span in which the apparent gravity stays within STILL_MPS2, its mean length is that of gravity within
+REST_PART: no arm speeds up evenly by 0.5 m/s in a second."""
 
 MOST_TURN_RADPS = 30.0
 """Twice the fastest turn of a wrist beside those of the other joints; in degrees per second, a slow one exceeds it."""
@@ -35,10 +40,15 @@ class ArmMotion:
         grasp: ``[grasp]``.
         arm: ``[grasp.arm]``.
         fingers: All fingers by name.
+
+    Attributes:
+        history: Its newest readings that can be right.
+        misfit: How it contradicts the load, see `slipd.grasp.arm_check`; "" where it does not. It is not used then.
     """
 
     def __init__(self, grasp: Grasp, arm: ArmConfig, fingers: dict[str, Finger]) -> None:
         self._stale_ns = stale_after_ns(arm)
+        self.history, self.misfit = MotionHistory(), ""
         self._fingers = {
             name: _WeighedFinger(force, Place(place), wrench.com_m)
             for name, place in grasp.pads.items()
@@ -47,8 +57,10 @@ class ArmMotion:
         self._fresh_until_ns: int | None = None
         self._fault = ""  # of the newest reading
         self._mean_mps2: float | None = None
+        self._at_rest_mps2 = STANDARD_GRAVITY_MPS2
         self._since_ns: int | None = None
-        self._sum_mps2, self._count = 0.0, 0
+        self._first: Sequence[float] = ()
+        self._sum_mps2, self._count, self._change_mps2 = 0.0, 0, 0.0
 
     def update(self, samples: Sequence[ArmSample], times_ns: Sequence[int], width_m: float | None) -> None:
         """Set the gravity of the fingers by the newest usable reading of one read.
@@ -60,11 +72,14 @@ class ArmMotion:
         """
         for sample, acquired_ns in zip(samples, times_ns, strict=True):
             self._fault = _fault_of(sample)
-            if self._fault or not self._check_mean(math.hypot(*sample.gravity_mps2), acquired_ns):
+            if self._fault or not self._check_length(sample.gravity_mps2, acquired_ns):
                 continue
             felt = {name: finger.gravity(sample, width_m) for name, finger in self._fingers.items()}
             if any(gravity_fault(gravity) for gravity in felt.values()):
                 self._fault = f"its motion exceeds {MOST_GRAVITY_MPS2:.0f} m/s² (5 g) at a finger: check its units"
+                continue
+            self.history.add(sample, acquired_ns)
+            if self.misfit:
                 continue
             for name, gravity in felt.items():
                 self._fingers[name].force.set_gravity(gravity, acquired_ns, self._stale_ns)
@@ -83,9 +98,13 @@ class ArmMotion:
             for finger in self._fingers.values():
                 finger.force.gravity.extend(fresh_until_ns - self._stale_ns + FRESH_NS)
 
+    def is_used(self, t_ns: int) -> bool:
+        """Return whether the stream is fresh and believed at ``t_ns``."""
+        return self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns and not self.misfit
+
     def drives(self, finger: str, t_ns: int) -> bool:
         """Return whether the gravity of a finger comes from the arm at ``t_ns``."""
-        return finger in self._fingers and self._fresh_until_ns is not None and t_ns <= self._fresh_until_ns
+        return finger in self._fingers and self.is_used(t_ns)
 
     def conditions(self) -> list[tuple[Health, str]]:
         """Return why the readings are not used, for people; empty where they are."""
@@ -93,23 +112,35 @@ class ArmMotion:
             return [(Health.ERROR, self._fault)]
         if self._mean_mps2 is None:
             return [(Health.OK, "its gravity is checked for 1 s before it is used")]
+        if self.misfit:
+            return [(Health.ERROR, f"{self.misfit}, by the load on the fingers: its readings are not used")]
         if self._is_plausible():
             return []
+        if LEAST_MEAN_MPS2 <= self._mean_mps2 <= MOST_MEAN_MPS2:
+            what = f"the length of gravity_mps2 at rest is {self._at_rest_mps2:.3g} m/s²; it must be 9.81"
+            return [(Health.ERROR, f"{what}: its scale is wrong, and its readings are not used")]
         what = f"the mean length of gravity_mps2 is {self._mean_mps2:.3g} m/s²; it must be near 9.81"
         return [(Health.ERROR, f"{what}: its readings are not used; is it in g, or without gravity?")]
 
     def _is_plausible(self) -> bool:
         mean = self._mean_mps2
-        return mean is not None and LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2
+        return mean is not None and LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2 and self._scale_error() <= REST_PART
 
-    def _check_mean(self, length_mps2: float, t_ns: int) -> bool:
-        """Return whether the mean length of the last whole span is plausible; False before the first one."""
+    def _scale_error(self) -> float:
+        return abs(self._at_rest_mps2 / STANDARD_GRAVITY_MPS2 - 1.0)
+
+    def _check_length(self, gravity_mps2: Sequence[float], t_ns: int) -> bool:
+        """Return whether the length of the last whole span is plausible; False before the first one."""
         if self._since_ns is None:
-            self._since_ns, self._sum_mps2, self._count = t_ns, 0.0, 0
-        self._sum_mps2 += length_mps2
+            self._since_ns, self._first = t_ns, gravity_mps2
+            self._sum_mps2, self._count, self._change_mps2 = 0.0, 0, 0.0
+        self._sum_mps2 += math.hypot(*gravity_mps2)
         self._count += 1
+        self._change_mps2 = max(self._change_mps2, math.dist(gravity_mps2, self._first))
         if t_ns - self._since_ns >= CHECK_NS:
             self._mean_mps2, self._since_ns = self._sum_mps2 / self._count, None
+            if self._change_mps2 <= STILL_MPS2:
+                self._at_rest_mps2 = self._mean_mps2
         return self._is_plausible()
 
 

@@ -28,4 +28,9 @@ class ObjectState:
     unknown: str
 
 
-NOTHING_HELD = ObjectState(None, None, None, None, "nothing is held")
+def unknown_object(why: str) -> ObjectState:
+    """Return an object of which nothing is known; ``why``: the reason for people."""
+    return ObjectState(None, None, None, None, why)
+
+
+NOTHING_HELD = unknown_object("nothing is held")

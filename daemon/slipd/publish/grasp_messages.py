@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from slipd.events import Output
 from slipd.grasp.grasp_view import GraspView, HoldState
+from slipd.grasp.object_state import ObjectState
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.lease import Lease
 from slipd.gripper.no_gripper import NoGripper
@@ -70,9 +71,21 @@ def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
         "load_share": None if share is None else {first: share, second: 1.0 - share},
         "asymmetry": load.asymmetry,
         "width_m": state.width_m,
+        "object": object_body(view.object),
         "age_s": load.age_s,
     }
     return finite(body)
+
+
+def object_body(held: ObjectState) -> Body:
+    """Return ``object``: what is known of the object."""
+    return {
+        "mass_kg": held.mass_kg,
+        "mass_std_kg": held.mass_std_kg,
+        "com_m": None if held.com_m is None else list(held.com_m),
+        "com_std_m": None if held.com_std_m is None else list(held.com_std_m),
+        "unknown": held.unknown,
+    }
 
 
 class GripperPublisher:

@@ -37,7 +37,7 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 WIDTH_M = 0.06
 PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
 # Fields that are known whatever is known of the fingers.
-ALWAYS = {"fingers", "state", "state_t_ns", "level", "level_code", "reasons", "evidence", "width_m", "age_s"}
+ALWAYS = {"fingers", "state", "state_t_ns", "level", "level_code", "reasons", "evidence", "object", "width_m", "age_s"}
 
 Parse = Callable[[str], Config]
 Wrench = Callable[..., WrenchSample]

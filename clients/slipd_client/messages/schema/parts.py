@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from slipd_client.messages.names import Health, SlipLevel
 from slipd_client.messages.schema.fields import wire
-from slipd_client.messages.schema.kinds import Sextuple
+from slipd_client.messages.schema.kinds import Sextuple, Triple
 
 MU = "coefficient of static friction in use: a low estimate"
 TARE_ORIGIN = (
@@ -44,6 +44,19 @@ class ReflexAct:
     force_n: float | None = wire("grip force that it commands", default=None)
     from_n: float | None = wire("grip force before", default=None)
     reason: str | None = wire('why: "needed", "slipping" or "calm"', default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldObject:
+    """What is known of the object in the grasp, in the gripper frame."""
+
+    mass_kg: float | None = wire("mass", nil=True)
+    mass_std_kg: float | None = wire("its standard deviation", nil=True)
+    com_m: Triple | None = wire(
+        "centre of mass; nil also while a component of it is unknown, which a turn of the gripper changes", nil=True
+    )
+    com_std_m: Triple | None = wire("standard deviation of each component", nil=True)
+    unknown: str = wire("why mass or centre of mass is unknown, for people; empty where both are known")
 
 
 @dataclass(frozen=True, kw_only=True)

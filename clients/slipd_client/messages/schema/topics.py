@@ -25,6 +25,7 @@ from slipd_client.messages.schema.parts import (
     TARE_ORIGIN,
     DaemonState,
     GripperState,
+    HeldObject,
 )
 
 
@@ -268,6 +269,11 @@ class Grasp(Message):
         nil=True,
     )
     width_m: float | None = wire("width between the pads; nil where the gripper does not report it", nil=True)
+    object: HeldObject | None = wire(
+        "what the load tells of the object: `mass_kg`, `mass_std_kg`, `com_m`, `com_std_m` and `unknown`, see "
+        "[the arm's motion](arm.md#the-object)",
+        default=None,
+    )
     reading_age_s: float | None = wire(
         "age of the older of the two force readings at publication; nil before the first of either",
         key="age_s",

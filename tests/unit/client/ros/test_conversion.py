@@ -97,6 +97,10 @@ def test_every_field_of_a_message_of_slipd_is_in_its_ros_message(converted: Conv
                 assert [[point["x"], point["y"]] for point in ros] == wire
             elif kind.type == "slipd_msgs/ReflexAct":
                 assert ros == [wire]
+            elif kind.type == "slipd_msgs/HeldObject":
+                assert same(ros["mass_kg"], math.nan if wire["mass_kg"] is None else wire["mass_kg"])
+                assert same(ros["com_m"], wire["com_m"] or [math.nan] * 3)
+                assert ros["unknown"] == wire["unknown"]
             elif kind.type == "slipd_msgs/LeaseStatus":
                 assert same(ros["expires_in_s"], math.nan if wire["expires_in_s"] is None else wire["expires_in_s"])
                 assert ros["held"] is wire["held"]

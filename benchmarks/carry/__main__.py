@@ -1,0 +1,118 @@
+"""Measure what the arm stream brings: ``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults [N]``."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from carry.weigh import LIFT_S, Carry, Distortion, log_uniform, play
+
+from slipd.types.arrays import Array
+
+MASSES_KG = (0.1, 3.0)
+TURN_S = LIFT_S + 1.0
+
+
+class Weighed(NamedTuple):
+    """Errors of the object over their stated deviations, and the errors; NaN where it was not known."""
+
+    mass_part: float
+    mass_stds: float
+    com_m: float
+    com_stds: Array
+
+
+def weighed(carry: Carry, body: dict[str, Any]) -> Weighed:
+    """Return the errors of ``object`` in a message."""
+    found, nothing = body["object"], np.full(3, np.nan)
+    if found["mass_kg"] is None:
+        return Weighed(np.nan, np.nan, np.nan, nothing)
+    mass = found["mass_kg"] - carry.mass_kg
+    known = found["com_m"] is not None
+    com = np.array(found["com_m"]) - carry.com_m if known else nothing
+    stds = com / np.array(found["com_std_m"]) if known else nothing
+    return Weighed(mass / carry.mass_kg, mass / found["mass_std_kg"], float(np.linalg.norm(com)), stds)
+
+
+def measure_weighing(count: int) -> None:
+    """Print accuracy and coverage before the turn and at the end."""
+    before, after = [], []
+    for seed in range(count):
+        carry = Carry(np.random.default_rng(seed), log_uniform(np.random.default_rng((seed, 1)), *MASSES_KG))
+        bodies = [(t_s, body) for t_s, topic, body in play(carry, seed) if topic == "grasp"]
+        before.append(weighed(carry, [body for t_s, body in bodies if t_s < TURN_S][-1]))
+        after.append(weighed(carry, bodies[-1][1]))
+        print(seed, round(carry.mass_kg, 3), after[-1], bodies[-1][1]["object"]["unknown"], flush=True)
+    for name, found in (("before the turn", before), ("after it", after)):
+        mass, mass_stds, com, com_stds = (np.array(each) for each in zip(*found, strict=True))
+        print(f"{name}: mass known in {np.isfinite(mass).sum()} of {count}, com in {np.isfinite(com).sum()}")
+        if np.isfinite(mass).any():
+            print(
+                f"  mass error p95 {100 * np.nanpercentile(abs(mass), 95):.2f} %, within 2 std {_within(mass_stds):.3f}"
+            )
+        if np.isfinite(com).any():
+            print(f"  com error p95 {1000 * np.nanpercentile(com, 95):.2f} mm, within 2 std {_within(com_stds):.3f}")
+
+
+def _within(stds: Array) -> float:
+    known = stds[np.isfinite(stds)]
+    return float((abs(known) < 2.0).mean())
+
+
+def _axes(matrix: Array) -> Distortion:
+    return lambda gravity, omega, alpha: (gravity @ matrix.T, omega @ matrix.T, alpha @ matrix.T)
+
+
+def _late(gravity: Array, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
+    steps = 13  # of 4 ms
+    return tuple(
+        np.concatenate((np.repeat(each[:1], steps, axis=0), each[:-steps])) for each in (gravity, omega, alpha)
+    )  # type: ignore[return-value]
+
+
+FAULTS: dict[str, tuple[Distortion | None, str]] = {
+    "none": (None, ""),
+    "sign": (lambda gravity, omega, alpha: (-gravity, omega, alpha), "sign"),
+    "axes swapped": (_axes(np.eye(3)[[1, 0, 2]]), "frame"),
+    "turned by 90 degrees": (_axes(np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))), "frame"),
+    "10 % more": (lambda gravity, omega, alpha: (1.1 * gravity, omega, alpha), "length"),
+    "50 ms late": (_late, "late"),
+}
+"""Faults of a sender, and the word by which ``status`` names each."""
+
+
+def measure_faults(count: int) -> None:
+    """Print how often each fault is named while an object is carried, and while the fingers are free."""
+    for held in (True, False):
+        for name, (distort, word) in FAULTS.items():
+            named, others, times = 0, Counter[str](), []
+            for seed in range(count):
+                mass_kg = log_uniform(np.random.default_rng((seed, 1)), *MASSES_KG) if held else 0.0
+                carry = Carry(np.random.default_rng(seed), mass_kg, distort)
+                messages = _arm_messages(carry, seed)
+                hit = [t_s for t_s, text in messages if word and word in text]
+                named += bool(hit)
+                times += hit[:1]
+                others.update(text[:60] for text in {text for _, text in messages if not (word and word in text)})
+            late = np.percentile(np.array(times) - LIFT_S, 95) if times else np.nan
+            print(f"{'held' if held else 'free'}, {name}: named in {named} of {count}, p95 {late:.2f} s after the lift")
+            for text, often in others.items():
+                print(f"    {often}: {text}")
+            sys.stdout.flush()
+
+
+def _arm_messages(carry: Carry, seed: int) -> list[tuple[float, str]]:
+    found = []
+    for t_s, topic, body in play(carry, seed):
+        if topic == "status" and t_s > 1.2 and (text := body["streams"]["arm"]["message"]):
+            found.append((t_s, text))
+    return found
+
+
+PROGRAMS: dict[str, Callable[[int], None]] = {"weigh": measure_weighing, "faults": measure_faults}
+
+if __name__ == "__main__":
+    PROGRAMS[sys.argv[1]](int(sys.argv[2]) if len(sys.argv) > 2 else 200)

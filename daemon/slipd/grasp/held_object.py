@@ -1,0 +1,221 @@
+"""Follow what the fingers carry: mass and centre of mass of the object, and whether the arm stream fits the load."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from slipd.config import Grasp
+from slipd.finger.finger import Finger
+from slipd.finger.force_channel import ForceChannel
+from slipd.finger.trust import is_trusted
+from slipd.fusion.grasp import external_wrench
+from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
+from slipd.grasp.arm_motion import ArmMotion
+from slipd.grasp.grasp_view import GraspView, Place
+from slipd.grasp.object_estimate import SCALE_STD, WAITING, Felt, ObjectEstimate
+from slipd.grasp.object_state import NOTHING_HELD, ObjectState, unknown_object
+from slipd.types.arrays import Array
+
+PERIOD_NS = 20_000_000
+"""The load is read this often."""
+WAIT_NS = 110_000_000
+"""A reading of the load waits this long for the arm's readings of its time, and of those around it (`SHIFTS_NS`)."""
+MOST_SKEW_NS = 15_000_000
+"""The newest readings of both fingers are no further apart."""
+LEAST_NOISE_N, LEAST_NOISE_NM = 0.005, 5e-5
+"""Of a sensor whose config states less."""
+SLOW_READINGS = 8
+"""The orientation that requests set (`gravity.set`) is uncertain by its change over so many readings, 0.16 s."""
+
+NO_SENSOR = "a force sensor is needed in both fingers"
+NOT_TARED = "a finger is not tared"
+NO_MOTION = "what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
+
+
+class _Load(NamedTuple):
+    """The load on both fingers at a time.
+
+    Attributes:
+        t_ns: When it was.
+        whole_n: Force with the weight of the fingers, shape (3,), N.
+        own: Force and torque without it, shape (6,); None where the weight is not known, or where nothing is held
+            firmly.
+        grip_n: Mean normal force, N.
+        noise: Covariance of the noise of ``own``, shape (6, 6).
+        lever_m: Distance of the pads from the origin, m.
+    """
+
+    t_ns: int
+    whole_n: Array
+    own: Array | None
+    grip_n: float
+    noise: Array
+    lever_m: float
+
+
+class HeldObject:
+    """Learns what is held, for `GraspView.object`, and compares the arm stream with the load.
+
+    Args:
+        view: Both fingers as one grasp.
+        sides: Its fingers.
+        arm: Motion of the arm; None: no stream reports it.
+    """
+
+    def __init__(self, view: GraspView, sides: Sequence[Side], arm: ArmMotion | None) -> None:
+        self._view, self._sides, self._arm = view, sides, arm
+        self._noise_n = min(side.noise_n for side in sides)
+        self._estimate = ObjectEstimate()
+        self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
+        self._waiting: deque[_Load] = deque()
+        self._slow: deque[Array] = deque(maxlen=SLOW_READINGS)
+        self._touching: tuple[bool, ...] = ()
+        self._next_ns = 0
+
+    def update(self, t_ns: int, width_m: float | None) -> int:
+        """Read the load where that is due; return when it is due again.
+
+        Args:
+            t_ns: Now.
+            width_m: Width between the pads, m; None where it is not known.
+        """
+        if t_ns < self._next_ns:
+            return self._next_ns
+        self._next_ns = t_ns + PERIOD_NS
+        touching = tuple(side.finger.in_contact for side in self._sides)
+        if touching != self._touching:
+            self._touching = touching
+            self._waiting.clear()
+            self._estimate.forget(WAITING)
+            self._check.forget()
+        load = self._load(width_m, t_ns)
+        if self._arm is not None:
+            self._follow_arm(self._arm, load, t_ns)
+        slow = None
+        if self._arm is None or not self._arm.is_used(t_ns):
+            slow = self._slow_felt(t_ns)
+            if load is not None and slow is not None:
+                self._learn(load, slow)
+        self._view.object = self._state(moves=slow is not None or (self._arm is not None and self._arm.is_used(t_ns)))
+        return self._next_ns
+
+    def _state(self, *, moves: bool) -> ObjectState:
+        if not all(side.finger.zero_known for side in self._sides):
+            return unknown_object(NOT_TARED)
+        if not all(self._touching):
+            return NOTHING_HELD
+        return self._estimate.state if moves else unknown_object(NO_MOTION)
+
+    def _follow_arm(self, arm: ArmMotion, load: _Load | None, t_ns: int) -> None:
+        """Compare loads with the arm's readings of their time, and learn from them."""
+        waiting, newest_ns = self._waiting, arm.history.newest_ns
+        if load is not None:
+            waiting.append(load)
+        while waiting and waiting[0].t_ns + WAIT_NS <= newest_ns:
+            self._compare(waiting.popleft(), arm, t_ns)
+        if waiting and waiting[0].t_ns + 2 * WAIT_NS <= t_ns:  # the stream fell silent
+            waiting.clear()
+
+    def _compare(self, load: _Load, arm: ArmMotion, t_ns: int) -> None:
+        gravities = [gravity for shift in SHIFTS_NS if (gravity := arm.history.gravity(load.t_ns + shift)) is not None]
+        if len(gravities) == len(SHIFTS_NS):
+            self._check.update(load.whole_n, gravities)
+        if arm.misfit != self._check.fault:
+            arm.misfit = self._check.fault
+            self._estimate.forget(WAITING)
+        felt = arm.history.felt(load.t_ns)
+        if felt is not None and arm.is_used(t_ns):
+            self._learn(load, felt)
+
+    def _learn(self, load: _Load, felt: Felt) -> None:
+        if load.own is not None:
+            rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
+            self._estimate.update(load.own, felt, load.noise, rise, load.lever_m)
+
+    def _slow_felt(self, t_ns: int) -> Felt | None:
+        """Return what a gripper feels whose orientation is set by requests, and which otherwise counts as at rest."""
+        gravity = self._sides[0].gravity(t_ns)
+        if gravity is None:
+            self._slow.clear()
+            return None
+        self._slow.append(gravity)
+        change = float(np.ptp(np.array(self._slow), axis=0).max())
+        return Felt(gravity, np.zeros(3), np.zeros(3), change)
+
+    def _load(self, width_m: float | None, t_ns: int) -> _Load | None:
+        """Return the load of the newest readings; None where they are not trusted, or do not belong together."""
+        states = [side.finger.state for side in self._sides]
+        times_ns = [state.t_ns for state in states]
+        wrenches = [state.wrench for state in states if state.wrench is not None and is_trusted(state.verdict)]
+        if len(wrenches) < len(states) or max(times_ns) - min(times_ns) > MOST_SKEW_NS:
+            return None
+        carried = external_wrench(wrenches, [side.place.pose(width_m) for side in self._sides])
+        whole_n = carried.force_n + np.sum([side.weight_n() for side in self._sides], axis=0)
+        places_m = [side.place.nearest_m(width_m) for side in self._sides]
+        noise = np.sum([side.noise(place_m) for side, place_m in zip(self._sides, places_m, strict=True)], axis=0)
+        weighed = all(side.force.gravity.state(t_ns) != "unknown_orientation" for side in self._sides)
+        slips = any(state.verdict.level == "slipping" for state in states)
+        own = None
+        if weighed and all(self._touching) and not slips:
+            torque_nm = np.full(3, math.nan) if carried.torque_nm is None else carried.torque_nm
+            own = np.concatenate((carried.force_n, torque_nm))
+        grip_n = max(-sum(wrench[2] for wrench in wrenches) / len(wrenches), 0.0)
+        lever_m = max(float(np.linalg.norm(place_m)) for place_m in places_m)
+        return _Load(sum(times_ns) // len(times_ns), whole_n, own, grip_n, noise, lever_m)
+
+
+class Side:
+    """One finger of the grasp, and where its pad is.
+
+    Args:
+        finger: The finger.
+        force: Its force sensor.
+        place: Pose of its pad.
+    """
+
+    def __init__(self, finger: Finger, force: ForceChannel, place: Place) -> None:
+        self.finger, self.force, self.place = finger, force, place
+        self.noise_n = max(force.noise.force_std_n, LEAST_NOISE_N)
+        self._noise_nm = max(force.noise.torque_std_nm, LEAST_NOISE_NM)
+
+    def noise(self, place_m: Array) -> Array:
+        """Return the covariance of the noise of force and torque about the origin, shape (6, 6)."""
+        x, y, z = place_m.tolist()
+        lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+        force = self.noise_n**2
+        return np.block(
+            [
+                [force * np.eye(3), force * lever.T],
+                [force * lever, force * lever @ lever.T + self._noise_nm**2 * np.eye(3)],
+            ]
+        )
+
+    def weight_n(self) -> Array:
+        """Return the weight of the finger that is subtracted from its readings, in the gripper frame, shape (3,), N."""
+        weight = self.force.gravity.correction
+        return np.zeros(3) if weight is None else self.place.rotation @ weight[:3]
+
+    def gravity(self, t_ns: int) -> Array | None:
+        """Return the apparent gravity that is known of the finger, in the gripper frame, shape (3,), m/s²."""
+        gravity = self.force.gravity.gravity(t_ns)
+        return None if gravity is None else self.place.rotation @ gravity
+
+
+def make_held_object(
+    grasp: Grasp | None, view: GraspView | None, fingers: dict[str, Finger], arm: ArmMotion | None
+) -> HeldObject | None:
+    """Return what follows the object; None where the rig cannot weigh it, which `GraspView.object` then says."""
+    if grasp is None or view is None:
+        return None
+    sides = []
+    for name, place in grasp.pads.items():
+        if (force := fingers[name].force) is None:
+            view.object = unknown_object(NO_SENSOR)
+            return None
+        sides.append(Side(fingers[name], force, Place(place)))
+    return HeldObject(view, sides, arm)

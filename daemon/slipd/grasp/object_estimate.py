@@ -1,0 +1,180 @@
+"""Estimate mass and centre of mass of an object from the load on both pads and what the gripper feels.
+
+Both pads together carry F = m γ + A m c and, about the origin of the gripper frame, M = m c × γ: γ is gravity minus the
+acceleration of the origin, c the centre of mass, and A = −[α]× − [ω]×[ω]× the turn of the gripper. This is linear in m
+and m c, so a Kalman filter without motion of its state is recursive least squares. The moment J α + ω × J ω of the
+inertia J is not estimated: readings of a fast turn count less instead, and those after it give c.
+
+Zero, scale and mounting of the sensors are off by amounts that stay while the grip does. They are part of the state, so
+that the stated uncertainty contains them, and a turn, which changes the load but not them, separates both.
+
+Source: Atkeson, An and Hollerbach, "Estimation of Inertial Parameters of Manipulator Loads and Links", Int. J. Robotics
+    Research 5(3), 1986.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slipd.grasp.object_state import ObjectState, Vector, unknown_object
+from slipd.types.arrays import Array
+
+SCALE_STD = 0.01
+"""Error of scale and axes of a force sensor, as a part of its load."""
+MODEL_STD = 0.02
+"""What the model of a rigid object leaves out, as a part of the load: soft pads let it swing."""
+CORRELATED = 10.0
+"""Such errors last for about so many readings."""
+LEVER_M = 0.05
+"""Lever with which an error of the force becomes one of the torque, and the largest radius of gyration, m."""
+FREE_MASS_KG, FREE_COM_M = 10.0, 0.3
+"""Standard deviations before the first reading."""
+REJECTED = 36.0
+"""A reading further from the prediction, as a squared Mahalanobis distance of six components, is not explained: chance
+gives one in 300,000."""
+MOST_REJECTED = 5
+"""So many in a row, 0.1 s, mean another load: learning begins anew."""
+MOVED_MPS2 = 0.7
+"""Change of the apparent gravity that shows the object free: a turn by 4°, or that acceleration. Until then a table may
+carry a part of it."""
+SIGNIFICANT = 4.0
+"""A lighter object than so many standard deviations is not known."""
+KNOWN_COM_M = 0.02
+"""A component of the centre of mass with a larger standard deviation is unknown."""
+AXES = "xyz"
+
+WAITING = "the load is weighed"
+NOT_MOVED = "the gripper has not moved since the load changed: the object may rest on something"
+UNEXPLAINED = "the load does not follow the motion: the object touches something, or moves in the grip"
+LIGHT = "the load is too small to weigh"
+NO_WIDTH = "the centre of mass is unknown: the width between the pads is"
+
+
+class Felt(NamedTuple):
+    """What the gripper feels at a time, in its frame.
+
+    Attributes:
+        gravity_mps2: γ at the origin, shape (3,).
+        velocity_radps: ω, shape (3,).
+        acceleration_radps2: α, shape (3,).
+        std_mps2: Standard deviation of γ for its error of timing.
+    """
+
+    gravity_mps2: Array
+    velocity_radps: Array
+    acceleration_radps2: Array
+    std_mps2: float
+
+
+class ObjectEstimate:
+    """Learns mass and centre of mass in one grasp.
+
+    Attributes:
+        state: What is known.
+        residual: Force and torque that the object does not explain at the last reading, shape (6,), N and N·m; NaN
+            where nothing is known.
+    """
+
+    def __init__(self) -> None:
+        self.forget(WAITING)
+
+    def forget(self, why: str) -> None:
+        """Begin anew; ``why``: reason for people."""
+        free = FREE_MASS_KG * FREE_COM_M
+        self._mean = np.zeros(10)
+        self._covariance = np.diag([FREE_MASS_KG**2, free**2, free**2, free**2, *[0.0] * 6])
+        self._begun, self._rejected = False, 0
+        self._least, self._most = np.full(3, math.inf), np.full(3, -math.inf)
+        self.state = unknown_object(why)
+        self.residual = np.full(6, math.nan)
+
+    def update(self, load: Array, felt: Felt, noise: Array, rise: float, lever_m: float) -> None:
+        """Learn from one reading.
+
+        Args:
+            load: Force on both pads and torque about the origin, shape (6,), N and N·m; NaN where the torque is not
+                known.
+            felt: What the gripper feels at its time.
+            noise: Covariance of the noise of ``load``, shape (6, 6); that of the zero before `SCALE_STD`.
+            rise: By how much the errors of scale raise the errors of the zero: 1 + `SCALE_STD` · grip / noise.
+            lever_m: Distance of the pads from the origin, m.
+        """
+        if not self._begun:
+            self._covariance[4:, 4:] = noise
+            self._begun = True
+        known = np.isfinite(load)
+        rows = self._rows(felt, rise)[known]
+        expected = noise + np.diag(self._model_variance(load, felt))
+        error = load[known] - rows @ self._mean
+        spread = rows @ self._covariance @ rows.T + expected[np.ix_(known, known)]
+        self.residual = np.full(6, math.nan)
+        self.residual[known] = error
+        gain = np.linalg.solve(spread, rows @ self._covariance).T
+        if error @ np.linalg.solve(spread, error) > REJECTED:
+            self._rejected += 1
+            if self._rejected >= MOST_REJECTED:
+                self.forget(UNEXPLAINED)
+            return
+        self._rejected = 0
+        self._mean = self._mean + gain @ error
+        kept = np.eye(10) - gain @ rows
+        self._covariance = kept @ self._covariance @ kept.T + gain @ expected[np.ix_(known, known)] @ gain.T
+        self._least = np.minimum(self._least, felt.gravity_mps2)
+        self._most = np.maximum(self._most, felt.gravity_mps2)
+        self.state = self._summary(placed=bool(known[3]), lever_m=lever_m)
+
+    def predict(self, felt: Felt) -> Array:
+        """Return force and torque of the object on both pads, shape (6,), N and N·m."""
+        return self._rows(felt, 0.0) @ self._mean
+
+    def _rows(self, felt: Felt, rise: float) -> Array:
+        """Return how the load depends on m, m c and the errors of zero and scale, shape (6, 10)."""
+        rows = np.zeros((6, 10))
+        turn = _cross_matrix(felt.velocity_radps)
+        rows[:3, 0] = felt.gravity_mps2
+        rows[:3, 1:4] = -_cross_matrix(felt.acceleration_radps2) - turn @ turn
+        rows[3:, 1:4] = -_cross_matrix(felt.gravity_mps2)
+        rows[:, 4:] = rise * np.eye(6)
+        return rows
+
+    def _model_variance(self, load: Array, felt: Felt) -> Array:
+        """Return the variance of what the model leaves out: soft pads, timing, inertia; shape (6,)."""
+        mass_kg = float(np.linalg.norm(load[:3])) / max(float(np.linalg.norm(felt.gravity_mps2)), 1.0)
+        force = (MODEL_STD * float(np.linalg.norm(load[:3]))) ** 2 + (mass_kg * felt.std_mps2) ** 2
+        fast = float(np.linalg.norm(felt.acceleration_radps2) + felt.velocity_radps @ felt.velocity_radps)
+        torque = LEVER_M**2 * force + (mass_kg * LEVER_M**2 * fast) ** 2
+        return CORRELATED * np.repeat((force, torque), 3)
+
+    def _summary(self, *, placed: bool, lever_m: float) -> ObjectState:
+        """Return what is known, with the errors of scale that no turn can show."""
+        if float(np.linalg.norm(self._most - self._least)) < MOVED_MPS2:
+            return unknown_object(NOT_MOVED)
+        mass, own = float(self._mean[0]), self._covariance
+        mass_std = math.hypot(math.sqrt(own[0, 0]), SCALE_STD * mass)
+        if mass < SIGNIFICANT * mass_std:
+            return unknown_object(LIGHT)
+        if not placed:
+            return ObjectState(mass, mass_std, None, None, NO_WIDTH)
+        com = self._mean[1:4] / mass
+        slope = np.column_stack((-com, np.eye(3))) / mass
+        spread = slope @ own[:4, :4] @ slope.T
+        scale = SCALE_STD**2 * (com @ com + lever_m**2)
+        std = np.sqrt(np.diag(spread) + scale)
+        if std.max() > KNOWN_COM_M:
+            axis = AXES[int(np.argmax(std))]
+            why = f"the centre of mass is unknown along {axis} of the gripper: turn the gripper"
+            return ObjectState(mass, mass_std, None, None, why)
+        return ObjectState(mass, mass_std, _vector(com), _vector(std), "")
+
+
+def _cross_matrix(v: Array) -> Array:
+    x, y, z = v.tolist()
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,100 @@
+"""Mass and centre of mass from the load on both pads: what is known of them, and how well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slipd.grasp import object_estimate
+from slipd.grasp.object_estimate import Felt, ObjectEstimate
+
+NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)
+STILL = np.zeros(3)
+COM_M = np.array((0.02, -0.01, 0.03))
+DOWN = np.array((0.0, 0.0, 9.81))
+
+
+def load_of(gravity: np.ndarray, mass_kg: float = 0.5) -> np.ndarray:
+    return mass_kg * np.concatenate((gravity, np.cross(COM_M, gravity)))
+
+
+def learn(estimate: ObjectEstimate, load: np.ndarray, gravity: np.ndarray, times: int = 1) -> None:
+    for _ in range(times):
+        estimate.update(load, Felt(gravity, STILL, STILL, 0.0), NOISE, 2.0, 0.04)
+
+
+def lifted() -> ObjectEstimate:
+    """Return the estimate of an object that was lifted and hangs still."""
+    estimate = ObjectEstimate()
+    for up in (0.0, 1.0, 0.0, -1.0, 0.0):
+        learn(estimate, load_of(DOWN * (1.0 + up / 9.81)), DOWN * (1.0 + up / 9.81), 5)
+    return estimate
+
+
+def test_truth_is_within_two_deviations_after_a_lift_and_a_turn() -> None:
+    """The errors of each grasp stay: those of the zero, and of the scale of each component."""
+    inside, errors_m, n = 0, [], 40
+    for rng in np.random.default_rng(31).spawn(n):
+        mass_kg, estimate = rng.uniform(0.2, 2.0), ObjectEstimate()
+        zero, scale = rng.normal(0.0, 1.0, 6) * np.sqrt(np.diag(NOISE)), rng.normal(1.0, 0.004, 6)
+        axis = rng.normal(size=3)
+        for part in np.linspace(0.0, 1.0, 30):
+            gravity = Rotation.from_rotvec(axis / np.linalg.norm(axis) * 2.0 * part).apply(DOWN)
+            noise = rng.normal(0.0, 1.0, 6) * np.sqrt(np.diag(NOISE))
+            learn(estimate, scale * load_of(gravity, mass_kg) + zero + noise, gravity)
+        found = estimate.state
+        assert found.unknown == ""
+        off = (np.array(found.com_m) - COM_M) / found.com_std_m
+        inside += abs(found.mass_kg - mass_kg) < 2.0 * found.mass_std_kg and np.all(abs(off) < 2.0)
+        errors_m.append(np.linalg.norm(np.array(found.com_m) - COM_M))
+    assert inside >= 0.9 * n
+    assert np.percentile(errors_m, 95) < 0.005
+
+
+def test_turn_of_the_gripper_adds_the_pull_and_the_tangential_part_at_the_centre_of_mass() -> None:
+    omega, alpha, estimate = np.array((0.0, 3.0, 1.0)), np.array((2.0, 0.0, -4.0)), lifted()
+    felt = DOWN - np.cross(alpha, COM_M) - np.cross(omega, np.cross(omega, COM_M))
+    load = 0.5 * np.concatenate((felt, np.cross(COM_M, DOWN)))
+    turn = Rotation.from_rotvec((1.2, 0.0, 0.0)).apply(DOWN)
+    learn(estimate, load_of(turn), turn, 20)
+    assert estimate.predict(Felt(DOWN, omega, alpha, 0.0)) == pytest.approx(load, abs=0.03)
+
+
+def test_object_that_has_not_moved_may_rest_on_something() -> None:
+    estimate = ObjectEstimate()
+    learn(estimate, load_of(DOWN, 0.3), DOWN, 20)
+    assert estimate.state.unknown == object_estimate.NOT_MOVED
+    assert estimate.state.mass_kg is None
+
+
+def test_centre_of_mass_along_gravity_is_unknown_until_the_gripper_turns() -> None:
+    estimate = lifted()
+    found = estimate.state
+    assert found.mass_kg == pytest.approx(0.5, abs=2.0 * found.mass_std_kg)
+    assert (found.com_m, "along z of the gripper" in found.unknown) == (None, True)
+
+
+def test_set_down_begins_anew() -> None:
+    estimate = lifted()
+    learn(estimate, load_of(DOWN, 0.1), DOWN, object_estimate.MOST_REJECTED - 1)
+    assert estimate.state.mass_kg == pytest.approx(0.5, rel=0.1), "a short touch is only left out"
+    learn(estimate, load_of(DOWN, 0.1), DOWN)
+    assert estimate.state.unknown == object_estimate.UNEXPLAINED
+
+
+def test_load_within_the_noise_is_not_weighed() -> None:
+    estimate = ObjectEstimate()
+    for gravity in (DOWN, -DOWN):
+        learn(estimate, load_of(gravity, 0.001), gravity, 5)
+    assert estimate.state.unknown == object_estimate.LIGHT
+
+
+def test_without_a_torque_only_the_mass_is_known() -> None:
+    estimate = ObjectEstimate()
+    for gravity in (DOWN, -DOWN):
+        learn(estimate, np.append(load_of(gravity)[:3], (np.nan,) * 3), gravity, 5)
+    found = estimate.state
+    assert (found.mass_kg, found.com_m) == (pytest.approx(0.5, rel=0.05), None)
+    assert found.unknown == object_estimate.NO_WIDTH
+    assert np.isnan(estimate.residual[3:]).all()
