@@ -57,25 +57,78 @@ def test_slip_has_the_declared_fields_whatever_is_known(finger: Finger, wrench: 
     assert set(slip_body(finger, finger.state)) == declared
 
 
-def test_slip_of_a_contact_has_no_nil(finger: Finger, wrench: Wrench, image: Image) -> None:
-    finger.update_image(image(T0 - MS, FULL))
-    read_force(finger, wrench(T0, 10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)))
+ONE = np.where(np.arange(16) == 5, 100, 0).reshape(4, 4)
+Case = tuple[np.ndarray, tuple[Any, ...] | None, dict[str, Any], set[str], dict[str, Any]]
+"""Counts of the image, contact and status of the reading, keys that are nil, and some values."""
+SLIPS: dict[str, Case] = {
+    "a contact has no nil": (
+        FULL,
+        (10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)),
+        {},
+        LEARNED,
+        {
+            "level": "caution", "level_code": 2, "model": "exact", "mu": 0.5, "mu_source": "config", "age_s": 0.0,
+            "normal_n": pytest.approx(10.0), "tangential_n": pytest.approx([3.0, 0.0]),
+            "spin_nm": pytest.approx(0.012), "centroid_m": pytest.approx([0.001, -0.0005]),
+            "friction_ratio": pytest.approx(0.3), "tipping_margin_m": pytest.approx(0.005),
+            "tipping_margin_std_m": 0.002,
+        },
+    ),
+    "without contact the quantities of a contact are nil": (
+        FULL,
+        (0.2, (0.1, 0.0)),
+        {},
+        ONLY_IN_CONTACT,
+        {"normal_n": pytest.approx(0.2), "level": "no_contact", "reasons": [], "model": "none"},
+    ),
+    "before the first reading everything is nil": (
+        FULL,
+        None,
+        {},
+        ONLY_IN_CONTACT | {"normal_n", "age_s"},
+        {"level": "unknown"},
+    ),
+    "of an overloaded sensor everything is nil": (
+        FULL,
+        (10.0, (1.0, 0.0)),
+        {"status": ("overload",)},
+        ONLY_IN_CONTACT | {"normal_n"},
+        {"level": "unknown", "age_s": 0.0},
+    ),
+    "of a reading that is not finite everything is nil": (
+        FULL,
+        (math.nan,),
+        {},
+        ONLY_IN_CONTACT | {"normal_n"},
+        {"level": "unknown", "age_s": 0.0},
+    ),
+    "utilisation and grip needed are nil where no grip holds": (
+        ONE,
+        (10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)),
+        {},
+        LEARNED | {"utilisation", "utilisation_lower", "utilisation_upper", "grip_needed_n", "required_friction"},
+        {"reasons": ["unsupportable", "rotation"]},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SLIPS)
+def test_slip(finger: Finger, wrench: Wrench, image: Image, name: str) -> None:
+    counts, contact, status, unknown, expected = SLIPS[name]
+    finger.update_image(image(T0 - MS, counts))
+    if contact is not None:
+        read_force(finger, wrench(T0, *contact, **status))
     body = slip_body(finger, finger.state)
-    assert nil(body) == LEARNED
-    assert (body["level"], body["level_code"], body["model"]) == ("caution", 2, "exact")
-    assert body["normal_n"] == pytest.approx(10.0)
-    assert body["tangential_n"] == pytest.approx([3.0, 0.0])
-    assert body["spin_nm"] == pytest.approx(0.012)
-    assert body["centroid_m"] == pytest.approx([0.001, -0.0005])
-    assert body["friction_ratio"] == pytest.approx(0.3)
-    assert (body["mu"], body["mu_source"]) == (0.5, "config")
-    assert body["utilisation_lower"] <= body["utilisation"] <= body["utilisation_upper"]
-    assert 0.6 < body["utilisation"] < 0.85
-    assert body["torque_limit_nm"] > 0.012
-    assert body["grip_needed_n"] == pytest.approx(1.3 * 10.0 * body["utilisation"], rel=1e-6), "rigid, safety 1.3"
-    assert body["tipping_margin_m"] == pytest.approx(0.005)
-    assert body["tipping_margin_std_m"] == 0.002
-    assert body["age_s"] == 0.0
+    assert nil(body) == unknown
+    assert {key: body[key] for key in expected} == expected
+    if not unknown - LEARNED:
+        assert body["utilisation_lower"] <= body["utilisation"] <= body["utilisation_upper"]
+        assert body["torque_limit_nm"] > 0.012
+        assert body["grip_needed_n"] == pytest.approx(1.3 * 10.0 * body["utilisation"], rel=1e-6), "rigid, safety 1.3"
+    finger.disconnect(T0 + 50 * MS)
+    body = slip_body(finger, finger.state)
+    assert nil(body) - {"age_s"} == ONLY_IN_CONTACT | {"normal_n"}
+    assert body["age_s"] == (None if contact is None else pytest.approx(0.05))
 
 
 def test_the_grip_needed_allows_for_the_noise_of_the_reading(
@@ -102,43 +155,6 @@ def test_the_torque_limit_is_in_the_sense_of_the_spin(finger: Finger, wrench: Wr
     assert limits[0] != pytest.approx(limits[1], rel=1e-3)
 
 
-def test_without_contact_the_quantities_of_a_contact_are_nil(finger: Finger, wrench: Wrench, image: Image) -> None:
-    finger.update_image(image(T0, FULL))
-    read_force(finger, wrench(T0, 0.2, (0.1, 0.0)))
-    body = slip_body(finger, finger.state)
-    assert nil(body) == ONLY_IN_CONTACT
-    assert body["normal_n"] == pytest.approx(0.2)
-    assert (body["level"], body["reasons"], body["model"]) == ("no_contact", [], "none")
-
-
-@pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "first"])
-def test_unknown_quantities_are_nil(finger: Finger, wrench: Wrench, image: Image, what: str) -> None:
-    finger.update_image(image(T0, FULL))
-    if what == "stale":
-        read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
-        finger.disconnect(T0 + 50 * MS)
-    elif what == "overload":
-        read_force(finger, wrench(T0, 10.0, (1.0, 0.0), status=("overload",)))
-    elif what == "not_finite":
-        read_force(finger, wrench(T0, math.nan))
-    body = slip_body(finger, finger.state)
-    assert body["level"] == "unknown"
-    assert nil(body) - {"age_s"} == ONLY_IN_CONTACT | {"normal_n"}
-    assert (body["age_s"] is None) == (what == "first")
-    if what == "stale":
-        assert body["age_s"] == pytest.approx(0.05)
-
-
-def test_utilisation_and_grip_needed_are_nil_where_no_grip_holds(finger: Finger, wrench: Wrench, image: Image) -> None:
-    one = np.zeros((4, 4))
-    one[1, 1] = 100
-    finger.update_image(image(T0, one))
-    read_force(finger, wrench(T0, 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)))
-    body = slip_body(finger, finger.state)
-    assert body["reasons"][0] == "unsupportable"
-    assert (body["utilisation"], body["utilisation_upper"], body["grip_needed_n"]) == (None, None, None)
-
-
 def test_the_source_of_mu_is_none_without_mu(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
     finger = known_finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
     read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
@@ -147,7 +163,9 @@ def test_the_source_of_mu_is_none_without_mu(left: str, parse: Callable[[str], C
     assert body["friction_ratio"] == pytest.approx(0.1)
 
 
-def test_wrench_is_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> None:
+def test_wrench_is_in_the_frame_of_the_pad_and_nil_where_a_component_is_not_finite(
+    finger: Finger, wrench: Wrench
+) -> None:
     read_force(finger, wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
     assert wrench_body(finger, finger.state.force_reading) == {
         "finger": "left",
@@ -160,59 +178,48 @@ def test_wrench_is_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> No
         "tare_id": 0,
         "age_s": pytest.approx(0.002),
     }
+    for pull_n, torque, force in ((math.nan, np.zeros(3), None), (2.0, None, [1.0, 2.0, -10.0])):
+        read_force(finger, WrenchSample(T0, None, np.array((1.0, pull_n, -10.0)), torque))
+        body = wrench_body(finger, finger.state.force_reading)
+        assert (body["force_n"], body["tangential_n"]) == (force, force and force[:2])
+        assert (body["torque_nm"] is None) == (torque is None or force is None)
 
 
-def test_a_vector_with_a_component_that_is_not_finite_is_nil(finger: Finger) -> None:
-    read_force(finger, WrenchSample(T0, None, np.array((1.0, math.nan, -10.0)), np.zeros(3)))
-    body = wrench_body(finger, finger.state.force_reading)
-    assert (body["force_n"], body["tangential_n"]) == (None, None)
-    read_force(finger, WrenchSample(T0, None, np.array((1.0, 2.0, -10.0)), None))
-    body = wrench_body(finger, finger.state.force_reading)
-    assert body["force_n"] == [1.0, 2.0, -10.0]
-    assert body["torque_nm"] is None
+LINE, CORNER, EMPTY = np.zeros((4, 4)), np.zeros((4, 4)), np.zeros((4, 4))
+LINE[2, :] = 100
+CORNER[:2, :2] = (100, 200), (100, 4)
+GRID = {"rows": 4, "cols": 4, "pitch_m": 0.004, "rows_along": "+y", "cols_along": "+x"}
 
 
-def test_tactile_has_the_load_of_every_taxel_and_the_shape_of_the_contact(finger: Finger, image: Image) -> None:
-    counts = np.zeros((4, 4))
-    counts[0, 0], counts[0, 1], counts[1, 0], counts[1, 1] = 100, 200, 100, 4
+@pytest.mark.parametrize(
+    ("counts", "unknown", "expected"),
+    [
+        (
+            CORNER,
+            set(),
+            {
+                "image_ok": True, "loads_n": pytest.approx([1.0, 2.0, 0.0, 0.0, 1.0] + [0.0] * 11), "active": 3,
+                "holes": 0, "area_m2": pytest.approx(3 * 0.004**2), "centroid_m": pytest.approx([-0.004, -0.005]),
+            },
+        ),
+        (
+            np.full((4, 4), np.nan),
+            {"loads_n", "active", "area_m2", "centroid_m", "axis_rad", "elongation", "holes", "corners_m"},
+            {"image_ok": False},
+        ),
+        (EMPTY, {"centroid_m", "axis_rad", "elongation"}, {"image_ok": True, "active": 0, "area_m2": 0.0}),
+        (EMPTY, {"centroid_m", "axis_rad", "elongation"}, {"corners_m": []}),
+        (LINE, {"elongation"}, {"axis_rad": pytest.approx(0.0)}),
+    ],
+)
+def test_tactile_has_the_load_of_every_taxel_and_the_shape_of_the_contact(
+    finger: Finger, image: Image, counts: np.ndarray, unknown: set[str], expected: dict[str, Any]
+) -> None:
     finger.update_image(image(T0, counts))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
-    assert body["image_ok"] is True
-    assert body["loads_n"] == pytest.approx([1.0, 2.0, 0.0, 0.0, 1.0] + [0.0] * 11)
-    assert (body["active"], body["holes"]) == (3, 0)
-    assert body["area_m2"] == pytest.approx(3 * 0.004**2)
-    assert body["centroid_m"] == pytest.approx([-0.004, -0.005])
-    assert (body["rows"], body["cols"], body["pitch_m"]) == (4, 4, 0.004)
-    assert (body["rows_along"], body["cols_along"]) == ("+y", "+x")
-
-
-def test_loads_and_shape_of_an_unusable_image_are_nil(finger: Finger, image: Image) -> None:
-    finger.update_image(image(T0, np.full((4, 4), np.nan)))
-    assert finger.image is not None
-    body = tactile_body(finger, finger.image)
-    assert body["image_ok"] is False
-    assert nil(body) == {
-        *("loads_n", "active", "area_m2", "centroid_m", "axis_rad", "elongation", "holes", "corners_m"),
-    }
-
-
-def test_the_centroid_of_an_empty_image_is_nil(finger: Finger, image: Image) -> None:
-    finger.update_image(image(T0, np.zeros((4, 4))))
-    assert finger.image is not None
-    body = tactile_body(finger, finger.image)
-    assert (body["image_ok"], body["active"], body["area_m2"], body["corners_m"]) == (True, 0, 0.0, [])
-    assert nil(body) == {"centroid_m", "axis_rad", "elongation"}
-
-
-def test_the_elongation_of_a_line_of_taxels_is_nil(finger: Finger, image: Image) -> None:
-    counts = np.zeros((4, 4))
-    counts[2, :] = 100
-    finger.update_image(image(T0, counts))
-    assert finger.image is not None
-    body = tactile_body(finger, finger.image)
-    assert body["elongation"] is None
-    assert body["axis_rad"] == pytest.approx(0.0)
+    assert nil(body) == unknown
+    assert {key: body[key] for key in expected | GRID} == expected | GRID
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, np.float64(math.nan)])
