@@ -120,9 +120,12 @@ def _run(arguments: argparse.Namespace) -> None:
 
 
 def _demo(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.demo import run_demo
+    from slipd.tools.demo import Scene, run_demo
 
-    return run_demo(arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record)
+    scene = Scene(arguments.scene == "carry", not arguments.without_advice)
+    return run_demo(
+        arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record, scene=scene
+    )
 
 
 def _identify(arguments: argparse.Namespace) -> None:

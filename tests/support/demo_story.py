@@ -96,6 +96,8 @@ class Story:
             data, self.unread[line] = self.unread[line] + said[line], b""
             if data:
                 self.feed(Bytes(line.replace("-", "."), data))
+        if reading := self.rig.arm_reading(self.now_ns):
+            self.feed(Bytes("arm", reading))
         if self.now_ns % (4 * TICK_NS) == 0:
             self.feed(Tick())
 

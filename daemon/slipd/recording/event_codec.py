@@ -120,7 +120,8 @@ def _crc(body: bytes) -> bytes:
 def _checked_request(body: dict[str, Any]) -> dict[str, Any]:
     """Check a recorded request as strictly as one from a socket."""
     try:
-        return messages.decode(msgpack.packb(body))
+        data = msgpack.packb(body)
+        return messages.decode(data, messages.request_limits(data))
     except (TypeError, ValueError) as error:
         raise RecordingError(f"a recorded request is not valid: {error}") from error
 

@@ -64,6 +64,14 @@ def _add_service_commands(commands: Any) -> None:
         metavar="N",
         help="end after N seconds (default: when you press q; without a terminal, at the end of the scene)",
     )
+    demo.add_argument(
+        "--scene",
+        choices=("pour", "carry"),
+        default="pour",
+        help="what happens: something is poured into a box, or an arm carries a glass that may not be gripped harder, "
+        "as fast as slipd advises (default: pour)",
+    )
+    demo.add_argument("--without-advice", action="store_true", help="of carry: every move at full speed")
     demo.add_argument("--headless", action="store_true", help="print only the summary, without a live view")
     _add_seed(demo)
     _add_record(demo)

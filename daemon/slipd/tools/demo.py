@@ -22,11 +22,12 @@ import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.demo_summary import Tally, print_summary
+from slipd.tools.sim.carry_program import CarryProgram, carry_config
 from slipd.tools.sim.robot_program import RobotProgram
 from slipd_client.page.page_server import redirect_file
 from slipd_client.subscriber import Subscriber
@@ -41,7 +42,19 @@ END_S = 5.0
 LISTEN_S = 0.05
 
 
-def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> bool:
+class Scene(NamedTuple):
+    """What the demo plays.
+
+    Attributes:
+        carry: A robot arm carries a glass whose grip may not rise; otherwise something is poured into a box.
+        advised: The arm goes as fast as slipd advises; otherwise at full speed.
+    """
+
+    carry: bool = False
+    advised: bool = True
+
+
+def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None, scene: Scene) -> bool:
     """Run the demo to its end, or for ``seconds``, and print a summary.
 
     On a terminal, without ``seconds``, the daemon and its page stay afterwards, and a key plays the scene again.
@@ -52,7 +65,7 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
     stays = seconds is None and not headless
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
         _compile_kernels()
-        play = _Play(Path(name), seconds, page, headless=headless, seed=seed)
+        play = _Play(Path(name), seconds, page, scene, headless=headless, seed=seed)
         recording: tuple[str, ...] = () if record is None else ("--record", str(record))
         while play.run(recording, stays=stays):
             recording = ()  # it is complete
@@ -66,6 +79,7 @@ class _Play:
         folder: For ports and logs.
         seconds: When it ends, s; None: with the scene.
         page: Ends the page.
+        scene: What is played.
         headless: Print only the summary.
         seed: Seed of the noise.
 
@@ -73,8 +87,11 @@ class _Play:
         well: The daemon and the robot program ended in good order so far.
     """
 
-    def __init__(self, folder: Path, seconds: float | None, page: ExitStack, *, headless: bool, seed: int) -> None:
+    def __init__(
+        self, folder: Path, seconds: float | None, page: ExitStack, scene: Scene, *, headless: bool, seed: int
+    ) -> None:
         self.well = True
+        self._scene = scene
         self._folder, self._seconds, self._page, self._headless, self._seed = folder, seconds, page, headless, seed
         self._plays = 0
         self._url = ""
@@ -85,11 +102,11 @@ class _Play:
         ports = self._folder / str(self._plays)
         ports.mkdir()
         gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
-        seed = ("--seed", str(self._seed))
+        seed = ("--seed", str(self._seed), *(("--carry",) if self._scene.carry else ()))
         again = False
         with (
             _part("slipd.tools.sim.virtual_gripper", gripper_log, "--dir", str(ports), *seed) as gripper,
-            _part("slipd", daemon_log, "run", str(_rig_file(ports)), *recording) as daemon,
+            _part("slipd", daemon_log, "run", str(_rig_file(ports, carry=self._scene.carry)), *recording) as daemon,
         ):
             _first_lines(gripper, 1, gripper_log)
             publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
@@ -98,7 +115,7 @@ class _Play:
                 if not self._headless:
                     self._url = self._page.enter_context(_page(self._folder, publish, requests))
             truth = _collect(gripper)
-            program = RobotProgram(publish, requests)
+            program = self._program(publish, requests, gripper, truth)
             program.start()
             tally, whole = _watch(publish, program, daemon, self._seconds, headless=self._headless)
             program.end()
@@ -115,6 +132,22 @@ class _Play:
             log = daemon_log.read_text(encoding="utf-8")
             print(f"exit code of the daemon: {daemon.returncode}; its log:\n{log}", file=sys.stderr)
         return again
+
+    def _program(
+        self, publish: str, requests: str, gripper: subprocess.Popen[str], truth: list[dict[str, Any]]
+    ) -> RobotProgram:
+        if not self._scene.carry:
+            return RobotProgram(publish, requests)
+
+        def move(scale: float) -> None:
+            stdin = _pipe(gripper.stdin)
+            stdin.write(f"{scale}\n")
+            stdin.flush()
+
+        def arrived() -> int:
+            return sum(event["event"] == "arrived" for event in truth)
+
+        return CarryProgram(publish, requests, move, arrived, advised=self._scene.advised)
 
 
 def _has_person() -> bool:
@@ -145,11 +178,12 @@ def _compile_kernels() -> None:
         raise SlipdError("the kernels cannot be compiled")
 
 
-def _rig_file(ports: Path) -> Path:
-    """Write the shipped demo config with the ports of this run, and return its path."""
+def _rig_file(ports: Path, *, carry: bool) -> Path:
+    """Write the config of the scene with the ports of this run, and return its path."""
     text = config.shipped("demo.toml").read_text(encoding="utf-8")
+    text = carry_config(text) if carry else text
     rig = ports / "demo.toml"
-    rig.write_text(text.replace('"virtual/', f'"{ports}/'), encoding="utf-8")
+    rig.write_text(text.replace('"virtual/', f'"{ports}/').replace("//virtual/", f"//{ports}/"), encoding="utf-8")
     return rig
 
 

@@ -53,13 +53,14 @@ def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> 
     lines += [
         (c.t_ns, f"slipd    {c.finger}: {c.level} ({', '.join(c.reasons) or 'no reasons'})") for c in report.changes
     ]
+    lines += [(t_ns, f"program  moves {what}") for t_ns, what in report.moves]
     for r in report.raises:
         applied = f"granted {r.result['applied_n']:.1f} N" if r.result else f"refused: {r.refusal}"
         measured = f"; measured {_n(r.before_n)} → {_n(r.after_n)}"
         lines.append((r.requested_ns, f"program  requests {r.requested_n:.1f} N on each pad: {applied}{measured}"))
     for t_ns, line in sorted(lines):
         print(f"  {at(t_ns)}  {line}")
-    for line in _verdict_lines(report, truth):
+    for line in _carry_lines(truth) if report.moves else _verdict_lines(report, truth):
         print(line)
     lost = sum(stream["lost"] for stream in tally.streams.values())
     bad = sum(stream["bad"] for stream in tally.streams.values())
@@ -76,6 +77,14 @@ def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> 
     print(f"median latency: {latency:.2f} ms from the last byte of a reading to its message here")
     if report.error:
         print(f"the robot program ended early: {report.error}", file=sys.stderr)
+
+
+def _carry_lines(truth: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield whether the glass slid, and how long the moves took."""
+    slides = [event for event in truth if event["event"] in ("slide_ends", "dropped")]
+    moved_m = max((event["displacement_m"] for event in slides), default=0.0)
+    begun = any(event["event"] == "slide_begins" for event in truth)
+    yield f"glass: slid by {1000 * moved_m:.0f} mm" if begun else "glass: did not slip"
 
 
 def _verdict_lines(report: Report, truth: list[dict[str, Any]]) -> Iterator[str]:
@@ -101,7 +110,7 @@ def _shortfall(report: Report, truth: list[dict[str, Any]], missed: int, lost: i
     if "slide_begins" in events and report.slip_report is None:
         missing.append("the slip was not reported")
     if not missing:
-        if "hold" not in events:
+        if "hold" not in events and not report.moves:
             yield "ended before the box would turn: no warning is due yet"
         return
     load, processors = os.getloadavg()[0], os.cpu_count() or 1

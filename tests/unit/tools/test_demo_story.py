@@ -7,100 +7,25 @@ sockets are stepped by the test. `tests/system/test_demo.py` runs the same as pr
 from __future__ import annotations
 
 import re
-from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from demo_story import RENEW_TICKS, Story
 from short_stories import BOOT, PAD_HZ, PLAN, RATES, SCRIPT, SEED, SLOW, WALL_NS
+from stepped_demo import SteppedDemo
 
 from slipd import config
 from slipd.engine.engine import Engine
-from slipd.events import LinkUp, Request
+from slipd.events import Request
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.demo_summary import Tally, print_summary
-from slipd.tools.sim import robot_program
+from slipd.tools.demo_summary import print_summary
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.robot_program import RobotProgram
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, VirtualRig
+from slipd.tools.sim.virtual_gripper import VirtualRig
 from slipd_client.messages import encode
-from slipd_client.messages.codec import typed_message
-
-
-class SteppedDemo(Story):
-    """The story with a subscriber and a client whose waits let the simulated time pass."""
-
-    def start(self) -> None:
-        """Open the lines."""
-        self.inbox: deque[Any] = deque()
-        self.tally = Tally()
-        self.leased = False
-        for line in LINES:
-            self.rig.opened(line, 0)
-            self.feed(LinkUp(line.replace("-", "."), line))
-
-    def hear(self, topic: str, body: dict[str, Any]) -> None:
-        """Record a message, and keep it for the program."""
-        super().hear(topic, body)
-        assert self.file is not None
-        self.file.published(self.events, self.now_ns, topic, encode(body))
-        self.events += 1
-        message = typed_message(topic, body)
-        self.tally.add(message)
-        if topic.startswith(("slip", "warning")):
-            self.inbox.append(message)
-
-    def pass_time(self, seconds: float) -> bool:
-        """Let time pass; return that nothing ended it."""
-        end_ns = self.now_ns + round(seconds * 1e9)
-        while self.now_ns < end_ns:
-            self.tick()
-            if self.leased and self.now_ns % (RENEW_TICKS * TICK_NS) == 0:
-                self.ask("lease.renew")
-        return False
-
-    def receive(self, timeout_s: float) -> Any:
-        """Return the next message, as a subscriber does."""
-        end_ns = self.now_ns + round(timeout_s * 1e9)
-        while not self.inbox and self.now_ns < end_ns:
-            self.pass_time(TICK_NS * 1e-9)
-        return self.inbox.popleft() if self.inbox else None
-
-    @contextmanager
-    def lease(self, ttl_ms: int) -> Iterator[None]:
-        """Hold the lease."""
-        self.ask("lease.acquire", ttl_ms=ttl_ms)
-        self.leased = True
-        yield
-        self.leased = False
-        self.ask("lease.release")
-
-    def tare(self, finger: str, seconds: float) -> dict[str, Any]:
-        """Take a zero, and wait for it."""
-        taken = self.ask("tare", finger=finger, seconds=seconds)
-        self.pass_time(2.0 * seconds)
-        return taken
-
-    def __getattr__(self, op: str) -> Any:
-        """Return the method of the client that sends an operation, such as ``gripper_close``."""
-        if not op.startswith(("gripper_", "grip_", "hello", "status")):
-            raise AttributeError(op)
-        places = {"gripper_close": ("force_n",), "grip_set": ("force_n",)}.get(op, ())
-        return lambda *values, **fields: self.ask(
-            op.replace("_", "."), **dict(zip(places, values, strict=True)), **fields
-        )
-
-    @contextmanager
-    def endless(self, *_: object) -> Iterator[SteppedDemo]:
-        """Stand for the connection of a client or subscriber."""
-        yield self
 
 
 @pytest.fixture(scope="module")
@@ -114,15 +39,8 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[SteppedDemo, Robot
     engine = Engine(config.parse(text, path.name), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     demo = SteppedDemo(rig, engine, 0.0, PLAN, file)
-    demo.start()
     program = RobotProgram("", "", PLAN)
-    program._ending = SimpleNamespace(wait=demo.pass_time, is_set=lambda: False)  # type: ignore[assignment]
-    clock = SimpleNamespace(monotonic=lambda: demo.now_ns * 1e-9, monotonic_ns=lambda: demo.now_ns)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(robot_program, "time", clock)
-        patch.setattr(robot_program, "Subscriber", demo.endless)
-        patch.setattr(robot_program, "GripClient", demo.endless)
-        program.run()
+    demo.play(program)
     file.finish(demo.events)
     return demo, program, path
 
@@ -130,13 +48,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[SteppedDemo, Robot
 @pytest.fixture(scope="module")
 def truth(played: tuple[SteppedDemo, RobotProgram, Path]) -> list[dict[str, Any]]:
     """What the virtual gripper reports of the scene, as its process prints it."""
-    demo, _, _ = played
-    begin_ns = demo.rig.began_ns
-    assert begin_ns is not None
-    return [{"t_s": 0.0, "t_ns": begin_ns, "event": "begin"}] + [
-        {"t_s": each.t_s, "t_ns": begin_ns + round(each.t_s * 1e9), "event": each.event, **each.values}
-        for each in demo.rig.scene.truth
-    ]
+    return played[0].events_of_scene
 
 
 def at(truth: list[dict[str, Any]], event: str) -> int:
@@ -194,7 +106,7 @@ def test_the_summary_states_all_of_it(
         r"rotation: warned 0\.\d+ s before it would have begun",
         r"slip: reported \d+ ms after it began",
         r"^readings: [1-9]\d{3} \(0 bad, 0 lost\)",
-        r"^messages: \d+ \(\d+ grasp, \d+ gripper, \d+ slip",
+        r"^messages: \d+ \(\d+ grasp, \d+ gripper, \d+ motion, \d+ slip",
         r"^warnings: [1-9]\d* \(unknown: \d+; changes of level: \d+\)",
         r"^gaps: 0$",
     ):

@@ -1,7 +1,4 @@
-"""The device side of a real line: a pseudo-terminal, a socket or a server.
-
-No method waits: bytes that nobody reads are lost, as on a real line.
-"""
+"""The device side of a real line: a pseudo-terminal, a socket or a server. Bytes that nobody reads are lost."""
 
 from __future__ import annotations
 
@@ -62,7 +59,7 @@ async def open_line(address: str) -> AsyncIterator[Line]:
         elif scheme == "tcp":
             yield stack.enter_context(_closing(_TcpLine(*_host_and_port(address))))
         elif scheme == "ipc":
-            yield stack.enter_context(_closing(_PushLine(address)))
+            yield stack.enter_context(_closing(PushLine(address)))
         elif scheme == "unix":
             yield stack.enter_context(_closing(_DriverLine(address.removeprefix("unix://"))))
         elif not scheme:
@@ -199,7 +196,7 @@ class _TcpLine:
             self._client = None
 
 
-class _PushLine:
+class PushLine:
     """Push to a daemon once it serves."""
 
     def __init__(self, endpoint: str) -> None:
@@ -212,15 +209,18 @@ class _PushLine:
         self._begun = False
 
     def listen(self) -> tuple[bool, list[bytes]]:
+        """Return whether nothing was asked before: nothing is ever received."""
         begun, self._begun = self._begun, True
         return not begun, []
 
     def send(self, pieces: Sequence[bytes]) -> None:
+        """Send messages without waiting."""
         with contextlib.suppress(zmq.Again):
             for piece in pieces:
                 self._socket.send(piece, zmq.NOBLOCK)
 
     def close(self) -> None:
+        """Close the connection."""
         self._context.destroy(linger=0)
 
 

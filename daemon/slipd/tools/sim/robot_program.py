@@ -1,7 +1,4 @@
-"""The robot program of the demo: grip the box, react to warnings, and keep a report.
-
-It is written like a user program: one thread with a subscriber and a grip client of ``slipd_client``.
-"""
+"""The robot program of the demo grips the box, reacts to warnings, and keeps a report; written like a user's."""
 
 from __future__ import annotations
 
@@ -81,6 +78,7 @@ class Report:
         changes: Every change of level since the gripper closed.
         raises: Every step that raised the grip force.
         refusals: Every other refusal, as text.
+        moves: When each move of the arm began, CLOCK_MONOTONIC, and what is to be said of it.
         error: What ended the program early; "" if nothing did.
     """
 
@@ -91,6 +89,7 @@ class Report:
     changes: list[Change] = field(default_factory=list)
     raises: list[Raise] = field(default_factory=list)
     refusals: list[str] = field(default_factory=list)
+    moves: list[tuple[int, str]] = field(default_factory=list)
     error: str = ""
 
     @property

@@ -120,7 +120,7 @@ class Scene:
     def __post_init__(self) -> None:
         self.width_m = self.open_width_m
         self._limit = FrictionLimit(self.patch, self.cell_m)
-        self._need_n(self.script.weight(self.script.pour_s, self.mass_kg))  # compiles the kernels before the scene runs
+        self._need_n((1.0, 0.0, 0.0))  # compiles the kernels before the scene runs
         self._grasp = self._grip()
         self._grasp.advance(LARGEST_STEP_S, (0.0, 0.0), 0.0, 0.0)
         self._wrench = FREE

@@ -23,6 +23,9 @@ from typing import Any
 
 import numpy as np
 
+from slipd.devices.external import encode_reading
+from slipd.tools.sim.carry import GLASS_KG, GLASS_KGM2, Arm, CarryScript
+from slipd.tools.sim.device_line import PushLine
 from slipd.tools.sim.emulated_bota import BotaMount, BotaSensor
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulated_robotiq_2f import Gripper2F
@@ -38,6 +41,10 @@ RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018),
 
 IMAGE_NS = 2_500_000
 """How often the pads feel the load, ns: the grip force hardly changes within."""
+
+
+ARM_NS, ARM_STD_MPS2 = 4_000_000, 0.03
+"""Period of the arm's readings, and their noise."""
 
 
 class _Finger:
@@ -69,15 +76,24 @@ class VirtualRig:
         scene: The scene, at its start.
         seed: Seed of the noise.
         electronics: Electronics of both pads; None: the defaults.
+        arm: Carries the gripper; None: nothing reports its motion.
 
     Attributes:
         scene: The scene in its present state.
+        arm: The arm.
     """
 
-    def __init__(self, scene: Scene, seed: int = 0, electronics: PvdfElectronics | None = None) -> None:
-        self.scene = scene
+    def __init__(
+        self,
+        scene: Scene,
+        seed: int = 0,
+        electronics: PvdfElectronics | None = None,
+        arm: Arm | None = None,
+    ) -> None:
+        self.scene, self.arm = scene, arm
         electronics = electronics or PvdfElectronics()
-        left, right = np.random.default_rng(seed).spawn(2)
+        left, right, self._rng = np.random.default_rng(seed).spawn(3)
+        self._next_arm_ns = 0
         self._left = _Finger(scene, LEFT_MOUNT, electronics, left, right=False)
         self._right = _Finger(scene, RIGHT_MOUNT, electronics, right, right=True)
         self._gripper = Gripper2F(((0.0, scene.open_width_m), (1.0, 0.0)))  # as in the config of the demo
@@ -114,6 +130,15 @@ class VirtualRig:
         right_wrench, right_pad = self._right.advance(t_ns)
         return dict(zip(LINES, (left_wrench, left_pad, right_wrench, right_pad, b""), strict=True))
 
+    def arm_reading(self, t_ns: int, epoch_ns: int = 0) -> bytes:
+        """Return the arm's reading where one is due at ``t_ns``; ``epoch_ns`` is its start in CLOCK_MONOTONIC."""
+        if self.arm is None or t_ns < self._next_arm_ns:
+            return b""
+        self._next_arm_ns = t_ns + ARM_NS
+        fields = self.arm.reading(self.scene.t_s)
+        fields["gravity_mps2"] = (self._rng.normal(0.0, ARM_STD_MPS2, 3) + fields["gravity_mps2"]).tolist()
+        return encode_reading("arm", epoch_ns + t_ns, **fields)
+
     def news(self) -> list[Truth]:
         """Return every event of the scene since the last call."""
         news = self.scene.truth[self._returned :]
@@ -140,12 +165,18 @@ class VirtualGripper:
         rig: The scene and its devices.
         ports: Pseudo-terminal of each line.
         report: Called with each event: a map with ``t_s`` (scene), ``t_ns`` (CLOCK_MONOTONIC) and ``event``.
+        arm_line: Takes the readings of the arm; None: nobody does.
     """
 
     def __init__(
-        self, rig: VirtualRig, ports: dict[str, PseudoTerminal], report: Callable[[dict[str, Any]], None]
+        self,
+        rig: VirtualRig,
+        ports: dict[str, PseudoTerminal],
+        report: Callable[[dict[str, Any]], None],
+        arm_line: PushLine | None = None,
     ) -> None:
-        self._rig, self._ports, self._report = rig, ports, report
+        self._rig, self._ports, self._report, self._arm_line = rig, ports, report, arm_line
+        self._commands = b""
         self._poll = select.poll()
         self._poll.register(STDIN, select.POLLIN)
         self._by_fd = {port.fd: (line, port) for line, port in ports.items()}
@@ -172,6 +203,9 @@ class VirtualGripper:
                 ticks += 1
                 for line, data in self._rig.advance(ticks * TICK_NS).items():
                     output[line] += data
+                reading = self._rig.arm_reading(ticks * TICK_NS, start_ns)
+                if reading and self._arm_line is not None:
+                    self._arm_line.send([reading])
                 self._report_news(start_ns)
             for line, data in output.items():
                 self._ports[line].write(data)
@@ -180,8 +214,8 @@ class VirtualGripper:
         """Read every line; return the answers."""
         output = dict.fromkeys(LINES, b"")
         received = dict(self._poll.poll(0))
-        if STDIN in received and not os.read(STDIN, 4096):
-            self._stopped = True
+        if STDIN in received:
+            self._carry_out(os.read(STDIN, 4096))
         for fd, (line, port) in self._by_fd.items():
             events = received.get(fd, 0)
             if port.update(events):
@@ -189,6 +223,14 @@ class VirtualGripper:
             if events & select.POLLIN and (data := port.read()):
                 output[line] = self._rig.receive(line, data, t_ns)
         return output
+
+    def _carry_out(self, data: bytes) -> None:
+        """Let the arm move at the scale in each line of standard input; its end stops the process."""
+        self._stopped |= not data
+        *lines, self._commands = (self._commands + data).split(b"\n")
+        for line in lines:
+            if self._rig.arm is not None:
+                self._rig.arm.begin(self._rig.scene.t_s, float(line))
 
     def _report_news(self, start_ns: int) -> None:
         began_ns = self._rig.began_ns
@@ -202,6 +244,13 @@ class VirtualGripper:
             self._report({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
 
 
+def carried_rig(seed: int = 0, electronics: PvdfElectronics | None = None, **scene: Any) -> VirtualRig:
+    """Return a rig whose arm carries a glass; ``scene`` are arguments of `Scene` other than its script."""
+    arm = Arm()
+    glass = {"mass_kg": GLASS_KG, "inertia_kgm2": GLASS_KGM2} | scene
+    return VirtualRig(Scene(CarryScript(arm=arm), **glass), seed, electronics, arm)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the virtual gripper until SIGTERM, SIGINT, or the end of standard input."""
     parser = argparse.ArgumentParser(prog="python -m slipd.tools.sim.virtual_gripper", description=main.__doc__)
@@ -210,6 +259,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default 0)")
     parser.add_argument("--seconds", type=float, help="end after this time, s (default: never)")
+    parser.add_argument("--carry", action="store_true", help="the arm carries a glass; each line of input is a move")
     options = parser.parse_args(argv)
     options.dir.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
@@ -217,8 +267,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         for line in LINES:
             ports[line] = PseudoTerminal(options.dir / line)
             stack.callback(ports[line].close)
-        rig = VirtualRig(Scene(), options.seed)
-        gripper = VirtualGripper(rig, ports, _print)
+        rig = carried_rig(options.seed) if options.carry else VirtualRig(Scene(), options.seed)
+        arm_line = PushLine(f"ipc://{options.dir}/arm") if options.carry else None
+        if arm_line is not None:
+            stack.callback(arm_line.close)
+        gripper = VirtualGripper(rig, ports, _print, arm_line)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: gripper.stop())
         with suppress(PermissionError):

@@ -1,0 +1,172 @@
+"""A robot arm that carries a full glass along a path, at a speed that the program chooses for each move.
+
+Pure: time is an argument. The gripper points down: its Z axis, and X of both pads, point to the table. The path lies in
+the plane of the pads. Each move is a minimum-jerk one, from rest to rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from slipd.tools.sim.scene_parts import GRAVITY_MPS2, Load, Script
+from slipd_client.motion import point_of
+
+GRIPPER_QUAT_XYZW = (1.0, 0.0, 0.0, 0.0)
+"""Orientation of the gripper frame in the base, whose Z axis points up: half a turn about X."""
+
+HANDOVER_S = 0.3
+"""How long the weight takes to move between table and gripper, before the first move and after the last."""
+
+GLASS_KG, GLASS_KGM2 = 0.35, 1e-3
+"""The full glass, and its moment of inertia about the line through both pads."""
+
+POINTS = 41
+"""Points of a move that is checked."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """One move of the arm.
+
+    Attributes:
+        name: For people.
+        aside_m: Along X of the base.
+        up_m: Along Z of the base.
+        takes_s: At full speed.
+    """
+
+    name: str
+    aside_m: float
+    up_m: float
+    takes_s: float
+
+    def acceleration(self, t_s: float, scale: float) -> tuple[float, float]:
+        """Return the acceleration along X and Z of the base ``t_s`` after the begin, at a scale of the speed."""
+        s = t_s * scale / self.takes_s
+        if not 0.0 <= s <= 1.0:
+            return 0.0, 0.0
+        rate = (60.0 * s - 180.0 * s**2 + 120.0 * s**3) * (scale / self.takes_s) ** 2
+        return self.aside_m * rate, self.up_m * rate
+
+    def points(self) -> list[list[float]]:
+        """Return the move at full speed as points of ``motion.check``."""
+        times = [self.takes_s * i / (POINTS - 1) for i in range(POINTS)]
+        along = [self.acceleration(t_s, 1.0) for t_s in times]
+        return [point_of(t_s, GRIPPER_QUAT_XYZW, (x, 0.0, z)) for t_s, (x, z) in zip(times, along, strict=True)]
+
+
+PATH = (
+    Move("lift", 0.0, 0.10, 0.5),
+    Move("aside", 0.50, 0.0, 0.65),
+    Move("up", 0.0, 0.30, 0.42),
+    Move("back", -0.50, 0.0, 0.48),
+    Move("down", 0.0, -0.40, 0.5),
+)
+"""At full speed up to 10 m/s². The last move sets the glass down."""
+
+
+@dataclass
+class Arm:
+    """The arm on its path; between moves it stands still.
+
+    Attributes:
+        path: Moves, the first of which lifts, and the last of which sets down.
+        begun: Number of moves that have begun.
+    """
+
+    path: tuple[Move, ...] = PATH
+    begun: int = field(default=0, init=False)
+    _since_s: float = field(default=0.0, init=False)
+    _scale: float = field(default=1.0, init=False)
+
+    def begin(self, t_s: float, scale: float) -> None:
+        """Begin the next move at a scale of its speed; while the arm moves, and after the last move, do nothing."""
+        if self.begun < len(self.path) and self.arrived(t_s):
+            self.begun, self._since_s, self._scale = self.begun + 1, t_s, scale
+
+    def arrived(self, t_s: float) -> bool:
+        """Return whether the arm stands still."""
+        return not self.begun or t_s - self._since_s >= self._lead_s + self._takes_s + self._tail_s
+
+    def acceleration(self, t_s: float) -> tuple[float, float]:
+        """Return the acceleration along X and Z of the base."""
+        if not self.begun:
+            return 0.0, 0.0
+        return self.path[self.begun - 1].acceleration(t_s - self._since_s - self._lead_s, self._scale)
+
+    def carried(self, t_s: float) -> float:
+        """Return the share of the weight that the gripper carries, not the table, 0 to 1."""
+        if not self.begun:
+            return 0.0
+        since_s = t_s - self._since_s
+        taken = min(since_s / HANDOVER_S, 1.0) if self._lead_s else 1.0
+        left = max((since_s - self._takes_s) / HANDOVER_S, 0.0) if self._tail_s else 0.0
+        return taken * (1.0 - min(left, 1.0))
+
+    def reading(self, t_s: float) -> dict[str, Any]:
+        """Return the motion as fields of the stream ``arm``."""
+        x, z = self.acceleration(t_s)
+        point = point_of(t_s, GRIPPER_QUAT_XYZW, (x, 0.0, z))
+        return {
+            "gravity_mps2": point[1:4],
+            "angular_velocity_radps": point[4:7],
+            "angular_acceleration_radps2": point[7:],
+        }
+
+    @property
+    def _lead_s(self) -> float:
+        return HANDOVER_S if self.begun == 1 else 0.0
+
+    @property
+    def _takes_s(self) -> float:
+        return self.path[self.begun - 1].takes_s / self._scale
+
+    @property
+    def _tail_s(self) -> float:
+        return HANDOVER_S if self.begun == len(self.path) else 0.0
+
+
+@dataclass(frozen=True)
+class CarryScript(Script):
+    """The load of a carried object: its weight and inertia. What is poured or tugged in the other scene is left out.
+
+    Attributes:
+        arm: Carries it.
+    """
+
+    arm: Arm = field(default_factory=Arm)
+
+    def weight(self, t_s: float, mass_kg: float) -> Load:
+        """Return the load on both pads in the frame of the left one: X is down, Y is X of the base."""
+        x_mps2, z_mps2 = self.arm.acceleration(t_s)
+        carried_kg = self.arm.carried(t_s) * mass_kg
+        return carried_kg * (GRAVITY_MPS2 + z_mps2), carried_kg * x_mps2, 0.0
+
+    def phase(self, t_s: float) -> str:
+        """Return the name of the move, or that the arm stands still."""
+        if not self.arm.begun:
+            return "approach"
+        return "arrived" if self.arm.arrived(t_s) else self.arm.path[self.arm.begun - 1].name
+
+
+def holds_scale(move: Move, mass_kg: float, grip_n: float, mu: float) -> float:
+    """Return the largest scale at which friction holds a move, by the true values: the fastest safe motion."""
+    limit_n = 2.0 * mu * grip_n
+    times = np.linspace(0.0, move.takes_s, 201)
+    full = np.array([move.acceleration(float(t_s), 1.0) for t_s in times])
+
+    def holds(scale: float) -> bool:
+        x, z = (full * scale**2).T
+        return bool((mass_kg * np.hypot(GRAVITY_MPS2 + z, x)).max() <= limit_n)
+
+    if holds(1.0):
+        return 1.0
+    low, high = 0.0, 1.0
+    while high - low > 1e-4:
+        middle = math.fsum((low, high)) / 2.0
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
