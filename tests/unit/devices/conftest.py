@@ -1,15 +1,13 @@
-"""Fixtures of the decoders' tests: one stream split in every way, and frames damaged on the line."""
+"""Fixture of the decoders' tests: one stream split in every way."""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 SplitCheck = Callable[..., list[tuple[Any, ...]]]
-Damage = Callable[..., Iterator[bytes]]
 
 
 def plain(sample: Any) -> tuple[Any, ...]:
@@ -43,28 +41,3 @@ def same_for_every_split() -> SplitCheck:
         return whole[0]
 
     return check
-
-
-@pytest.fixture
-def damaged() -> Damage:
-    """Yield copies of a frame, each with a bit flipped, a byte lost, or a byte added.
-
-    With ``bursts`` some of them have three bytes overwritten instead, which weak checks often miss.
-    """
-
-    def copies(frame: bytes, count: int, *, bursts: bool = False) -> Iterator[bytes]:
-        rng = random.Random(1)
-        for _ in range(count):
-            hit = bytearray(frame)
-            at, kind = rng.randrange(len(hit)), rng.randrange(3 + bursts)
-            if kind == 0:
-                hit[at] ^= 1 << rng.randrange(8)
-            elif kind == 1:
-                del hit[at]
-            elif kind == 2:
-                hit.insert(at, rng.randrange(256))
-            else:
-                hit[at : at + 3] = rng.randbytes(len(hit[at : at + 3]))
-            yield bytes(hit)
-
-    return copies

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,6 @@ from project import DOCS
 from slipd.devices import gauges
 from slipd.devices.shared import checksums
 from slipd.devices.shared.device_interface import DecoderHealth
-
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[..., Iterator[bytes]]
 
 DOCUMENT = DOCS / "devices.md"
 COUNTS = (100, -200, 300_000, -4, 5, 6)

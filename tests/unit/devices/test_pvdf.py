@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +13,6 @@ from project import DOCS
 from slipd.devices import pvdf
 from slipd.devices.shared import checksums
 from slipd.devices.shared.device_interface import DecoderHealth
-
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
 FRAME = 46
 DOCUMENT = DOCS / "devices.md"

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 from external_messages import IMAGE, WRENCH, decode, pack, times, wrench
 
 from slipd.devices import external
-
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
 WRONG: list[dict[str, Any]] = [
     {"stream": ...},

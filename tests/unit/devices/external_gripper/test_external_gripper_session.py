@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import msgpack
 import pytest
@@ -22,7 +20,6 @@ from slipd.devices.external_gripper.external_gripper_message import (
 from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.tools.sim.emulated_external_gripper import DRIVER
 
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000
 PATIENCE_S = 30.0
 DOCUMENT = DOCS / "devices.md"

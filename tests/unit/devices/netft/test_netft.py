@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -28,20 +27,9 @@ PAGE = netft_calibration.encode_xml(
 )
 START_BUFFERED = bytes.fromhex("12 34 00 03 00 00 00 00")
 
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-
 
 def record(number: int, status: int = 0) -> bytes:
     return rdt.encode_record(COUNTS, number, 7 * number, status)
-
-
-def test_the_worked_records_are_read() -> None:
-    first, second = netft.Decoder().receive(WORKED + NEXT, 77)
-    assert first.force_n == pytest.approx([12.345678, -2.5, 98.1])
-    assert first.torque_nm == pytest.approx([0.15, -0.042, 0.000007])
-    assert (first.t_ns, first.device_time_ns, first.status) == (77, round(123_456 / 7e-6), ())
-    assert second.device_time_ns - first.device_time_ns == 1_000_000
-    assert second.status == ("temperature", "broken_gauge", "invalid", "error")
 
 
 def test_the_worked_record_is_written() -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
-
 import pytest
 
 from slipd.devices import optoforce
@@ -12,9 +9,6 @@ from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
-
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[..., Iterator[bytes]]
 
 PUBLISHED = bytes.fromhex("AA 07 08 0A 2D 6A 00 00 FF F7 FF FB 00 07 05 51")
 """From a capture of a three-axis sensor."""
@@ -34,25 +28,6 @@ def udp(number: int, status: int = 0) -> bytes:
     return rdt.encode_record((1, 2, 3, 4, 5, 6), number, 1000 + number, status)
 
 
-def test_the_published_frame_is_read_and_written() -> None:
-    factors = (300 / 7925, 300 / 8641, 2000 / 6049)
-    (sample,) = optoforce.Decoder(counts_per_n=[1 / factor for factor in factors]).receive(PUBLISHED, 77)
-    assert sample.force_n == pytest.approx([-0.34069, -0.17359, 2.31443], abs=1e-5)
-    assert (sample.t_ns, sample.device_time_ns, sample.torque_nm, sample.status) == (77, None, None, ())
-    assert frames.encode_reading((-9, -5, 7), 11626) == PUBLISHED
-
-
-def test_the_worked_six_axis_frame_is_read_and_written() -> None:
-    (sample,) = optoforce.Decoder().receive(SIX_AXES, 0)
-    assert sample.force_n.tolist() == [250, -125, 3000]
-    assert sample.torque_nm.tolist() == [40, -40, 7]
-    assert sample.status == ("overload",)
-    (scaled,) = optoforce.Decoder("serial", [10, -10, 100], [40, 80, 7]).receive(SIX_AXES, 0)
-    assert scaled.force_n.tolist() == [25, 12.5, 30]
-    assert scaled.torque_nm.tolist() == [1, -0.5, 1]
-    assert frames.encode_reading((250, -125, 3000, 40, -40, 7), 1000, 0x80) == SIX_AXES
-
-
 @pytest.mark.parametrize("channel", range(4))
 def test_one_sensor_of_four_is_returned(channel: int) -> None:
     frame = frames.encode_reading(tuple(range(12)), 1)
@@ -61,13 +36,6 @@ def test_one_sensor_of_four_is_returned(channel: int) -> None:
     assert sample.force_n.tolist() == [3 * channel, 3 * channel + 1, 3 * channel + 2]
     assert sample.torque_nm is None
     assert sample.source == ""
-
-
-def test_the_worked_record_is_read() -> None:
-    (sample,) = optoforce.Decoder("udp").receive(RECORD, 5)
-    assert sample.force_n == pytest.approx([12.3456, -2.5, 98.1])
-    assert sample.torque_nm == pytest.approx([0.15, -0.042, 0.00003])
-    assert (sample.device_time_ns, sample.status) == (500_000_000, ())
 
 
 def words_of(bit: int) -> tuple[str, ...]:
@@ -170,7 +138,9 @@ def test_an_untrusted_counter_is_not_used() -> None:
     assert decoder.health == DecoderHealth(good=4)
 
 
-def test_the_published_requests_are_written() -> None:
+def test_the_published_frames_and_requests_are_written() -> None:
+    assert frames.encode_reading((-9, -5, 7), 11626) == PUBLISHED
+    assert frames.encode_reading((250, -125, 3000, 40, -40, 7), 1000, 0x80) == SIX_AXES
     assert optoforce.Session(period_ms=10, filter_hz=15).start(0) == bytes.fromhex("AA 00 32 03 0A 04 00 00 ED")
     assert frames.encode_frame(b"\xab\x00\x12\x08", b"") == frames.GET_SERIAL_NUMBER
     assert frames.encode_frame(frames.ACK, b"\0") == ACK

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +11,6 @@ from pillar_frames import decode, forces, frame, make, pillars, resum
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.shared.sensor_session import SILENCE_NS
-
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[..., Iterator[bytes]]
 
 ACCEPTED = bytes.fromhex(
     "55 66 77 88 02 01 00 17 00 03 00 23 00 04 00 81 00 05 00 BB 00 06 00 E0 00 00 00 07 00 00 00 40 E2 01 00 00 00 00 "

@@ -6,7 +6,6 @@ import itertools
 
 import pytest
 
-from slipd.devices import robotiq_2f
 from slipd.devices.robotiq_2f.robotiq_registers import (
     Output,
     is_activating,
@@ -20,28 +19,8 @@ from slipd.devices.shared import modbus
 TOLD = Output(activate=True, go=True, release=False, position=255, speed=128, force=60)
 
 
-def test_worked_grasp_is_read() -> None:
-    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A"), 77)
-    assert (sample.t_ns, sample.device_time_ns, sample.echo_ok) == (77, None, None)
-    assert (sample.active, sample.moving, sample.object, sample.fault) == (True, False, "contact_closing", "")
-    assert sample.width_m is None
+def test_the_position_is_converted_to_a_width() -> None:
     assert parse_status((0xB900, 0x00FF, 0xBD00), 0, None, lambda position: position / 1000).width_m == 0.189
-
-
-def test_worked_opening_done_is_read() -> None:
-    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 F9 00 00 00 0D 00 17 AA"), 0)
-    assert (sample.active, sample.moving, sample.object, sample.current_a) == (True, False, "none", 0.0)
-
-
-def test_worked_motion_is_read() -> None:
-    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 03 06 39 00 00 FF 0E 0A F7 8B"), 0)
-    assert (sample.moving, sample.object) == (True, "moving")
-    assert sample.current_a == pytest.approx(0.1)
-
-
-def test_worked_overcurrent_is_read() -> None:
-    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 31 00 0E C8 96 00 EF C4"), 0)
-    assert (sample.active, sample.moving, sample.object, sample.fault) == (True, False, "none", "overcurrent")
 
 
 @pytest.mark.parametrize(

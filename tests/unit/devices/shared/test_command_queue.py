@@ -40,28 +40,6 @@ def test_A6_after_three_unanswered_attempts_all_waiting_commands_are_dropped(com
     assert commands.failure == ""
 
 
-def test_A6_a_command_that_a_newer_one_of_its_kind_replaces_is_not_repeated(commands: CommandQueue) -> None:
-    commands.replace([GO])
-    commands.on_time(0)
-    commands.replace([FORCE, FASTER])
-    assert [commands.on_time(at * ANSWER_NS) for at in (1, 2, 3, 4)] == [b"force"] * ATTEMPTS + [b""]
-
-
-@pytest.mark.parametrize(("force", "sent"), [(1.0, b"home"), (None, b"go")])
-def test_a_force_is_not_repeated_after_an_activation(commands: CommandQueue, force: float | None, sent: bytes) -> None:
-    commands.replace([Command("go", "go", b"go", force)])
-    commands.on_time(0)
-    commands.replace([Command("home", "home", b"home", activates=True)])
-    assert commands.on_time(ANSWER_NS) == sent
-
-
-def test_a_refusal_drops_waiting_commands(commands: CommandQueue) -> None:
-    commands.replace([GO, FORCE])
-    commands.on_time(0)
-    commands.handle_answer(1, "go: refused")
-    assert (commands.on_time(2), commands.failure) == (b"", "go: refused")
-
-
 def test_an_interruption_is_sent_at_once_and_kept_by_later_commands(commands: CommandQueue) -> None:
     commands.replace([GO, FORCE])
     commands.on_time(0)
@@ -72,25 +50,6 @@ def test_an_interruption_is_sent_at_once_and_kept_by_later_commands(commands: Co
     assert commands.contains([2])
     commands.handle_answer(2)
     assert (commands.contains([2]), commands.on_time(2)) == (False, b"force")
-
-
-@pytest.mark.parametrize("waits", [False, True])
-def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(commands: CommandQueue, waits: bool) -> None:
-    commands.replace([GO, FORCE])
-    assert commands.on_time(0) == b"go"
-    commands.replace([FORCE, STOP] if waits else [STOP])
-    assert commands.drop(keep=[2]) is waits
-    assert (commands.waiting, commands.outstanding) == ([STOP], GO)
-    commands.waiting.clear()
-    assert (commands.on_time(ANSWER_NS), commands.failure) == (b"", "no answer to go")
-
-
-def test_a_stop_that_was_sent_is_repeated_though_all_else_is_dropped(commands: CommandQueue) -> None:
-    commands.interrupt(STOP)
-    commands.on_time(0)
-    commands.replace([FORCE])
-    assert commands.drop(keep=[2])
-    assert [commands.on_time(at * ANSWER_NS) for at in (1, 2, 3)] == [b"stop", b"stop", b""]
 
 
 def test_the_force_is_that_of_the_last_command_sent_or_waiting_that_sets_one(commands: CommandQueue) -> None:

@@ -45,15 +45,6 @@ def test_a_closed_sequence_sends_nothing_and_has_no_deadline() -> None:
     assert (startup.state, startup.due_ns, startup.awaited, startup.on_time(10**12)) == ("closed", None, "", b"")
 
 
-def test_an_optional_request_is_sent_three_times_and_skipped() -> None:
-    startup = started()
-    now_ns, written = 0, []
-    while len(written) < 5:
-        written.append(startup.on_time(now_ns))
-        now_ns = startup.due_ns or 0
-    assert written == [b"h", b"n", b"n", b"n", b"r"]
-
-
 def test_an_unanswered_required_request_is_named_and_the_sequence_restarts() -> None:
     startup = started(STEPS[2:])
     for attempt in range(3):
@@ -88,31 +79,6 @@ def test_a_request_may_have_its_own_timeout_and_a_sequence_may_restart_at_once()
     assert (startup.state, startup.due_ns) == ("no answer to boot", 90)
 
 
-def test_after_a_reset_of_the_device_the_sequence_resumes_at_a_given_request() -> None:
-    startup = started(STEPS[2:])
-    startup.on_time(0)
-    startup.handle_answer(1)
-    startup.resume(0, 70)
-    assert (startup.state, startup.awaited) == ("configuring", "")
-    assert [startup.on_time(now_ns) for now_ns in (1, 69, 70)] == [b"", b"", b"r"]
-
-
-def test_the_silence_limit_depends_on_the_device() -> None:
-    startup = StartupSequence(STEPS[3:], silence_ns=40)
-    startup.start(0)
-    startup.on_time(0)
-    assert startup.due_ns == 40
-    startup.reading_received(7)
-    assert startup.due_ns == 47
-
-
-def test_an_answer_may_make_the_next_request_unnecessary() -> None:
-    startup = started(STEPS[1:])
-    startup.on_time(0)
-    startup.handle_answer(1, skip=1)
-    assert startup.on_time(1) == b"g"
-
-
 def test_silence_after_the_last_request_restarts_the_sequence_and_is_named_if_nothing_was_received() -> None:
     startup = started(STEPS[3:])
     assert startup.on_time(0) == b"g"
@@ -125,10 +91,3 @@ def test_silence_after_the_last_request_restarts_the_sequence_and_is_named_if_no
     assert startup.state == "waiting"
     assert startup.on_time(3 * SILENCE_NS + 5) == b"g"
     assert startup.state == "no answer to go"
-
-
-def test_readings_between_the_requests_change_nothing() -> None:
-    startup = started(STEPS[2:])
-    startup.on_time(0)
-    startup.reading_received(3)
-    assert (startup.state, startup.awaited, startup.due_ns) == ("waiting", "rate", ANSWER_NS)
