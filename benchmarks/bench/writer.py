@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import bota
+from slipd.tools.sim import emulated_bota as sim
 
 START_S = 0.05
 """From loading the plan to the first frame."""
@@ -116,9 +116,9 @@ class _Port:
 
     def answer(self) -> None:
         with contextlib.suppress(BlockingIOError):
-            commands, self._heard = bota.parse_commands(self._heard + os.read(self.plan.fd, 4096))
+            commands, self._heard = sim.parse_commands(self._heard + os.read(self.plan.fd, 4096))
             for command in commands:
-                os.write(self.plan.fd, bota.encode_ack(command[0]))
+                os.write(self.plan.fd, sim.encode_ack(command[0]))
 
 
 def _schedule(ports: list[_Port]) -> list[tuple[int, int, int]]:

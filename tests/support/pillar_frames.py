@@ -8,6 +8,7 @@ import numpy as np
 
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
+from slipd.tools.sim import emulated_papillarray as sim
 
 DISPLACED_MM = 0.125
 """Displacement of every pillar along each axis; it cannot be mistaken for a force."""
@@ -18,20 +19,20 @@ def forces(number: int, pillars: int = 9) -> np.ndarray:
     return drawn.astype(np.float32).astype(np.float64)
 
 
-def pillars(*pads: np.ndarray) -> tuple[int, frames.Item]:
+def pillars(*pads: np.ndarray) -> tuple[int, sim.Item]:
     """Return the block of the forces on the pillars of each sensor, N."""
-    return frames.encode_pillars(pads, [np.full_like(pad, DISPLACED_MM) for pad in pads])
+    return sim.encode_pillars(pads, [np.full_like(pad, DISPLACED_MM) for pad in pads])
 
 
 def make(number: int, pads: list[np.ndarray], *, width: int = 2, slip: bool = False) -> bytes:
     blocks = [
-        frames.encode_hub(number, 1000 * (number % 100_000)),
+        sim.encode_hub(number, 1000 * (number % 100_000)),
         pillars(*pads),
-        frames.encode_totals([pad.sum(axis=0) for pad in pads]),
+        sim.encode_totals([pad.sum(axis=0) for pad in pads]),
     ]
     if slip:
-        blocks += frames.encode_slip([len(pad) for pad in pads])
-    return frames.encode_blocks(blocks, width)
+        blocks += sim.encode_slip([len(pad) for pad in pads])
+    return sim.encode_blocks(blocks, width)
 
 
 def frame(number: int, *, sensors: int = 1, **others: Any) -> bytes:

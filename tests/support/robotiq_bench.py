@@ -9,8 +9,9 @@ from typing import Any
 from permits import move, set_force
 
 from slipd.devices import robotiq_2f
-from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
+from slipd.tools.sim import emulated_robotiq_2f as robotiq_2f_sim
+from slipd.tools.sim import modbus_device as modbus_device_sim
 from slipd.types.samples import GripperSample
 
 ILLEGAL_FUNCTION = 1  # of Modbus exceptions
@@ -39,29 +40,29 @@ class Gripper:
     received: bytes = b""
 
     def respond(self, data: bytes) -> bytes:
-        requests, self.received = modbus.parse_requests(self.received + data, 9)
+        requests, self.received = modbus_device_sim.parse_requests(self.received + data, 9)
         return b"" if self.mute else b"".join(self.answer(request) for request in requests)
 
     def answer(self, request: modbus.Request) -> bytes:
         if request.function in self.refuses:
-            return modbus.encode_exception(request, ILLEGAL_FUNCTION)
+            return modbus_device_sim.encode_exception(request, ILLEGAL_FUNCTION)
         if request.function == modbus.WRITE:
-            written = robotiq_registers.write_output(self.output, request)
+            written = robotiq_2f_sim.write_output(self.output, request)
             if written is None:
-                return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
+                return modbus_device_sim.encode_exception(request, modbus.ILLEGAL_ADDRESS)
             self.obey(written)
-            return modbus.encode_reply(request)
-        output = robotiq_registers.parse_output(self.output)
+            return modbus_device_sim.encode_reply(request)
+        output = robotiq_2f_sim.parse_output(self.output)
         if self.echo is not None:
-            output = robotiq_registers.parse_output((self.output[0], self.echo, self.output[2]))
-        registers = robotiq_registers.status_registers(
+            output = robotiq_2f_sim.parse_output((self.output[0], self.echo, self.output[2]))
+        registers = robotiq_2f_sim.status_registers(
             output, stage=self.stage, found=3, fault=self.fault, position=self.position, current_a=0.1
         )
         self.stage = 3 if self.stage == 1 else self.stage
-        return modbus.encode_reply(request, registers)
+        return modbus_device_sim.encode_reply(request, registers)
 
     def obey(self, written: tuple[int, ...]) -> None:
-        was, output = (robotiq_registers.parse_output(registers) for registers in (self.output, written))
+        was, output = (robotiq_2f_sim.parse_output(registers) for registers in (self.output, written))
         self.output = written
         if output.activate and not was.activate:
             self.stage = 1

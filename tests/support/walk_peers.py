@@ -18,6 +18,8 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire
+from slipd.tools.sim import emulated_wsg as wsg_sim
+from slipd.tools.sim import modbus_device as modbus_device_sim
 from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver
 from slipd.tools.sim.emulated_robotiq_2f import FORCE_TABLE, Gripper2F
 from slipd.tools.sim.emulated_wsg import make as make_wsg
@@ -92,7 +94,7 @@ class RobotiqPeer(Peer):
         pass
 
     def requests(self, data: bytes) -> list[modbus.Request]:
-        return modbus.parse_requests(data, registers.UNIT)[0]
+        return modbus_device_sim.parse_requests(data, registers.UNIT)[0]
 
     def commands(self, data: bytes) -> list[SentCommand]:
         found = []
@@ -112,7 +114,7 @@ class RobotiqPeer(Peer):
         return [self.gripper.receive(data, now_ns)]
 
     def refuse(self, data: bytes) -> list[bytes]:
-        return [modbus.encode_exception(request, 1) for request in self.requests(data)]
+        return [modbus_device_sim.encode_exception(request, 1) for request in self.requests(data)]
 
     def advance(self, now_ns: int) -> list[bytes]:
         return []
@@ -152,7 +154,7 @@ class WsgPeer(Peer):
             if packet.id == wire.SET_FORCE:
                 found.append(SentCommand("force", force_n=wire.parse_number(packet.payload) / wire.FINGERS))
             elif packet.id == wire.PREPOSITION:
-                found.append(SentCommand("move", wire.parse_goal(packet.payload)[1] / 1000))
+                found.append(SentCommand("move", wsg_sim.parse_goal(packet.payload)[1] / 1000))
             else:
                 found.append(
                     SentCommand(
@@ -168,7 +170,7 @@ class WsgPeer(Peer):
 
     def refuse(self, data: bytes) -> list[bytes]:
         return [
-            wire.encode_reply(packet.id, self.rng.choice((wire.NOT_INITIALISED, wire.ABORTED, wire.RANGE_ERROR)))
+            wsg_sim.encode_reply(packet.id, self.rng.choice((wire.NOT_INITIALISED, wire.ABORTED, wire.RANGE_ERROR)))
             for packet in self.packets(data)
         ]
 

@@ -9,6 +9,7 @@ from typing import Any
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
+from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import Gripper, make
 from slipd.types.samples import GripperSample
 
@@ -19,10 +20,10 @@ GO = (wire.SET_FORCE, wire.PREPOSITION, wire.GET_FORCE)
 
 def updates(width_mm: float = 40.0, force: float = 20.0, words: tuple[str, ...] = ("referenced",)) -> list[bytes]:
     return [
-        wire.encode_number(wire.WIDTH, width_mm),
-        wire.encode_number(wire.FORCE, force),
-        wire.encode_grasping("idle"),
-        wire.encode_state(set(words)),
+        sim.encode_number(wire.WIDTH, width_mm),
+        sim.encode_number(wire.FORCE, force),
+        sim.encode_grasping("idle"),
+        sim.encode_state(set(words)),
     ]
 
 
@@ -51,7 +52,7 @@ class Bench:
                 continue
             forged = self.forge(packet.id)
             answers = self.gripper.receive(wire.encode(*packet), self.now_ns) if forged is None else []
-            self.deliver(answers if forged is None else [wire.encode_reply(packet.id, forged)])
+            self.deliver(answers if forged is None else [sim.encode_reply(packet.id, forged)])
 
     def deliver(self, pieces: list[bytes]) -> None:
         for piece in [] if self.mute else pieces:

@@ -23,6 +23,7 @@ from slipd.engine.engine import Engine
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.io.transport import Links
+from slipd.tools.sim import modbus_device as sim
 from slipd.tools.sim.emulators import make_emulator
 from slipd_client.errors import RequestRefused
 from slipd_client.grip import GripClient
@@ -195,7 +196,7 @@ async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_grippin
     assert sensor.advance(10**9)
     sensor.receive(rig.wrench.hear(), 10**9)
     assert sensor.advance(2 * 10**9) == []
-    requests, rest = modbus.parse_requests(commands + jaws.hear(), robotiq_registers.UNIT)
+    requests, rest = sim.parse_requests(commands + jaws.hear(), robotiq_registers.UNIT)
     assert {request.function for request in requests} == {modbus.READ_INPUT}
     assert rest == b""
     jaws.unplug()

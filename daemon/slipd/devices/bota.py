@@ -31,10 +31,7 @@ BANNER = b"App Init"
 BAUD_460800 = 4
 
 _ACK = re.compile(rb"r,\d,([A-Za-z]),(\d)")
-_COMMAND = re.compile(rb"[CRI#slw]|p(?=\?)|c,\d,\d,\d,\d|f,\d{1,4},\d,\d,\d")
 _IDENTITY = re.compile(rb"name: ([!-~][ -~]{0,39})[\r\n](?:[ -~]{0,80}[\r\n]+){0,4}?S/N: (\d{1,20})[\r\n]")
-_LONGEST_COMMAND = 64
-"""Size of the sensor's own buffer, bytes; anything longer is not a command."""
 
 
 CONFIGURE, RUN = b"C\n", b"R\n"
@@ -56,29 +53,6 @@ def find_ack(received: bytes, letter: str) -> int | None:
         if match[1] == letter.encode():
             return int(match[2])
     return None
-
-
-def parse_commands(received: bytes) -> tuple[list[str], bytes]:
-    """Return the commands that a sensor received, and the bytes to keep for the next call.
-
-    A command is a letter: "C" configure, "R" run, "I" soft reset, "#" hard reset, "c" communication (temperature
-    compensation, calibration, format, baud code), "f" filter (sinc length, chop, fast, FIR off), "s" save, "l" load,
-    "w" print, "p" (``p?``) name and serial number; with its arguments after commas.
-    """
-    found = list(_COMMAND.finditer(received))
-    rest = received[found[-1].end() :] if found else received
-    return [match[0].decode() for match in found], rest[-_LONGEST_COMMAND:]
-
-
-def encode_ack(letter: str, code: int = 0) -> bytes:
-    """Return the answer to the command ``letter``; code 0 is success."""
-    return f"r,0,{letter},{code}\r\n".encode()
-
-
-def encode_banner(name: str = "SensONE", serial_number: int = 1, firmware: str = "1.0.0") -> bytes:
-    """Return the text that a sensor sends after a reset, including its communication setup."""
-    lines = (BANNER.decode(), f"name: {name}", f"S/N: {serial_number}", f"FW version: {firmware}", "c,0,1,0,4")
-    return "".join(f"{line}\r" for line in lines).encode()
 
 
 FRAME_LENGTH = 37

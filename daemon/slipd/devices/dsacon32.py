@@ -28,13 +28,12 @@ SENSOR = 0x02
 ACQUIRE = 0x03
 MATRIX = 0x0B
 
-_CONTROLLER = struct.Struct("<HIBHBBBBIB")  # the library's struct has one more byte, which the device does not send
-_SENSOR = struct.Struct("<HHHBIB")
-_MATRIX = struct.Struct("<H2f2H6s2sB3f3ffB")
-_ACQUIRE = struct.Struct("<BH")
+CONTROLLER_FIELDS = struct.Struct("<HIBHBBBBIB")  # the library has one more byte, which is not sent
+SENSOR_FIELDS = struct.Struct("<HHHBIB")
+MATRIX_FIELDS = struct.Struct("<H2f2H6s2sB3f3ffB")
+ACQUIRE_FIELDS = struct.Struct("<BH")
 
-REPLY_SIZES = {CONTROLLER: _CONTROLLER.size, SENSOR: _SENSOR.size, ACQUIRE: 2, MATRIX: _MATRIX.size}
-REQUEST_SIZES = {CONTROLLER: 0, SENSOR: 0, ACQUIRE: _ACQUIRE.size, MATRIX: 1}
+REPLY_SIZES = {CONTROLLER: CONTROLLER_FIELDS.size, SENSOR: SENSOR_FIELDS.size, ACQUIRE: 2, MATRIX: MATRIX_FIELDS.size}
 
 ALREADY_RUNNING = 4
 
@@ -44,14 +43,8 @@ ERROR_WORDS = (*STATUS_WORDS[:12], *STATUS_WORDS[13:29])
 TYPE_DSACON32 = 1
 _TYPES = ("DSACON16", "DSACON32", "DSA100-256")
 
-_OPERABLE = 0x80
-_PUSH = 0x80
-_RLE = 0x01
-_RS232 = 0x10
-_REVISION = 0x20
-_FIRMWARE = 288
-_PITCH_MM = 3.4
-_FULL_SCALE = 4095.0
+OPERABLE = 0x80
+PUSH = 0x80
 
 
 def encode_query(packet_id: int, payload: bytes = b"") -> bytes:
@@ -66,37 +59,7 @@ def encode_matrix_query(index: int) -> bytes:
 
 def acquire(rate_hz: int, *, rle: bool) -> bytes:
     """Return the request for images at ``rate_hz``; 0 stops them (bit 7 clear, as firmware from 276 on requires)."""
-    return encode_query(ACQUIRE, _ACQUIRE.pack((_PUSH if rate_hz else 0) | (_RLE if rle else 0), rate_hz))
-
-
-def parse_acquire(payload: bytes) -> tuple[int, bool]:
-    """Return the requested rate, Hz, 0 for no images, and whether images are to be run-length encoded."""
-    flags, rate_hz = _ACQUIRE.unpack(payload)
-    return rate_hz if flags & _PUSH else 0, bool(flags & _RLE)
-
-
-def encode_error(packet_id: int, error: int = 0) -> bytes:
-    """Return an answer that consists of an error number alone; 0 is no error."""
-    return encode(packet_id, error.to_bytes(2, "little"), SEED_AFTER_PREAMBLE)
-
-
-def encode_controller(serial: int, *, kind: int = TYPE_DSACON32, operable: bool = True) -> bytes:
-    """Return the answer about the controller: serial number, type, and whether it can measure."""
-    payload = _CONTROLLER.pack(0, serial, _REVISION, _FIRMWARE, _OPERABLE * operable, _RS232, kind, 0, 0, 0)
-    return encode(CONTROLLER, payload, SEED_AFTER_PREAMBLE)
-
-
-def encode_sensor(matrices: int, serial: int, error: int = 0) -> bytes:
-    """Return the answer about the sensor: number of matrices and serial number."""
-    return encode(SENSOR, _SENSOR.pack(error, matrices, 0x0120, 1, serial, 0), SEED_AFTER_PREAMBLE)
-
-
-def encode_matrix(cols: int, rows: int) -> bytes:
-    """Return the answer about a matrix."""
-    zeros = (0.0,) * 6
-    unique, reserved = bytes(range(1, 7)), bytes(2)
-    payload = _MATRIX.pack(0, _PITCH_MM, _PITCH_MM, cols, rows, unique, reserved, 0x10, *zeros, _FULL_SCALE, 0)
-    return encode(MATRIX, payload, SEED_AFTER_PREAMBLE)
+    return encode_query(ACQUIRE, ACQUIRE_FIELDS.pack((PUSH if rate_hz else 0) | (RLE if rle else 0), rate_hz))
 
 
 MAX_MATRICES = 16
@@ -231,15 +194,15 @@ class Session(TactileSession):
         self._expected = 0
 
     def _handle_controller(self, payload: bytes) -> str:
-        _, serial, _, _, status, _, kind, *_ = _CONTROLLER.unpack(payload)
+        _, serial, _, _, status, _, kind, *_ = CONTROLLER_FIELDS.unpack(payload)
         if kind != TYPE_DSACON32:
             name = _TYPES[kind] if kind < len(_TYPES) else kind
             return f"the controller must be a DSACON32, got type {name}"
         self.identity = f"S/N {serial}"
-        return "" if status & _OPERABLE else "controller not operable"
+        return "" if status & OPERABLE else "controller not operable"
 
     def _handle_sensor(self, payload: bytes) -> str:
-        count = _SENSOR.unpack(payload)[1]
+        count = SENSOR_FIELDS.unpack(payload)[1]
         if not 1 <= count <= MAX_MATRICES:
             return f"a controller must have 1 to {MAX_MATRICES} matrices, got {count}"
         self._matrices = []
@@ -251,7 +214,7 @@ class Session(TactileSession):
         return ""
 
     def _handle_matrix(self, payload: bytes) -> str:
-        _, _, _, cols, rows, *_ = _MATRIX.unpack(payload)
+        _, _, _, cols, rows, *_ = MATRIX_FIELDS.unpack(payload)
         matrices = [*self._matrices, (cols, rows)]
         problem = matrices_problem(matrices)
         if not problem:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -36,8 +35,8 @@ SET_RATE, GET_RATE = 15, 16
 READINGS = (READ_ONCE, START)
 
 _ANSWERS = frozenset((PRODUCT_NAME, SERIAL_NUMBER, SET_FILTER, GET_FILTER, SET_RATE, GET_RATE))
-_END = 0xAA
-_READING = struct.Struct(">6hB2x")
+END = 0xAA
+READING_FIELDS = struct.Struct(">6hB2x")
 _UNKNOWN_OVERLOAD = 0xC0
 _NAME_LENGTH = 15
 
@@ -45,7 +44,7 @@ _NAME_LENGTH = 15
 def is_valid_response(buffer: bytes, at: int) -> bool:
     """Return whether the 19 bytes from ``at`` are a valid response."""
     number = buffer[at + 1]
-    if buffer[at + 18] != _END or (number not in READINGS and number not in _ANSWERS):
+    if buffer[at + 18] != END or (number not in READINGS and number not in _ANSWERS):
         return False
     if number in READINGS and buffer[at + 14] & _UNKNOWN_OVERLOAD:
         return False
@@ -54,28 +53,12 @@ def is_valid_response(buffer: bytes, at: int) -> bool:
 
 def encode_command(number: int, arguments: bytes = b"") -> bytes:
     """Return a command with up to seven bytes of arguments."""
-    return _encode(bytes((number,)) + arguments, COMMAND_LENGTH)
-
-
-def encode_response(number: int, content: bytes = b"") -> bytes:
-    """Return a response with up to fifteen bytes of content."""
-    return _encode(bytes((number,)) + content, RESPONSE_LENGTH)
-
-
-def encode_reading(counts: Sequence[int], overload: int = 0, number: int = START) -> bytes:
-    """Return a reading as the sensor sends it.
-
-    Args:
-        counts: Force x y z, torque x y z; each within an int16.
-        overload: One bit per axis, from 0x20 (force x) to 0x01 (torque z).
-        number: The command that it answers: `READ_ONCE` or `START`.
-    """
-    return encode_response(number, _READING.pack(*counts, overload))
+    return encode_packet(bytes((number,)) + arguments, COMMAND_LENGTH)
 
 
 def parse_reading(buffer: bytes, at: int) -> tuple[tuple[int, ...], int, bytes]:
     """Return counts, overload bits and the two unused bytes of the reading at ``at``."""
-    *counts, overload = _READING.unpack_from(buffer, at + 2)
+    *counts, overload = READING_FIELDS.unpack_from(buffer, at + 2)
     return tuple(counts), overload, buffer[at + 15 : at + 17]
 
 
@@ -84,28 +67,10 @@ def parse_name(content: bytes) -> str:
     return strip_padding(content[:_NAME_LENGTH])
 
 
-def parse_commands(received: bytes) -> tuple[list[tuple[int, bytes]], bytes]:
-    """Parse the bytes that a sensor received.
-
-    Returns:
-        Number and arguments of each command, and the bytes to keep for the next call.
-    """
-    commands: list[tuple[int, bytes]] = []
-    at = received.find(SYNC)
-    while 0 <= at <= len(received) - COMMAND_LENGTH:
-        data = received[at + 1 : at + 9]
-        if sum(data) & 0xFF == received[at + 9] and received[at + 10] == _END:
-            commands.append((data[0], data[1:]))
-            at += COMMAND_LENGTH
-        else:
-            at += 1
-        at = received.find(SYNC, at)
-    return commands, received[at:] if at >= 0 else b""
-
-
-def _encode(data: bytes, length: int) -> bytes:
+def encode_packet(data: bytes, length: int) -> bytes:
+    """Return a command or a response of this length, padded with zeros."""
     data = data.ljust(length - 3, b"\0")
-    return SYNC + data + bytes((sum(data) & 0xFF, _END))
+    return SYNC + data + bytes((sum(data) & 0xFF, END))
 
 
 COUNTS_PER_N = 50.0

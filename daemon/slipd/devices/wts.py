@@ -20,7 +20,6 @@ from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS,
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, Query, TactileDecoder, TactileSession, Words
 from slipd.types.samples import TactileSample
 
-SINGLE = 0x20
 START = 0x21
 STOP = 0x22
 MATRIX = 0x30
@@ -29,20 +28,16 @@ SYSTEM = 0x50
 MAX_INTERVAL_MS = 65_535
 """The interval is sent in two bytes."""
 
-_FIRMWARE = 0x1000  # 1.0.0
-_PITCH = 340  # 10 µm
 _TYPICAL_BYTES = 77  # 4 x 8 cells
 _ATTEMPTS = 4  # of the first query; the boot time of a module is unknown
 _NOT_RUNNING = range(1, 1 << 16)
 _ALREADY_RUNNING = (4,)
 
-_SYSTEM = struct.Struct("<HBBHI")  # status, type, hardware revision, firmware, serial number
-_MATRIX = struct.Struct("<6H")  # status, columns, rows, width and height of a cell in 10 µm, full scale
-_IMAGE_HEAD = struct.Struct("<IB")  # device time in ms, flags
-_START = struct.Struct("<BH")  # flags, interval in ms
+SYSTEM_FIELDS = struct.Struct("<HBBHI")  # status, type, hardware revision, firmware, serial number
+MATRIX_FIELDS = struct.Struct("<6H")  # status, columns, rows, width and height of a cell in 10 µm, full scale
+START_FIELDS = struct.Struct("<BH")  # flags, interval in ms
 
-REPLY_SIZES = {START: 2, STOP: 2, MATRIX: _MATRIX.size, SYSTEM: _SYSTEM.size}
-REQUEST_SIZES = {SINGLE: 1, START: _START.size, STOP: 0, MATRIX: 0, SYSTEM: 0}
+REPLY_SIZES = {START: 2, STOP: 2, MATRIX: MATRIX_FIELDS.size, SYSTEM: SYSTEM_FIELDS.size}
 
 
 @dataclass(frozen=True)
@@ -94,16 +89,6 @@ def encode_frame(cells: Sequence[int] | Words, device_time_ms: int) -> bytes:
     return tactile.encode_frame(np.asarray(cells, dtype=np.uint16), device_time_ms, SEED_WITH_PREAMBLE)
 
 
-def encode_single(cells: Words, device_time_ms: int) -> bytes:
-    """Return the answer to `SINGLE`, as drivers read it: a status, and the content of an image.
-
-    Source: ksatyaki/wts_driver at 82c46ac, ``src/wts_driver.cpp``.
-    """
-    return encode(
-        SINGLE, bytes(2) + _IMAGE_HEAD.pack(device_time_ms, 0) + cells.astype("<u2").tobytes(), SEED_WITH_PREAMBLE
-    )
-
-
 def encode_query(packet_id: int) -> bytes:
     """Return a request without payload."""
     return encode(packet_id, b"", SEED_WITH_PREAMBLE)
@@ -111,29 +96,7 @@ def encode_query(packet_id: int) -> bytes:
 
 def encode_start(interval_ms: int) -> bytes:
     """Return the request for plain images every ``interval_ms``; 0 is as fast as the module can."""
-    return encode(START, _START.pack(0, interval_ms), SEED_WITH_PREAMBLE)
-
-
-def parse_start(payload: bytes) -> int:
-    """Return the interval of a request for images, ms."""
-    interval_ms: int = _START.unpack(payload)[1]
-    return interval_ms
-
-
-def encode_status(packet_id: int, status: int = 0) -> bytes:
-    """Return an answer that consists of a status alone; 0 is success."""
-    return encode(packet_id, status.to_bytes(2, "little"), SEED_WITH_PREAMBLE)
-
-
-def encode_system(serial: int) -> bytes:
-    """Return the answer about the module."""
-    return encode(SYSTEM, _SYSTEM.pack(0, 1, 0, _FIRMWARE, serial), SEED_WITH_PREAMBLE)
-
-
-def encode_matrix(matrix: Matrix) -> bytes:
-    """Return the answer about the module's matrix."""
-    form = (matrix.cols, matrix.rows, _PITCH, _PITCH, matrix.full_scale)
-    return encode(MATRIX, _MATRIX.pack(0, *form), SEED_WITH_PREAMBLE)
+    return encode(START, START_FIELDS.pack(0, interval_ms), SEED_WITH_PREAMBLE)
 
 
 class Session(TactileSession):
@@ -166,11 +129,11 @@ class Session(TactileSession):
         super().__init__(Decoder(), queries, stop, STATUS_WORDS, interval_ms * 1_000_000)
 
     def _handle_system(self, payload: bytes) -> str:
-        self.identity = f"S/N {_SYSTEM.unpack(payload)[4]}"
+        self.identity = f"S/N {SYSTEM_FIELDS.unpack(payload)[4]}"
         return ""
 
     def _handle_matrix(self, payload: bytes) -> str:
-        _, cols, rows, _, _, full_scale = _MATRIX.unpack(payload)
+        _, cols, rows, _, _, full_scale = MATRIX_FIELDS.unpack(payload)
         if not 1 <= cols * rows <= MAX_CELLS or full_scale == 0:
             return f"matrix of {cols} x {rows} cells of {full_scale} counts: 1 to {MAX_CELLS} cells are supported"
         self.decoder.set_matrix(Matrix(cols, rows, full_scale))

@@ -19,7 +19,10 @@ from slipd.devices.shared import modbus
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages
-from slipd.tools.sim import emulated_external_gripper, emulated_robotiq_2f, emulated_wsg
+from slipd.tools.sim import emulated_external_gripper
+from slipd.tools.sim import emulated_robotiq_2f as robotiq_2f_sim
+from slipd.tools.sim import emulated_wsg as wsg_sim
+from slipd.tools.sim import modbus_device as modbus_device_sim
 from slipd.tools.sim.scene import Scene
 
 EPS_M = 1e-6
@@ -81,7 +84,7 @@ class RobotiqJaws:
     """A Robotiq 2F whose jaws move here: its emulator leaves them to a scene."""
 
     OPEN_M = 0.085
-    FORCES = emulated_robotiq_2f.FORCE_TABLE
+    FORCES = robotiq_2f_sim.FORCE_TABLE
     LEAST_N, RESOLUTION_M = FORCES[0][1], OPEN_M / 255
     CONFIG = f"""
     device = "robotiq_2f"
@@ -94,7 +97,7 @@ class RobotiqJaws:
 
     def __init__(self) -> None:
         self.width_m, self.grip_n = self.OPEN_M, 0.0
-        self._gripper = emulated_robotiq_2f.Gripper2F(((0.0, self.OPEN_M), (1.0, 0.0)))
+        self._gripper = robotiq_2f_sim.Gripper2F(((0.0, self.OPEN_M), (1.0, 0.0)))
         self._part_m, self._moving, self._t_ns = 0.0, False, 0
         self._registers: tuple[int, ...] = (0, 0, 0)
 
@@ -128,16 +131,16 @@ class RobotiqJaws:
         return []
 
     def sent(self, data: bytes) -> list[Sent]:
-        requests, _ = modbus.parse_requests(data, robotiq_registers.UNIT)
+        requests, _ = modbus_device_sim.parse_requests(data, robotiq_registers.UNIT)
         return [self._sent(request) for request in requests]
 
     def _sent(self, request: modbus.Request) -> Sent:
         if not request.registers:
             return Sent("other")
-        written = robotiq_registers.write_output(self._registers, request)
+        written = robotiq_2f_sim.write_output(self._registers, request)
         assert written is not None
         self._registers = written
-        told = robotiq_registers.parse_output(written)
+        told = robotiq_2f_sim.parse_output(written)
         if request.write_address == robotiq_registers.FORCE_ADDRESS:
             return Sent("force", force_n=self._newtons(told.force))
         if told.go:
@@ -151,7 +154,7 @@ class RobotiqJaws:
 class WsgJaws:
     """A WSG; its forces are the sum of both fingers."""
 
-    LEAST_N, RESOLUTION_M = emulated_wsg.LIMITS.min_force / 2, EPS_M
+    LEAST_N, RESOLUTION_M = wsg_sim.LIMITS.min_force / 2, EPS_M
     CONFIG = """
     device = "wsg"
     port = "tcp://127.0.0.1:1000"
@@ -159,8 +162,8 @@ class WsgJaws:
     """
 
     def __init__(self) -> None:
-        self._gripper = emulated_wsg.make(0)
-        sizes = wsg_messages.REQUEST_SIZES
+        self._gripper = wsg_sim.make(0)
+        sizes = wsg_sim.REQUEST_SIZES
         self._packets = PacketScanner(
             SEED_WITH_PREAMBLE, lambda one, size, _: sizes.get(one) == size, 12, DecoderHealth()
         )
@@ -198,7 +201,7 @@ class WsgJaws:
 
     def _sent(self, command: int, payload: bytes) -> Sent:
         if command == wsg_messages.PREPOSITION:
-            return Sent("move", wsg_messages.parse_goal(payload)[1] / 1000)
+            return Sent("move", wsg_sim.parse_goal(payload)[1] / 1000)
         if command == wsg_messages.SET_FORCE:
             return Sent("force", force_n=wsg_messages.parse_number(payload) / 2)
         return Sent({wsg_messages.HOME: "activate", wsg_messages.STOP: "halt"}.get(command, "other"))

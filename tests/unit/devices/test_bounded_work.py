@@ -15,6 +15,7 @@ from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.msgpack_messages import BYTES_PER_TRY, FREE_TRIES
+from slipd.tools.sim import emulated_papillarray as sim
 
 READ = 1024
 CALLS_A_BYTE = 12
@@ -43,7 +44,7 @@ HOSTILE: dict[str, tuple[bytes, ...]] = {
         pts.START * 100 + pts.END * 100,
         pts.START + pts.END * 40,
         pts.START + bytes(8) + pts.END + b"\0",
-        pts.encode_blocks([pts.encode_hub(1, 1), (pts.UNDEFINED, pts.END * 100)])[:-6],
+        sim.encode_blocks([sim.encode_hub(1, 1), (pts.UNDEFINED, pts.END * 100)])[:-6],
     ),
     "external": (
         b"\x83\xa3",

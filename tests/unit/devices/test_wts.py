@@ -8,6 +8,7 @@ import pytest
 from slipd.devices import wts
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE
+from slipd.tools.sim import emulated_wts as sim
 
 CELLS = [0, 0, 0, 0, 0, 12, 80, 0, 5, 300, 1290, 40, 0, 260, 2047, 33, 0, 20, 150, 9, *[0] * 12]
 WORKED = bytes.fromhex(
@@ -41,7 +42,7 @@ def test_the_serial_number_stands_in_the_system_information_as_weiss_documents_i
 def test_the_sides_and_the_full_scale_of_the_matrix_are_unsigned() -> None:
     session = wts.Session()
     session.start(0)
-    session.receive(wts.encode_system(1), 1)
+    session.receive(sim.encode_system(1), 1)
     session.on_time(1)
     answer = bytes.fromhex("AA AA AA 30 0C 00  00 00 FF FF FE FF 54 01 54 01 FD FF")
     session.receive(answer + weiss.checksum(answer).to_bytes(2, "little"), 1)
@@ -91,7 +92,7 @@ def test_a_value_beyond_full_scale_gives_no_image() -> None:
         (wts.encode_query(wts.STOP), "22 00 00 0E 76"),
         (wts.encode_query(wts.MATRIX), "30 00 00 CA CF"),
         (wts.encode_query(wts.SYSTEM), "50 00 00 DB 87"),
-        (wts.encode_matrix(wts.Matrix()), "30 0C 00 00 00 04 00 08 00 54 01 54 01 FF 0F C5 81"),
+        (sim.encode_matrix(wts.Matrix()), "30 0C 00 00 00 04 00 08 00 54 01 54 01 FF 0F C5 81"),
     ],
 )
 def test_worked_requests_and_answers_are_written(made: bytes, sent: str) -> None:
@@ -99,10 +100,10 @@ def test_worked_requests_and_answers_are_written(made: bytes, sent: str) -> None
 
 
 def test_the_interval_of_a_request_is_read() -> None:
-    assert wts.parse_start(wts.encode_start(250)[6:-2]) == 250
+    assert sim.parse_start(wts.encode_start(250)[6:-2]) == 250
 
 
 def test_a_single_image_is_written_as_drivers_read_it() -> None:
-    answer = wts.encode_single(np.arange(3, dtype="<u2"), 1234)
+    answer = sim.encode_single(np.arange(3, dtype="<u2"), 1234)
     head = bytes.fromhex("AAAAAA 20 0D00 0000 D2040000 00")  # id, length, status, time in ms, flags
     assert answer[:-2] == head + bytes.fromhex("0000 0100 0200")

@@ -10,6 +10,7 @@ from slipd.devices import bota, pvdf, xela
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.events import LinkSpec
 from slipd.links.device_link import DeviceLink, make_links
+from slipd.tools.sim import emulated_bota as sim
 from slipd.types.clocks import NEVER_NS
 from slipd.types.samples import TactileSample
 from slipd_client.messages import Health
@@ -112,7 +113,7 @@ def test_a_device_that_sends_unasked_is_sent_nothing(links: dict[str, DeviceLink
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
     """Identify the sensor and send one reading; return how many readings are used."""
     link.open("port", t_ns)
-    link.receive(bota.encode_banner("MiniONE", serial), t_ns)
+    link.receive(sim.encode_banner("MiniONE", serial), t_ns)
     return len(link.receive(frame(t_ns), t_ns))
 
 

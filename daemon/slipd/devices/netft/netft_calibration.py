@@ -43,8 +43,8 @@ TORQUE_UNITS = {
 }
 """Newton metres per unit, in the order of codes 1 to 6 of READCALINFO."""
 
-_TCP_REPLY = struct.Struct(">2sBBII12x")  # header, unit codes, counts per unit; six scales of the 16-bit reading
-_TCP_HEADER = b"\x12\x34"
+TCP_REPLY = struct.Struct(">2sBBII12x")  # header, unit codes, counts per unit; six scales of the 16-bit reading
+TCP_HEADER = b"\x12\x34"
 _HTTP = b"HTTP/1."
 _STATUS = re.compile(rb"HTTP/1\.\d (\d{3})\b")
 _ROOT = re.compile(rb"<([A-Za-z]\w*)")
@@ -89,11 +89,11 @@ def read_tcp(answer: bytes) -> Calibration | str | None:
     Returns:
         The calibration; a text if the answer is wrong; or None if it is incomplete.
     """
-    if not answer.startswith(_TCP_HEADER[: len(answer)]) or len(answer) > _TCP_REPLY.size:
+    if not answer.startswith(TCP_HEADER[: len(answer)]) or len(answer) > TCP_REPLY.size:
         return "not an answer to READCALINFO"
-    if len(answer) < _TCP_REPLY.size:
+    if len(answer) < TCP_REPLY.size:
         return None
-    _, force_code, torque_code, counts_per_force, counts_per_torque = _TCP_REPLY.unpack(answer)
+    _, force_code, torque_code, counts_per_force, counts_per_torque = TCP_REPLY.unpack(answer)
     if not (1 <= force_code <= len(FORCE_UNITS) and 1 <= torque_code <= len(TORQUE_UNITS)):
         return f"unit codes must be from 1 to {len(FORCE_UNITS)}, got {force_code} and {torque_code}"
     force_unit, torque_unit = list(FORCE_UNITS)[force_code - 1], list(TORQUE_UNITS)[torque_code - 1]
@@ -158,18 +158,6 @@ TCP_INQUIRY = Inquiry(port=49_151, request=b"\x01" + bytes(19), reply_bytes=24, 
 XML_INQUIRY = Inquiry(
     port=80, request=b"GET /netftapi2.xml HTTP/1.0\r\n\r\n", reply_bytes=0, check=_check_with(read_xml)
 )
-
-
-def encode_tcp(counts_per_force: int, counts_per_torque: int, force_code: int = 2, torque_code: int = 3) -> bytes:
-    """Return the answer to READCALINFO; the default unit codes are those of N and N·m."""
-    return _TCP_REPLY.pack(_TCP_HEADER, force_code, torque_code, counts_per_force, counts_per_torque)
-
-
-def encode_xml(tags: Mapping[str, str | int]) -> bytes:
-    """Return the HTTP answer that contains the page with the given tags."""
-    page = "".join(f"<{name}>{value}</{name}>\n" for name, value in tags.items())
-    head = "HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\n\r\n"
-    return f'{head}<?xml version="1.0"?><netft>\n{page}</netft>\n'.encode()
 
 
 def _rate_hz(text: str | None) -> float | None:

@@ -1,4 +1,4 @@
-"""Frames of an OptoForce DAQ's serial line: byte layout, encoders and parsers for both ends of the line.
+"""Frames of an OptoForce DAQ's serial line: byte layout, what is asked of a DAQ, and parsers.
 
 Every frame begins with a header of four bytes, the last of which is the length of the body, and ends with a 16-bit sum
 of all bytes before it; all numbers are big-endian. The body of a reading is counter (u16), status (u16), and 3, 6 or 12
@@ -8,7 +8,6 @@ counts (i16). Source: OptoForce General DAQ manual.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 ONE_3_AXIS, ONE_6_AXIS, FOUR_3_AXIS = b"\xaa\x07\x08\x0a", b"\xaa\x07\x08\x10", b"\xaa\x07\x08\x1c"
@@ -31,11 +30,8 @@ _SUM = 2
 ANSWERS = frozenset((ACK, SERIAL_NUMBER, NOMINAL, SENSITIVITY))
 _LENGTHS = {header: HEADER + header[3] + _SUM for header in (ONE_3_AXIS, ONE_6_AXIS, FOUR_3_AXIS, *ANSWERS)}
 _REPORT = struct.Struct(">7H")
-_READING_HEADERS = {3: ONE_3_AXIS, 6: ONE_6_AXIS, 12: FOUR_3_AXIS}
-_CONFIGURE = b"\xaa\x00\x32\x03"
-_CONFIGURE_LENGTH = 9
+CONFIGURE = b"\xaa\x00\x32\x03"
 _NO_TARE = 0
-_COUNTER_SPAN = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,25 +54,13 @@ def measure(buffer: bytes, at: int) -> int:
     length = _LENGTHS.get(buffer[at : at + HEADER], -1)
     if at + length > len(buffer):
         return 0
-    return length if length > 0 and _sum_matches(buffer[at : at + length]) else -1
+    return length if length > 0 and sum_matches(buffer[at : at + length]) else -1
 
 
 def encode_frame(header: bytes, body: bytes) -> bytes:
     """Return a frame of header, body and their sum."""
     frame = header + body
     return frame + (sum(frame) & 0xFFFF).to_bytes(2, "big")
-
-
-def encode_reading(counts: Sequence[int], counter: int, status: int = 0) -> bytes:
-    """Return a reading as a DAQ sends it.
-
-    Args:
-        counts: Three, six, or twelve for four sensors; each within an int16.
-        counter: Sequence number of the frame; sent modulo 2^16.
-        status: The 16 status bits.
-    """
-    body = struct.pack(f">HH{len(counts)}h", counter % _COUNTER_SPAN, status, *counts)
-    return encode_frame(_READING_HEADERS[len(counts)], body)
 
 
 def parse_report(nominal: bytes, counts: bytes) -> list[float]:
@@ -87,31 +71,9 @@ def parse_report(nominal: bytes, counts: bytes) -> list[float]:
 
 def encode_configuration(configuration: Configuration) -> bytes:
     """Return the request that sets period and filter; it removes a tare and never sets one."""
-    return encode_frame(_CONFIGURE, bytes((configuration.period_ms, configuration.filter_code, _NO_TARE)))
+    return encode_frame(CONFIGURE, bytes((configuration.period_ms, configuration.filter_code, _NO_TARE)))
 
 
-def parse_requests(received: bytes) -> tuple[list[Configuration | None], bytes]:
-    """Parse the bytes that a DAQ received.
-
-    Returns:
-        The requests in order, with None for a request of the serial number, and the bytes to keep for the next call.
-    """
-    requests: list[Configuration | None] = []
-    at = 0
-    while at < len(received):
-        rest = received[at:]
-        if rest.startswith(GET_SERIAL_NUMBER):
-            requests.append(None)
-            at += len(GET_SERIAL_NUMBER)
-        elif rest.startswith(_CONFIGURE) and len(rest) >= _CONFIGURE_LENGTH and _sum_matches(rest[:_CONFIGURE_LENGTH]):
-            requests.append(Configuration(rest[HEADER], rest[HEADER + 1]))
-            at += _CONFIGURE_LENGTH
-        elif len(rest) < _CONFIGURE_LENGTH:
-            break
-        else:
-            at += 1
-    return requests, received[at:]
-
-
-def _sum_matches(frame: bytes) -> bool:
+def sum_matches(frame: bytes) -> bool:
+    """Return whether a frame ends with its sum."""
     return sum(frame[:-_SUM]) & 0xFFFF == int.from_bytes(frame[-_SUM:], "big")

@@ -1,4 +1,4 @@
-"""Frames of a Contactile PTS controller: byte layout, parser and encoders.
+"""Frames of a Contactile PTS controller: byte layout and parser.
 
 A frame, little-endian: ``55 66 77 88``, width of an offset (u8), an index of blocks (type u16, offset) that ends with
 the type 0, the blocks, the 16-bit sum of all bytes after the start marker, ``AA BB CC DD``. Blocks contain arrays of
@@ -18,9 +18,8 @@ all entries. PTSCOM_2.0_SPEC_SEP22 (section 3.2) agrees that "the first byte aft
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -40,19 +39,17 @@ HUB, PILLAR_FORCES, TOTALS, PILLAR_SLIP, SENSOR_SLIP, UNDEFINED = 1, 3, 4, 5, 6,
 """Types of a block."""
 
 _WIDTHS = (1, 2, 4)  # of an offset, bytes
-_INDEX_END = b"\0\0"
-_VECTORS = struct.Struct("<H6f")  # entry type, six numbers
-_VECTORS_TYPE = 2
-_PILLAR_SLIP = struct.Struct("<Hbf")  # entry type, state of slip, friction
-_SENSOR_SLIP = struct.Struct("<HBff")  # entry type, state of the detection, friction, grip force that it asks for, N
-_SLIP_TYPE = 1
-_HUB = struct.Struct("<IQ")  # frame counter, device time in µs
+INDEX_END = b"\0\0"
+VECTORS_FIELDS = struct.Struct("<H6f")  # entry type, six numbers
+VECTORS_TYPE = 2
+PILLAR_SLIP_FIELDS = struct.Struct("<Hbf")  # entry type, state of slip, friction
+SENSOR_SLIP_FIELDS = struct.Struct("<HBff")  # entry type, state of the detection, friction, grip force it asks for, N
+SLIP_TYPE = 1
+HUB_FIELDS = struct.Struct("<IQ")  # frame counter, device time in µs
 _LATEST_US = 1 << 53  # 285 years
 _ENTRIES = np.dtype([("type", "<u2"), ("force_n", "<f4", 3), ("displacement_mm", "<f4", 3)])
-_SUM_LENGTH = 2
+SUM_LENGTH = 2
 
-Item: TypeAlias = "bytes | Sequence[Item]"
-"""Content of a block or of an array, for the encoders: an entry, or an array of items."""
 
 _FindEnd = Callable[[bytes, int, int], int]
 """``find_end(body, at, width)`` returns where the item at ``at`` ends; raises `Incomplete` or `Malformed`."""
@@ -87,8 +84,8 @@ def parse(buffer: bytes, at: int) -> tuple[int, Body | None]:
         return -1, None
     except Incomplete:
         return (0 if closed < 0 and len(buffer) < at + LONGEST else -1), None
-    counter, time_us = _HUB.unpack_from(body, blocks[HUB])
-    return len(START) + end + _SUM_LENGTH + len(END), Body(counter, time_us, _forces_n(body, blocks))
+    counter, time_us = HUB_FIELDS.unpack_from(body, blocks[HUB])
+    return len(START) + end + SUM_LENGTH + len(END), Body(counter, time_us, _forces_n(body, blocks))
 
 
 def _forces_n(body: bytes, blocks: dict[int, int]) -> list[Array | None]:
@@ -113,9 +110,9 @@ def _blocks(body: bytes) -> tuple[dict[int, int], int]:
     entry = 2 + width
     count, rest = divmod(_number(body, 3, width) - 1, entry)
     table_end = 1 + count * entry
-    if not 1 <= count <= UNDEFINED or rest != len(_INDEX_END):
+    if not 1 <= count <= UNDEFINED or rest != len(INDEX_END):
         raise Malformed
-    if body[table_end : arrived(body, table_end + rest)] != _INDEX_END:
+    if body[table_end : arrived(body, table_end + rest)] != INDEX_END:
         raise Malformed
     begins = {_count(body, at): _number(body, at + 2, width) for at in range(1, table_end, entry)}
     if HUB not in begins or len(begins) < count:
@@ -144,16 +141,16 @@ def _block_end(body: bytes, kind: int, begin: int, follower: int | None) -> int:
 
 def _is_end(body: bytes, at: int) -> bool:
     """Return whether the blocks end at ``at``, followed by their sum and the end marker."""
-    tail = body[at : arrived(body, at + _SUM_LENGTH + len(END))]
-    return tail.endswith(END) and sum(body[:at]) & 0xFFFF == int.from_bytes(tail[:_SUM_LENGTH], "little")
+    tail = body[at : arrived(body, at + SUM_LENGTH + len(END))]
+    return tail.endswith(END) and sum(body[:at]) & 0xFFFF == int.from_bytes(tail[:SUM_LENGTH], "little")
 
 
 def _found_end(body: bytes, at: int) -> int:
     """Return where the blocks end if only the sum shows it, searching from ``at``."""
     total, counted = 0, 0
-    marker = body.find(END, at + _SUM_LENGTH)
+    marker = body.find(END, at + SUM_LENGTH)
     while marker >= 0:
-        end = marker - _SUM_LENGTH
+        end = marker - SUM_LENGTH
         total, counted = total + sum(body[counted:end]), end
         if total & 0xFFFF == int.from_bytes(body[end:marker], "little"):
             return end
@@ -199,7 +196,7 @@ def _array(most: int, item_end: _FindEnd) -> _FindEnd:
 
 
 def _hub(body: bytes, at: int, width: int) -> int:
-    end = arrived(body, at + _HUB.size)
+    end = arrived(body, at + HUB_FIELDS.size)
     if _number(body, at + 4, 8) >= _LATEST_US:
         raise Malformed
     return end
@@ -207,65 +204,9 @@ def _hub(body: bytes, at: int, width: int) -> int:
 
 _FIND_ENDS: dict[int, _FindEnd] = {
     HUB: _hub,
-    PILLAR_FORCES: _array(SENSORS, _array(PILLARS, _entry(_VECTORS_TYPE, _VECTORS.size))),
-    TOTALS: _array(SENSORS, _entry(_VECTORS_TYPE, _VECTORS.size)),
-    PILLAR_SLIP: _array(SENSORS, _array(PILLARS, _entry(_SLIP_TYPE, _PILLAR_SLIP.size))),
-    SENSOR_SLIP: _array(SENSORS, _entry(_SLIP_TYPE, _SENSOR_SLIP.size)),
+    PILLAR_FORCES: _array(SENSORS, _array(PILLARS, _entry(VECTORS_TYPE, VECTORS_FIELDS.size))),
+    TOTALS: _array(SENSORS, _entry(VECTORS_TYPE, VECTORS_FIELDS.size)),
+    PILLAR_SLIP: _array(SENSORS, _array(PILLARS, _entry(SLIP_TYPE, PILLAR_SLIP_FIELDS.size))),
+    SENSOR_SLIP: _array(SENSORS, _entry(SLIP_TYPE, SENSOR_SLIP_FIELDS.size)),
 }
 """For each type of block, the function that finds its end."""
-
-
-def encode_blocks(blocks: Sequence[tuple[int, Item]], width: int = 2) -> bytes:
-    """Return a frame of blocks.
-
-    Args:
-        blocks: Type and content of each; a list is an array.
-        width: Bytes of an offset.
-    """
-    at = 1 + len(blocks) * (2 + width) + len(_INDEX_END)
-    index, contents = bytes((width,)), b""
-    for kind, content in blocks:
-        index += kind.to_bytes(2, "little") + (at + len(contents)).to_bytes(width, "little")
-        contents += _encode_item(content, at + len(contents), width)
-    body = index + _INDEX_END + contents
-    return START + body + (sum(body) & 0xFFFF).to_bytes(_SUM_LENGTH, "little") + END
-
-
-def _encode_item(item: Item, at: int, width: int) -> bytes:
-    """Return an item that begins at ``at``."""
-    if isinstance(item, bytes):
-        return item
-    table, contents = len(item).to_bytes(2, "little"), b""
-    at += len(table) + len(item) * width
-    for each in item:
-        table += (at + len(contents)).to_bytes(width, "little")
-        contents += _encode_item(each, at + len(contents), width)
-    return table + contents
-
-
-def encode_hub(counter: int, time_us: int) -> tuple[int, Item]:
-    """Return the block with sequence number and device time; the counter is sent modulo 2^32."""
-    return HUB, _HUB.pack(counter % (1 << 32), time_us)
-
-
-def encode_vectors(first: Array | Sequence[float], second: Array | Sequence[float]) -> bytes:
-    """Return an entry of two vectors, each of shape (3,): force (N) and displacement (mm) or torque (N mm)."""
-    return _VECTORS.pack(_VECTORS_TYPE, *first, *second)
-
-
-def encode_pillars(forces_n: Sequence[Array], displacements_mm: Sequence[Array]) -> tuple[int, Item]:
-    """Return the block of the pillars: for each sensor force and displacement, each of shape (pillars, 3)."""
-    pads = zip(forces_n, displacements_mm, strict=True)
-    return PILLAR_FORCES, [[encode_vectors(*pillar) for pillar in zip(*pad, strict=True)] for pad in pads]
-
-
-def encode_totals(totals_n: Sequence[Array]) -> tuple[int, Item]:
-    """Return the block of the total force of each sensor, N, shape (3,); its torques are zero."""
-    return TOTALS, [encode_vectors(total_n, (0, 0, 0)) for total_n in totals_n]
-
-
-def encode_slip(pillars: Sequence[int]) -> list[tuple[int, Item]]:
-    """Return the two blocks of a slip detection that is switched off, for sensors with these numbers of pillars."""
-    idle = _PILLAR_SLIP.pack(_SLIP_TYPE, 0, 0.0)
-    off = _SENSOR_SLIP.pack(_SLIP_TYPE, 0, 0.0, -1.0)
-    return [(PILLAR_SLIP, [[idle] * count for count in pillars]), (SENSOR_SLIP, [off] * len(pillars))]

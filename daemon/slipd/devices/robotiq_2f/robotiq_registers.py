@@ -1,4 +1,4 @@
-"""Registers of the Robotiq 2F grippers: bit layout, encoders and parsers for both ends of the line.
+"""Registers of the Robotiq 2F grippers: bit layout and parsers.
 
 Three output registers (from 1000) command the gripper, three input registers (from 2000) report its status. Both are
 six bytes, high byte of each register first: action or status flags, reserved or fault, position request or its echo,
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from slipd.devices.shared import checksums, modbus
 from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
@@ -23,7 +22,6 @@ FORCE_ADDRESS = 1002
 
 ACTIVATE = 0x01
 GO = 0x08
-RELEASE = 0x10
 _STAGE_ACTIVATING = 1
 _STAGE_ACTIVE = 3
 _OBJECTS = ("moving", "contact_opening", "contact_closing", "none")
@@ -40,69 +38,7 @@ _FAULTS = {
     0xE: "overcurrent",
     0xF: "automatic_release_completed",
 }
-_CURRENT_PER_A = 100
-
-
-@dataclass(frozen=True, slots=True)
-class Output:
-    """Content of the three output registers, for emulators.
-
-    Attributes:
-        activate: rACT; its rising edge starts the activation.
-        go: rGTO, go to the position.
-        release: rATR, the emergency release.
-        position: rPR, 0 open to 255 closed.
-        speed: rSP, 0 to 255.
-        force: rFR, 0 to 255.
-    """
-
-    activate: bool
-    go: bool
-    release: bool
-    position: int
-    speed: int
-    force: int
-
-
-def parse_output(registers: tuple[int, ...]) -> Output:
-    """Read the output registers 1000 to 1002."""
-    action = registers[0] >> 8
-    return Output(
-        activate=bool(action & ACTIVATE),
-        go=bool(action & GO),
-        release=bool(action & RELEASE),
-        position=registers[1] & 0xFF,
-        speed=registers[2] >> 8,
-        force=registers[2] & 0xFF,
-    )
-
-
-def write_output(registers: tuple[int, ...], request: modbus.Request) -> tuple[int, ...] | None:
-    """Return the output registers after a write request; None if it writes outside them."""
-    first = request.write_address - OUTPUT_ADDRESS
-    if first < 0 or first + len(request.registers) > REGISTERS:
-        return None
-    written = list(registers)
-    written[first : first + len(request.registers)] = request.registers
-    return tuple(written)
-
-
-def status_registers(
-    output: Output, *, stage: int, found: int, fault: int, position: int, current_a: float
-) -> tuple[int, int, int]:
-    """Return the input registers 2000 to 2002 of a gripper.
-
-    Args:
-        output: Command received last; activation, "go" and requested position are echoed.
-        stage: gSTA: 0 reset, 1 activating, 3 active.
-        found: gOBJ: 0 moving, 1 contact while opening, 2 contact while closing, 3 at the position.
-        fault: gFLT, 0 to 15.
-        position: gPO, 0 open to 255 closed.
-        current_a: Motor current, A; sent in steps of 10 mA, at most 2.55 A.
-    """
-    flags = output.activate * ACTIVATE | output.go * GO | stage << 4 | found << 6
-    current = min(round(current_a * _CURRENT_PER_A), 0xFF)
-    return flags << 8, fault << 8 | output.position, position << 8 | current
+CURRENT_PER_A = 100
 
 
 def parse_status(
@@ -132,7 +68,7 @@ def parse_status(
         object=_OBJECTS[found] if found or moving else "none",
         fault=_fault_name(fault),
         echo_ok=None if requested is None else echo == requested,
-        current_a=current / _CURRENT_PER_A,
+        current_a=current / CURRENT_PER_A,
     )
 
 

@@ -1,4 +1,4 @@
-"""Modbus RTU frames: encoders and parsers for the master and for emulated devices.
+"""Modbus RTU frames: requests of the master, and their answers.
 
 They cover the four functions that the supported devices use: read holding (3) and input (4) registers, write registers
 (16), and both in one (23). Source: Modbus application protocol V1.1b3; Modbus over serial line V1.02.
@@ -23,11 +23,11 @@ MAX_FRAME = 256
 
 _MOST_READ = 125
 _MOST_WRITTEN = {WRITE: 123, READ_WRITE: 121}
-_SIZE_AT = {WRITE: 6, READ_WRITE: 10}  # offset of the number of bytes that a request writes
-_ERROR_FLAG = 0x80
-_READ_LENGTH = 8
+SIZE_AT = {WRITE: 6, READ_WRITE: 10}  # offset of the number of bytes that a request writes
+ERROR_FLAG = 0x80
+READ_LENGTH = 8
 _EXCEPTION_LENGTH = 5
-_CRC_LENGTH = 2
+CRC_LENGTH = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,23 +87,7 @@ def encode_request(request: Request) -> bytes:
     if request.registers:
         count = len(request.registers)
         body += struct.pack(f">HHB{count}H", request.write_address, count, 2 * count, *request.registers)
-    return _with_checksum(body)
-
-
-def encode_reply(request: Request, registers: tuple[int, ...] = ()) -> bytes:
-    """Return the answer of a device that carried out ``request``, with the values read.
-
-    Raises:
-        ValueError: The number of values differs from the request.
-    """
-    if len(registers) != request.read_count:
-        raise ValueError(f"registers must be the {request.read_count} requested ones, got {len(registers)}")
-    return _with_checksum(_reply_head(request) + struct.pack(f">{len(registers)}H", *registers))
-
-
-def encode_exception(request: Request, code: int) -> bytes:
-    """Return the answer of a device that refuses ``request``."""
-    return _with_checksum(bytes((request.unit, request.function | _ERROR_FLAG, code)))
+    return with_checksum(body)
 
 
 def find_reply(received: bytes, request: Request) -> Reply | None:
@@ -111,39 +95,26 @@ def find_reply(received: bytes, request: Request) -> Reply | None:
 
     Bytes before and after the answer are skipped.
     """
-    head = _reply_head(request)
-    length = len(head) + 2 * request.read_count + _CRC_LENGTH
+    head = reply_head(request)
+    length = len(head) + 2 * request.read_count + CRC_LENGTH
     frame = _find_valid(received, head, length)
     if frame:
         return Reply(struct.unpack_from(f">{request.read_count}H", frame, len(head)), 0, length)
-    frame = _find_valid(received, bytes((request.unit, request.function | _ERROR_FLAG)), _EXCEPTION_LENGTH)
+    frame = _find_valid(received, bytes((request.unit, request.function | ERROR_FLAG)), _EXCEPTION_LENGTH)
     return Reply((), frame[2], _EXCEPTION_LENGTH) if frame else None
 
 
-def parse_requests(received: bytes, unit: int) -> tuple[list[Request], bytes]:
-    """Return the requests to ``unit`` among the bytes a device received, and the bytes to keep for the next call."""
-    requests: list[Request] = []
-    at = received.find(unit)
-    while at >= 0:
-        length = _request_length(received, at)
-        if at + length > len(received):
-            return requests, received[at:]
-        request = _parse_request(received[at : at + length])
-        if request:
-            requests.append(request)
-        at = received.find(unit, at + (length if request else 1))
-    return requests, b""
+def with_checksum(body: bytes) -> bytes:
+    """Return a frame: the body and its checksum."""
+    return body + checksums.modbus(body).to_bytes(CRC_LENGTH, "little")
 
 
-def _with_checksum(body: bytes) -> bytes:
-    return body + checksums.modbus(body).to_bytes(_CRC_LENGTH, "little")
+def checksum_matches(frame: bytes) -> bool:
+    """Return whether a frame ends with its checksum."""
+    return checksums.modbus(frame[:-CRC_LENGTH]) == int.from_bytes(frame[-CRC_LENGTH:], "little")
 
 
-def _checksum_matches(frame: bytes) -> bool:
-    return checksums.modbus(frame[:-_CRC_LENGTH]) == int.from_bytes(frame[-_CRC_LENGTH:], "little")
-
-
-def _reply_head(request: Request) -> bytes:
+def reply_head(request: Request) -> bytes:
     """Return the bytes before the registers in the answer to ``request``."""
     head = bytes((request.unit, request.function))
     if request.read_count:
@@ -155,37 +126,7 @@ def _find_valid(received: bytes, head: bytes, length: int) -> bytes:
     at = received.find(head)
     while 0 <= at <= len(received) - length:
         frame = received[at : at + length]
-        if _checksum_matches(frame):
+        if checksum_matches(frame):
             return frame
         at = received.find(head, at + 1)
     return b""
-
-
-def _request_length(received: bytes, at: int) -> int:
-    """Return the length of the request at ``at``, or of the part that shows it; 1 if there is none."""
-    function = received[at + 1] if at + 1 < len(received) else READ_INPUT
-    if function in (READ_HOLDING, READ_INPUT):
-        return _READ_LENGTH
-    size_at = _SIZE_AT.get(function)
-    if size_at is None:
-        return 1
-    size = received[at + size_at] if at + size_at < len(received) else 0
-    return size_at + 1 + size + _CRC_LENGTH
-
-
-def _parse_request(frame: bytes) -> Request | None:
-    if len(frame) < _READ_LENGTH or not _checksum_matches(frame):
-        return None
-    unit, function = frame[:2]
-    read_address, read_count = struct.unpack_from(">HH", frame, 2) if function != WRITE else (0, 0)
-    write_address, count, registers = 0, 0, ()
-    if function in _SIZE_AT:
-        size_at = _SIZE_AT[function]
-        write_address, count = struct.unpack_from(">HH", frame, size_at - 4)
-        registers = struct.unpack_from(f">{frame[size_at] // 2}H", frame, size_at + 1)
-    if count != len(registers):
-        return None
-    try:
-        return Request(unit, function, read_address, read_count, write_address, registers)
-    except ValueError:
-        return None

@@ -1,4 +1,4 @@
-"""Messages of Weiss/Schunk WSG grippers: byte layout, encoders and parsers for both ends of the line.
+"""Messages of Weiss/Schunk WSG grippers: byte layout, commands, and parsers of replies.
 
 The packets are those of `slipd.devices.shared.weiss_packets`, with a checksum that includes the preamble. A reply has
 the id of its command and begins with a status (u16). Widths are mm, speeds mm/s; numbers are little-endian, and real
@@ -93,36 +93,27 @@ GRASPING_STATES = ("idle", "grasping", "no_part", "part_lost", "holding", "relea
 MOST = 1000.0
 """Largest plausible width (mm), speed (mm/s) or force (N)."""
 
-_F32 = struct.Struct("<f")
-_FLAGS = struct.Struct("<I")
-_GOAL = struct.Struct("<Bff")  # flags, width in mm, speed in mm/s
-_UPDATE = struct.Struct("<BH")  # periodic, period in ms
-_SYSTEM = struct.Struct("<BBHI")  # type, hardware revision, firmware, serial number
-_LIMITS = struct.Struct("<8f")  # as in `Limits`
+F32 = struct.Struct("<f")
+FLAGS = struct.Struct("<I")
+GOAL_FIELDS = struct.Struct("<Bff")  # flags, width in mm, speed in mm/s
+UPDATE_FIELDS = struct.Struct("<BH")  # periodic, period in ms
+SYSTEM_FIELDS = struct.Struct("<BBHI")  # type, hardware revision, firmware, serial number
+LIMITS_FIELDS = struct.Struct("<8f")  # as in `Limits`
 STATUS_LENGTH = 2
 """Bytes of the status at the beginning of a reply."""
 
 _COMMANDS = (DISCONNECT, HOME, PREPOSITION, STOP, ACKNOWLEDGE, SET_FORCE, OVERDRIVE)
 
 REPLY_SIZES = dict.fromkeys(_COMMANDS, 0) | {
-    GET_FORCE: _F32.size,
-    STATE: _FLAGS.size,
+    GET_FORCE: F32.size,
+    STATE: FLAGS.size,
     GRASPING: 1,
-    WIDTH: _F32.size,
-    FORCE: _F32.size,
-    SYSTEM: _SYSTEM.size,
-    LIMITS: _LIMITS.size,
+    WIDTH: F32.size,
+    FORCE: F32.size,
+    SYSTEM: SYSTEM_FIELDS.size,
+    LIMITS: LIMITS_FIELDS.size,
 }
 """Bytes after a status of 0; there are none after any other status."""
-REQUEST_SIZES = dict.fromkeys((DISCONNECT, STOP, GET_FORCE, SYSTEM, LIMITS), 0) | {
-    HOME: 1,
-    OVERDRIVE: 1,
-    PREPOSITION: _GOAL.size,
-    ACKNOWLEDGE: 3,
-    SET_FORCE: _F32.size,
-    **dict.fromkeys(UPDATES, _UPDATE.size),
-}
-"""Bytes of a request, for emulators."""
 
 
 class Limits(NamedTuple):
@@ -152,13 +143,7 @@ def preposition(width_mm: float, speed_mmps: float) -> bytes:
 
     The payload is flags (u8), width in mm (f32) and speed in mm/s (f32).
     """
-    return encode(PREPOSITION, _GOAL.pack(CLAMP_ABSOLUTE, width_mm, speed_mmps))
-
-
-def parse_goal(payload: bytes) -> tuple[int, float, float]:
-    """Return flags, width in mm and speed in mm/s of a pre-position."""
-    flags, width_mm, speed_mmps = _GOAL.unpack(payload)
-    return flags, width_mm, speed_mmps
+    return encode(PREPOSITION, GOAL_FIELDS.pack(CLAMP_ABSOLUTE, width_mm, speed_mmps))
 
 
 def home() -> bytes:
@@ -173,7 +158,7 @@ def acknowledge() -> bytes:
 
 def set_force(newtons: float) -> bytes:
     """Return the command that sets the force limit, N of both fingers together."""
-    return encode(SET_FORCE, _F32.pack(newtons))
+    return encode(SET_FORCE, F32.pack(newtons))
 
 
 def overdrive() -> bytes:
@@ -188,65 +173,28 @@ def overdrive() -> bytes:
 
 def update_request(update_id: int, period_ms: int) -> bytes:
     """Return the request for one of `UPDATES` every ``period_ms``."""
-    return encode(update_id, _UPDATE.pack(1, period_ms))
-
-
-def parse_update(payload: bytes) -> int:
-    """Return the period of a request for updates, ms; 0 for a single answer."""
-    automatic, period_ms = _UPDATE.unpack(payload)
-    return period_ms if automatic else 0
-
-
-def encode_reply(reply_id: int, status: int = OK, data: bytes = b"") -> bytes:
-    """Return a reply as the gripper sends it."""
-    return encode(reply_id, status.to_bytes(STATUS_LENGTH, "little") + data)
-
-
-def encode_number(reply_id: int, number: float) -> bytes:
-    """Return a reply that consists of one number: width, force or force limit."""
-    return encode_reply(reply_id, data=_F32.pack(number))
-
-
-def encode_state(words: set[str]) -> bytes:
-    """Return the system state with the bits of these words set."""
-    flags = sum(1 << bit for bit, word in STATE_BITS.items() if word in words)
-    return encode_reply(STATE, data=_FLAGS.pack(flags))
-
-
-def encode_grasping(state: str) -> bytes:
-    """Return the grasping state."""
-    return encode_reply(GRASPING, data=bytes((GRASPING_STATES.index(state),)))
-
-
-def encode_limits(limits: Limits) -> bytes:
-    """Return the answer about the limits."""
-    return encode_reply(LIMITS, data=_LIMITS.pack(*limits))
-
-
-def encode_system(serial: int) -> bytes:
-    """Return the answer about the system."""
-    return encode_reply(SYSTEM, data=_SYSTEM.pack(1, 0, 0, serial))
+    return encode(update_id, UPDATE_FIELDS.pack(1, period_ms))
 
 
 def parse_number(data: bytes) -> float:
     """Return the number in a reply, or in the command that sets the force limit."""
-    return float(_F32.unpack(data)[0])
+    return float(F32.unpack(data)[0])
 
 
 def parse_state(data: bytes) -> frozenset[str]:
     """Return the words of the bits set in a system state; ignore bits without a meaning."""
-    flags = _FLAGS.unpack(data)[0]
+    flags = FLAGS.unpack(data)[0]
     return frozenset(word for bit, word in STATE_BITS.items() if flags >> bit & 1)
 
 
 def parse_limits(data: bytes) -> Limits:
     """Return the limits in an answer."""
-    return Limits(*_LIMITS.unpack(data))
+    return Limits(*LIMITS_FIELDS.unpack(data))
 
 
 def parse_serial(data: bytes) -> int:
     """Return the serial number in an answer about the system."""
-    return int(_SYSTEM.unpack(data)[3])
+    return int(SYSTEM_FIELDS.unpack(data)[3])
 
 
 def at_most(number: float) -> float:

@@ -6,6 +6,7 @@ matrix, and saved settings.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -31,6 +32,35 @@ _IN_RUN_MODE = "CRI#"
 _DONE, _REFUSED = 0, 1
 _BINARY = "0"
 _NOISE_BLOCK = 1024
+
+
+_COMMAND = re.compile(rb"[CRI#slw]|p(?=\?)|c,\d,\d,\d,\d|f,\d{1,4},\d,\d,\d")
+
+_LONGEST_COMMAND = 64
+"""Size of the sensor's own buffer, bytes; anything longer is not a command."""
+
+
+def parse_commands(received: bytes) -> tuple[list[str], bytes]:
+    """Return the commands that a sensor received, and the bytes to keep for the next call.
+
+    A command is a letter: "C" configure, "R" run, "I" soft reset, "#" hard reset, "c" communication (temperature
+    compensation, calibration, format, baud code), "f" filter (sinc length, chop, fast, FIR off), "s" save, "l" load,
+    "w" print, "p" (``p?``) name and serial number; with its arguments after commas.
+    """
+    found = list(_COMMAND.finditer(received))
+    rest = received[found[-1].end() :] if found else received
+    return [match[0].decode() for match in found], rest[-_LONGEST_COMMAND:]
+
+
+def encode_ack(letter: str, code: int = 0) -> bytes:
+    """Return the answer to the command ``letter``; code 0 is success."""
+    return f"r,0,{letter},{code}\r\n".encode()
+
+
+def encode_banner(name: str = "SensONE", serial_number: int = 1, firmware: str = "1.0.0") -> bytes:
+    """Return the text that a sensor sends after a reset, including its communication setup."""
+    lines = (bota.BANNER.decode(), f"name: {name}", f"S/N: {serial_number}", f"FW version: {firmware}", "c,0,1,0,4")
+    return "".join(f"{line}\r" for line in lines).encode()
 
 
 @dataclass(frozen=True)
@@ -84,11 +114,11 @@ class BotaSensor:
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
         self._next_ns = t_ns + BOOT_NS
-        self._received, self._text = b"", bota.encode_banner(NAME, SERIAL)
+        self._received, self._text = b"", encode_banner(NAME, SERIAL)
 
     def receive(self, data: bytes, t_ns: int) -> bytes:
         """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
-        commands, self._received = bota.parse_commands(self._received + data)
+        commands, self._received = parse_commands(self._received + data)
         return b"".join(self._obey(command, t_ns) for command in commands)
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
@@ -129,7 +159,7 @@ class BotaSensor:
             self.restart(t_ns)
             return b""
         if letter == "p":
-            return f"p,0,{SERIAL},0,0,{NAME}\r\n".encode() + bota.encode_ack("p")  # the driver ignores the zeros
+            return f"p,0,{SERIAL},0,0,{NAME}\r\n".encode() + encode_ack("p")  # the driver ignores the zeros
         if letter == "C":
             self.mode = "config"
         elif letter == "R":
@@ -138,7 +168,7 @@ class BotaSensor:
             self._period_ns = _period_ns(int(arguments[0]))
         elif letter == "f" or (letter == "c" and arguments[2] != _BINARY):
             code = _REFUSED
-        return bota.encode_ack(letter, code)
+        return encode_ack(letter, code)
 
 
 def _period_ns(sinc_length: int) -> int:

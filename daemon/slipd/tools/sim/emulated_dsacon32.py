@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import MAX_RATE_HZ
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
+from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner, encode
+from slipd.devices.shared.weiss_tactile import RLE
 from slipd.tools.sim.emulated_wts import WeissController
 from slipd.types.arrays import Array
 
@@ -24,6 +25,60 @@ SERIAL = 1234
 
 _INDEX_ERROR = 24
 _REQUEST_BYTES = 9
+
+
+REQUEST_SIZES = {
+    dsacon32.CONTROLLER: 0,
+    dsacon32.SENSOR: 0,
+    dsacon32.ACQUIRE: dsacon32.ACQUIRE_FIELDS.size,
+    dsacon32.MATRIX: 1,
+}
+
+_RS232 = 0x10
+
+_REVISION = 0x20
+
+_FIRMWARE = 288
+
+_PITCH_MM = 3.4
+
+_FULL_SCALE = 4095.0
+
+
+def parse_acquire(payload: bytes) -> tuple[int, bool]:
+    """Return the requested rate, Hz, 0 for no images, and whether images are to be run-length encoded."""
+    flags, rate_hz = dsacon32.ACQUIRE_FIELDS.unpack(payload)
+    return rate_hz if flags & dsacon32.PUSH else 0, bool(flags & RLE)
+
+
+def encode_error(packet_id: int, error: int = 0) -> bytes:
+    """Return an answer that consists of an error number alone; 0 is no error."""
+    return encode(packet_id, error.to_bytes(2, "little"), SEED_AFTER_PREAMBLE)
+
+
+def encode_controller(serial: int, *, kind: int = dsacon32.TYPE_DSACON32, operable: bool = True) -> bytes:
+    """Return the answer about the controller: serial number, type, and whether it can measure."""
+    payload = dsacon32.CONTROLLER_FIELDS.pack(
+        0, serial, _REVISION, _FIRMWARE, dsacon32.OPERABLE * operable, _RS232, kind, 0, 0, 0
+    )
+    return encode(dsacon32.CONTROLLER, payload, SEED_AFTER_PREAMBLE)
+
+
+def encode_sensor(matrices: int, serial: int, error: int = 0) -> bytes:
+    """Return the answer about the sensor: number of matrices and serial number."""
+    return encode(
+        dsacon32.SENSOR, dsacon32.SENSOR_FIELDS.pack(error, matrices, 0x0120, 1, serial, 0), SEED_AFTER_PREAMBLE
+    )
+
+
+def encode_matrix(cols: int, rows: int) -> bytes:
+    """Return the answer about a matrix."""
+    zeros = (0.0,) * 6
+    unique, reserved = bytes(range(1, 7)), bytes(2)
+    payload = dsacon32.MATRIX_FIELDS.pack(
+        0, _PITCH_MM, _PITCH_MM, cols, rows, unique, reserved, 0x10, *zeros, _FULL_SCALE, 0
+    )
+    return encode(dsacon32.MATRIX, payload, SEED_AFTER_PREAMBLE)
 
 
 class Dsacon32(WeissController):
@@ -52,7 +107,7 @@ class Dsacon32(WeissController):
     ) -> None:
         requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
         super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
-        self._about = dsacon32.encode_controller(SERIAL, kind=kind, operable=operable)
+        self._about = encode_controller(SERIAL, kind=kind, operable=operable)
         self._matrices = matrices
         self._rle = False
 
@@ -78,15 +133,15 @@ class Dsacon32(WeissController):
         if request.id == dsacon32.CONTROLLER:
             return self._about
         if request.id == dsacon32.SENSOR:
-            return dsacon32.encode_sensor(len(self._matrices), serial=5678)
+            return encode_sensor(len(self._matrices), serial=5678)
         if request.id == dsacon32.MATRIX:
             index = request.payload[0]
             if index >= len(self._matrices):
-                return dsacon32.encode_error(dsacon32.MATRIX, _INDEX_ERROR)
-            return dsacon32.encode_matrix(*self._matrices[index])
-        rate_hz, self._rle = dsacon32.parse_acquire(request.payload)
+                return encode_error(dsacon32.MATRIX, _INDEX_ERROR)
+            return encode_matrix(*self._matrices[index])
+        rate_hz, self._rle = parse_acquire(request.payload)
         self._push(round(1e9 / min(rate_hz, MAX_RATE_HZ)) if rate_hz else None, t_ns)
-        return dsacon32.encode_error(dsacon32.ACQUIRE)
+        return encode_error(dsacon32.ACQUIRE)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
         return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
@@ -98,4 +153,4 @@ def make(seed: int = 0, matrices: Sequence[tuple[int, int]] = FINGER) -> Dsacon3
 
 
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:
-    return dsacon32.REQUEST_SIZES.get(packet_id) == size
+    return REQUEST_SIZES.get(packet_id) == size

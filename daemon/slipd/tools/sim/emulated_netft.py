@@ -6,6 +6,7 @@ Not emulated: what its web pages and console can change, but for the output rate
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,20 @@ SERIAL = "FT27462"
 
 _CHANGE = re.compile(rb"GET /comm\.cgi\?comrdtrate=(\d{1,5}) HTTP/1\.[01]\r\n")
 _CHANGED = b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html></html>"
+
+
+def encode_tcp(counts_per_force: int, counts_per_torque: int, force_code: int = 2, torque_code: int = 3) -> bytes:
+    """Return the answer to READCALINFO; the default unit codes are those of N and N·m."""
+    return netft_calibration.TCP_REPLY.pack(
+        netft_calibration.TCP_HEADER, force_code, torque_code, counts_per_force, counts_per_torque
+    )
+
+
+def encode_xml(tags: Mapping[str, str | int]) -> bytes:
+    """Return the HTTP answer that contains the page with the given tags."""
+    page = "".join(f"<{name}>{value}</{name}>\n" for name, value in tags.items())
+    head = "HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\n\r\n"
+    return f'{head}<?xml version="1.0"?><netft>\n{page}</netft>\n'.encode()
 
 
 class NetftSensor(EmulatedWrench):
@@ -62,11 +77,11 @@ class NetftSensor(EmulatedWrench):
     def inquire(self, request: bytes) -> bytes:
         """Return the answer to an inquiry over TCP or HTTP, and set the output rate; empty for anything else."""
         if request == netft_calibration.TCP_INQUIRY.request:
-            return netft_calibration.encode_tcp(COUNTS_PER_N, COUNTS_PER_NM)
+            return encode_tcp(COUNTS_PER_N, COUNTS_PER_NM)
         if request == netft_calibration.XML_INQUIRY.request:
             page: dict[str, str | int] = {"cfgcalsn": SERIAL, "runrate": INTERNAL_HZ, "scfgfu": "N", "scfgtu": "Nm"}
             page |= {"comrdtrate": round(self.rate_hz)}
-            return netft_calibration.encode_xml(page | {"cfgcpf": COUNTS_PER_N, "cfgcpt": COUNTS_PER_NM})
+            return encode_xml(page | {"cfgcpf": COUNTS_PER_N, "cfgcpt": COUNTS_PER_NM})
         if (change := _CHANGE.match(request)) and 1 <= int(change[1]) <= INTERNAL_HZ:
             self.rate_hz = self._stream.rate_hz = rounded_hz(int(change[1]), INTERNAL_HZ)
             return _CHANGED

@@ -5,6 +5,7 @@ Not emulated: the tare of a DAQ, which the daemon never requests.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,6 +23,52 @@ POWER_ON_HZ = 100.0
 
 _UDP_COUNTS_PER_UNIT = np.repeat((UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM), 3)
 _MS = 1_000_000
+
+
+_READING_HEADERS = {3: frames.ONE_3_AXIS, 6: frames.ONE_6_AXIS, 12: frames.FOUR_3_AXIS}
+
+_CONFIGURE_LENGTH = 9
+
+_COUNTER_SPAN = 1 << 16
+
+
+def encode_reading(counts: Sequence[int], counter: int, status: int = 0) -> bytes:
+    """Return a reading as a DAQ sends it.
+
+    Args:
+        counts: Three, six, or twelve for four sensors; each within an int16.
+        counter: Sequence number of the frame; sent modulo 2^16.
+        status: The 16 status bits.
+    """
+    body = struct.pack(f">HH{len(counts)}h", counter % _COUNTER_SPAN, status, *counts)
+    return frames.encode_frame(_READING_HEADERS[len(counts)], body)
+
+
+def parse_requests(received: bytes) -> tuple[list[frames.Configuration | None], bytes]:
+    """Parse the bytes that a DAQ received.
+
+    Returns:
+        The requests in order, with None for a request of the serial number, and the bytes to keep for the next call.
+    """
+    requests: list[frames.Configuration | None] = []
+    at = 0
+    while at < len(received):
+        rest = received[at:]
+        if rest.startswith(frames.GET_SERIAL_NUMBER):
+            requests.append(None)
+            at += len(frames.GET_SERIAL_NUMBER)
+        elif (
+            rest.startswith(frames.CONFIGURE)
+            and len(rest) >= _CONFIGURE_LENGTH
+            and frames.sum_matches(rest[:_CONFIGURE_LENGTH])
+        ):
+            requests.append(frames.Configuration(rest[frames.HEADER], rest[frames.HEADER + 1]))
+            at += _CONFIGURE_LENGTH
+        elif len(rest) < _CONFIGURE_LENGTH:
+            break
+        else:
+            at += 1
+    return requests, received[at:]
 
 
 class OptoforceDaq(EmulatedWrench):
@@ -53,14 +100,14 @@ class OptoforceDaq(EmulatedWrench):
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
-        requests, self._received = frames.parse_requests(self._received + data)
+        requests, self._received = parse_requests(self._received + data)
         return [self._answer(request, t_ns) for request in requests]
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the frames due by then."""
         output: list[bytes] = []
         for _, values in self._stream.due(t_ns):
-            output.append(frames.encode_reading(whole(values * self._counts_per_unit, 16), self._counter, self.status))
+            output.append(encode_reading(whole(values * self._counts_per_unit, 16), self._counter, self.status))
             self._counter += round(1000.0 / self._stream.rate_hz)
         return output
 

@@ -6,12 +6,15 @@ Not emulated: the zeroing of the sensors, and their slip detection.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from slipd.devices.papillarray import RATES_HZ
 from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
+from slipd.types.arrays import Array
 
 POWER_ON_HZ = 1000.0
 NOISE_N = 0.005
@@ -21,6 +24,66 @@ RESTING_N = (0.0, 0.0, 0.1)
 
 _COMMAND = re.compile(rb"f(\d{1,4})\n")
 _LONGEST_COMMAND = 6
+
+
+Item: TypeAlias = "bytes | Sequence[Item]"
+"""Content of a block or of an array, for the encoders: an entry, or an array of items."""
+
+
+def encode_blocks(blocks: Sequence[tuple[int, Item]], width: int = 2) -> bytes:
+    """Return a frame of blocks.
+
+    Args:
+        blocks: Type and content of each; a list is an array.
+        width: Bytes of an offset.
+    """
+    at = 1 + len(blocks) * (2 + width) + len(frames.INDEX_END)
+    index, contents = bytes((width,)), b""
+    for kind, content in blocks:
+        index += kind.to_bytes(2, "little") + (at + len(contents)).to_bytes(width, "little")
+        contents += _encode_item(content, at + len(contents), width)
+    body = index + frames.INDEX_END + contents
+    return frames.START + body + (sum(body) & 0xFFFF).to_bytes(frames.SUM_LENGTH, "little") + frames.END
+
+
+def _encode_item(item: Item, at: int, width: int) -> bytes:
+    """Return an item that begins at ``at``."""
+    if isinstance(item, bytes):
+        return item
+    table, contents = len(item).to_bytes(2, "little"), b""
+    at += len(table) + len(item) * width
+    for each in item:
+        table += (at + len(contents)).to_bytes(width, "little")
+        contents += _encode_item(each, at + len(contents), width)
+    return table + contents
+
+
+def encode_hub(counter: int, time_us: int) -> tuple[int, Item]:
+    """Return the block with sequence number and device time; the counter is sent modulo 2^32."""
+    return frames.HUB, frames.HUB_FIELDS.pack(counter % (1 << 32), time_us)
+
+
+def encode_vectors(first: Array | Sequence[float], second: Array | Sequence[float]) -> bytes:
+    """Return an entry of two vectors, each of shape (3,): force (N) and displacement (mm) or torque (N mm)."""
+    return frames.VECTORS_FIELDS.pack(frames.VECTORS_TYPE, *first, *second)
+
+
+def encode_pillars(forces_n: Sequence[Array], displacements_mm: Sequence[Array]) -> tuple[int, Item]:
+    """Return the block of the pillars: for each sensor force and displacement, each of shape (pillars, 3)."""
+    pads = zip(forces_n, displacements_mm, strict=True)
+    return frames.PILLAR_FORCES, [[encode_vectors(*pillar) for pillar in zip(*pad, strict=True)] for pad in pads]
+
+
+def encode_totals(totals_n: Sequence[Array]) -> tuple[int, Item]:
+    """Return the block of the total force of each sensor, N, shape (3,); its torques are zero."""
+    return frames.TOTALS, [encode_vectors(total_n, (0, 0, 0)) for total_n in totals_n]
+
+
+def encode_slip(pillars: Sequence[int]) -> list[tuple[int, Item]]:
+    """Return the two blocks of a slip detection that is switched off, for sensors with these numbers of pillars."""
+    idle = frames.PILLAR_SLIP_FIELDS.pack(frames.SLIP_TYPE, 0, 0.0)
+    off = frames.SENSOR_SLIP_FIELDS.pack(frames.SLIP_TYPE, 0, 0.0, -1.0)
+    return [(frames.PILLAR_SLIP, [[idle] * count for count in pillars]), (frames.SENSOR_SLIP, [off] * len(pillars))]
 
 
 class Controller(EmulatedTactile):
@@ -54,13 +117,13 @@ class Controller(EmulatedTactile):
     def _frame(self, taken_ns: int) -> bytes:
         pads = [self._stream.image(str(sensor)) for sensor in range(frames.SENSORS)]
         blocks = [
-            frames.encode_hub(self._counter, round(taken_ns * self._clock_us_per_ns)),
-            frames.encode_pillars(pads, [pad / STIFFNESS_N_PER_MM for pad in pads]),
-            frames.encode_totals([pad.sum(axis=0) for pad in pads]),
-            *frames.encode_slip([frames.PILLARS] * frames.SENSORS),
+            encode_hub(self._counter, round(taken_ns * self._clock_us_per_ns)),
+            encode_pillars(pads, [pad / STIFFNESS_N_PER_MM for pad in pads]),
+            encode_totals([pad.sum(axis=0) for pad in pads]),
+            *encode_slip([frames.PILLARS] * frames.SENSORS),
         ]
         self._counter += 1
-        return frames.encode_blocks(blocks)
+        return encode_blocks(blocks)
 
 
 make = Controller

@@ -14,6 +14,7 @@ import numpy as np
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
+from slipd.tools.sim import modbus_device
 from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.tools.sim.scene import GripCommand, Scene
 
@@ -39,6 +40,71 @@ _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
 _FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
 _MOVING_A, _HOLDING_A_PER_N = 0.12, 0.02
+
+
+RELEASE = 0x10
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Content of the three output registers, for emulators.
+
+    Attributes:
+        activate: rACT; its rising edge starts the activation.
+        go: rGTO, go to the position.
+        release: rATR, the emergency release.
+        position: rPR, 0 open to 255 closed.
+        speed: rSP, 0 to 255.
+        force: rFR, 0 to 255.
+    """
+
+    activate: bool
+    go: bool
+    release: bool
+    position: int
+    speed: int
+    force: int
+
+
+def parse_output(registers: tuple[int, ...]) -> Output:
+    """Read the output registers 1000 to 1002."""
+    action = registers[0] >> 8
+    return Output(
+        activate=bool(action & robotiq_registers.ACTIVATE),
+        go=bool(action & robotiq_registers.GO),
+        release=bool(action & RELEASE),
+        position=registers[1] & 0xFF,
+        speed=registers[2] >> 8,
+        force=registers[2] & 0xFF,
+    )
+
+
+def write_output(registers: tuple[int, ...], request: modbus.Request) -> tuple[int, ...] | None:
+    """Return the output registers after a write request; None if it writes outside them."""
+    first = request.write_address - robotiq_registers.OUTPUT_ADDRESS
+    if first < 0 or first + len(request.registers) > robotiq_registers.REGISTERS:
+        return None
+    written = list(registers)
+    written[first : first + len(request.registers)] = request.registers
+    return tuple(written)
+
+
+def status_registers(
+    output: Output, *, stage: int, found: int, fault: int, position: int, current_a: float
+) -> tuple[int, int, int]:
+    """Return the input registers 2000 to 2002 of a gripper.
+
+    Args:
+        output: Command received last; activation, "go" and requested position are echoed.
+        stage: gSTA: 0 reset, 1 activating, 3 active.
+        found: gOBJ: 0 moving, 1 contact while opening, 2 contact while closing, 3 at the position.
+        fault: gFLT, 0 to 15.
+        position: gPO, 0 open to 255 closed.
+        current_a: Motor current, A; sent in steps of 10 mA, at most 2.55 A.
+    """
+    flags = output.activate * robotiq_registers.ACTIVATE | output.go * robotiq_registers.GO | stage << 4 | found << 6
+    current = min(round(current_a * robotiq_registers.CURRENT_PER_A), 0xFF)
+    return flags << 8, fault << 8 | output.position, position << 8 | current
 
 
 @dataclass
@@ -94,7 +160,7 @@ class Gripper2F:
         self._unit = unit
         self._open_width_m = open_width_m = self._units.width_range_m[1]
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
-        self._output = robotiq_registers.parse_output(self._registers)
+        self._output = parse_output(self._registers)
         self._received, self._received_ns = b"", 0
         self._ready_ns = 0
         self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], self._forces_n[0])
@@ -106,7 +172,7 @@ class Gripper2F:
         if t_ns - self._received_ns > FRAME_GAP_NS:
             self._received = b""
         self._received_ns = t_ns
-        requests, self._received = modbus.parse_requests(self._received + data, self._unit)
+        requests, self._received = modbus_device.parse_requests(self._received + data, self._unit)
         return b"".join(self._answer(request, t_ns) for request in requests)
 
     def command(self, t_ns: int) -> GripCommand:
@@ -128,16 +194,16 @@ class Gripper2F:
     def _answer(self, request: modbus.Request, t_ns: int) -> bytes:
         first = request.read_address - robotiq_registers.INPUT_ADDRESS
         reads_well = first >= 0 and first + request.read_count <= READABLE
-        written = robotiq_registers.write_output(self._registers, request) if request.registers else self._registers
+        written = write_output(self._registers, request) if request.registers else self._registers
         if written is None or (request.read_count and not reads_well):
-            return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
+            return modbus_device.encode_exception(request, modbus.ILLEGAL_ADDRESS)
         self._write_output(written, t_ns)
         if not request.read_count:
-            return modbus.encode_reply(request)
-        return modbus.encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
+            return modbus_device.encode_reply(request)
+        return modbus_device.encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
 
     def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:
-        was_active, written = self._output.activate, robotiq_registers.parse_output(registers)
+        was_active, written = self._output.activate, parse_output(registers)
         slow, fast = SPEED_MPS
         self._registers, self._output = registers, written
         self._goal = GripCommand(
@@ -158,7 +224,7 @@ class Gripper2F:
         stage, fault = self._stage(t_ns), 0
         if self._output.go and stage != _ACTIVE:
             fault = _FAULT_DELAYED if stage == _ACTIVATING else _FAULT_NOT_ACTIVATED
-        return robotiq_registers.status_registers(
+        return status_registers(
             self._output,
             stage=stage,
             found=_FOUND_CLOSING if self._holding else _FOUND_MOVING if self._moving else _FOUND_NONE,

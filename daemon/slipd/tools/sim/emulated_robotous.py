@@ -5,6 +5,8 @@ Not emulated: bias, change of the baud rate, and overload counters, which the da
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from slipd.devices import robotous
@@ -16,6 +18,41 @@ PRODUCT, SERIAL = b"RFT40-SA01-D", b"RFT-2211-0042"
 
 _OUT_OF_RANGE = b"\x00\x02"
 _OBEYED = b"\x01\x00"
+
+
+def encode_response(number: int, content: bytes = b"") -> bytes:
+    """Return a response with up to fifteen bytes of content."""
+    return robotous.encode_packet(bytes((number,)) + content, robotous.RESPONSE_LENGTH)
+
+
+def encode_reading(counts: Sequence[int], overload: int = 0, number: int = robotous.START) -> bytes:
+    """Return a reading as the sensor sends it.
+
+    Args:
+        counts: Force x y z, torque x y z; each within an int16.
+        overload: One bit per axis, from 0x20 (force x) to 0x01 (torque z).
+        number: The command that it answers: `READ_ONCE` or `START`.
+    """
+    return encode_response(number, robotous.READING_FIELDS.pack(*counts, overload))
+
+
+def parse_commands(received: bytes) -> tuple[list[tuple[int, bytes]], bytes]:
+    """Parse the bytes that a sensor received.
+
+    Returns:
+        Number and arguments of each command, and the bytes to keep for the next call.
+    """
+    commands: list[tuple[int, bytes]] = []
+    at = received.find(robotous.SYNC)
+    while 0 <= at <= len(received) - robotous.COMMAND_LENGTH:
+        data = received[at + 1 : at + 9]
+        if sum(data) & 0xFF == received[at + 9] and received[at + 10] == robotous.END:
+            commands.append((data[0], data[1:]))
+            at += robotous.COMMAND_LENGTH
+        else:
+            at += 1
+        at = received.find(robotous.SYNC, at)
+    return commands, received[at:] if at >= 0 else b""
 
 
 class RobotousSensor(EmulatedWrench):
@@ -41,13 +78,13 @@ class RobotousSensor(EmulatedWrench):
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
-        commands, self._received = robotous.parse_commands(self._received + data)
+        commands, self._received = parse_commands(self._received + data)
         return [output for number, arguments in commands for output in self._obey(number, arguments, t_ns)]
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the readings due by then."""
         return [
-            robotous.encode_reading(whole(values * self._counts_per_unit, 16), self.overload)
+            encode_reading(whole(values * self._counts_per_unit, 16), self.overload)
             for _, values in self._stream.due(t_ns)
         ]
 
@@ -58,11 +95,11 @@ class RobotousSensor(EmulatedWrench):
         elif number == robotous.STOP:
             self._stream.stop()
         elif number in names:
-            return [robotous.encode_response(number, names[number])]
+            return [encode_response(number, names[number])]
         elif number in self._settings:
-            return [robotous.encode_response(number, self._settings[number])]
+            return [encode_response(number, self._settings[number])]
         elif number in (robotous.SET_RATE, robotous.SET_FILTER):
-            return [robotous.encode_response(number, self._set(number, arguments))]
+            return [encode_response(number, self._set(number, arguments))]
         return []
 
     def _set(self, number: int, arguments: bytes) -> bytes:

@@ -24,6 +24,60 @@ LONGEST_PAYLOAD = 64
 _TYPICAL_BYTES = 12
 
 
+REQUEST_SIZES = dict.fromkeys((wire.DISCONNECT, wire.STOP, wire.GET_FORCE, wire.SYSTEM, wire.LIMITS), 0) | {
+    wire.HOME: 1,
+    wire.OVERDRIVE: 1,
+    wire.PREPOSITION: wire.GOAL_FIELDS.size,
+    wire.ACKNOWLEDGE: 3,
+    wire.SET_FORCE: wire.F32.size,
+    **dict.fromkeys(wire.UPDATES, wire.UPDATE_FIELDS.size),
+}
+"""Bytes of a request, for emulators."""
+
+
+def parse_goal(payload: bytes) -> tuple[int, float, float]:
+    """Return flags, width in mm and speed in mm/s of a pre-position."""
+    flags, width_mm, speed_mmps = wire.GOAL_FIELDS.unpack(payload)
+    return flags, width_mm, speed_mmps
+
+
+def parse_update(payload: bytes) -> int:
+    """Return the period of a request for updates, ms; 0 for a single answer."""
+    automatic, period_ms = wire.UPDATE_FIELDS.unpack(payload)
+    return period_ms if automatic else 0
+
+
+def encode_reply(reply_id: int, status: int = wire.OK, data: bytes = b"") -> bytes:
+    """Return a reply as the gripper sends it."""
+    return wire.encode(reply_id, status.to_bytes(wire.STATUS_LENGTH, "little") + data)
+
+
+def encode_number(reply_id: int, number: float) -> bytes:
+    """Return a reply that consists of one number: width, force or force limit."""
+    return encode_reply(reply_id, data=wire.F32.pack(number))
+
+
+def encode_state(words: set[str]) -> bytes:
+    """Return the system state with the bits of these words set."""
+    flags = sum(1 << bit for bit, word in wire.STATE_BITS.items() if word in words)
+    return encode_reply(wire.STATE, data=wire.FLAGS.pack(flags))
+
+
+def encode_grasping(state: str) -> bytes:
+    """Return the grasping state."""
+    return encode_reply(wire.GRASPING, data=bytes((wire.GRASPING_STATES.index(state),)))
+
+
+def encode_limits(limits: wire.Limits) -> bytes:
+    """Return the answer about the limits."""
+    return encode_reply(wire.LIMITS, data=wire.LIMITS_FIELDS.pack(*limits))
+
+
+def encode_system(serial: int) -> bytes:
+    """Return the answer about the system."""
+    return encode_reply(wire.SYSTEM, data=wire.SYSTEM_FIELDS.pack(1, 0, 0, serial))
+
+
 class Gripper(EmulatedDevice):
     """The gripper on its line; its caller passes the time.
 
@@ -86,12 +140,12 @@ class Gripper(EmulatedDevice):
         return output
 
     def _obey(self, request: Packet) -> list[bytes]:
-        expected = wire.REQUEST_SIZES.get(request.id)
+        expected = REQUEST_SIZES.get(request.id)
         if expected is None:
-            return [wire.encode_reply(request.id, wire.UNKNOWN_COMMAND)]
+            return [encode_reply(request.id, wire.UNKNOWN_COMMAND)]
         if len(request.payload) != expected:
             short = len(request.payload) < expected
-            return [wire.encode_reply(request.id, wire.NOT_ENOUGH_PARAMETERS if short else wire.NO_PARAMETER_EXPECTED)]
+            return [encode_reply(request.id, wire.NOT_ENOUGH_PARAMETERS if short else wire.NO_PARAMETER_EXPECTED)]
         match request.id:
             case wire.DISCONNECT:
                 self._connected = False
@@ -99,28 +153,28 @@ class Gripper(EmulatedDevice):
             case wire.ACKNOWLEDGE:
                 self.words -= set(wire.FAULTS)
             case wire.STOP:
-                return [*self._abort(), wire.encode_reply(request.id)]
+                return [*self._abort(), encode_reply(request.id)]
             case wire.SET_FORCE:
-                return [wire.encode_reply(request.id, self._set_force(wire.parse_number(request.payload)))]
+                return [encode_reply(request.id, self._set_force(wire.parse_number(request.payload)))]
             case wire.OVERDRIVE:
                 self.overdrive = bool(request.payload[0] & 1)
             case wire.HOME:
                 return self._begin(wire.HOME, LIMITS.stroke_mm, HOMING_MMPS)
             case wire.PREPOSITION:
-                _, width_mm, speed_mmps = wire.parse_goal(request.payload)
+                _, width_mm, speed_mmps = parse_goal(request.payload)
                 return self._begin(wire.PREPOSITION, width_mm, speed_mmps)
             case wire.SYSTEM:
-                return [wire.encode_system(SERIAL)]
+                return [encode_system(SERIAL)]
             case wire.LIMITS:
-                return [wire.encode_limits(LIMITS)]
+                return [encode_limits(LIMITS)]
             case wire.GET_FORCE:
-                return [wire.encode_number(wire.GET_FORCE, self.limit)]
+                return [encode_number(wire.GET_FORCE, self.limit)]
             case _:
-                period_ns = wire.parse_update(request.payload) * 1_000_000
+                period_ns = parse_update(request.payload) * 1_000_000
                 if period_ns:
                     self._updates[request.id] = period_ns, self._now_ns + period_ns
                 return [self._update(request.id)]
-        return [wire.encode_reply(request.id)]
+        return [encode_reply(request.id)]
 
     def _set_force(self, newtons: float) -> int:
         if not LIMITS.min_force <= newtons <= (LIMITS.overdrive_force if self.overdrive else LIMITS.nominal_force):
@@ -131,17 +185,17 @@ class Gripper(EmulatedDevice):
     def _begin(self, command: int, width_mm: float, speed_mmps: float) -> list[bytes]:
         ready = "referenced" in self.words or command == wire.HOME
         if not ready or self.words & set(wire.FAULTS):
-            return [wire.encode_reply(command, wire.NOT_INITIALISED)]
+            return [encode_reply(command, wire.NOT_INITIALISED)]
         output = self._abort()
         self._goal = command, width_mm, speed_mmps
         self._blocked = ""
-        return [*output, wire.encode_reply(command, wire.PENDING)]
+        return [*output, encode_reply(command, wire.PENDING)]
 
     def _abort(self) -> list[bytes]:
         if self._goal is None:
             return []
         command, self._goal = self._goal[0], None
-        return [wire.encode_reply(command, wire.ABORTED)]
+        return [encode_reply(command, wire.ABORTED)]
 
     def _move(self, t_ns: int) -> list[bytes]:
         """Move the jaws until ``t_ns``; return the reply at the end of the motion, if it ended."""
@@ -160,17 +214,17 @@ class Gripper(EmulatedDevice):
         self._goal = None
         if command == wire.HOME:
             self.words.add("referenced")
-        return [wire.encode_reply(command, wire.AXIS_BLOCKED if self._blocked else wire.OK)]
+        return [encode_reply(command, wire.AXIS_BLOCKED if self._blocked else wire.OK)]
 
     def _update(self, update: int) -> bytes:
         if update == wire.WIDTH:
-            return wire.encode_number(update, self.width_mm)
+            return encode_number(update, self.width_mm)
         if update == wire.FORCE:
-            return wire.encode_number(update, self.limit if self._blocked else 0.0)
+            return encode_number(update, self.limit if self._blocked else 0.0)
         if update == wire.GRASPING:
-            return wire.encode_grasping("positioning" if self._goal else "idle")
+            return encode_grasping("positioning" if self._goal else "idle")
         mode = {"overdrive"} if self.overdrive else set()
-        return wire.encode_state(self.words | mode | {"moving" if self._goal else "target_reached", self._blocked})
+        return encode_state(self.words | mode | {"moving" if self._goal else "target_reached", self._blocked})
 
 
 def _is_request(_: int, size: int, __: bytes) -> bool:

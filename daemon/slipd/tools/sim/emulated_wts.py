@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -9,10 +10,52 @@ from numpy.typing import NDArray
 
 from slipd.devices import wts
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
-from slipd.devices.shared.weiss_tactile import FULL_SCALE
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner, encode
+from slipd.devices.shared.weiss_tactile import FULL_SCALE, Words
 from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.types.arrays import Array
+
+SINGLE = 0x20
+
+_FIRMWARE = 0x1000  # 1.0.0
+
+_PITCH = 340  # 10 µm
+
+_IMAGE_HEAD = struct.Struct("<IB")  # device time in ms, flags
+
+REQUEST_SIZES = {SINGLE: 1, wts.START: wts.START_FIELDS.size, wts.STOP: 0, wts.MATRIX: 0, wts.SYSTEM: 0}
+
+
+def encode_single(cells: Words, device_time_ms: int) -> bytes:
+    """Return the answer to `SINGLE`, as drivers read it: a status, and the content of an image.
+
+    Source: ksatyaki/wts_driver at 82c46ac, ``src/wts_driver.cpp``.
+    """
+    return encode(
+        SINGLE, bytes(2) + _IMAGE_HEAD.pack(device_time_ms, 0) + cells.astype("<u2").tobytes(), SEED_WITH_PREAMBLE
+    )
+
+
+def parse_start(payload: bytes) -> int:
+    """Return the interval of a request for images, ms."""
+    interval_ms: int = wts.START_FIELDS.unpack(payload)[1]
+    return interval_ms
+
+
+def encode_status(packet_id: int, status: int = 0) -> bytes:
+    """Return an answer that consists of a status alone; 0 is success."""
+    return encode(packet_id, status.to_bytes(2, "little"), SEED_WITH_PREAMBLE)
+
+
+def encode_system(serial: int) -> bytes:
+    """Return the answer about the module."""
+    return encode(wts.SYSTEM, wts.SYSTEM_FIELDS.pack(0, 1, 0, _FIRMWARE, serial), SEED_WITH_PREAMBLE)
+
+
+def encode_matrix(matrix: wts.Matrix) -> bytes:
+    """Return the answer about the module's matrix."""
+    form = (matrix.cols, matrix.rows, _PITCH, _PITCH, matrix.full_scale)
+    return encode(wts.MATRIX, wts.MATRIX_FIELDS.pack(0, *form), SEED_WITH_PREAMBLE)
 
 
 class WeissController(EmulatedDevice, ABC):
@@ -121,14 +164,14 @@ class WtsModule(WeissController):
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == wts.SYSTEM:
-            return wts.encode_system(self._serial)
+            return encode_system(self._serial)
         if request.id == wts.MATRIX:
-            return wts.encode_matrix(self._matrix)
-        if request.id == wts.SINGLE:
-            return wts.encode_single(self._cells(), self._time_ms(t_ns))
+            return encode_matrix(self._matrix)
+        if request.id == SINGLE:
+            return encode_single(self._cells(), self._time_ms(t_ns))
         running = request.id == wts.START
-        self._push(max(wts.parse_start(request.payload), FASTEST_MS) * 1_000_000 if running else None, t_ns)
-        return wts.encode_status(request.id)
+        self._push(max(parse_start(request.payload), FASTEST_MS) * 1_000_000 if running else None, t_ns)
+        return encode_status(request.id)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
         return wts.encode_frame(cells, time_ms)
@@ -140,4 +183,4 @@ def make(seed: int = 0, cols: int = 4, rows: int = 8) -> WtsModule:
 
 
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:
-    return wts.REQUEST_SIZES.get(packet_id) == size
+    return REQUEST_SIZES.get(packet_id) == size

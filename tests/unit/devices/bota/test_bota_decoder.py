@@ -9,6 +9,7 @@ import pytest
 
 from slipd.devices import bota
 from slipd.devices.shared import checksums
+from slipd.tools.sim import emulated_bota as sim
 
 WORKED = bytes.fromhex(
     "AA 00 00 00 00 C0 3F 00 00 10 C0 00 00 20 41 00 00 00 3E 00 00 00 BF 00 00 00 3D 40 E2 01 00 00 00 FC 41 10 C6"
@@ -69,7 +70,7 @@ def test_device_time_is_returned_as_sent_and_wraps() -> None:
 
 def test_text_between_frames_is_no_damage() -> None:
     decoder = bota.Decoder()
-    stream = bota.encode_banner() + bota.encode_ack("C").join(frames(3))
+    stream = sim.encode_banner() + sim.encode_ack("C").join(frames(3))
     assert len(decoder.receive(stream, 0)) == 3
     assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (3, 0, 0)
 

@@ -10,6 +10,7 @@ from session_bench import Bench, bench_of, nothing
 
 from slipd.devices import bota
 from slipd.devices.bota import QUIET_NS, SETTLE_NS
+from slipd.tools.sim import emulated_bota as sim
 
 MS = 1_000_000
 COMMANDS = [b"C\n", b"c,0,1,0,4\n", b"f,64,0,0,1\n", b"R\n"]
@@ -90,7 +91,7 @@ def test_the_identity_is_that_of_the_last_banner_and_a_banner_without_a_name_is_
     session = bota.Session()
     session.start(0)
     session.receive(NAMED[:40], 2)
-    session.receive(bota.encode_banner("SensONE", 77), 3)
+    session.receive(sim.encode_banner("SensONE", 77), 3)
     assert session.identity == "SensONE S/N 77"
     session.start(4)
     session.receive(bota.BANNER + b"\r", 5)
@@ -111,7 +112,7 @@ def test_answers_are_found_in_any_split_and_between_frames(size: int) -> None:
     made.deliver(FRAME)
     for command in COMMANDS:
         assert made.session.on_time(0) == command
-        made.deliver(FRAME + bota.encode_ack(command.decode()[0]) + FRAME)
+        made.deliver(FRAME + sim.encode_ack(command.decode()[0]) + FRAME)
     assert (made.session.state, made.session.health.good) == ("running", 9)
 
 
@@ -129,10 +130,10 @@ def test_an_answer_after_the_rest_of_a_frame_is_found() -> None:
 def test_commands_are_read_from_any_split_and_around_noise() -> None:
     commands, rest = [], b""
     for byte in b"C?c,0,1,0,4f,512,0,0,1\r\nR#p?\n":
-        found, rest = bota.parse_commands(rest + bytes((byte,)))
+        found, rest = sim.parse_commands(rest + bytes((byte,)))
         commands += found
     assert commands == ["C", "c,0,1,0,4", "f,512,0,0,1", "R", "#", "p"]
-    assert len(bota.parse_commands(b"x" * 1000)[1]) <= 64
+    assert len(sim.parse_commands(b"x" * 1000)[1]) <= 64
 
 
 def test_an_answer_belongs_to_its_own_letter() -> None:

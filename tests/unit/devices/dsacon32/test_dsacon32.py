@@ -15,6 +15,7 @@ from slipd.devices import dsacon32
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared import weiss_tactile
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE
+from slipd.tools.sim import emulated_dsacon32 as sim
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -109,7 +110,7 @@ def test_L3_a_wrong_length_is_found_once_a_whole_packet_follows_it(size: int) ->
     lie = one[:4] + size.to_bytes(2, "little") + one[6:]
     assert decode(lie, two)[0] == [33]
     assert decode(lie, weiss.PREAMBLE[:2], two, three)[0] == [33, 66]
-    assert decode(dsacon32.encode_matrix(6, 14)[:10], frames(1, rle=True, cells=4)[0])[0] == [0]
+    assert decode(sim.encode_matrix(6, 14)[:10], frames(1, rle=True, cells=4)[0])[0] == [0]
 
 
 def test_L1_every_split_reads_the_same_after_a_wrong_length(same_for_every_split: SplitCheck) -> None:
@@ -187,14 +188,14 @@ def test_the_device_time_is_returned_as_sent_and_wraps() -> None:
         (dsacon32.acquire(30, rle=False), "03 03 00 80 1E 00 8E 1C"),
         (dsacon32.acquire(0, rle=True), "03 03 00 01 00 00 2F 6A"),
         (dsacon32.acquire(0, rle=False), "03 03 00 00 00 00 8D 00"),
-        (dsacon32.encode_error(dsacon32.ACQUIRE), "03 02 00 00 00 4B B9"),
+        (sim.encode_error(dsacon32.ACQUIRE), "03 02 00 00 00 4B B9"),
         (
-            dsacon32.encode_controller(1234),
+            sim.encode_controller(1234),
             "01 12 00 00 00 D2 04 00 00 20 20 01 80 10 01 00 00 00 00 00 00 75 46",
         ),
-        (dsacon32.encode_sensor(6, 5678), "02 0C 00 00 00 06 00 20 01 01 2E 16 00 00 00 6E 22"),
+        (sim.encode_sensor(6, 5678), "02 0C 00 00 00 06 00 20 01 01 2E 16 00 00 00 6E 22"),
         (
-            dsacon32.encode_matrix(6, 14),
+            sim.encode_matrix(6, 14),
             "0B 34 00 00 00 9A 99 59 40 9A 99 59 40 06 00 0E 00 01 02 03 04 05 06 00 00 10"
             + " 00" * 24
             + " 00 F0 7F 45 00 65 CD",
@@ -222,7 +223,7 @@ def test_numbers_and_sides_of_matrices_are_unsigned(answers: list[str], problem:
     """Fields: ``sSensorInfo`` and ``sMatrixInfo`` in ipab-slmc/SDHLibrary-CPP at 4ddc1d0, ``sdh/dsa.h``."""
     session = dsacon32.Session()
     session.start(0)
-    session.receive(dsacon32.encode_controller(1), 1)
+    session.receive(sim.encode_controller(1), 1)
     for answer in map(bytes.fromhex, answers):
         session.on_time(1)
         session.receive(weiss.PREAMBLE + answer + weiss.checksum(answer).to_bytes(2, "little"), 1)

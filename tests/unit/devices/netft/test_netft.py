@@ -12,6 +12,7 @@ from slipd.devices.netft import netft_calibration
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
+from slipd.tools.sim import emulated_netft as sim
 from slipd.types.samples import UNTRUSTED
 
 WORKED = bytes.fromhex(
@@ -21,10 +22,8 @@ NEXT = bytes.fromhex(
     "00 00 00 08 00 01 E2 47 80 00 00 05 00 BC 61 4E FF D9 DA 60 05 D8 E3 20 00 02 49 F0 FF FF 5B F0 00 00 00 07"
 )
 COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
-ANSWER = netft_calibration.encode_tcp(1000, 10)
-PAGE = netft_calibration.encode_xml(
-    {"cfgcalsn": "FT1", "scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 3500}
-)
+ANSWER = sim.encode_tcp(1000, 10)
+PAGE = sim.encode_xml({"cfgcalsn": "FT1", "scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 3500})
 START_BUFFERED = bytes.fromhex("12 34 00 03 00 00 00 00")
 
 
@@ -161,7 +160,7 @@ def test_the_output_rate_is_set_only_where_the_page_reports_another(
 ) -> None:
     """Request and rounding are those of public clients, see `netft_output_rate`."""
     tags = {"scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 7000} | reported
-    page = netft_calibration.encode_xml(tags)
+    page = sim.encode_xml(tags)
     asked = netft.inquiry(calibration="xml", output_hz=wanted)
     assert asked is not None
     assert asked.change(page) == request_
@@ -222,7 +221,7 @@ def test_numbers_of_the_config_need_no_answer() -> None:
 
 def test_a_wrong_answer_is_told_and_records_are_counted_but_not_returned() -> None:
     session = started()
-    session.receive(netft_calibration.encode_tcp(0, 1), 5)
+    session.receive(sim.encode_tcp(0, 1), 5)
     assert session.state == "wrong calibration: counts_per_force must be a number from 1 to 1e+12, got 0"
     assert session.receive(record(1) + record(2), 6) == []
     assert session.health == DecoderHealth(bad=3, bad_bytes=24)
@@ -248,7 +247,7 @@ def test_another_link_means_another_calibration() -> None:
     assert len(session.receive(record(900), 1)) == 1
     session.start(10)
     assert session.state == "waiting for calibration"
-    session.receive(netft_calibration.encode_tcp(2000, 10), 11)
+    session.receive(sim.encode_tcp(2000, 10), 11)
     session.on_time(11)
     assert session.receive(record(1), 12)[0].force_n[0] == pytest.approx(6172.839)
     assert session.health.restarts == 0

@@ -9,6 +9,7 @@ from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
+from slipd.tools.sim import emulated_optoforce as sim
 
 PUBLISHED = bytes.fromhex("AA 07 08 0A 2D 6A 00 00 FF F7 FF FB 00 07 05 51")
 """From a capture of a three-axis sensor."""
@@ -21,7 +22,7 @@ SERIAL = frames.encode_frame(frames.SERIAL_NUMBER, b"ISE12 \0\0")
 
 
 def reading(counter: int) -> bytes:
-    return frames.encode_reading((counter % 100, -5, 7, 1, 2, 3), counter)
+    return sim.encode_reading((counter % 100, -5, 7, 1, 2, 3), counter)
 
 
 def udp(number: int, status: int = 0) -> bytes:
@@ -30,7 +31,7 @@ def udp(number: int, status: int = 0) -> bytes:
 
 @pytest.mark.parametrize("channel", range(4))
 def test_one_sensor_of_four_is_returned(channel: int) -> None:
-    frame = frames.encode_reading(tuple(range(12)), 1)
+    frame = sim.encode_reading(tuple(range(12)), 1)
     assert len(frame) == 34
     (sample,) = optoforce.Decoder(channel=channel).receive(frame, 0)
     assert sample.force_n.tolist() == [3 * channel, 3 * channel + 1, 3 * channel + 2]
@@ -57,19 +58,19 @@ def test_F2_every_status_bit_has_its_words_on_both_wirings(bit: int) -> None:
     stream = b"".join(udp(number, 1 << bit) for number in range(1, 5))
     assert optoforce.Decoder("udp").receive(stream, 0)[-1].status == words_of(bit)
     if bit < 16:
-        assert optoforce.Decoder().receive(frames.encode_reading((1, 2, 3), 1, 1 << bit), 0)[0].status == words_of(bit)
+        assert optoforce.Decoder().receive(sim.encode_reading((1, 2, 3), 1, 1 << bit), 0)[0].status == words_of(bit)
 
 
 def test_F2_an_error_without_a_name_is_invalid_nevertheless() -> None:
-    (sample,) = optoforce.Decoder().receive(frames.encode_reading((1, 2, 3), 1, 3 << 10 | 7 << 13), 0)
+    (sample,) = optoforce.Decoder().receive(sim.encode_reading((1, 2, 3), 1, 3 << 10 | 7 << 13), 0)
     assert sample.status == ("sensor_error", "invalid", "daq_error")
 
 
 @pytest.mark.parametrize("rail", [-32768, 32767])
 def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int) -> None:
-    (sample,) = optoforce.Decoder().receive(frames.encode_reading((1, 2, rail), 1), 0)
+    (sample,) = optoforce.Decoder().receive(sim.encode_reading((1, 2, rail), 1), 0)
     assert sample.status == ("overload",)
-    (sample,) = optoforce.Decoder(channel=0).receive(frames.encode_reading((1, 2, 3, *[rail] * 9), 1), 0)
+    (sample,) = optoforce.Decoder(channel=0).receive(sim.encode_reading((1, 2, 3, *[rail] * 9), 1), 0)
     assert sample.status == ()
 
 
@@ -139,8 +140,8 @@ def test_an_untrusted_counter_is_not_used() -> None:
 
 
 def test_the_published_frames_and_requests_are_written() -> None:
-    assert frames.encode_reading((-9, -5, 7), 11626) == PUBLISHED
-    assert frames.encode_reading((250, -125, 3000, 40, -40, 7), 1000, 0x80) == SIX_AXES
+    assert sim.encode_reading((-9, -5, 7), 11626) == PUBLISHED
+    assert sim.encode_reading((250, -125, 3000, 40, -40, 7), 1000, 0x80) == SIX_AXES
     assert optoforce.Session(period_ms=10, filter_hz=15).start(0) == bytes.fromhex("AA 00 32 03 0A 04 00 00 ED")
     assert frames.encode_frame(b"\xab\x00\x12\x08", b"") == frames.GET_SERIAL_NUMBER
     assert frames.encode_frame(frames.ACK, b"\0") == ACK
@@ -198,7 +199,7 @@ def test_requests_are_read_from_any_split_and_after_noise() -> None:
     stream += frames.encode_configuration(wanted)
     received, asked = b"", []
     for byte in stream:
-        found, received = frames.parse_requests(received + bytes((byte,)))
+        found, received = sim.parse_requests(received + bytes((byte,)))
         asked += found
     assert asked == [wanted, None, wanted]
-    assert frames.parse_requests(stream)[0] == asked
+    assert sim.parse_requests(stream)[0] == asked

@@ -11,6 +11,7 @@ from pillar_frames import decode, forces, frame, make, pillars, resum
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.shared.sensor_session import SILENCE_NS
+from slipd.tools.sim import emulated_papillarray as sim
 
 ACCEPTED = bytes.fromhex(
     "55 66 77 88 02 01 00 17 00 03 00 23 00 04 00 81 00 05 00 BB 00 06 00 E0 00 00 00 07 00 00 00 40 E2 01 00 00 00 00 "
@@ -42,17 +43,20 @@ def test_a_frame_that_the_makers_parser_accepts_reads_the_same() -> None:
 def test_the_encoders_write_a_frame_that_the_makers_parser_accepts() -> None:
     forces_n = [np.array(pad) for pad in ACCEPTED_FORCES_N.values()]
     displaced_mm = [np.array([[0.25, -0.5, 0.75], [1.25, 1.5, -1.75]]), np.array([[2.25, 2.5, 2.75]])]
-    totals = [frames.encode_vectors((5, 3, -3), (10, -20, 30)), frames.encode_vectors((7, 8, 9), (40, 50, 60))]
+    totals = [
+        sim.encode_vectors((5, 3, -3), (10, -20, 30)),
+        sim.encode_vectors((7, 8, 9), (40, 50, 60)),
+    ]
     states = [[struct.pack("<Hbf", 1, -2, 0.5), struct.pack("<Hbf", 1, 3, 0.75)], [struct.pack("<Hbf", 1, 1, -1)]]
     sensor_states = [struct.pack("<HBff", 1, 2, 0.625, 12.5), struct.pack("<HBff", 1, 0, -1, -1)]
     blocks = [
-        frames.encode_hub(7, 123_456),
-        frames.encode_pillars(forces_n, displaced_mm),
+        sim.encode_hub(7, 123_456),
+        sim.encode_pillars(forces_n, displaced_mm),
         (frames.TOTALS, totals),
         (frames.PILLAR_SLIP, states),
         (frames.SENSOR_SLIP, sensor_states),
     ]
-    assert frames.encode_blocks(blocks) == ACCEPTED
+    assert sim.encode_blocks(blocks) == ACCEPTED
 
 
 @pytest.mark.parametrize("width", [2, 4])
@@ -72,16 +76,17 @@ def test_offsets_of_one_byte_reach_a_small_frame() -> None:
 
 def test_an_undefined_block_is_skipped_wherever_it_stands() -> None:
     undefined = (frames.UNDEFINED, frames.END + b"whatever")
-    hub, pads = frames.encode_hub(4, 4000), pillars(forces(4))
+    hub, pads = sim.encode_hub(4, 4000), pillars(forces(4))
     for blocks in ([hub, undefined, pads], [hub, pads, undefined]):
-        assert decode(frames.encode_blocks(blocks))[0] == [4]
+        assert decode(sim.encode_blocks(blocks))[0] == [4]
 
 
 def test_sensors_without_pillars_and_frames_without_forces_give_no_sample() -> None:
     decoder = papillarray.Decoder()
-    none = frames.encode_blocks([frames.encode_hub(1, 1), frames.encode_totals([])])
+    none = sim.encode_blocks([sim.encode_hub(1, 1), sim.encode_totals([])])
     (sample,) = decoder.receive(
-        none + frames.encode_blocks([frames.encode_hub(2, 2), pillars(np.empty((0, 3)), forces(1))]), 0
+        none + sim.encode_blocks([sim.encode_hub(2, 2), pillars(np.empty((0, 3)), forces(1))]),
+        0,
     )
     assert sample.source == "1"
     assert (decoder.health.bad, decoder.health.bad_bytes, decoder.health.good) == (0, 0, 1)
@@ -95,9 +100,9 @@ def test_a_force_that_is_not_finite_makes_the_image_invalid(value: float) -> Non
     assert [sample.status for sample in papillarray.Decoder().receive(stream, 0)] == [("invalid",), ()]
 
 
-HUB = frames.encode_hub(1, 1000)
+HUB = sim.encode_hub(1, 1000)
 PILLARS = pillars(forces(1))
-ENTRY = frames.encode_vectors((1, 2, 3), (0, 0, 0))
+ENTRY = sim.encode_vectors((1, 2, 3), (0, 0, 0))
 
 
 @pytest.mark.parametrize(
@@ -110,7 +115,7 @@ ENTRY = frames.encode_vectors((1, 2, 3), (0, 0, 0))
         [HUB, (frames.PILLAR_FORCES, [[ENTRY[:-1]]])],
         [HUB, (frames.PILLAR_FORCES, b"\0")],
         [(frames.HUB, bytes(13)), PILLARS],
-        [frames.encode_hub(1, 1 << 53), PILLARS],
+        [sim.encode_hub(1, 1 << 53), PILLARS],
         [HUB, pillars(*[forces(1)] * 3)],
         [HUB, pillars(forces(1, 10))],
         [HUB, (frames.SENSOR_SLIP, [struct.pack("<BBff", 1, 0, 0, 0)]), PILLARS],
@@ -120,8 +125,8 @@ ENTRY = frames.encode_vectors((1, 2, 3), (0, 0, 0))
         [HUB, (2, b""), PILLARS],
     ],
 )
-def test_a_body_that_contradicts_its_index_is_rejected(blocks: list[tuple[int, frames.Item]]) -> None:
-    numbers, decoder = decode(frame(0) + frames.encode_blocks(blocks) + frame(2))
+def test_a_body_that_contradicts_its_index_is_rejected(blocks: list[tuple[int, sim.Item]]) -> None:
+    numbers, decoder = decode(frame(0) + sim.encode_blocks(blocks) + frame(2))
     assert numbers == [0, 2]
     assert decoder.health.bad >= 1
 
@@ -157,13 +162,13 @@ def test_an_index_with_a_wrong_offset_is_rejected(change: dict[int, int]) -> Non
 
 @pytest.mark.parametrize("offset_at", [7, 11])
 def test_an_undefined_block_lies_between_its_neighbours(offset_at: int) -> None:
-    body = bytearray(frames.encode_blocks([HUB, (frames.UNDEFINED, b""), PILLARS])[4:-6])
+    body = bytearray(sim.encode_blocks([HUB, (frames.UNDEFINED, b""), PILLARS])[4:-6])
     body[offset_at] = 1
     assert frames.parse(resum(bytes(body)) + bytes(frames.LONGEST), 0) == (-1, None)
 
 
 def test_D2_a_frame_with_a_block_of_a_later_version_is_refused_and_not_guessed() -> None:
-    numbers, decoder = decode(frame(0) + frames.encode_blocks([frames.encode_hub(1, 1000), PILLARS, (8, b"new")]) * 3)
+    numbers, decoder = decode(frame(0) + sim.encode_blocks([sim.encode_hub(1, 1000), PILLARS, (8, b"new")]) * 3)
     assert numbers == [0]
     assert decoder.health.bad_bytes > 0
 
@@ -172,7 +177,7 @@ def test_an_end_marker_inside_the_data_does_not_end_the_frame() -> None:
     pad = forces(5)
     marker = np.frombuffer(frames.END * 3, "<f4").astype(np.float64)
     pad[3] = marker
-    data = frames.encode_blocks([frames.encode_hub(5, 5000), pillars(pad)])
+    data = sim.encode_blocks([sim.encode_hub(5, 5000), pillars(pad)])
     assert frames.END in data[4:-4]
     (sample,) = papillarray.Decoder().receive(data, 0)
     np.testing.assert_array_equal(sample.values[3], marker)
@@ -198,7 +203,7 @@ def test_D3_the_counter_wraps_after_32_bits_without_a_loss_or_a_restart() -> Non
     decoder = papillarray.Decoder()
     assert len(decoder.receive(stream, 0)) == 8
     assert (decoder.health.lost, decoder.health.duplicates, decoder.health.restarts) == (1, 0, 0)
-    assert frames.encode_hub((1 << 33) - 2, 1)[1] == bytes.fromhex("FE FF FF FF 01 00 00 00 00 00 00 00")
+    assert sim.encode_hub((1 << 33) - 2, 1)[1] == bytes.fromhex("FE FF FF FF 01 00 00 00 00 00 00 00")
 
 
 def test_a_controller_runs_though_no_sensor_is_connected() -> None:
@@ -206,5 +211,5 @@ def test_a_controller_runs_though_no_sensor_is_connected() -> None:
     assert session.start(0) == b"f1000\n"
     assert session.receive(b"text", 1) == []
     assert session.state == "waiting"
-    assert session.receive(frames.encode_blocks([HUB]), 10) == []
+    assert session.receive(sim.encode_blocks([HUB]), 10) == []
     assert (session.state, session.next_deadline()) == ("running", 10 + SILENCE_NS)

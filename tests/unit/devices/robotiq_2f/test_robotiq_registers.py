@@ -6,15 +6,9 @@ import itertools
 
 import pytest
 
-from slipd.devices.robotiq_2f.robotiq_registers import (
-    Output,
-    is_activating,
-    parse_output,
-    parse_status,
-    status_registers,
-    write_output,
-)
+from slipd.devices.robotiq_2f.robotiq_registers import is_activating, parse_status
 from slipd.devices.shared import modbus
+from slipd.tools.sim.emulated_robotiq_2f import Output, parse_output, status_registers, write_output
 
 TOLD = Output(activate=True, go=True, release=False, position=255, speed=128, force=60)
 

@@ -9,8 +9,8 @@ from permits import activate, halt, move, set_force
 from robotiq_bench import FORCE, GO, MS, OLD_POLL, OPEN, POLL, Bench, Gripper
 
 from slipd.devices import robotiq_2f
-from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
+from slipd.tools.sim import emulated_robotiq_2f as sim
 
 
 def test_starting_only_polls_and_moves_nothing() -> None:
@@ -33,7 +33,7 @@ def test_move_and_force_are_the_published_bytes_and_go_before_the_next_poll(acti
     assert active.move(0, 255, 255)
     active.steps(1)
     assert [data for _, data in active.sent] == [GO, FORCE, POLL, OPEN]
-    assert robotiq_registers.parse_output(active.gripper.output).position == 0
+    assert sim.parse_output(active.gripper.output).position == 0
 
 
 def test_commands_keep_five_milliseconds_from_the_last_reply_and_one_transaction_at_a_time(active: Bench) -> None:
@@ -79,7 +79,7 @@ def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> 
     assert set_force(active.session, 0.2) == 1.0, "the gripper's smallest force"
     assert set_force(active.session, 1e9) == 256.0
     active.steps(1)
-    output = robotiq_registers.parse_output(active.gripper.output)
+    output = sim.parse_output(active.gripper.output)
     assert (output.position, output.speed, output.force) == (155, 128, 255)
 
 

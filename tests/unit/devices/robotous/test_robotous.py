@@ -10,13 +10,14 @@ from slipd.devices import robotous
 from slipd.devices.robotous import STOP_PAUSE_NS
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
+from slipd.tools.sim import emulated_robotous as sim
 
 WORKED = bytes.fromhex("55 0B 02 69 FF 83 13 29 00 FA FF AC 00 03 08 00 00 E4 AA")
 COUNTS = (617, -125, 4905, 250, -84, 3)
 
 
 def reading(number: int) -> bytes:
-    return robotous.encode_reading((number, *COUNTS[1:]))
+    return sim.encode_reading((number, *COUNTS[1:]))
 
 
 def numbers(samples: list[Any]) -> list[int]:
@@ -24,27 +25,27 @@ def numbers(samples: list[Any]) -> list[int]:
 
 
 def test_the_worked_reading_is_written() -> None:
-    assert robotous.encode_reading(COUNTS, 0x08) == WORKED
+    assert sim.encode_reading(COUNTS, 0x08) == WORKED
 
 
 def test_a_single_reading_on_request_is_read_too() -> None:
-    assert len(robotous.Decoder().receive(robotous.encode_reading(COUNTS, number=robotous.READ_ONCE), 0)) == 1
+    assert len(robotous.Decoder().receive(sim.encode_reading(COUNTS, number=robotous.READ_ONCE), 0)) == 1
 
 
 @pytest.mark.parametrize("bit", range(8))
 def test_F2_every_overload_bit_is_overload_and_the_others_give_no_reading(bit: int) -> None:
-    samples = robotous.Decoder().receive(robotous.encode_reading(COUNTS, 1 << bit), 0)
+    samples = robotous.Decoder().receive(sim.encode_reading(COUNTS, 1 << bit), 0)
     assert [sample.status for sample in samples] == ([("overload",)] if bit < 6 else [])
 
 
 @pytest.mark.parametrize("rail", [-32768, 32767])
 def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int) -> None:
-    (sample,) = robotous.Decoder().receive(robotous.encode_reading((*COUNTS[:5], rail)), 0)
+    (sample,) = robotous.Decoder().receive(sim.encode_reading((*COUNTS[:5], rail)), 0)
     assert sample.status == ("overload",)
 
 
 def test_L3_out_of_sync_unused_bytes_must_be_zero_and_in_sync_they_need_not() -> None:
-    odd = robotous.encode_response(robotous.START, bytes(13) + b"\1\2")
+    odd = sim.encode_response(robotous.START, bytes(13) + b"\1\2")
     decoder = robotous.Decoder()
     assert len(decoder.receive(b"\0" + odd + odd, 0)) == 1
     assert decoder.health == DecoderHealth(good=1, bad=2, bad_bytes=1)
@@ -68,7 +69,7 @@ def test_the_worked_commands_are_written_and_read(command: tuple[int, bytes], wi
     """By the numbers and packets of the maker's driver, ``RFT_IF_PACKET_Rev1.2.cpp`` beside the file named above."""
     number, arguments = command
     assert robotous.encode_command(number, arguments) == bytes.fromhex(wire)
-    assert robotous.parse_commands(bytes.fromhex(wire)) == ([(number, arguments.ljust(7, b"\0"))], b"")
+    assert sim.parse_commands(bytes.fromhex(wire)) == ([(number, arguments.ljust(7, b"\0"))], b"")
 
 
 def test_commands_are_read_from_any_split_and_after_noise() -> None:
@@ -76,7 +77,7 @@ def test_commands_are_read_from_any_split_and_after_noise() -> None:
     stream = b"\x01\x55" + stop + stop[:5] + stop + b"\x07"
     heard, commands = b"", []
     for byte in stream:
-        found, heard = robotous.parse_commands(heard + bytes((byte,)))
+        found, heard = sim.parse_commands(heard + bytes((byte,)))
         commands += found
     assert [number for number, _ in commands] == [robotous.STOP] * 2
     assert heard == b""
@@ -88,7 +89,7 @@ def test_a_name_that_is_not_text_is_empty() -> None:
 
 
 def answer(session: robotous.Session, number: int, content: bytes = b"", now_ns: int = 100) -> bytes:
-    session.receive(robotous.encode_response(number, content), now_ns)
+    session.receive(sim.encode_response(number, content), now_ns)
     return session.on_time(now_ns)
 
 

@@ -14,6 +14,7 @@ from pymodbus.pdu import register_message as peer
 
 from slipd.devices.shared import checksums, modbus
 from slipd.devices.shared.modbus import Request
+from slipd.tools.sim import modbus_device as sim
 
 POLL = Request(9, modbus.READ_INPUT, 2000, 3)
 WORKED = [
@@ -61,16 +62,16 @@ requests = st.one_of(reads, writes, both)
 @pytest.mark.parametrize(("request_", "worked"), WORKED)
 def test_worked_requests_are_written_and_read(request_: Request, worked: str) -> None:
     assert modbus.encode_request(request_) == bytes.fromhex(worked)
-    assert modbus.parse_requests(bytes.fromhex(worked), 9) == ([request_], b"")
+    assert sim.parse_requests(bytes.fromhex(worked), 9) == ([request_], b"")
 
 
 def test_worked_replies_are_found() -> None:
     write, poll = WORKED[0][0], POLL
-    assert modbus.encode_reply(write) == bytes.fromhex("09 10 03 E8 00 03 01 30")
+    assert sim.encode_reply(write) == bytes.fromhex("09 10 03 E8 00 03 01 30")
     assert modbus.find_reply(bytes.fromhex("09 10 03 E8 00 03 01 30"), write) == modbus.Reply((), 0, 8)
     status = bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A")
     assert modbus.find_reply(status, poll) == modbus.Reply((0xB900, 0x00FF, 0xBD00), 0, 11)
-    assert modbus.encode_reply(poll, (0xB900, 0x00FF, 0xBD00)) == status
+    assert sim.encode_reply(poll, (0xB900, 0x00FF, 0xBD00)) == status
 
 
 @given(requests)
@@ -105,7 +106,7 @@ def test_replies_agree_with_the_peer_both_ways(request_: Request, data: st.DataO
     else:
         answer = makers[request_.function](dev_id=request_.unit, registers=list(registers))
     frame = FramerRTU(DecodePDU(False)).buildFrame(answer)
-    assert modbus.encode_reply(request_, registers) == frame
+    assert sim.encode_reply(request_, registers) == frame
     assert modbus.find_reply(frame, request_) == modbus.Reply(registers, 0, len(frame))
 
 
@@ -114,7 +115,7 @@ def test_refusals_agree_with_the_peer(request_: Request, code: int) -> None:
     answer = ExceptionResponse(request_.function, code)
     answer.dev_id = request_.unit
     frame = FramerRTU(DecodePDU(False)).buildFrame(answer)
-    assert modbus.encode_exception(request_, code) == frame
+    assert sim.encode_exception(request_, code) == frame
     assert modbus.find_reply(frame, request_) == modbus.Reply((), code, 5)
 
 
@@ -124,7 +125,7 @@ def test_a_device_reads_its_requests_from_any_split(sent: list[Request], size: i
     stream = b"".join(modbus.encode_request(request) for request in mine)
     received, found = b"", []
     for start in range(0, len(stream), size):
-        requests_, received = modbus.parse_requests(received + stream[start : start + size], 9)
+        requests_, received = sim.parse_requests(received + stream[start : start + size], 9)
         found += requests_
     assert found == mine
     assert received == b""
@@ -133,17 +134,17 @@ def test_a_device_reads_its_requests_from_any_split(sent: list[Request], size: i
 def test_requests_to_other_units_and_noise_are_skipped() -> None:
     other = modbus.encode_request(Request(10, modbus.READ_INPUT, 2000, 3))
     stream = b"\x00\x09\x63" + other + modbus.encode_request(POLL) + b"\xff" + modbus.encode_request(WORKED[1][0])
-    assert modbus.parse_requests(stream, 9) == ([POLL, WORKED[1][0]], b"")
+    assert sim.parse_requests(stream, 9) == ([POLL, WORKED[1][0]], b"")
 
 
 @pytest.mark.parametrize("cut", range(1, 8))
 def test_the_beginning_of_a_torn_request_does_not_hide_the_next(cut: int) -> None:
     frame = modbus.encode_request(POLL)
-    assert modbus.parse_requests(frame[:cut] + frame, 9) == ([POLL], b"")
+    assert sim.parse_requests(frame[:cut] + frame, 9) == ([POLL], b"")
 
 
 def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
-    reply = modbus.encode_reply(POLL, (1, 2, 3))
+    reply = sim.encode_reply(POLL, (1, 2, 3))
     assert modbus.find_reply(b"\x09\x04\x06" + reply + b"\x09", POLL) == modbus.Reply((1, 2, 3), 0, 11)
     assert modbus.find_reply(reply, Request(8, modbus.READ_INPUT, 2000, 3)) is None
     assert modbus.find_reply(reply, Request(9, modbus.READ_HOLDING, 2000, 3)) is None
@@ -158,7 +159,7 @@ def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
 
 def test_the_reply_to_another_write_is_not_an_acknowledgement() -> None:
     force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
-    assert modbus.find_reply(modbus.encode_reply(force), WORKED[0][0]) is None
+    assert modbus.find_reply(sim.encode_reply(force), WORKED[0][0]) is None
 
 
 @pytest.mark.parametrize(
@@ -173,14 +174,14 @@ def test_the_reply_to_another_write_is_not_an_acknowledgement() -> None:
 def test_a_request_that_contradicts_itself_is_skipped(body: str) -> None:
     contradiction = bytes.fromhex(body)
     stream = contradiction + checksums.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
-    assert modbus.parse_requests(stream, 9) == ([POLL], b"")
+    assert sim.parse_requests(stream, 9) == ([POLL], b"")
 
 
 def test_a_device_keeps_a_bounded_amount_of_noise() -> None:
     rng = random.Random(1)
     received = b""
     for _ in range(500):
-        found, received = modbus.parse_requests(received + rng.randbytes(200), 9)
+        found, received = sim.parse_requests(received + rng.randbytes(200), 9)
         assert found == []
         assert len(received) <= 300
 
@@ -205,4 +206,4 @@ def test_a_request_that_fits_no_frame_is_refused(fields: dict[str, int]) -> None
 
 def test_a_reply_with_another_number_of_registers_is_refused() -> None:
     with pytest.raises(ValueError, match="the 3 requested ones, got 2"):
-        modbus.encode_reply(POLL, (1, 2))
+        sim.encode_reply(POLL, (1, 2))

@@ -10,6 +10,7 @@ from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.devices.wsg import HOMING_NS
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import ANSWER_NS
+from slipd.tools.sim import emulated_wsg as sim
 
 
 def test_activation_homes_and_is_over_when_the_gripper_reports_it() -> None:
@@ -54,7 +55,7 @@ def test_a_first_activation_that_ends_while_a_second_waits_does_not_end_the_seco
     activate(bench.session, bench.now_ns)
     bench.run(0.1)
     activate(bench.session, bench.now_ns)
-    bench.deliver([wire.encode_reply(wire.HOME)])
+    bench.deliver([sim.encode_reply(wire.HOME)])
     assert bench.session.activating
     assert bench.session.drop()
     assert (bench.session.activating, set_force(bench.session, 5.0)) == (False, None), "a reading shows the state again"

@@ -9,6 +9,7 @@ from wsg_bench import GO, Bench
 from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import ANSWER_NS
+from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS
 
 
@@ -75,8 +76,13 @@ def test_A6_every_refusal_is_reported_by_its_word_and_not_repeated(bench: Bench,
 
 
 def test_unrequested_answers_change_nothing(bench: Bench) -> None:
-    bench.deliver([wire.encode_reply(reply_id) for reply_id in (wire.STOP, wire.SET_FORCE, wire.ACKNOWLEDGE)])
-    bench.deliver([wire.encode_number(wire.GET_FORCE, 3.0), wire.encode_limits(LIMITS._replace(nominal_force=90.0))])
+    bench.deliver([sim.encode_reply(reply_id) for reply_id in (wire.STOP, wire.SET_FORCE, wire.ACKNOWLEDGE)])
+    bench.deliver(
+        [
+            sim.encode_number(wire.GET_FORCE, 3.0),
+            sim.encode_limits(LIMITS._replace(nominal_force=90.0)),
+        ]
+    )
     assert (bench.session.state, bench.session.force_range_n[1]) == ("active", 40.0)
 
 

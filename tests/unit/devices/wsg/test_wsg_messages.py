@@ -14,6 +14,7 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_decoder import Reply, ReplyScanner
 from slipd.devices.wsg.wsg_messages import Limits
+from slipd.tools.sim import emulated_wsg as sim
 
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
 
@@ -33,19 +34,19 @@ def floats(*numbers: float) -> bytes:
         (wire.encode(0x23), "AA AA AA 23 00 00 AC 1C"),
         (wire.encode(wire.DISCONNECT), "AA AA AA 07 00 00 35 4C"),
         (wire.set_force(20.0), "AA AA AA 32 04 00 00 00 A0 41 F5 22"),
-        (wire.encode_reply(wire.SET_FORCE), "AA AA AA 32 02 00 00 00 9C 93"),
+        (sim.encode_reply(wire.SET_FORCE), "AA AA AA 32 02 00 00 00 9C 93"),
         (wire.encode(wire.GET_FORCE), "AA AA AA 33 00 00 2C 70"),
         (wire.encode(0x25, floats(40, 50)), "AA AA AA 25 08 00 00 00 20 42 00 00 48 42 83 5C"),
-        (wire.encode_reply(0x25, wire.PENDING), "AA AA AA 25 02 00 1A 00 6D 48"),
-        (wire.encode_reply(0x25), "AA AA AA 25 02 00 00 00 22 87"),
-        (wire.encode_reply(0x25, 18), "AA AA AA 25 02 00 12 00 E4 C9"),
+        (sim.encode_reply(0x25, wire.PENDING), "AA AA AA 25 02 00 1A 00 6D 48"),
+        (sim.encode_reply(0x25), "AA AA AA 25 02 00 00 00 22 87"),
+        (sim.encode_reply(0x25, 18), "AA AA AA 25 02 00 12 00 E4 C9"),
         (wire.encode(0x26, floats(80, 100)), "AA AA AA 26 08 00 00 00 A0 42 00 00 C8 42 96 91"),
         (wire.encode(0x21, b"\x02" + floats(60, 100)), "AA AA AA 21 09 00 02 00 00 70 42 00 00 C8 42 63 CB"),
         (wire.encode(wire.FORCE, bytes(3)), "AA AA AA 45 03 00 00 00 00 17 E3"),
         (wire.update_request(wire.FORCE, 20), "AA AA AA 45 03 00 01 14 00 99 7E"),
-        (wire.encode_number(wire.FORCE, 12.5), "AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D"),
-        (wire.encode_state({"referenced", "target_reached"}), "AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"),
-        (wire.encode_grasping("holding"), "AA AA AA 41 03 00 00 00 04 5A 02"),
+        (sim.encode_number(wire.FORCE, 12.5), "AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D"),
+        (sim.encode_state({"referenced", "target_reached"}), "AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"),
+        (sim.encode_grasping("holding"), "AA AA AA 41 03 00 00 00 04 5A 02"),
         (wire.update_request(wire.WIDTH, 20), "AA AA AA 43 03 00 01 14 00 36 8D"),
         (wire.encode(wire.SYSTEM), "AA AA AA 50 00 00 DB 87"),
         (wire.encode(wire.LIMITS), "AA AA AA 53 00 00 3D 38"),
@@ -72,12 +73,12 @@ def test_the_commands_are_read_as_they_were_written() -> None:
     def payload(packet: bytes) -> bytes:
         return packet[6:-2]
 
-    assert wire.parse_goal(payload(wire.preposition(40.0, 50.0))) == (0, 40.0, 50.0)
+    assert sim.parse_goal(payload(wire.preposition(40.0, 50.0))) == (0, 40.0, 50.0)
     assert wire.parse_number(payload(wire.set_force(20.0))) == 20.0
-    assert wire.parse_update(payload(wire.update_request(wire.WIDTH, 20))) == 20
-    assert wire.parse_update(bytes(3)) == 0
-    assert wire.parse_limits(read(wire.encode_limits(LIMITS))[0].data) == LIMITS
-    assert wire.parse_serial(read(wire.encode_system(123456))[0].data) == 123456
+    assert sim.parse_update(payload(wire.update_request(wire.WIDTH, 20))) == 20
+    assert sim.parse_update(bytes(3)) == 0
+    assert wire.parse_limits(read(sim.encode_limits(LIMITS))[0].data) == LIMITS
+    assert wire.parse_serial(read(sim.encode_system(123456))[0].data) == 123456
 
 
 def test_limits_and_serial_number_are_little_endian() -> None:
@@ -91,8 +92,8 @@ def test_limits_and_serial_number_are_little_endian() -> None:
 def test_every_status_has_a_word_and_comes_without_data(status: int) -> None:
     assert not weiss.status_word(status).startswith("status")
     for reply_id, size in wire.REPLY_SIZES.items():
-        assert read(wire.encode_reply(reply_id, status)) == [Reply(reply_id, status, b"")]
-        assert size == 0 or read(wire.encode_reply(reply_id, status, bytes(size))) == []
+        assert read(sim.encode_reply(reply_id, status)) == [Reply(reply_id, status, b"")]
+        assert size == 0 or read(sim.encode_reply(reply_id, status, bytes(size))) == []
 
 
 def test_every_state_bit_has_one_word() -> None:
@@ -106,20 +107,20 @@ def test_every_state_bit_has_one_word() -> None:
 @pytest.mark.parametrize(
     "packet",
     [
-        wire.encode_reply(0x25),
-        wire.encode_reply(wire.HOME, 31),
-        wire.encode_reply(wire.WIDTH),
-        wire.encode_reply(wire.HOME, wire.OK, b"\0"),
+        sim.encode_reply(0x25),
+        sim.encode_reply(wire.HOME, 31),
+        sim.encode_reply(wire.WIDTH),
+        sim.encode_reply(wire.HOME, wire.OK, b"\0"),
         wire.encode(wire.HOME, b"\0"),
-        wire.encode_number(wire.WIDTH, math.nan),
-        wire.encode_number(wire.FORCE, -math.inf),
-        wire.encode_number(wire.GET_FORCE, 1001.0),
-        wire.encode_reply(wire.GRASPING, wire.OK, b"\x08"),
-        wire.encode_limits(LIMITS._replace(max_acceleration=math.nan)),
-        wire.encode_limits(LIMITS._replace(stroke_mm=0.0)),
-        wire.encode_limits(LIMITS._replace(max_speed=5.0)),
-        wire.encode_limits(LIMITS._replace(nominal_force=5.0)),
-        wire.encode_limits(LIMITS._replace(nominal_force=1e4)),
+        sim.encode_number(wire.WIDTH, math.nan),
+        sim.encode_number(wire.FORCE, -math.inf),
+        sim.encode_number(wire.GET_FORCE, 1001.0),
+        sim.encode_reply(wire.GRASPING, wire.OK, b"\x08"),
+        sim.encode_limits(LIMITS._replace(max_acceleration=math.nan)),
+        sim.encode_limits(LIMITS._replace(stroke_mm=0.0)),
+        sim.encode_limits(LIMITS._replace(max_speed=5.0)),
+        sim.encode_limits(LIMITS._replace(nominal_force=5.0)),
+        sim.encode_limits(LIMITS._replace(nominal_force=1e4)),
         wire.encode(wire.WIDTH, bytes(60_000)),
         weiss.encode(wire.HOME, bytes(2), weiss.SEED_AFTER_PREAMBLE),
     ],
@@ -127,7 +128,7 @@ def test_every_state_bit_has_one_word() -> None:
 def test_an_implausible_reply_is_rejected(packet: bytes) -> None:
     replies = ReplyScanner(DecoderHealth())
     assert replies.replies(packet) == []
-    assert replies.replies(wire.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
+    assert replies.replies(sim.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
 
 
 @given(st.floats(0.0, 1000.0))

@@ -14,6 +14,7 @@ from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import ANSWER_NS
+from slipd.tools.sim import emulated_wsg as sim
 from slipd.types.samples import GripperSample
 
 
@@ -61,7 +62,7 @@ def test_a_move_sets_the_force_before_it_goes_and_reads_it_back(bench: Bench) ->
     assert move(bench.session, 0.02, None, 10.0) == 10.0
     bench.run(0.5)
     assert bench.commands() == list(GO)
-    assert wire.parse_goal(bench.sent[1].payload) == (0, 20.0, 210.0)
+    assert sim.parse_goal(bench.sent[1].payload) == (0, 20.0, 210.0)
     assert (bench.last.width_m, bench.last.object, bench.last.echo_ok) == (pytest.approx(0.02), "none", True)
 
 
@@ -77,7 +78,7 @@ def test_a_force_while_holding_clamps_again_with_the_goal_that_made_the_grip(hol
     set_force(holding.session, 12.0)
     holding.run(0.3)
     assert holding.commands() == list(GO)
-    assert wire.parse_goal(holding.sent[1].payload) == (0, 0.0, 200.0)
+    assert sim.parse_goal(holding.sent[1].payload) == (0, 0.0, 200.0)
     assert (holding.last.width_m, holding.last.object) == (0.04, "contact_closing")
 
 
@@ -148,9 +149,7 @@ def test_D5_a_force_limit_that_is_read_back_differently_is_reported_while_it_las
     set_force(bench.session, 10.0)
     bench.run(0.1)
     assert bench.last.echo_ok is True
-    bench.swallow = lambda packet: (
-        packet.id == wire.SET_FORCE and not bench.deliver([wire.encode_reply(wire.SET_FORCE)])
-    )
+    bench.swallow = lambda packet: packet.id == wire.SET_FORCE and not bench.deliver([sim.encode_reply(wire.SET_FORCE)])
     set_force(bench.session, 20.0)
     bench.samples.clear()
     bench.run(1.0)
@@ -166,14 +165,14 @@ def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(b
     set_force(bench.session, 10.0)
     bench.run(0.01)
     set_force(bench.session, 20.0)
-    bench.deliver([wire.encode_number(wire.GET_FORCE, 20.0)])
+    bench.deliver([sim.encode_number(wire.GET_FORCE, 20.0)])
     bench.run(0.03)
     assert bench.last.echo_ok is True
 
 
 @pytest.mark.parametrize(("status", "lost"), [(0, False), (19, False), (29, False), (7, True), (18, True)])
 def test_the_end_of_a_motion_may_come_at_any_time(bench: Bench, status: int, lost: bool) -> None:
-    bench.deliver([wire.encode_reply(wire.PREPOSITION, status)])
+    bench.deliver([sim.encode_reply(wire.PREPOSITION, status)])
     assert bench.session.command_lost is lost
 
 
@@ -220,7 +219,7 @@ def test_an_update_that_is_missing_for_two_periods_gives_no_reading() -> None:
 def test_D4_the_state_bits_determine_the_sample() -> None:
     def read(*words: str, grasping: str = "idle") -> GripperSample:
         parts = updates(words=words)
-        parts[2] = wire.encode_grasping(grasping)
+        parts[2] = sim.encode_grasping(grasping)
         (sample,) = Decoder().receive(b"".join(parts), 5)
         return sample
 

@@ -7,6 +7,7 @@ import pytest
 from driving import MS, drive
 
 from slipd.devices import robotous
+from slipd.tools.sim import emulated_robotous as sim
 from slipd.tools.sim.emulated_robotous import make
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
@@ -36,5 +37,5 @@ def test_a_rate_that_its_line_does_not_carry_is_refused_and_it_sends_at_its_own(
 def test_what_it_cannot_do_is_refused(number: int, arguments: bytes) -> None:
     emulator = make(4)
     (answer,) = emulator.receive(robotous.encode_command(number, arguments), 0)
-    assert answer == robotous.encode_response(number, b"\0\x02")
+    assert answer == sim.encode_response(number, b"\0\x02")
     assert emulator.writes == 0

@@ -16,6 +16,7 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.wsg import Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_decoder import Reply, ReplyScanner
+from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
 MS = 1_000_000
@@ -47,7 +48,7 @@ def test_a_motion_is_pending_until_the_jaws_are_there(gripper: Gripper) -> None:
     assert gripper.advance(200 * MS) == []
     assert gripper.width_mm == pytest.approx(40.0)
     assert words(gripper, 200 * MS) == {"referenced", "moving"}
-    assert gripper.advance(300 * MS) == [wire.encode_reply(wire.PREPOSITION)]
+    assert gripper.advance(300 * MS) == [sim.encode_reply(wire.PREPOSITION)]
     assert (gripper.width_mm, words(gripper, 300 * MS)) == (30.0, {"referenced", "target_reached"})
 
 
@@ -78,7 +79,7 @@ def test_a_gripper_without_reference_must_be_homed_first() -> None:
     gripper.opened(0)
     assert ask(gripper, wire.preposition(0.0, 10.0)) == [(wire.PREPOSITION, wire.NOT_INITIALISED)]
     assert ask(gripper, wire.home()) == [(wire.HOME, wire.PENDING)]
-    assert gripper.advance(1000 * MS) == [wire.encode_reply(wire.HOME)]
+    assert gripper.advance(1000 * MS) == [sim.encode_reply(wire.HOME)]
     assert (gripper.width_mm, gripper.words) == (LIMITS.stroke_mm, {"referenced"})
 
 
@@ -117,7 +118,7 @@ def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: 
     limits, system = read(gripper.receive(wire.encode(wire.LIMITS) + wire.encode(wire.SYSTEM), 0))
     assert wire.parse_limits(limits.data) == LIMITS
     assert wire.parse_serial(system.data) == 4711
-    assert gripper.receive(wire.encode(0x36), 0) == [wire.encode_reply(0x36, wire.UNKNOWN_COMMAND)]
+    assert gripper.receive(wire.encode(0x36), 0) == [sim.encode_reply(0x36, wire.UNKNOWN_COMMAND)]
     assert ask(gripper, wire.encode(wire.HOME)) == [(wire.HOME, wire.NOT_ENOUGH_PARAMETERS)]
     assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, wire.NO_PARAMETER_EXPECTED)]
 
@@ -162,6 +163,6 @@ def converse(line: socket.socket, force_n: float) -> None:
     assert (session.command_lost, session.health.bad, session.health.lost) == (False, 0, 0)
     line.sendall(session.stop())
     heard = b""
-    while wire.encode_reply(wire.DISCONNECT) not in heard and time.monotonic() < until_s:
+    while sim.encode_reply(wire.DISCONNECT) not in heard and time.monotonic() < until_s:
         with contextlib.suppress(TimeoutError):
             heard += line.recv(4096)
