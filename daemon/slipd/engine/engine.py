@@ -103,9 +103,9 @@ class Engine:
             session = cast("GripperSession", self._links[GRIPPER_LINK].session)
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
-        advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view)
         self._arm = make_arm_motion(config.grasp, self._fingers)
         self._held = make_held_object(config.grasp, view, self._fingers, self._arm)
+        advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view, self._arm)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
         self._lateness = Lateness()
@@ -115,7 +115,7 @@ class Engine:
             name: FingerPublisher(each, sequencer, config.rates) for name, each in self._fingers.items()
         }
         self._grasp = None if view is None else GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz)
-        self._advice = None if advice is None else MotionPublisher(advice, sequencer)
+        self._advice = None if advice is None else MotionPublisher(advice, self._gripper, sequencer)
         self._gripper_publisher = GripperPublisher(self._gripper, sequencer)
         self._status = StatusPublisher(
             self._links,
@@ -220,6 +220,8 @@ class Engine:
                 self._handle_finger(owner, kind, read, t_ns, out)
             elif self._arm is not None and owner == "arm":
                 self._arm.update(cast("Sequence[Any]", read.samples), read.times_ns, self._gripper.width_m)
+                if self._advice is not None:
+                    self._advice.advice.follow_arm(cast("Any", read.samples[-1]), read.times_ns[-1])
             else:
                 self._handle_grasp_samples(read, out)
         if link.session is not None:
@@ -383,8 +385,7 @@ class Engine:
     def _publish_advice(self, t_ns: int, out: list[Output]) -> int:
         if self._advice is None:
             return NEVER_NS
-        self._advice.publish(t_ns, out)
-        return self._advice.pace.due_ns
+        return self._advice.publish(t_ns, out)
 
     def _pace_status(self, t_ns: int, out: list[Output]) -> int:
         if self._status_pace.passes(t_ns):

@@ -16,12 +16,16 @@ from slipd.fusion import (
     torque_limit,
     utilisation,
 )
+from slipd.fusion.held_pad import HeldPad, pad_use, tipping_edges, twist_net
 from slipd.fusion.levels import ContactWatch
 from slipd.fusion.load_noise import relative_noise
+from slipd.fusion.motion_limits import nearest_limit, worst_turn
+from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
 from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
+from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample
 
 
@@ -46,6 +50,7 @@ def warm_up() -> None:
     for t_ns in (0, 2 * SETTLED_NS):
         vibration.update(t_ns, np.zeros((BLOCK, 6)))
     _judge_contact()
+    _advise_motion(x, y, loads)
 
 
 def _judge_contact() -> None:
@@ -61,3 +66,22 @@ def _judge_contact() -> None:
         for read in (samples[:2], samples[2:]):  # readings that arrive together and alone take different paths
             for _ in finger.decide(read, [sample.t_ns for sample in read]):
                 pass
+
+
+def _advise_motion(x: Array, y: Array, loads: Array) -> None:
+    """Find the limits of the motion of an object between two pads."""
+    net, halves = twist_net(x, y, loads, 0.005, 0.005), np.full(2, 0.5)
+    twists, edges = (
+        np.vstack((net, np.zeros(net.shape[1]))),
+        tipping_edges(x[[0, 1, 3, 2]], y[[0, 1, 3, 2]], 0.0, 0.0, 0.005),
+    )
+    pad = HeldPad(
+        np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, halves, halves, halves, 0.5, 1.0, twists, edges
+    )
+    each, rest = np.empty(net.shape[1]), np.zeros((1, 6))
+    pad_use(pad, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.5, each)
+    nearest_limit(pad, rest[0], 1.5, 3.0, np.empty(3))
+    worst_turn(pad, np.zeros(3), 9.81, np.empty(3))
+    largest_scale(pad, pad, rest[0], rest[0], 1.5, 1.0, each)
+    check_points(pad, pad, rest, rest, 1.5, each)
+    follow_gravity(np.zeros((1, 10)), np.zeros(3), np.empty((1, 3)))

@@ -1,72 +1,74 @@
-"""How fast the arm may go with the object in the grip, so that the grip holds."""
+"""How fast the arm may go with the object in the grip, so that the grip holds.
+
+The load of each pad under another motion is its mean load now plus the change that the object's mass and centre of mass
+explain (`slipd.fusion.held_pad`). What is not known counts against the motion; see "How fast may it go",
+``docs/physics.md``.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from slipd.config import Grasp
 from slipd.finger.finger import Finger
-from slipd.grasp.grasp_view import GraspView
+from slipd.finger.trust import is_trusted
+from slipd.finger.verdict import danger_reasons
+from slipd.fusion.held_pad import MOST, HeldPad, pad_use
+from slipd.fusion.motion_limits import nearest_limit, worst_turn
+from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
+from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity, felt_at
+from slipd.grasp.arm_motion import ArmMotion
+from slipd.grasp.grasp_view import GraspView, Place
+from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits
+from slipd.grasp.pad_load import PadLoad, shares_of
+from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2
 from slipd.types.arrays import Array
+from slipd.types.samples import ArmSample
 
-Mode = Literal["translation", "rotation", "tipping"]
-
-
-@dataclass(slots=True, frozen=True)
-class MotionLimits:
-    """How fast the arm may go with the present grip, in the gripper frame; None is unknown.
-
-    Attributes:
-        unknown: Why everything else is unknown, for people; "" where it is known.
-        finger: Finger that limits the acceleration.
-        mode: What would happen first.
-        utilisation: Of the worse finger by its load now; inf where no grip holds it.
-        acceleration_mps2: Largest acceleration that holds in every direction.
-        worst_direction: Direction that is limited to it, shape (3,).
-        accelerations_mps2: Largest acceleration along +x, −x, +y, −y, +z and −z.
-        turn_utilisation: Utilisation at rest in the worst orientation; inf where no grip holds it.
-        worst_gravity_mps2: Gravity in that orientation, shape (3,).
-        angular_acceleration_radps2: Largest angular acceleration about the pinch axis, in either sense.
-        grip_needed_n: Grip force with which the wanted acceleration holds in every direction; inf where none would.
-        speed_scale: Time scale, 0 to 1, at which the larger of the wanted acceleration and the present one holds.
-    """
-
-    unknown: str = ""
-    finger: str | None = None
-    mode: Mode | None = None
-    utilisation: float | None = None
-    acceleration_mps2: float | None = None
-    worst_direction: Array | None = None
-    accelerations_mps2: tuple[float, ...] | None = None
-    turn_utilisation: float | None = None
-    worst_gravity_mps2: Array | None = None
-    angular_acceleration_radps2: float | None = None
-    grip_needed_n: float | None = None
-    speed_scale: float | None = None
+LOOK_NS = 20_000_000
+"""The loads are read this often."""
+OBJECT_STDS = 2.0
+"""Mass and centre of mass count with so many standard deviations to the worse side."""
+GYRATION_M = 0.05
+"""Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. It is not measured."""
+LEAST_SHARED_N, LEAST_SPIN_NM = 0.2, 0.002
+"""A smaller tangential force, or spin, of both pads together does not show how they share it."""
+MOST_TURN_RADPS2 = 200.0
+"""Largest angular acceleration that is reported."""
+RESTING_MPS2, RESTING_RADPS = 0.1, 0.02
+"""A motion whose first point is this close to rest begins at rest."""
+LIKE_NOW_MPS2 = 1.0
+"""One whose first point feels the same as the gripper now, within this, begins now."""
+NO_ARM = "the motion of the arm is not known: the config has no [grasp.arm]"
+ARM_SILENT = "the arm stream ([grasp.arm]) is stale, or not believed: see `status`"
+NO_GRAVITY = "the direction of gravity is not known before 1 s of the arm stream"
+_AXES = np.concatenate((np.eye(3), -np.eye(3)))[[0, 3, 1, 4, 2, 5]]
 
 
-@dataclass(slots=True, frozen=True)
-class MotionCheck:
-    """Whether the present grip holds a motion; None is unknown.
+class _Held(NamedTuple):
+    """Both pads with what they hold.
 
     Attributes:
-        unknown: As in `MotionLimits`.
-        utilisation: Largest utilisation; inf where no grip holds the motion.
-        at_s: Time of the point that has it, s.
-        finger: Finger that has it.
-        mode: What would happen first.
-        grip_needed_n: Grip force with which the motion holds; inf where none would.
-        time_scale: Largest time scale, 0 to 1, with which it holds.
+        pads: The first and the second pad.
+        felt: Specific force at the centre of mass under the mean loads, shape (3,), m/s².
+        com_m: Centre of mass in the gripper frame, shape (3,).
+        middle_m: Point between both contacts, shape (3,).
+        gravity: Gravity in the gripper frame, shape (3,), m/s².
     """
 
-    unknown: str = ""
-    utilisation: float | None = None
-    at_s: float | None = None
-    finger: str | None = None
-    mode: Mode | None = None
-    grip_needed_n: float | None = None
-    time_scale: float | None = None
+    pads: tuple[HeldPad, HeldPad]
+    felt: Array
+    com_m: Array
+    middle_m: Array
+    gravity: Array
+
+    def rest(self) -> Array:
+        """Return the change of what the object feels when the arm stands still, shape (6,)."""
+        return np.concatenate((self.gravity - self.felt, np.zeros(3)))
 
 
 class MotionAdvice:
@@ -76,38 +78,214 @@ class MotionAdvice:
         grasp: ``[grasp]``.
         fingers: All fingers by name.
         view: The two fingers as one grasp, with what is known of the object.
+        arm: Motion of the arm; None: no stream reports it.
 
     Attributes:
         safety: Safety factor of the limits: the larger one of both fingers.
         wanted_mps2: Acceleration that is wanted in every direction.
     """
 
-    def __init__(self, grasp: Grasp, fingers: dict[str, Finger], view: GraspView) -> None:
+    def __init__(self, grasp: Grasp, fingers: dict[str, Finger], view: GraspView, arm: ArmMotion | None) -> None:
         self.safety = max(fingers[name].config.grip_safety for name in grasp.pads)
         self.wanted_mps2 = grasp.motion.wanted_acceleration_mps2
-        self._view = view
+        self._view, self._arm, self._gravity = view, arm, ArmGravity()
+        self._loads = [PadLoad(fingers[name], Place(place)) for name, place in grasp.pads.items()]
+        self._felt = np.zeros(3)
+        self._looked_ns = -LOOK_NS
 
     @property
     def level(self) -> str:
         """Level of the worse finger."""
         return self._view.level()
 
-    def limits(self, t_ns: int) -> MotionLimits:
-        """Return how fast the arm may go at ``t_ns``."""
-        return MotionLimits(self._why_unknown(t_ns))
+    def follow_arm(self, sample: ArmSample, t_ns: int) -> None:
+        """Follow a reading of the arm of ``t_ns``."""
+        self._gravity.update(sample, t_ns)
 
-    def check(self, points: Array, t_ns: int) -> MotionCheck:
+    def follow(self, t_ns: int) -> int:
+        """Look at the loads where that is due; return when it is due again."""
+        if t_ns < self._looked_ns + LOOK_NS:
+            return self._looked_ns + LOOK_NS
+        self._looked_ns = t_ns
+        com_m, states = self._view.object.com_m, [load.finger.state for load in self._loads]
+        wrenches = [
+            state.wrench
+            for state in states
+            if state.wrench is not None and state.contact is not None and state.contact.valid
+            and is_trusted(state.verdict) and state.verdict.level != "slipping"
+        ]  # fmt: skip
+        if com_m is None or len(wrenches) < len(states) or not self._arm_is_used(t_ns):
+            for load in self._loads:
+                load.forget()
+            return t_ns + LOOK_NS
+        for load, wrench in zip(self._loads, wrenches, strict=True):
+            part = load.update(wrench)
+        felt = felt_at(np.array(com_m), np.array([self._row()]))[0]
+        self._felt = self._felt + part * (felt - self._felt)
+        return t_ns + LOOK_NS
+
+    def limits(self, t_ns: int, width_m: float | None) -> MotionLimits:
+        """Return how fast the arm may go at ``t_ns``, with a width between the pads (None: unknown)."""
+        held = self._held(t_ns, width_m)
+        if isinstance(held, str):
+            return MotionLimits(held)
+        rest, directions = held.rest(), np.zeros((2, 3))
+        found = [
+            nearest_limit(pad, rest, self.safety, self.wanted_mps2, direction)
+            for pad, direction in zip(held.pads, directions, strict=True)
+        ]
+        side = int(found[1][0] < found[0][0])
+        most_mps2, direction = found[side][0], directions[side]
+        _, mode = self._use(held, rest, np.concatenate((-direction * max(most_mps2, 1e-3), np.zeros(3))), side)
+        axis = held.pads[0].turn[2]
+        along = [self._scale(held, rest, np.concatenate((-each_axis, np.zeros(3)))) for each_axis in _AXES]
+        spun = np.concatenate((np.cross(held.com_m - held.middle_m, axis), -(GYRATION_M**2) * axis))
+        turning = min(self._scale(held, rest, sense * spun, MOST_TURN_RADPS2) for sense in (1.0, -1.0))
+        turn, gravity = self._worst_turn(held)
+        now = np.concatenate((felt_at(held.com_m, np.array([self._row()]))[0] - held.felt, np.zeros(3)))
+        limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
+        fastest = max(self.wanted_mps2, float(np.linalg.norm(held.gravity - np.array(self._gravity.felt_mps2))))
+        return MotionLimits(
+            "",
+            self._loads[side].finger.name,
+            mode,
+            max(self._use(held, now, np.zeros(6), pad)[0] for pad in (0, 1)),
+            limit_mps2,
+            direction,
+            tuple(max(limit - ERROR_MPS2, 0.0) for limit in along),
+            turn,
+            gravity,
+            turning,
+            self._grip_needed(max(lack for _, lack in found)),
+            min(math.sqrt(limit_mps2 / fastest), 1.0),
+        )
+
+    def check(self, points: Array, t_ns: int, width_m: float | None) -> MotionCheck:
         """Return whether the present grip holds a motion.
 
         Args:
-            points: Rows of `slipd_client.messages.schema.request_fields.POINT_COLUMNS`, shape (n, 10).
+            points: Rows of `slipd_client.messages.schema.request_fields.POINT_COLUMNS`, shape (n, 10). Where the first
+                one is at rest, gravity is followed from it; where it is like the motion of now, from now.
             t_ns: Now.
+            width_m: Width between the pads, m; None: unknown.
         """
-        return MotionCheck(self._why_unknown(t_ns))
+        held = self._held(t_ns, width_m)
+        if isinstance(held, str):
+            return MotionCheck(held)
+        felt, gravity = felt_at(held.com_m, points[:, 1:]), np.zeros((len(points), 3))
+        begin = self._gravity_at_begin(points[0], held.gravity)
+        if begin is not None:
+            follow_gravity(points, begin, gravity)
+        return self._checked(held, points, felt, gravity, known=begin is not None)
 
-    def check_acceleration(self, acceleration_mps2: list[float], t_ns: int) -> MotionCheck:
-        """Return whether the present grip holds an acceleration in the present orientation."""
-        return MotionCheck(self._why_unknown(t_ns))
+    def check_acceleration(self, acceleration_mps2: Sequence[float], t_ns: int, width_m: float | None) -> MotionCheck:
+        """Return whether the present grip holds an acceleration in the present orientation, without a turn."""
+        held = self._held(t_ns, width_m)
+        if isinstance(held, str):
+            return MotionCheck(held)
+        points = np.zeros((1, 10))
+        points[0, 1:4] = held.gravity - acceleration_mps2
+        return self._checked(held, points, points[:, 1:4], held.gravity[None, :], known=True)
 
-    def _why_unknown(self, _: int) -> str:
-        return self._view.object.unknown or "the limits of the motion are not computed yet"
+    def _checked(self, held: _Held, points: Array, felt: Array, gravity: Array, *, known: bool) -> MotionCheck:
+        """Return whether a motion holds; without ``known`` gravity no time scale."""
+        rest, swing = np.zeros((2, len(points), 6))
+        rest[:, :3], swing[:, :3] = gravity - held.felt, felt - gravity
+        swing[:, 3:] = -(GYRATION_M**2) * points[:, 7:]
+        used, at, side, tips, lack, scale = check_points(*held.pads, rest, swing, self.safety, _memory(held.pads))
+        return MotionCheck(
+            "",
+            _unbounded(used),
+            float(points[at, 0]),
+            self._loads[side].finger.name,
+            self._mode(held.pads[side], rest[at] + swing[at], used, tips=tips),
+            self._grip_needed(lack),
+            math.sqrt(scale) if known or scale == 1.0 else None,
+        )
+
+    def _gravity_at_begin(self, point: Array, now: Array) -> Array | None:
+        """Return gravity at the first point of a motion; None where it might point anywhere."""
+        felt, length = point[1:4], float(np.linalg.norm(point[1:4]))
+        resting = abs(length - STANDARD_GRAVITY_MPS2) <= RESTING_MPS2 and np.abs(point[4:]).max() <= RESTING_RADPS
+        if resting:
+            return felt * (STANDARD_GRAVITY_MPS2 / length)
+        return now if np.abs(felt - self._gravity.felt_mps2).max() <= LIKE_NOW_MPS2 else None
+
+    def _held(self, t_ns: int, width_m: float | None) -> _Held | str:
+        """Return both pads with what they hold; the reason for people where something is not known."""
+        if self._arm is None:
+            return NO_ARM
+        if not self._arm_is_used(t_ns):
+            return ARM_SILENT
+        gravity, own = self._gravity.gravity(), self._view.object
+        if gravity is None:
+            return NO_GRAVITY
+        first, second = (load.known(t_ns) for load in self._loads)
+        if isinstance(first, str) or isinstance(second, str):
+            return first if isinstance(first, str) else str(second)
+        if own.mass_kg is None or own.mass_std_kg is None or own.com_m is None or own.com_std_m is None:
+            return own.unknown
+        doubt_kg = OBJECT_STDS * own.mass_std_kg
+        mass = np.array((max(own.mass_kg - doubt_kg, 0.0), own.mass_kg + doubt_kg))
+        wholes = [load.whole(width_m) for load in self._loads]
+        middle, com = 0.5 * (wholes[0].centre_m + wholes[1].centre_m), np.array(own.com_m)
+        share, spin_share = shares_of(*wholes)
+        error = OBJECT_STDS * np.array(own.com_std_m)
+        pads = (
+            self._loads[0].held(first, mass, com - middle, error, share, spin_share),
+            self._loads[1].held(second, mass, com - middle, error, 1.0 - share, 1.0 - spin_share),
+        )
+        return _Held(pads, self._felt, com, middle, np.array(gravity))
+
+    def _arm_is_used(self, t_ns: int) -> bool:
+        return self._arm is not None and self._arm.is_used(t_ns)
+
+    def _row(self) -> Array:
+        """Return gravity minus acceleration, angular velocity and angular acceleration of now, shape (9,)."""
+        arm = self._gravity
+        return np.array((*arm.felt_mps2, *arm.velocity_radps, *arm.acceleration_radps2))
+
+    def _scale(self, held: _Held, rest: Array, swing: Array, most: float = MOST_GRAVITY_MPS2) -> float:
+        return float(largest_scale(*held.pads, rest, swing, self.safety, most, _memory(held.pads)))
+
+    def _use(self, held: _Held, rest: Array, swing: Array, side: int) -> tuple[float, Mode]:
+        """Return the utilisation of a pad, and what would happen first."""
+        at = rest + swing
+        pad = held.pads[side]
+        used, _, _, tips = pad_use(pad, tuple(at[:3].tolist()), tuple(at[3:].tolist()), self.safety, _memory(held.pads))
+        return _unbounded(used), self._mode(pad, at, used, tips=tips)
+
+    def _mode(self, pad: HeldPad, at: Array, used: float, *, tips: bool) -> Mode:
+        """Return what would happen first on a pad whose utilisation is known."""
+        if tips:
+            return "tipping"
+        felt = pad.turn @ at[:3]
+        tangential = pad.load[:2] + pad.mass.mean() * pad.shares.mean() * felt[:2]
+        normal = max(pad.normal - 0.5 * pad.mass.mean() * felt[2], 1e-9)
+        translation = float(np.hypot(*tangential)) / (pad.mu * normal)
+        return "rotation" if "rotation" in danger_reasons(_unbounded(used), translation, 0.0) else "translation"
+
+    def _worst_turn(self, held: _Held) -> tuple[float, Array]:
+        """Return the largest utilisation of any orientation at rest, and gravity in it."""
+        worst, gravity = -1.0, held.gravity
+        for pad in held.pads:
+            towards = np.zeros(3)
+            worst_turn(pad, held.felt, STANDARD_GRAVITY_MPS2, towards)
+            rest = np.concatenate((towards - held.felt, np.zeros(3)))
+            used = max(self._use(held, rest, np.zeros(6), side)[0] for side in (0, 1))
+            if used > worst:
+                worst, gravity = used, towards
+        return worst, gravity
+
+    def _grip_needed(self, lack_n: float) -> float:
+        """Return the grip force that is needed where the pads lack so much; inf where none would hold."""
+        return math.inf if lack_n >= MOST else max(min(load.normal_n for load in self._loads) + lack_n, 0.0)
+
+
+def _memory(pads: tuple[HeldPad, HeldPad]) -> Array:
+    return np.empty(max(pad.twists.shape[1] for pad in pads))
+
+
+def _unbounded(used: float) -> float:
+    """Return a utilisation, inf where no grip holds."""
+    return math.inf if used >= MOST else float(used)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from slipd.events import Output
-from slipd.grasp.motion_advice import MotionAdvice, MotionLimits
+from slipd.grasp.motion_advice import MotionAdvice
+from slipd.grasp.motion_answers import MotionLimits
+from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.publish.grasp_messages import GRASP_FRAME
 from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite
 from slipd_client.messages import MOTION_TOPIC
@@ -16,24 +19,26 @@ class MotionPublisher:
 
     Args:
         advice: The advice.
+        gripper: Measures the width between the pads.
         sequencer: Numbers and dates the messages.
 
     Attributes:
-        pace: Limits the rate of messages without a change.
+        advice: As given.
     """
 
-    def __init__(self, advice: MotionAdvice, sequencer: MessageSequencer) -> None:
-        self._advice, self._sequencer = advice, sequencer
-        self.pace = Pace(MOST_HZ)
+    def __init__(self, advice: MotionAdvice, gripper: GripperControl | NoGripper, sequencer: MessageSequencer) -> None:
+        self.advice, self._gripper, self._sequencer = advice, gripper, sequencer
+        self._pace = Pace(MOST_HZ)
         self._level = "unknown"
 
-    def publish(self, t_ns: int, out: list[Output]) -> None:
-        """Append the message at ``t_ns`` where it is due."""
-        level = self._advice.level
-        if self.pace.passes(t_ns, now=level != self._level):
+    def publish(self, t_ns: int, out: list[Output]) -> int:
+        """Follow the loads, append the message at ``t_ns`` where it is due, and return when to call this again."""
+        looks_ns, level = self.advice.follow(t_ns), self.advice.level
+        if self._pace.passes(t_ns, now=level != self._level):
             self._level = level
-            body = motion_body(self._advice, self._advice.limits(t_ns))
+            body = motion_body(self.advice, self.advice.limits(t_ns, self._gripper.width_m))
             out.append(self._sequencer.message(MOTION_TOPIC, t_ns, GRASP_FRAME, body))
+        return min(looks_ns, self._pace.due_ns)
 
 
 def motion_body(advice: MotionAdvice, limits: MotionLimits) -> Body:

@@ -70,7 +70,7 @@ class RequestHandlers:
             "hello": self._hello,
             "status": self._status_now,
             "record.stop": self._stop_recording,
-            "motion.check": MotionHandlers(advice).check,
+            "motion.check": MotionHandlers(advice, gripper).check,
             **FingerHandlers(fingers, named, gripper.policy, arm, requests).ops,
             **grip_handlers(gripper),
         }

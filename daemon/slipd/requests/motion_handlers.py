@@ -10,6 +10,8 @@ import numpy as np
 
 from slipd.events import Request
 from slipd.grasp.motion_advice import MotionAdvice
+from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.signals.gravity import MOST_GRAVITY_MPS2
@@ -26,10 +28,11 @@ class MotionHandlers:
 
     Args:
         advice: The advice; None: the config has no ``[grasp]``.
+        gripper: Measures the width between the pads.
     """
 
-    def __init__(self, advice: MotionAdvice | None) -> None:
-        self._advice = advice
+    def __init__(self, advice: MotionAdvice | None, gripper: GripperControl | NoGripper) -> None:
+        self._advice, self._gripper = advice, gripper
 
     def check(self, request: Request, t_ns: int) -> Body:
         """Carry out ``motion.check``."""
@@ -40,12 +43,12 @@ class MotionHandlers:
             rule = "the config has no [grasp], so that the load on both fingers together is not known"
             raise RefusalError(Refusal("not_ready", rule))
         if "points" in body:
-            return replies.motion_checked(self._advice.check(_table(body["points"]), t_ns))
+            return replies.motion_checked(self._advice.check(_table(body["points"]), t_ns, self._gripper.width_m))
         acceleration: list[float] = body["acceleration_mps2"]
         if not math.hypot(*acceleration) <= MOST_GRAVITY_MPS2:
             rule = f"acceleration_mps2 must be at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g) long"
             raise RefusalError(Refusal("out_of_range", rule, "acceleration_mps2"))
-        return replies.motion_checked(self._advice.check_acceleration(acceleration, t_ns))
+        return replies.motion_checked(self._advice.check_acceleration(acceleration, t_ns, self._gripper.width_m))
 
 
 def _table(points: list[Any]) -> Array:

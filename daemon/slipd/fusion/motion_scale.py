@@ -1,0 +1,155 @@
+"""Whether two pads hold a motion of the arm, and how far it must be slowed down (`slipd.fusion.held_pad`)."""
+
+from __future__ import annotations
+
+import math
+
+from slipd.fusion.compiled import compiled
+from slipd.fusion.held_pad import MOST, HeldPad, pad_use
+from slipd.types.arrays import Array
+
+SCALE_STEPS = 16
+SCALE_PASSES = 4
+"""Searches for a time scale. A point that holds in motion and not at rest may take one more for each other point: with
+more than these the time scale is 0."""
+
+
+@compiled
+def held_ratio(
+    first: HeldPad, second: HeldPad, rest: Array, swing: Array, scale: float, safety: float, each: Array
+) -> float:
+    """Return the largest ratio of the normal force that would hold a motion to that of a pad then: it holds up to 1.
+
+    Args:
+        first: A pad.
+        second: The other one.
+        rest: Change of the specific force (3) and couple (3) at scale 0, shape (6,).
+        swing: Their change from scale 0 to 1, shape (6,).
+        scale: Factor on ``swing``.
+        safety: As in `pad_use`.
+        each: As in `pad_use`.
+    """
+    felt = (rest[0] + scale * swing[0], rest[1] + scale * swing[1], rest[2] + scale * swing[2])
+    couple = (rest[3] + scale * swing[3], rest[4] + scale * swing[4], rest[5] + scale * swing[5])
+    worst = 0.0
+    for side in range(2):
+        _, needed, normal, _ = pad_use(first if side == 0 else second, felt, couple, safety, each)
+        worst = max(worst, needed / normal if normal > 0.0 else MOST)
+    return worst
+
+
+@compiled
+def largest_scale(
+    first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, most: float, each: Array
+) -> float:
+    """Return the largest factor on ``swing``, at most ``most``, with which rest + factor · swing holds; 0: none.
+
+    What holds is convex: the factors that hold are an interval from 0, so that halving finds its end, from below. Steps
+    beside the chord are faster, because the ratio is nearly linear.
+
+    Args:
+        first: As in `held_ratio`.
+        second: Likewise.
+        rest: Likewise.
+        swing: Likewise.
+        safety: As in `pad_use`.
+        most: Upper end of the search.
+        each: As in `pad_use`.
+    """
+    low, high, at_low, at_high = 0.0, most, 0.0, 0.0
+    for step in range(SCALE_STEPS):
+        if step == 0:
+            at = most
+        elif step == 1:
+            at = 0.0
+        elif step % 3 == 1:
+            at = 0.5 * (low + high)
+        else:
+            at = low + (high - low) * (1.0 - at_low) / (at_high - at_low)
+            at += 0.05 * (high - at) if step % 3 == 0 else -0.05 * (at - low)
+        held = held_ratio(first, second, rest, swing, at, safety, each)
+        if held <= 1.0:
+            if step == 0:
+                return most
+            low, at_low = at, held
+        elif step == 1:
+            return 0.0
+        else:
+            high, at_high = at, held
+        if high - low <= 1e-3 * high:
+            break
+    return low
+
+
+@compiled
+def check_points(
+    first: HeldPad, second: HeldPad, rest: Array, swing: Array, safety: float, each: Array
+) -> tuple[float, int, int, bool, float, float]:
+    """Find what a motion uses at most, and how far it must be slowed down.
+
+    Args:
+        first: A pad.
+        second: The other one.
+        rest: As in `held_ratio`, for each point, shape (n, 6).
+        swing: Likewise, shape (n, 6); the motion is the sum of both.
+        safety: As in `pad_use`.
+        each: As in `pad_use`.
+
+    Returns:
+        The largest utilisation; its point, its pad (0 or 1), and whether that tips; the normal force that the pads
+        lack, N, negative where they have more; the largest factor on ``swing``, at most 1, with which all points hold.
+    """
+    used, point, side, tips, lack, held, tightest = -1.0, 0, 0, False, -MOST, 0.0, 0
+    for k in range(rest.shape[0]):
+        felt = (rest[k, 0] + swing[k, 0], rest[k, 1] + swing[k, 1], rest[k, 2] + swing[k, 2])
+        couple = (rest[k, 3] + swing[k, 3], rest[k, 4] + swing[k, 4], rest[k, 5] + swing[k, 5])
+        for pad in range(2):
+            own, needed, normal, over = pad_use(first if pad == 0 else second, felt, couple, safety, each)
+            if own > used:
+                used, point, side, tips = own, k, pad, over
+            lack = max(lack, needed - normal)
+            ratio = needed / normal if normal > 0.0 else MOST
+            if ratio > held:
+                held, tightest = ratio, k
+    scale = 1.0
+    if held > 1.0:
+        scale = largest_scale(first, second, rest[tightest], swing[tightest], safety, 1.0, each)
+        for _ in range(SCALE_PASSES):
+            lower = scale
+            for k in range(rest.shape[0]):
+                if lower > 0.0 and held_ratio(first, second, rest[k], swing[k], lower, safety, each) > 1.0:
+                    lower = largest_scale(first, second, rest[k], swing[k], safety, lower, each)
+            if lower == scale:
+                return used, point, side, tips, min(lack, MOST), scale
+            scale = lower
+        scale = 0.0
+    return used, point, side, tips, min(lack, MOST), scale
+
+
+@compiled
+def follow_gravity(points: Array, begin: Array, out: Array) -> None:
+    """Follow gravity through a motion, as the gripper sees it.
+
+    Args:
+        points: Rows of time, s, specific force (3), and angular velocity (3), rad/s, shape (n, 7) or wider.
+        begin: Gravity at the first point, shape (3,).
+        out: Filled with gravity at each, shape (n, 3).
+
+    Between two points the angular velocity counts as their mean. Source: Rodrigues' formula.
+    """
+    x, y, z = begin[0], begin[1], begin[2]
+    for k in range(points.shape[0]):
+        if k > 0:
+            half = -0.5 * (points[k, 0] - points[k - 1, 0])
+            wx, wy, wz = (
+                half * (points[k, 4] + points[k - 1, 4]),
+                half * (points[k, 5] + points[k - 1, 5]),
+                half * (points[k, 6] + points[k - 1, 6]),
+            )
+            angle = math.sqrt(wx * wx + wy * wy + wz * wz)
+            sine = math.sin(angle) / angle if angle > 1e-9 else 1.0
+            bend = 0.5 * (math.sin(0.5 * angle) / (0.5 * angle)) ** 2 if angle > 1e-9 else 0.5
+            cx, cy, cz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
+            dx, dy, dz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
+            x, y, z = x + sine * cx + bend * dx, y + sine * cy + bend * dy, z + sine * cz + bend * dz
+        out[k, 0], out[k, 1], out[k, 2] = x, y, z

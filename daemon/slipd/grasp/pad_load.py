@@ -1,0 +1,157 @@
+"""One pad of a grasp as the advice on motion needs it: its load over the last moments, friction and pressure."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slipd.finger.finger import Finger
+from slipd.finger.finger_state import LoadDistribution
+from slipd.finger.trust import is_trusted
+from slipd.friction.learning import Z
+from slipd.fusion.held_pad import NET_SHARE, HeldPad, tipping_edges, twist_net
+from slipd.fusion.levels import Uncertainty
+from slipd.grasp.grasp_view import Place
+from slipd.types.arrays import Array
+
+MEMORY_READINGS = 15
+"""The load is a mean over about so many looks, 0.3 s: timing errors between fingers and arm cancel over a swing."""
+
+
+LEAST_SHARED_N, LEAST_SPIN_NM = 0.2, 0.002
+"""A smaller tangential force, or spin, of both pads together does not show how they share it."""
+
+
+class KnownContact(NamedTuple):
+    """What limits a contact.
+
+    Attributes:
+        distribution: Shares of the normal force on the taxels.
+        half_pitch_m: Half the distance between taxels, m.
+        mu: Low bound of static friction.
+        spin_scale: How many times as much friction a spin uses.
+        noise: Of the force sensor.
+    """
+
+    distribution: LoadDistribution
+    half_pitch_m: float
+    mu: float
+    spin_scale: float
+    noise: Uncertainty
+
+
+class Whole(NamedTuple):
+    """What a pad shares with the other one.
+
+    Attributes:
+        tangential_n: Size of its tangential force, N.
+        spin_nm: Spin about its contact centroid, along its own normal, N·m.
+        centre_m: Contact centroid in the gripper frame, shape (3,), m.
+    """
+
+    tangential_n: float
+    spin_nm: float
+    centre_m: Array
+
+
+class PadLoad:
+    """Mean load of one pad, and what limits it.
+
+    Args:
+        finger: The finger.
+        place: Pose of its pad.
+
+    Attributes:
+        finger: As given.
+        place: As given.
+        normal_n: Normal force, N: the mean, or the newest where that is less.
+    """
+
+    def __init__(self, finger: Finger, place: Place) -> None:
+        self.finger, self.place, self.normal_n = finger, place, math.nan
+        self._turn = np.ascontiguousarray(place.rotation.T)
+        self._mean, self._count = np.zeros(6), 0
+
+    def forget(self) -> None:
+        """Forget the load."""
+        self._count = 0
+
+    def update(self, wrench: tuple[float, ...]) -> float:
+        """Add a reading; return the weight of the newest in the mean."""
+        self._count = min(self._count + 1, MEMORY_READINGS)
+        self._mean = self._mean + (np.array(wrench) - self._mean) / self._count
+        self.normal_n = min(-float(self._mean[2]), -wrench[2])
+        return 1.0 / self._count
+
+    def known(self, t_ns: int) -> KnownContact | str:
+        """Return what limits the contact at ``t_ns``; where something of it is not known, the reason for people."""
+        finger, state, name = self.finger, self.finger.state, f"finger {self.finger.name}"
+        force, pad, contact, friction = finger.force, finger.config.pad, state.contact, state.friction
+        if force is None:
+            return f"{name} has no force sensor"
+        if contact is None or not is_trusted(state.verdict):
+            return f"{name}: {', '.join(state.verdict.reasons) or state.verdict.level}"
+        if not contact.valid:
+            return f"{name} touches nothing"
+        if state.verdict.level == "slipping":
+            return f"{name} slips"
+        if force.gravity.state(t_ns) == "unknown_orientation":
+            return f"{name}: its own weight is not known (weight_unknown)"
+        if state.load_distribution is None or pad is None or math.isnan(contact.spin_nm):
+            return f"{name}: the torque that its contact can carry is not known (rotation_unobserved)"
+        if friction is None or not friction.mu:
+            return f"{name}: no friction is known (no_mu)"
+        if self._count == 0:
+            return f"{name}: its load is not known yet"
+        low = friction.mu if friction.mu_low is None else min(friction.mu, friction.mu_low)
+        return KnownContact(state.load_distribution, 0.5 * pad.pitch_m, low, friction.spin_scale, force.noise)
+
+    def whole(self, width_m: float | None) -> Whole:
+        """Return what the pad shares with the other one, at a width between the pads."""
+        fx, fy, spin, cx, cy = self._load()
+        centre = self.place.nearest_m(width_m) + self.place.rotation @ np.array((cx, cy, 0.0))
+        return Whole(math.hypot(fx, fy), spin, centre)
+
+    def held(
+        self, contact: KnownContact, mass_kg: Array, com_m: Array, com_error_m: Array, share: float, spin_share: float
+    ) -> HeldPad:
+        """Return the pad for `slipd.fusion.held_pad`.
+
+        Args:
+            contact: What limits it.
+            mass_kg: Least and largest mass of the object, shape (2,).
+            com_m: Its centre of mass from the point between both contacts, in the gripper frame, shape (3,).
+            com_error_m: How far each component may be off, shape (3,).
+            share: Share of the tangential force that this pad carries now.
+            spin_share: Likewise of the spin.
+        """
+        fx, fy, spin, cx, cy = self._load()
+        distribution, outline, noise = contact.distribution, contact.distribution.outline, contact.noise
+        net = twist_net(distribution.x, distribution.y, distribution.loads.loads, cx, cy)
+        at_origin = np.hypot(net[0] + net[2] * cy, net[1] - net[2] * cx)
+        noisy = np.hypot(at_origin * noise.force_std_n, net[2] * noise.torque_std_nm) * (Z / math.sqrt(self._count))
+        return HeldPad(
+            self._turn, self._turn @ com_m, np.abs(self._turn) @ com_error_m, np.array((fx, fy, spin)), self.normal_n,
+            np.sort((0.5, share)), np.sort((0.5, spin_share)), mass_kg, contact.mu, contact.spin_scale,
+            np.vstack((net[:3], NET_SHARE * contact.mu * net[3], noisy)),
+            tipping_edges(outline.x, outline.y, cx, cy, contact.half_pitch_m),
+        )  # fmt: skip
+
+    def _load(self) -> tuple[float, float, float, float, float]:
+        """Return tangential force (2), spin about the contact centroid, and this centroid (2), of the mean."""
+        fx, fy, fz, mx, my, mz = self._mean.tolist()
+        cx, cy = -my / fz, mx / fz
+        return fx, fy, mz - (cx * fy - cy * fx), cx, cy
+
+
+def shares_of(first: Whole, second: Whole) -> tuple[float, float]:
+    """Return the share of tangential force and spin on the first pad; a half where the load does not show it.
+
+    The pads face each other, so one twist of the object has opposite signs on both.
+    """
+    tangential, one, other = first.tangential_n + second.tangential_n, first.spin_nm, -second.spin_nm
+    share = first.tangential_n / tangential if tangential > LEAST_SHARED_N else 0.5
+    spins = one * other > 0.0 and abs(one + other) > LEAST_SPIN_NM
+    return share, one / (one + other) if spins else 0.5
