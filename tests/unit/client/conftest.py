@@ -15,6 +15,7 @@ import zmq
 
 from slipd_client import lease_keeper
 from slipd_client.aio import AsyncGripClient
+from slipd_client.client_base import GripClientBase
 from slipd_client.grip import GripClient
 from slipd_client.messages import PROTOCOL_VERSION, decode, encode
 from slipd_client.slipctl import main
@@ -204,7 +205,11 @@ def publisher(start_publisher: Callable[..., Publisher]) -> Publisher:
 
 
 @pytest.fixture
-def start_daemon(requests: str) -> Iterator[Callable[..., Daemon]]:
+def start_daemon(requests: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Daemon]]:
+    """Starts daemons; unless a test says otherwise, clients wait for them however long this machine stands still."""
+    for kind in (GripClientBase, GripClient):
+        patient = {"keys": None, "timeout_s": PATIENCE_MS / 1000}
+        monkeypatch.setattr(kind.__init__, "__kwdefaults__", patient)
     started: list[Daemon] = []
 
     def start(boot: str = "boot-1", ahead_ns: int = 0, secret: bytes = b"") -> Daemon:

@@ -1,6 +1,5 @@
 """A recording is read whole; one that is cut off, damaged or foreign is read up to the fault, or refused."""
 
-import struct
 from pathlib import Path
 
 import pytest
@@ -116,7 +115,3 @@ def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -
         open_recording(tmp_path / "none.mcap")
     with pytest.raises(RecordingError, match="Is a directory"):
         open_recording(tmp_path)
-
-
-def text(value: bytes) -> bytes:
-    return struct.pack("<I", len(value)) + value
