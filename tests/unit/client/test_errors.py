@@ -78,6 +78,6 @@ def test_a_topic_that_does_not_exist_is_a_wrong_call(topic: str) -> None:
     with pytest.raises(CallError) as caught:
         Subscriber("ipc:///run/slipd-test/none", topics=("slip", topic))
     assert str(caught.value) == (
-        "topics must be beginnings of slip.FINGER, warning, wrench.FINGER, tactile.FINGER, grasp, motion, gripper, status, "
-        f'or "" for everything, got {topic!r}'
+        "topics must be beginnings of slip.FINGER, warning, wrench.FINGER, tactile.FINGER, grasp, motion, gripper, "
+        f'status, or "" for everything, got {topic!r}'
     )
