@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-import statistics
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -113,17 +111,6 @@ def test_samples_within_a_quarter_agree_and_the_largest_group_counts() -> None:
     assert [each.mu_s for each in group] == [0.5, 0.52, 0.54]
     assert [disagreement(each, group) for each in found] == ["", "0.800 is 54% from the others, 0.520", "", ""]
     assert [each.mu_s for each in agreeing(samples(0.3, 0.31, 0.5, 0.6))] == [0.3, 0.31], "of two, the closer one"
-
-
-@pytest.mark.parametrize(("scatter", "most"), [(0.05, 0.16), (0.02, 0.02), (0.1, 0.25)])
-def test_the_spread_holds_what_the_next_pull_shows(scatter: float, most: float) -> None:
-    """At most one pull in six is below the mean less the spread where the scatter is usual."""
-    rng = random.Random(7)
-    below, trials = 0, 4000
-    for _ in range(trials):
-        *found, following = (rng.gauss(0.5, 0.5 * scatter) for _ in range(4))
-        below += following < statistics.mean(found) * (1.0 - spread(sorted(samples(*found))))
-    assert 0.75 * most - 0.02 < below / trials < most
 
 
 def test_the_lines_for_the_config_are_toml_with_a_low_estimate() -> None:

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from terminals import PseudoTerminal
@@ -92,51 +91,6 @@ def test_one_look_without_a_router_ends_with_an_error(
     endpoint = free_endpoint()
     assert main(["fleet", "--connect", endpoint, "--once"]) == 1
     assert capsys.readouterr().err.endswith(f"slipctl: no Zenoh router at {endpoint} for 0 s: is it running?\n")
-
-
-def test_a_pipe_gets_a_line_for_each_change(slipctl: Start, router: Router, robots: dict[str, Robot]) -> None:
-    process = slipctl("fleet", "--connect", router.endpoint, env=os.environ | {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8"})
-    assert process.stdout is not None
-    lines: list[str] = []
-
-    def read_until(text: str, meanwhile: Callable[[], Any]) -> None:
-        """Read on; the robot reports again and again until a line has the text."""
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not any(text in line for line in lines):
-            assert time.monotonic() < deadline_s, lines
-            meanwhile()
-            time.sleep(0.1)
-            lines.extend(_available(process))
-
-    os.set_blocking(process.stdout.fileno(), False)
-    read_until("live", lambda: robots["arm1"].reports("stable"))
-    read_until("stable → slipping", lambda: robots["arm1"].reports("slipping"))
-    other = Robot(router.endpoint, "arm1", boot="c")
-
-    def both_report() -> None:
-        robots["arm1"].reports("slipping")
-        other.reports("stable")
-
-    read_until("live → clash  (two or more robots call themselves arm1: ", both_report)
-    assert not any("slipping → stable" in line for line in lines)
-    robots["arm1"].leaves()
-    read_until("slipping → stable", lambda: other.reports("stable"))
-    other.leaves()
-    read_until("live → gone", lambda: None)
-    process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE_S) == 130
-
-
-def _available(process: subprocess.Popen[str]) -> list[str]:
-    """Return the lines that have arrived."""
-    assert process.stdout is not None
-    return (os.read(process.stdout.fileno(), 65536) if _readable(process) else b"").decode().splitlines()
-
-
-def _readable(process: subprocess.Popen[str]) -> bool:
-    import select
-
-    return bool(select.select([process.stdout], [], [], 0)[0])
 
 
 def test_a_terminal_shows_the_most_urgent_robot_first_and_is_itself_the_router() -> None:

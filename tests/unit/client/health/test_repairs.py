@@ -121,21 +121,6 @@ def test_the_status_of_a_real_engine_becomes_repairs() -> None:
     assert {"config-kept", "recording-failed"} <= set(ids(repairs(run.published("status")[-1])))
 
 
-@pytest.mark.parametrize(
-    ("failure", "command"),
-    [
-        ("/r/run.mcap: the recording stopped: No space left on device", "df -h"),
-        ("/r/run.mcap: the recording stopped: Read-only file system", "findmnt --target /r/run.mcap"),
-        ("/r/run.mcap: the recording stopped: Input/output error", "dmesg --level err"),
-    ],
-)
-def test_the_command_shows_what_is_wrong_with_the_disk(failure: str, command: str) -> None:
-    [repair] = repairs({"run_recording": {"state": "failed", "failure": failure, "path": "/r/run.mcap"}})
-    assert repair.command == command
-    [repair] = repairs({"incidents": {"failure": failure.replace("the recording stopped", "not saved")}})
-    assert repair.command == command
-
-
 def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:
     reading = {"health": 2, "address": "udp://192.168.1.1:49152", "message": "its readings are far too long " * 9}
     found = stream(**reading) | {"fingers": {"left": {"level": "unknown", "reasons": ["not_tared"]}}}
