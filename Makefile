@@ -44,7 +44,7 @@ test: $(KERNELS) lint
 else
 test: $(KERNELS) lint
 	@echo "== tests of the service and its clients, one demo, one client, one page (about 3 minutes on two idle cores)"
-	@$(PYTEST) --numprocesses=3 $(addprefix --ignore=,$(LATER)) tests/unit $(ONE_OF_EACH)
+	@$(PYTEST) --numprocesses=3 $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
 endif
 
 check: $(KERNELS) lint portable_quick
