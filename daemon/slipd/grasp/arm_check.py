@@ -1,9 +1,10 @@
 """Find faults of an arm stream that the load on the fingers shows: sign, frame and timing.
 
 Whatever the fingers carry, an object or only themselves, follows the apparent gravity γ as F = m γ + constant with
-m > 0. Over the last second of motion that is compared with F = m R γ, where R turns, swaps or reverses axes, and with
-F = m γ at other times. A stream is at fault where it explains the load badly, and one of these explains it well. A load
-that none explains changes for another reason, such as a grip or a touch, and says nothing of the stream.
+m > 0. Over the last second of motion, and the last half of it, that is compared with F = m R γ, where R turns, swaps or
+reverses axes, and with F = m γ at other times. A stream is at fault where it explains the load badly, and one of these
+explains it well. A load that none explains changes for another reason, such as a grip or a touch, and says nothing of
+the stream.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import numpy as np
 
 from slipd.types.arrays import Array
 
-READINGS = 50
-"""So many readings are compared, 1 s."""
+SPANS = (25, 50)
+"""The last so many readings are compared, 0.5 s and 1 s: the shorter span holds less that has another cause."""
 EVERY = 5
 """At every so many readings."""
 SHIFTS_NS = tuple(ms * 1_000_000 for ms in (0, -100, -75, -50, -25, 25, 50, 75, 100))
@@ -32,6 +33,8 @@ LASTING = 10.0
 GOOD, BAD_FRAME, BAD_TIME = 0.9, 0.5, 0.95
 """Parts of the load's variance: at least GOOD is explained by what fits, at most BAD_FRAME or BAD_TIME by a stream at
 fault."""
+TIE = 0.02
+"""Of frames that explain as much within this part, the first of `FRAMES` is named."""
 BETTER = 4.0
 """What fits leaves so many times less unexplained than the stream as it is."""
 
@@ -81,45 +84,41 @@ class ArmCheck:
         """
         self._loads.append(load_n)
         self._gravities.append(np.array(gravities_mps2))
-        del self._loads[:-READINGS], self._gravities[:-READINGS]
+        del self._loads[: -SPANS[-1]], self._gravities[: -SPANS[-1]]
         self._count += 1
-        if len(self._loads) >= READINGS // 2 and self._count % EVERY == 0:
-            self._compare()
+        if self._count % EVERY == 0:
+            for span in SPANS:
+                if len(self._loads) >= span and (fault := self._compare(span)) is not None:
+                    self.fault = fault
+                    return
 
-    def _compare(self) -> None:
-        load, gravity = np.array(self._loads), np.array(self._gravities)
+    def _compare(self, span: int) -> str | None:
+        """Return the fault that the last readings show, "" where the stream fits; None where they show neither."""
+        load, gravity = np.array(self._loads[-span:]), np.array(self._gravities[-span:])
         load = load - load.mean(axis=0)
         gravity = gravity - gravity.mean(axis=0)
         power = (load**2).sum(axis=1)
         whole, motion = float(power.sum()), (gravity**2).sum(axis=(0, 2))
-        n = len(load)
-        if motion[0] < n * LEAST_MOTION_MPS2**2 or whole < n * (NOISES * self._noise_n) ** 2:
-            return
+        if motion[0] < span * LEAST_MOTION_MPS2**2 or whole < span * (NOISES * self._noise_n) ** 2:
+            return None
         if whole**2 < LASTING * float((power**2).sum()):
-            return
+            return None
         by_frame = _explained(np.einsum("fij,nj,ni->f", _STACK, gravity[:, 0], load), motion[0], whole)
         by_time = _explained(np.einsum("nki,ni->k", gravity, load), motion, whole)
-        self.fault = self._judge(by_frame, by_time)
+        return _judge(by_frame, by_time)
 
-    def _judge(self, by_frame: Array, by_time: Array) -> str:
-        """Return the fault that fits; the one before where none does, nor the stream as it is."""
-        as_is, frame, shift = (
-            float(by_frame[0]),
-            int(np.argmax(by_frame > by_frame.max() - 0.02)),
-            int(by_time.argmax()),
-        )
-        left = (1.0 - as_is) / BETTER
-        if as_is < BAD_FRAME and by_frame[frame] >= GOOD and 1.0 - by_frame[frame] < left:
-            return _frame_fault(frame)
-        late_ns = SHIFTS_NS[shift]
-        if (
-            as_is < BAD_TIME
-            and by_time[shift] >= GOOD
-            and 1.0 - by_time[shift] < left
-            and abs(late_ns) >= LEAST_SHIFT_NS
-        ):
-            return f"its times are about {abs(late_ns) / 1e6:.0f} ms {'late' if late_ns > 0 else 'early'}"
-        return "" if as_is >= GOOD else self.fault
+
+def _judge(by_frame: Array, by_time: Array) -> str | None:
+    """Return the fault that fits, "" where the stream fits as it is, None where neither does."""
+    as_is, frame, shift = float(by_frame[0]), int(np.argmax(by_frame > by_frame.max() - TIE)), int(by_time.argmax())
+    left = (1.0 - as_is) / BETTER
+    if as_is < BAD_FRAME and by_frame[frame] >= GOOD and 1.0 - by_frame[frame] < left:
+        return _frame_fault(frame)
+    late_ns = SHIFTS_NS[shift]
+    better = by_time[shift] >= GOOD and 1.0 - by_time[shift] < left and abs(late_ns) >= LEAST_SHIFT_NS
+    if as_is < BAD_TIME and better:
+        return f"its times are about {abs(late_ns) / 1e6:.0f} ms {'late' if late_ns > 0 else 'early'}"
+    return "" if as_is >= GOOD else None
 
 
 def _explained(common: Array, motion: Array | float, whole: float) -> Array:
