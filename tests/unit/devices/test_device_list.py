@@ -45,6 +45,36 @@ def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
     assert len(DEVICES) == 15
 
 
+US_MS_WRAP = {"µs": (1 << 32) * 1_000, "ms": (1 << 32) * 1_000_000, "": None}
+DECLARED: dict[str, tuple[float, float, str, int, int | None, str]] = {
+    "bota": (51_200 / 2047, 800, "µs", 37, None, ""),
+    "dsacon32": (1, 30, "ms", 0, None, ""),
+    "external": (0.1, 10_000, "", 0, None, ""),
+    "external_gripper": (1, 1000, "", 0, None, ""),
+    "gauges": (1, 10_000, "µs", 36, None, ""),
+    "netft": (1, 7912, "", 0, None, ""),
+    "optoforce": (1000 / 255, 1000, "", 0, None, ""),
+    "papillarray": (100, 1000, "", 0, 9, "01"),
+    "pvdf": (1, 2000, "µs", 0, None, ""),
+    "robotiq_2f": (1, 200, "", 0, None, ""),
+    "robotous": (10, 1000, "", 19, None, ""),
+    "tsf85": (1000 / 255, 1000, "", 0, 28, "01"),
+    "wsg": (5, 200, "", 0, None, ""),
+    "wts": (1000 / 65_535, 1000, "ms", 0, None, ""),
+    "xela": (1, 1000, "", 0, None, ""),
+}
+"""Lowest and highest rate, 1/s; what its 32-bit clock counts; bytes of a frame on a UART; taxels; its sensors."""
+
+
+def test_each_device_declares_its_rates_its_clock_and_its_sensors() -> None:
+    assert set(DECLARED) == set(DEVICES)
+    for name, (low_hz, high_hz, clock, frame_bytes, taxels, sensors) in DECLARED.items():
+        device = DEVICES[name]
+        assert device.rates_hz == pytest.approx((low_hz, high_hz)), name
+        assert (device.clock_span_ns, device.frame_bytes) == (US_MS_WRAP[clock], frame_bytes), name
+        assert (device.taxels, "".join(device.sensors)) == (taxels, sensors), name
+
+
 def test_the_page_states_the_evidence_of_each_device() -> None:
     page = (DOCS / "devices.md").read_text(encoding="utf-8")
     stated = dict(re.findall(r"^\| `(\w+)` \|.*\| ([^|]+) \|$", page.partition("## In a config")[0], re.MULTILINE))

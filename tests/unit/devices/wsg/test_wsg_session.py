@@ -172,8 +172,11 @@ def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(b
 
 @pytest.mark.parametrize(("status", "lost"), [(0, False), (19, False), (29, False), (7, True), (18, True)])
 def test_the_end_of_a_motion_may_come_at_any_time(bench: Bench, status: int, lost: bool) -> None:
-    bench.deliver([sim.encode_reply(wire.PREPOSITION, status)])
-    assert bench.session.command_lost is lost
+    for reply_id, name, also_lost in ((wire.PREPOSITION, "pre-position", False), (wire.HOME, "homing", status > 7)):
+        bench.session.acknowledge()
+        bench.deliver([sim.encode_reply(reply_id, status)])
+        assert bench.session.command_lost is (lost or also_lost)
+        assert not bench.session.command_lost or bench.session.state.startswith(f"command lost: {name}: ")
 
 
 def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
