@@ -93,13 +93,13 @@ class HeldObject:
             self._waiting.clear()
             self._estimate.forget(WAITING)
             self._check.forget()
-        load = self._load(width_m, t_ns)
+        load = None if self._arm is None else self._load(width_m, t_ns)
         if self._arm is not None:
             self._follow_arm(self._arm, load, t_ns)
         slow = None
         if self._arm is None or not self._arm.is_used(t_ns):
             slow = self._slow_felt(t_ns)
-            if load is not None and slow is not None:
+            if slow is not None and (load := load or self._load(width_m, t_ns)) is not None:
                 self._learn(load, slow)
         self._view.object = self._state(moves=slow is not None or (self._arm is not None and self._arm.is_used(t_ns)))
         return self._next_ns
