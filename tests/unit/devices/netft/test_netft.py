@@ -71,10 +71,10 @@ BITS = {
 }
 
 
-@pytest.mark.parametrize("bit", range(32))
-def test_F2_every_status_bit_has_its_words(bit: int) -> None:
-    stream = b"".join(record(number, 1 << bit) for number in range(1, 5))
-    assert netft.Decoder().receive(stream, 0)[-1].status == BITS.get(bit, ("unknown",))
+def test_F2_every_status_bit_has_its_words() -> None:
+    for bit in range(32):
+        stream = b"".join(record(number, 1 << bit) for number in range(1, 5))
+        assert netft.Decoder().receive(stream, 0)[-1].status == BITS.get(bit, ("unknown",))
 
 
 def test_F2_an_error_that_no_known_bit_explains_is_invalid() -> None:
@@ -87,13 +87,13 @@ EXPLAINED = {0, 1, 27, 30}
 """Bits that say by themselves what the error bit stands for, and whether the reading is lost."""
 
 
-@pytest.mark.parametrize("bit", [bit for bit in range(31) if bit != 16])
-def test_F2_the_error_bit_makes_a_reading_invalid_unless_another_bit_explains_it(bit: int) -> None:
+def test_F2_the_error_bit_makes_a_reading_invalid_unless_another_bit_explains_it() -> None:
     """Bits: Axia manual, table 4.7; on a classic box the reserved ones stand for faults of boards, links and memory."""
-    stream = b"".join(record(number, 1 << 31 | 1 << bit) for number in range(1, 5))
-    status = netft.Decoder().receive(stream, 0)[-1].status
-    words = {*BITS.get(bit, ("unknown",)), "error"} | ({"invalid"} if bit not in EXPLAINED else set())
-    assert set(status) == words
+    for bit in sorted({*range(31)} - {16}):
+        stream = b"".join(record(number, 1 << 31 | 1 << bit) for number in range(1, 5))
+        status = netft.Decoder().receive(stream, 0)[-1].status
+        words = {*BITS.get(bit, ("unknown",)), "error"} | ({"invalid"} if bit not in EXPLAINED else set())
+        assert set(status) == words
 
 
 @pytest.mark.parametrize(

@@ -88,12 +88,12 @@ def test_limits_and_serial_number_are_little_endian() -> None:
     assert wire.parse_serial(bytes.fromhex("01 00 34 12 78 56 34 92")) == 0x92345678
 
 
-@pytest.mark.parametrize("status", range(1, 31))
-def test_every_status_has_a_word_and_comes_without_data(status: int) -> None:
-    assert not weiss.status_word(status).startswith("status")
-    for reply_id, size in wire.REPLY_SIZES.items():
-        assert read(sim.encode_reply(reply_id, status)) == [Reply(reply_id, status, b"")]
-        assert size == 0 or read(sim.encode_reply(reply_id, status, bytes(size))) == []
+def test_every_status_has_a_word_and_comes_without_data() -> None:
+    for status in range(1, 31):
+        assert not weiss.status_word(status).startswith("status")
+        for reply_id, size in wire.REPLY_SIZES.items():
+            assert read(sim.encode_reply(reply_id, status)) == [Reply(reply_id, status, b"")]
+            assert size == 0 or read(sim.encode_reply(reply_id, status, bytes(size))) == []
 
 
 def test_every_state_bit_has_one_word() -> None:
