@@ -29,6 +29,7 @@ CARRY_CHANGES = (
     ("max_force_n = 25.0", f"max_force_n = {GRIP_N}"),
     ("ceiling_n = 22.0", f"ceiling_n = {GRIP_N}"),
     ("grip_safety = 2.0", "grip_safety = 1.1"),
+    ("mu = 0.55", "mu_spread = 0.03  # it was measured on this glass\nmu = 0.58"),
 )
 CARRY_TABLES = """
 [grasp.arm]
