@@ -172,3 +172,22 @@ def test_the_page_is_opened_where_there_is_a_display_and_all_ends_with_the_demo(
     assert not Path(argument.removeprefix("file://")).exists(), "it is removed with the demo"
     assert "view: " not in demo.summary
     assert_nothing_is_left(tmp_path)
+
+
+@pytest.mark.process
+@pytest.mark.long
+@pytest.mark.parametrize("advised", [True, False])
+def test_the_scene_carry_is_played_by_real_processes_and_replays(advised: bool, tmp_path: Path) -> None:
+    """`tests/unit/tools/test_carry_story.py` holds what the scene must show, in simulated time."""
+    recording = tmp_path / "carry.mcap"
+    command = [sys.executable, "-m", "slipd", "demo", "--scene", "carry", "--headless", "--record", str(recording)]
+    runtime = os.environ | {"SLIPD_RUNTIME_DIR": str(tmp_path / "run")}
+    options = () if advised else ("--without-advice",)
+    done = subprocess.run([*command, *options], env=runtime, capture_output=True, text=True, check=False, timeout=200)
+    assert "Traceback" not in done.stderr
+    assert done.returncode == ("ended early" in done.stderr), done.stderr
+    if not done.returncode:
+        assert ("glass: did not slip" in done.stdout) is advised, done.stdout
+        assert len(re.findall("program  moves", done.stdout)) == 5
+    live = list(open_recording(recording).messages())
+    assert [(topic, encode(body)) for topic, body in replay(open_recording(recording))] == live

@@ -131,10 +131,14 @@ def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(
     assert (program.report.error, program.report.refusals) == ("", [])
     assert program.report.opened_ns is not None
     assert program.scales[0] == FLOOR, "what is not yet lifted is not known"
+    assert all(
+        scale <= holds_scale(move, GLASS_KG, GRIP_N, MU) for move, scale in zip(path, program.scales, strict=True)
+    )
+    assert FLOOR < program.scales[2] < 1.0, "up is slowed down no more than must be"
     assert slides(rig) == 0
     print_summary(demo.tally, program.report, demo.events_of_scene)
     shown = capsys.readouterr().out
-    assert re.search(r"program  moves up at \d+% of full speed", shown)
+    assert re.search(r"program  moves up at \d+% of full speed \(\w+ of \w+ limits it\)", shown)
     assert "glass: did not slip" in shown
     assert "NOT AS EXPECTED" not in shown
     recording = open_recording(tmp_path / "carry.mcap")
