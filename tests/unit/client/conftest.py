@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -231,6 +232,18 @@ def long_leases(monkeypatch: pytest.MonkeyPatch) -> None:
     """Unless a test says otherwise, no lease ends or is renewed while this machine does something else."""
     monkeypatch.setattr(GripClient.lease.__wrapped__, "__defaults__", (60_000,))
     monkeypatch.setattr(AsyncGripClient.lease.__wrapped__, "__defaults__", (60_000,))
+
+
+@pytest.fixture
+def stepped(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
+    """Lets a module wait in a time of its own, in which no stall counts."""
+    now_s = [0.0]
+
+    def sleep(seconds: float) -> None:
+        now_s[0] += seconds
+
+    clock = SimpleNamespace(monotonic=lambda: now_s[0], sleep=sleep)
+    return lambda module: monkeypatch.setattr(module, "time", clock)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from pulls import Hand
 
+from slipd_client import friction_guide
 from slipd_client.friction_session import NO_SLIP
 from slipd_client.slipctl import main
 
@@ -115,9 +116,9 @@ def test_where_nothing_happens_it_says_what_to_do_and_gives_up_in_the_end(
 
 
 def test_a_sensor_with_a_fault_and_a_wrong_name_are_told_before_anything_else(
-    daemon: Daemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    daemon: Daemon, capsys: pytest.CaptureFixture[str], stepped: Callable[[Any], None]
 ) -> None:
-    monkeypatch.setattr("slipd_client.friction_guide.OBSTACLE_S", 1.0)
+    stepped(friction_guide)
     ill = {"left.wrench": {"health": 2, "message": "overloaded"}, "right.wrench": {"health": 0}}
     daemon.handlers["status"] = lambda _: STATUS | {"streams": ill}
     assert main(["--requests", daemon.endpoint, "friction", "measure", "left"]) == 1

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
+from slipd_client.errors import Silence
 from slipd_client.messages import encode
 from slipd_client.messages.typed import Message, Slip, SlipLevel
 from slipd_client.subscriber import Subscriber
@@ -146,6 +147,15 @@ def test_a_message_makes_it_fresh_until_its_age_passes_the_limit(publisher: Publ
         assert subscriber.stale
         subscriber._tracker.silence_s = None
         assert not subscriber.stale
+
+
+def test_silence_is_told_with_why_nothing_could_be_read(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, silence_s=0.2) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1, v=2)
+        hear_nothing(subscriber, until=lambda: subscriber.bad == 1)
+        with pytest.raises(Silence, match="1 could not be read, the last: unsupported_version"):
+            next(iter(subscriber))
 
 
 def test_status_is_a_sign_of_life_that_only_those_get_who_asked_for_it(publisher: Publisher) -> None:

@@ -4,15 +4,15 @@ import json
 import re
 import signal
 import subprocess
-import threading
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from slipd_client import watch as module
-from slipd_client.errors import Silence
+from slipd_client.messages.codec import typed_message
+from slipd_client.messages.schema.topics import Message
 from slipd_client.watch import watch
 
 if TYPE_CHECKING:
@@ -23,65 +23,45 @@ PATIENCE_S = 60.0
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
-@pytest.fixture
-def sending(publisher: Publisher) -> Callable[..., threading.Thread]:
-    """Sends from a thread of its own once somebody listens to a topic; only that thread then uses the publisher."""
+class Heard:
+    """A subscriber that has heard these messages, and hears no more."""
 
-    def start(send: Callable[[], None], topic: bytes = b"slip") -> threading.Thread:
-        def run() -> None:
-            publisher.wait_for(topic)
-            send()
+    def __init__(self, *messages: tuple[str, dict[str, Any]]) -> None:
+        head = {"v": 1, "boot": "b", "t_ns": 1, "finger": "left"}
+        self._left = iter([typed_message(topic, head | {"seq": n} | body) for n, (topic, body) in enumerate(messages)])
 
-        thread = threading.Thread(target=run, daemon=True)
-        thread.start()
-        return thread
+    def __enter__(self) -> Heard:
+        return self
 
-    return start
+    def __exit__(self, *_: object) -> None:
+        pass
 
+    def __iter__(self) -> Iterator[Message]:
+        return self._left
 
-def test_a_daemon_that_cannot_be_read_is_told_with_the_reason(
-    publisher: Publisher,
-    sending: Callable[..., threading.Thread],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(module, "FIRST_S", 0.5)
-    thread = sending(lambda: publisher.send("status", 1, v=2), b"status")
-    with pytest.raises(Silence, match="1 could not be read, the last: unsupported_version"):
-        watch(publisher.endpoint, as_json=False, once=True)
-    thread.join()
+    def receive(self, timeout_s: float) -> Message | None:
+        return next(self._left, None)
 
 
 def test_once_shows_the_last_message_of_every_topic(
-    publisher: Publisher, sending: Callable[..., threading.Thread], capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def send() -> None:
-        publisher.send("slip.left", 1, level="stable")
-        publisher.send("slip.left", 2, level="caution")
-        publisher.send("slip.right", 1, level="unknown")
-
-    thread = sending(send)
-    watch(publisher.endpoint, as_json=False, once=True)
-    thread.join()
+    messages = [
+        ("slip.left", {"level": "stable"}),
+        ("wrench.left", {"force_n": [0.0, 0.0, 1.5]}),
+        ("slip.left", {"level": "caution", "mu": None}),
+        ("slip.right", {"finger": "right", "level": "unknown"}),
+    ]
+    monkeypatch.setattr(module, "Subscriber", lambda *_, **__: Heard(*messages))
+    watch("", as_json=False, once=True)
     shown = capsys.readouterr().out
     assert re.search(r"left +CAUTION", shown)
     assert re.search(r"right +UNKNOWN", shown)
     assert "\x1b" not in shown
-
-
-def test_once_as_json_is_one_line_a_topic(
-    publisher: Publisher, sending: Callable[..., threading.Thread], capsys: pytest.CaptureFixture[str]
-) -> None:
-    def send() -> None:
-        publisher.send("wrench.left", 1, force_n=[0.0, 0.0, 1.5])
-        publisher.send("slip.left", 1, mu=None)
-
-    thread = sending(send, b"")
-    watch(publisher.endpoint, as_json=True, once=True)
-    thread.join()
+    watch("", as_json=True, once=True)
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [line["topic"] for line in lines] == ["slip.left", "wrench.left"]
-    assert lines[0]["mu"] is None
-    assert lines[1]["force_n"] == [0.0, 0.0, 1.5]
+    assert [line["topic"] for line in lines] == ["slip.left", "slip.right", "wrench.left"]
+    assert (lines[0]["mu"], lines[2]["force_n"]) == (None, [0.0, 0.0, 1.5])
 
 
 def test_into_a_pipe_goes_each_change_and_ctrl_c_ends_it_cleanly(publisher: Publisher, slipctl: Start) -> None:
