@@ -235,15 +235,20 @@ def long_leases(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def stepped(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
-    """Lets a module wait in a time of its own, in which no stall counts."""
+def stepped(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], Any]:
+    """Lets a module wait in a time of its own, in which no stall counts; returns its clock."""
     now_s = [0.0]
 
     def sleep(seconds: float) -> None:
         now_s[0] += seconds
 
     clock = SimpleNamespace(monotonic=lambda: now_s[0], sleep=sleep)
-    return lambda module: monkeypatch.setattr(module, "time", clock)
+
+    def step(module: Any) -> Any:
+        monkeypatch.setattr(module, "time", clock)
+        return clock
+
+    return step
 
 
 @pytest.fixture

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import json
-import threading
 import tomllib
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
-from pulls import Hand
+from pulls import Hand, typed
 
 from slipd_client import friction_guide
 from slipd_client.friction_session import NO_SLIP
+from slipd_client.messages.schema.topics import Slip
 from slipd_client.slipctl import main
 
 if TYPE_CHECKING:
-    from conftest import Daemon, Publisher
-
-SPEED = 20.0
-"""How much faster than real time verdicts are sent; their own times are in real time."""
+    from conftest import Daemon
 
 STATUS: dict[str, Any] = {
     "fingers": {"left": {"level": "stable"}, "right": {"level": "stable"}},
@@ -28,40 +27,33 @@ STATUS: dict[str, Any] = {
 
 
 @pytest.fixture
-def played(publisher: Publisher, daemon: Daemon) -> Iterable[Callable[[Iterable[list[dict[str, Any]]]], list[str]]]:
-    """Publishes verdicts in the background once somebody subscribed; arguments of slipctl for this daemon."""
+def played(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch, stepped: Callable[[Any], Any]
+) -> Callable[[Iterable[dict[str, Any]]], list[str]]:
+    """Lets slipctl hear verdicts, each when its time has come; returns its arguments."""
     daemon.handlers["status"] = lambda _: STATUS
-    ending = threading.Event()
-    threads: list[threading.Thread] = []
+    clock = stepped(friction_guide)
 
-    def play(steps: Iterable[list[dict[str, Any]]]) -> list[str]:
-        def work() -> None:
-            publisher.wait_for_subscriber()
-            seq = 0
-            for bodies in steps:
-                for body in bodies:
-                    seq += 1
-                    fields = {key: value for key, value in body.items() if key not in ("v", "seq", "boot", "t_ns")}
-                    publisher.send(f"slip.{body['finger']}", seq, **fields, t_ns=body["t_ns"])
-                if ending.wait(1.0 / Hand.hz / SPEED):
-                    return
+    def play(bodies: Iterable[dict[str, Any]]) -> list[str]:
+        left = iter(bodies)
 
-        threads.append(threading.Thread(target=work))
-        threads[-1].start()
-        return ["--requests", daemon.endpoint, "--publish", publisher.endpoint, "friction", "measure"]
+        def receive(timeout_s: float) -> Slip | None:
+            clock.sleep(1.0 / Hand.hz)
+            return cast("Slip", typed(body)) if (body := next(left, None)) else None
 
-    yield play
-    ending.set()
-    for thread in threads:
-        thread.join()
+        heard = nullcontext(SimpleNamespace(receive=receive, check_silence=lambda: pytest.fail("nothing more comes")))
+        monkeypatch.setattr(friction_guide, "Subscriber", lambda *_, **__: heard)
+        return ["--requests", daemon.endpoint, "friction", "measure"]
+
+    return play
 
 
-def pulled(*coefficients: float) -> list[list[dict[str, Any]]]:
+def pulled(*coefficients: float) -> list[dict[str, Any]]:
     """Hold and pull the left finger once for each coefficient."""
     hand, bodies = Hand(), []
     for mu in coefficients:
         hand.mu_s, hand.mu_d = mu, 0.8 * mu
-        bodies += [[body] for body in hand.once()]
+        bodies += hand.once()
     return bodies
 
 
@@ -111,7 +103,7 @@ def test_where_nothing_happens_it_says_what_to_do_and_gives_up_in_the_end(
     asked: str,
     why: str,
 ) -> None:
-    arguments = [*played([body] for body in Hand(more=fields).rest(600.0)), "left", "--patience", "0.5"]
+    arguments = [*played(Hand(more=fields).rest(600.0)), "left", "--patience", "0.5"]
     assert call(*arguments) == (1, asked, f"slipctl: nothing more was measured for 0.5 s: {why}\n")
 
 

@@ -12,9 +12,11 @@ from pulls import Hand, typed
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import (
+    LONGEST_STEP_S,
     MOST_PULLS,
     MOST_REJECTED,
     OBSTACLE_S,
+    ElapsedTime,
     FrictionSession,
     agreeing,
     config_lines,
@@ -119,3 +121,9 @@ def test_the_lines_for_the_config_are_toml_with_a_low_estimate() -> None:
     found = tomllib.loads("\n".join(config_lines("left", samples(0.5, 0.52, 0.54))))
     assert found["finger"]["left"] == {"mu": pytest.approx(0.52 * 0.941, abs=1e-3), "mu_spread": 0.059}
     assert "of 1 pull," in config_lines("left", samples(0.5))[1]
+
+
+def test_elapsed_time_counts_no_stall_and_no_message_that_is_late() -> None:
+    clock = ElapsedTime()
+    assert [clock.update(now_s) for now_s in (7.0, 7.25, 7.125, 7.375)] == [0.0, 0.25, 0.25, 0.375]
+    assert clock.update(100.0) == 0.375 + LONGEST_STEP_S

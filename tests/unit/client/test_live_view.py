@@ -193,3 +193,16 @@ def test_a_field_of_any_kind_is_drawn_within_the_terminal(topic: str, terminal: 
     assert max(map(len, lines)) <= terminal.columns
     assert not terminal.ascii_only or "".join(lines).isascii()
     assert view.summary()
+
+
+LONG = "no such port: /dev/serial/by-id/usb-Bota_Systems_AG_SensONE_ABC123; tries again every second; is it plugged in?"
+
+
+def test_streams_with_a_fault_stay_those_with_one_message_together() -> None:
+    well = {f"f{n}.wrench": STREAM | {"health": 0, "message": ""} for n in range(30)}
+    ill = {f"f{n}.wrench": STREAM | {"health": 2, "message": LONG} for n in (7, 8)}
+    shown = rig(Terminal(80, 20), status=STATUS | {"streams": well | ill})
+    assert "ERROR     f7.wrench, f8.wrench" in shown
+    assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(shown))
+    assert "28 streams without a fault" in shown[-1]
+    assert rig(Terminal(60, 3))[-1] == "9 more lines do not fit in 60 x 3"
