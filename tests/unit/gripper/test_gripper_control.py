@@ -146,6 +146,17 @@ def react(force_n: float, refusal: Refused = None) -> Step:
     return step
 
 
+def kept(**expected: Any) -> Step:
+    """Check what the next run may take over."""
+
+    def step(bench: Bench) -> None:
+        found = bench.control.kept()
+        assert found is not None
+        assert {name: getattr(found, name) for name in expected} == expected
+
+    return step
+
+
 NOT_READY, FORCE_OUT, WIDTH_OUT = ("not_ready", ""), ("out_of_range", "force_n"), ("out_of_range", "width_m")
 Course = tuple[Bench, list[Step]]
 COURSES: dict[str, Callable[[], Course]] = {
@@ -214,6 +225,11 @@ COURSES: dict[str, Callable[[], Course]] = {
         [on_time(0, False), has(command_lost=True), on_time(1, True), be(fault="command_lost"),
          be(conditions=[Health.ERROR]), on_time(2, False), be(fault="command_lost"), acknowledge(), be(fault=""),
          on_time(2, True), on_time(2, False), be(conditions=[], commands=[("acknowledge",)])],
+    ),
+    "D5 the third wrong echo in a row is a fault, and the grip is kept for the next run": lambda: (
+        Bench(),
+        [close(5.0), held(1, echo_ok=False), held(2), held(3, echo_ok=False), held(4, echo_ok=False), be(fault=""),
+         held(5, echo_ok=False), be(fault="echo_mismatch"), kept(force_n=5.0, requested_n=5.0, width_m=0.04)],
     ),
     "silence is judged by the time in which the daemon was awake": lambda: (
         Bench(),

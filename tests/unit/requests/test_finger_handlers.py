@@ -14,6 +14,7 @@ from run_courses import (
     bring_up,
     feel,
     follow,
+    grip,
     image,
     lease,
     level,
@@ -319,6 +320,8 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
                 )
             ),
             *(ask(op, ("unknown_finger", "finger"), finger="middle") for op in ("tare", "tare.get", "tare.undo")),
+            ask("tare", ("out_of_range", "stream"), stream="both", **L),
+            ask("tare", ("not_ready", "stream"), finger="right", stream="wrench"),
             *(ask("object.set", ("out_of_range", "name"), name=n) for n in ("", "x" * 65, "mug\n", ".mug", "Größe")),
             ask(
                 "object.set",
@@ -348,6 +351,14 @@ def test_a_bias_that_looks_like_a_contact_can_be_tared_but_not_verified() -> Non
     run.up()
     biased = wrench(25.0, (3.0, 0.0))
     follow(run, [biased, ask("tare", {"verified": False}, seconds=0.01, **L), *[biased] * 12, level("no_contact")])
+
+
+def test_what_a_grip_holds_is_not_tared_away_by_a_sensor_that_nothing_else_vouches_for() -> None:
+    run = Run(LEFT.partition("[finger.left.pad]")[0] + RIGHT + GRIPPER, zeros=False)
+    run.up()
+    run.image = lambda *_: []  # type: ignore[method-assign]
+    run.bring_up(tare=False)
+    follow(run, [ask("tare", {"verified": False}, **L), ask("tare.undo", **L), grip(5.0), ask("tare", IN_CONTACT, **L)])
 
 
 def test_a_pad_that_measures_the_force_is_tared_by_its_taxels(run: Run) -> None:
