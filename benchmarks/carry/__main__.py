@@ -1,4 +1,7 @@
-"""Measure what the arm stream brings: ``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults [N]``."""
+"""Measure objects that an arm carries: what is known of them, faults of the arm stream, and slip reports.
+
+``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults|slips [N]``
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,22 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from carry.scenes import carried
 from carry.weigh import LIFT_S, Carry, Distortion, log_uniform, play
+from evaluate import playing
+from evaluate.reports import SLIPPING
+from evaluate.running import Variant, record
+from evaluate.running import reports as reports_of_run
+from evaluate.scene import STEP_S, Kind, Scene
+from evaluate.score import score
 
+from slipd.tools.sim.stickslip import GraspTrace
 from slipd.types.arrays import Array
 
 MASSES_KG = (0.1, 3.0)
 TURN_S = LIFT_S + 1.0
+KINDS: tuple[Kind, ...] = ("safe", "slips")
+WINDOW = round(0.15 / STEP_S)
 
 
 class Weighed(NamedTuple):
@@ -121,7 +134,47 @@ def _arm_messages(carry: Carry, seed: int) -> list[tuple[float, str]]:
     return found
 
 
-PROGRAMS: dict[str, Callable[[int], None]] = {"weigh": measure_weighing, "faults": measure_faults}
+def measure_slips(count: int) -> None:
+    """Print false slip reports, and slips that are reported in time, by a finger that does not know of the motion.
+
+    A false report is explained where the load that the motion asks for falls by half as much as the measured one.
+    """
+    false, explained, reports, held, slid, found = 0, 0, 0, 0, 0, 0
+    for seed in range(count):
+        for kind in KINDS:
+            scene = carried(seed, kind)
+            trace = playing.play(scene)
+            truth = playing.truth_of(scene, trace, needs=False)
+            published = reports_of_run(scene, record(scene, trace, "", seed), Variant())
+            figures = score(truth, published, steady=None, closed_s=scene.closed_s)
+            long = [episode for episode in figures.episodes if episode.long]
+            slid, found = slid + len(long), found + sum(not episode.missed for episode in long)
+            if kind == "safe" and not figures.episodes:
+                held, false = held + 1, false + (figures.false_slipping > 0)
+                begun_s = [span.begin_s for span in published.spans(trace.t_s[-1]) if span.level == SLIPPING]
+                reports, explained = (
+                    reports + len(begun_s),
+                    explained + sum(_explained(scene, trace, t) for t in begun_s),
+                )
+        print(
+            f"{seed}: false in {false} of {held} grasps that hold, {explained} of {reports} reports explained;", end=" "
+        )
+        print(f"{found} of {slid} slips reported within 0.1 s", flush=True)
+
+
+def _explained(scene: Scene, trace: GraspTrace, t_s: float) -> bool:
+    """Return whether the load of the last 0.15 s falls by the motion, at least by half of what the finger measured."""
+    end = int(np.searchsorted(trace.t_s, t_s))
+    asked, carried_n = scene.load[:end][-WINDOW:, :2], 2.0 * trace.wrench_left[:end][-WINDOW:, :2]
+    falls = [1.0 - size[-1] / size.max() for size in (np.linalg.norm(asked, axis=1), np.linalg.norm(carried_n, axis=1))]
+    return bool(falls[0] >= 0.5 * falls[1] > 0.0)
+
+
+PROGRAMS: dict[str, Callable[[int], None]] = {
+    "weigh": measure_weighing,
+    "faults": measure_faults,
+    "slips": measure_slips,
+}
 
 if __name__ == "__main__":
     PROGRAMS[sys.argv[1]](int(sys.argv[2]) if len(sys.argv) > 2 else 200)

@@ -13,7 +13,7 @@ from slipd.config import Grasp
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.trust import is_trusted
-from slipd.fusion.grasp import external_wrench
+from slipd.fusion.grasp import PadPose, external_wrench
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, Place
@@ -37,6 +37,22 @@ NOT_TARED = "a finger is not tared"
 NO_MOTION = "what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
 
 
+class _Geometry(NamedTuple):
+    """What follows from the width between the pads.
+
+    Attributes:
+        width_m: The width, m; None where it is not known.
+        poses: Poses of the pads.
+        noise: Covariance of the noise of force and torque of both fingers together, shape (6, 6).
+        lever_m: Distance of the pads from the origin, m.
+    """
+
+    width_m: float | None
+    poses: list[PadPose]
+    noise: Array
+    lever_m: float
+
+
 class _Load(NamedTuple):
     """The load on both fingers at a time.
 
@@ -46,16 +62,14 @@ class _Load(NamedTuple):
         own: Force and torque without it, shape (6,); None where the weight is not known, or where nothing is held
             firmly.
         grip_n: Mean normal force, N.
-        noise: Covariance of the noise of ``own``, shape (6, 6).
-        lever_m: Distance of the pads from the origin, m.
+        geometry: Of the pads.
     """
 
     t_ns: int
     whole_n: Array
     own: Array | None
     grip_n: float
-    noise: Array
-    lever_m: float
+    geometry: _Geometry
 
 
 class HeldObject:
@@ -73,6 +87,7 @@ class HeldObject:
         self._estimate = ObjectEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
         self._waiting: deque[_Load] = deque()
+        self._geometry: _Geometry | None = None
         self._slow: deque[Array] = deque(maxlen=SLOW_READINGS)
         self._touching: tuple[bool, ...] = ()
         self._next_ns = 0
@@ -135,7 +150,7 @@ class HeldObject:
     def _learn(self, load: _Load, felt: Felt) -> None:
         if load.own is not None:
             rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
-            self._estimate.update(load.own, felt, load.noise, rise, load.lever_m)
+            self._estimate.update(load.own, felt, load.geometry.noise, rise, load.geometry.lever_m)
 
     def _slow_felt(self, t_ns: int) -> Felt | None:
         """Return what a gripper feels whose orientation is set by requests, and which otherwise counts as at rest."""
@@ -154,10 +169,12 @@ class HeldObject:
         wrenches = [state.wrench for state in states if state.wrench is not None and is_trusted(state.verdict)]
         if len(wrenches) < len(states) or max(times_ns) - min(times_ns) > MOST_SKEW_NS:
             return None
-        carried = external_wrench(wrenches, [side.place.pose(width_m) for side in self._sides])
-        whole_n = carried.force_n + np.sum([side.weight_n() for side in self._sides], axis=0)
-        places_m = [side.place.nearest_m(width_m) for side in self._sides]
-        noise = np.sum([side.noise(place_m) for side, place_m in zip(self._sides, places_m, strict=True)], axis=0)
+        if self._geometry is None or self._geometry.width_m != width_m:
+            self._geometry = _geometry(self._sides, width_m)
+        carried = external_wrench(wrenches, self._geometry.poses)
+        whole_n = carried.force_n
+        for side in self._sides:
+            whole_n = whole_n + side.weight_n()
         weighed = all(side.force.gravity.state(t_ns) != "unknown_orientation" for side in self._sides)
         slips = any(state.verdict.level == "slipping" for state in states)
         own = None
@@ -165,8 +182,7 @@ class HeldObject:
             torque_nm = np.full(3, math.nan) if carried.torque_nm is None else carried.torque_nm
             own = np.concatenate((carried.force_n, torque_nm))
         grip_n = max(-sum(wrench[2] for wrench in wrenches) / len(wrenches), 0.0)
-        lever_m = max(float(np.linalg.norm(place_m)) for place_m in places_m)
-        return _Load(sum(times_ns) // len(times_ns), whole_n, own, grip_n, noise, lever_m)
+        return _Load(sum(times_ns) // len(times_ns), whole_n, own, grip_n, self._geometry)
 
 
 class Side:
@@ -204,6 +220,16 @@ class Side:
         """Return the apparent gravity that is known of the finger, in the gripper frame, shape (3,), m/s²."""
         gravity = self.force.gravity.gravity(t_ns)
         return None if gravity is None else self.place.rotation @ gravity
+
+
+def _geometry(sides: Sequence[Side], width_m: float | None) -> _Geometry:
+    places_m = [side.place.nearest_m(width_m) for side in sides]
+    return _Geometry(
+        width_m,
+        [side.place.pose(width_m) for side in sides],
+        np.sum([side.noise(place_m) for side, place_m in zip(sides, places_m, strict=True)], axis=0),
+        max(float(np.linalg.norm(place_m)) for place_m in places_m),
+    )
 
 
 def make_held_object(

@@ -112,13 +112,14 @@ class ObjectEstimate:
         spread = rows @ self._covariance @ rows.T + expected[np.ix_(known, known)]
         self.residual = np.full(6, math.nan)
         self.residual[known] = error
-        gain = np.linalg.solve(spread, rows @ self._covariance).T
-        if error @ np.linalg.solve(spread, error) > REJECTED:
+        inverse = np.linalg.inv(spread)
+        if error @ inverse @ error > REJECTED:
             self._rejected += 1
             if self._rejected >= MOST_REJECTED:
                 self.forget(UNEXPLAINED)
             return
         self._rejected = 0
+        gain = self._covariance @ rows.T @ inverse
         self._mean = self._mean + gain @ error
         kept = np.eye(10) - gain @ rows
         self._covariance = kept @ self._covariance @ kept.T + gain @ expected[np.ix_(known, known)] @ gain.T
