@@ -112,9 +112,14 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(
 ) -> None:
     recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
-    with small_disk((state / "full.mcap").stat().st_size + 150):
+    recorder = recordings._running.recorder
+    with small_disk((state / "full.mcap").stat().st_size):
         for n in range(100):
             recordings.event(Tick(n), n)
+        end_s = time.monotonic() + DEADLINE_S
+        while recorder.lost < 100:  # the thread counts on after the failure
+            assert time.monotonic() < end_s
+            time.sleep(0.002)
         failed = news(recordings, 2)
         recordings.event(Tick(101), 101)
     assert (failed.state, failed.lost) == ("failed", 100)
