@@ -115,7 +115,7 @@ SETTLE_S = 0.5
 LEAST_RAISE_N = 0.1
 """Smallest raise, N: less is within the resolution of the gripper."""
 
-NOT_DONE_IN_TIME = ("deadline_passed", "no_lease", "too_fast", "not_ready")
+NOT_DONE_IN_TIME = ("deadline_passed", "no_lease", "too_fast", "not_ready", "activating")
 """Refusals that a stalled machine causes; asking again is safe, because a refused request was not carried out."""
 
 
