@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -162,12 +163,13 @@ class Advised:
         self.arm: Any = SimpleNamespace(is_used=lambda t_ns: True)
         self.advice = MotionAdvice(self._config, self.fingers, self.view, self.arm)  # type: ignore[arg-type]
         self.t_ns = 10_000_000_000
-        for _ in range(52):
-            self._move(gravity, STILL)
-        for _ in range(16):
+        for _ in range(27):
+            self.move(gravity, STILL)
+        for _ in range(10):
             self.feel(gravity, NOTHING)
 
-    def _move(self, gravity: Array, turning: Array) -> None:
+    def move(self, gravity: Array, turning: Array) -> None:
+        """Let 40 ms pass in which the arm reports this."""
         self.t_ns += LOOK_NS
         sample = ArmSample(self.t_ns, None, tuple(gravity), tuple(turning[:3]), tuple(turning[3:]))
         self.advice.follow_arm(sample, self.t_ns)
@@ -185,7 +187,7 @@ class Advised:
         self.advice = MotionAdvice(self._config, self.fingers, self.view, None)  # type: ignore[arg-type]
 
     def look(self) -> None:
-        """Let 20 ms pass without a new reading."""
+        """Let 40 ms pass without a new reading."""
         self.t_ns += LOOK_NS
         self.advice.follow(self.t_ns)
 
@@ -195,13 +197,18 @@ class Advised:
         return SimpleNamespace(name=name, force=force, config=config, state=None)
 
     def feel(self, gravity: Array, couple: Array, turning: Array = STILL) -> None:
-        """Let 20 ms pass in which the gripper feels this, with angular velocity and acceleration."""
-        self._move(gravity, turning)
+        """Let 40 ms pass in which the gripper feels this, with angular velocity and acceleration."""
+        self.move(gravity, turning)
         felt = gravity - np.cross(turning[3:], self.grip.com_m)
         felt -= np.cross(turning[:3], np.cross(turning[:3], self.grip.com_m))
         loads = pad_loads(self.grip, felt, couple)
-        for finger, load, patch in zip(self.fingers.values(), loads, self.grip.patches, strict=True):
-            finger.state = self._state(load, patch)
+        states = [self._state(load, patch) for load, patch in zip(loads, self.grip.patches, strict=True)]
+        self.read(states)
+
+    def read(self, states: Iterable[FingerState]) -> None:
+        """Look at the loads, with these states of the fingers."""
+        for finger, state in zip(self.fingers.values(), states, strict=True):
+            finger.state = state
         self.advice.follow(self.t_ns)
 
     def _state(self, load: tuple[Array, Array, Array], patch: Array) -> FingerState:
@@ -213,8 +220,13 @@ class Advised:
         centre = (float(patch @ X), float(patch @ Y))
         mz = spin + centre[0] * fy - centre[1] * fx
         noise = self._rng.normal(0.0, 1.0, 6) * np.repeat(self._noise, 3)
-        wrench = tuple((np.array((fx, fy, -normal, mx, my, mz)) + noise).tolist())
-        contact = contact_of(wrench, 0.1)
-        distribution: LoadDistribution | None = distribute("matched", X, Y, image, contact)
+        wrench = np.array((fx, fy, -normal, mx, my, mz)) + noise
+        return self.state(wrench, image)
+
+    def state(self, wrench: Array, image: Array) -> FingerState:
+        """Return the state of a finger with this wrench on its pad, and this image."""
+        numbers = tuple(wrench.tolist())
+        contact = contact_of(numbers, 0.1)
+        distribution = distribute("matched", X, Y, image, contact)
         friction = FrictionState(self._mu, "config", self._mu)
-        return FingerState(self.t_ns, GRIP_HOLDS, wrench, contact, distribution, friction=friction)
+        return FingerState(self.t_ns, GRIP_HOLDS, numbers, contact, distribution, friction=friction)

@@ -4,6 +4,8 @@ A pad holds while, for every twist q that could begin on it, the power of its lo
 ℓ·q ≤ μ F D(q) with D(q) = Σ w_i |v + ω × r_i| for the shares w_i of its normal force F (the convex form of
 `slipd.fusion.limit_surface`). A change of what the object feels changes ℓ and F linearly. So each twist, and each edge
 over which the contact could tip, is a half-space, and what holds is convex: the nearest one limits the acceleration.
+A moment that tips the object moves the pressure, and so the place of friction, and gathers it near an edge: both add to
+the spin.
 
 A finite set of twists leaves out a little of the friction limit; `NET_SHARE` counts so much less friction.
 """
@@ -26,6 +28,9 @@ NET_SHARE = 0.98
 """Share of friction that counts, because the set is finite: it leaves out up to 2 %, 0.3 % in the median."""
 TIPPING_DIRECTIONS = 16
 """Directions in which the contact may tip, beside the edges of its outline."""
+LEAST_LEVER = 0.02
+"""The lever of friction against a spin shrinks as the centroid comes near an edge, by the part of the way that it went;
+not below this."""
 MOST = 1e9
 """Stands for what nothing holds, so that comparisons and sums stay finite."""
 
@@ -154,32 +159,31 @@ def pad_use(
     most, mean, wide = pad.mass[1], 0.5 * (pad.mass[0] + pad.mass[1]), 0.5 * (pad.mass[1] - pad.mass[0])
     normal = pad.normal - 0.5 * pz * (most if pz > 0.0 else pad.mass[0])
     scale, spin = pad.spin_scale, lx * py - ly * px + kz
-    share, part = 0.5 * (pad.shares[0] + pad.shares[1]), 0.5 * (pad.spin_shares[0] + pad.spin_shares[1]) * scale
-    sx, sy, sm = share * px, share * py, part * spin
-    fx, fy, fm = pad.load[0] + mean * sx, pad.load[1] + mean * sy, pad.load[2] * scale + mean * sm
-    apart = most * 0.5 * (pad.shares[1] - pad.shares[0])
-    unsure = most * scale * (
-        0.5 * (pad.spin_shares[1] - pad.spin_shares[0]) * abs(spin) + pad.spin_shares[1] * (ex * abs(py) + ey * abs(px))
-    )  # fmt: skip
-    twists, count = pad.twists, pad.twists.shape[1]
+    share, part = 0.5 * (pad.shares[0] + pad.shares[1]), 0.5 * (pad.spin_shares[0] + pad.spin_shares[1])
+    sx, sy = share * px, share * py
+    fx, fy = pad.load[0] + mean * sx, pad.load[1] + mean * sy
+    tx, ty = 0.5 * most * (ly * pz - lz * py + kx), 0.5 * most * (lz * px - lx * pz + ky)
+    dx, dy = 0.5 * most * (ey * abs(pz) + ez * abs(py)), 0.5 * most * (ez * abs(px) + ex * abs(pz))
+    firm, tipped, over = max(normal, 1e-9), 0.0, 0.0
+    for k in range(pad.edges.shape[1]):
+        ux, uy, room, reach = pad.edges[0, k], pad.edges[1, k], pad.edges[2, k], pad.edges[3, k]
+        push = ux * ty - uy * tx + abs(ux) * dy + abs(uy) * dx
+        tipped = max(tipped, push / max(room, 1e-9))
+        over = max(over, 1.0 - (room - push / firm) / reach)
+    gather = 1.0 / max(1.0 - tipped / firm, LEAST_LEVER)
+    fm = scale * gather * (pad.load[2] - (ty * fy + tx * fx) / firm + mean * part * spin)
+    apart, widely = most * 0.5 * (pad.shares[1] - pad.shares[0]), 0.5 * (pad.spin_shares[1] - pad.spin_shares[0])
+    unsure = most * (widely * abs(spin) + pad.spin_shares[1] * (ex * abs(py) + ey * abs(px)))
+    unsure = scale * gather * (unsure + (dy * abs(fy) + dx * abs(fx)) / firm)
+    twists, count, sm = pad.twists, pad.twists.shape[1], scale * gather * part * spin
     for k in range(count):
         qx, qy, qw = twists[0, k], twists[1, k], twists[2, k]
         power = abs(qx * fx + qy * fy + qw * fm) + wide * abs(qx * sx + qy * sy + qw * sm)
         power += apart * abs(qx * px + qy * py) + unsure * abs(qw) + twists[4, k]
         each[k] = power / twists[3, k]
     worst = largest(each, count)
-    holds, used, tips = safety * worst, worst / normal if normal > 0.0 else MOST, False
-    tx, ty = 0.5 * most * (ly * pz - lz * py + kx), 0.5 * most * (lz * px - lx * pz + ky)
-    dx, dy = 0.5 * most * (ey * abs(pz) + ez * abs(py)), 0.5 * most * (ez * abs(px) + ex * abs(pz))
-    for k in range(pad.edges.shape[1]):
-        ux, uy, room, reach = pad.edges[0, k], pad.edges[1, k], pad.edges[2, k], pad.edges[3, k]
-        push = ux * ty - uy * tx + abs(ux) * dy + abs(uy) * dx
-        needed = safety * push / max(room, 1e-9)
-        if needed > holds:
-            holds, tips = needed, True
-        over = 1.0 - (room - push / max(normal, 1e-9)) / reach
-        used = max(used, over)
-    return min(used, MOST), min(holds, MOST), normal, tips
+    used = max(worst / normal, over) if normal > 0.0 else MOST
+    return min(used, MOST), min(safety * max(worst, tipped), MOST), normal, tipped > worst
 
 
 @compiled

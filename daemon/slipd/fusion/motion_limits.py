@@ -40,6 +40,8 @@ def nearest_limit(pad: HeldPad, rest: Array, safety: float, wanted: float, direc
             hx, hy, hz = safety * (share * qx - turns * ly), safety * (share * qy + turns * lx), 0.5 * power
             hx += math.copysign(safety * abs(turns) * ey, hx)
             hy += math.copysign(safety * abs(turns) * ex, hy)
+            shift = 0.5 * safety * qw * pad.spin_scale / max(pad.normal, 1e-9)  # of the pressure, under the load of now
+            hx, hy, hz = hx - shift * fy * lz, hy + shift * fx * lz, hz + shift * (fy * lx - fx * ly)
             size = mass * math.sqrt(hx * hx + hy * hy + hz * hz)
             spare = power * pad.normal - safety * (qx * fx + qy * fy + qw * m + noise + mass * turns * kz)
             spare -= mass * (hx * px + hy * py + hz * pz)

@@ -29,14 +29,12 @@ from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 
-LOOK_NS = 20_000_000
+LOOK_NS = 40_000_000
 """The loads are read this often."""
 OBJECT_STDS = 2.0
 """Mass and centre of mass count with so many standard deviations to the worse side."""
 GYRATION_M = 0.05
 """Radius of gyration of the object about its centre of mass, at most: a rod of 0.17 m. It is not measured."""
-LEAST_SHARED_N, LEAST_SPIN_NM = 0.2, 0.002
-"""A smaller tangential force, or spin, of both pads together does not show how they share it."""
 MOST_TURN_RADPS2 = 200.0
 """Largest angular acceleration that is reported."""
 RESTING_MPS2, RESTING_RADPS = 0.1, 0.02
@@ -134,11 +132,14 @@ class MotionAdvice:
             nearest_limit(pad, rest, self.safety, self.wanted_mps2, direction)
             for pad, direction in zip(held.pads, directions, strict=True)
         ]
-        side = int(found[1][0] < found[0][0])
-        most_mps2, direction = found[side][0], directions[side]
-        _, mode = self._use(held, rest, np.concatenate((-direction * max(most_mps2, 1e-3), np.zeros(3))), side)
+        ways = [*directions, *_AXES]
+        along = [self._scale(held, rest, np.concatenate((-way, np.zeros(3)))) for way in ways]
+        least = min(range(len(ways)), key=along.__getitem__)
+        most_mps2, way = min(along[least], *(limit for limit, _ in found)), ways[least]
+        swing = np.concatenate((-way * max(most_mps2, 1e-3), np.zeros(3)))
+        uses = [self._use(held, rest, swing, side) for side in (0, 1)]
+        side = int(uses[1][0] > uses[0][0])
         axis = held.pads[0].turn[2]
-        along = [self._scale(held, rest, np.concatenate((-each_axis, np.zeros(3)))) for each_axis in _AXES]
         spun = np.concatenate((np.cross(held.com_m - held.middle_m, axis), -(GYRATION_M**2) * axis))
         turning = min(self._scale(held, rest, sense * spun, MOST_TURN_RADPS2) for sense in (1.0, -1.0))
         turn, gravity = self._worst_turn(held)
@@ -148,11 +149,11 @@ class MotionAdvice:
         return MotionLimits(
             "",
             self._loads[side].finger.name,
-            mode,
+            uses[side][1],
             max(self._use(held, now, np.zeros(6), pad)[0] for pad in (0, 1)),
             limit_mps2,
-            direction,
-            tuple(max(limit - ERROR_MPS2, 0.0) for limit in along),
+            way,
+            tuple(max(limit - ERROR_MPS2, 0.0) for limit in along[2:]),
             turn,
             gravity,
             turning,

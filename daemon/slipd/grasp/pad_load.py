@@ -16,7 +16,7 @@ from slipd.fusion.levels import Uncertainty
 from slipd.grasp.grasp_view import Place
 from slipd.types.arrays import Array
 
-MEMORY_READINGS = 15
+MEMORY_READINGS = 8
 """The load is a mean over about so many looks, 0.3 s: timing errors between fingers and arm cancel over a swing."""
 
 

@@ -140,7 +140,7 @@ def test_gravity_is_followed_from_rest_or_from_now_and_without_it_there_is_no_ti
     points = swing(1.0, 7.5)
     points = {"at rest": points, "as now": points[1:], "else": points[10:]}[first]
     assert (advised.check(points).time_scale is not None) is known
-    gentle = swing(1.0, 3.0)[10:]
+    gentle = swing(1.0, 1.0)[10:]
     assert advised.check(gentle).time_scale == 1.0, "nothing is to be slowed down"
 
 
