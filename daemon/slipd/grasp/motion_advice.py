@@ -105,14 +105,16 @@ class MotionAdvice:
         if t_ns < self._looked_ns + LOOK_NS:
             return self._looked_ns + LOOK_NS
         self._looked_ns = t_ns
-        com_m, states = self._view.object.com_m, [load.finger.state for load in self._loads]
+        com_m = self._view.object.com_m
+        known = com_m is not None and self._arm_is_used(t_ns)
+        states = [load.finger.state for load in self._loads] if known else []
         wrenches = [
             state.wrench
             for state in states
             if state.wrench is not None and state.contact is not None and state.contact.valid
             and is_trusted(state.verdict) and state.verdict.level != "slipping"
         ]  # fmt: skip
-        if com_m is None or len(wrenches) < len(states) or not self._arm_is_used(t_ns):
+        if com_m is None or not states or len(wrenches) < len(states):
             for load in self._loads:
                 load.forget()
             return t_ns + LOOK_NS
