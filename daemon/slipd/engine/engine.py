@@ -220,7 +220,7 @@ class Engine:
                 self._handle_finger(owner, kind, read, t_ns, out)
             elif self._arm is not None and owner == "arm":
                 self._arm.update(cast("Sequence[Any]", read.samples), read.times_ns, self._gripper.width_m)
-                if self._advice is not None:
+                if self._advice is not None:  # pragma: no branch - an arm is a part of [grasp]
                     self._advice.advice.follow_arm(cast("Any", read.samples[-1]), read.times_ns[-1])
             else:
                 self._handle_grasp_samples(read, out)
