@@ -322,11 +322,11 @@ def test_a_tare_without_readings_is_told(daemon: Daemon, monkeypatch: pytest.Mon
 
     def busy(_: Any) -> dict[str, Any]:
         nonlocal waited_ns
-        waited_ns += 10**9
+        waited_ns += 25 * 10**9
         return {"busy": True, "tare_id": 1}
 
     daemon.handlers["tare.get"] = busy
-    with GripClient(daemon.endpoint, timeout_s=2.0) as client:
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
         monkeypatch.setattr(client._protocol, "_now_ns", lambda: time.monotonic_ns() + waited_ns)
         with pytest.raises(NoAnswer, match="too few readings"):
             client.tare("left", 0.1)
