@@ -38,10 +38,10 @@ def test_the_limits_of_a_small_block_are_those_of_its_friction() -> None:
     found = Advised(firm()).limits()
     friction_n, load_kg = 0.5 * 15.0, 0.1  # on each pad
     upwards = friction_n / SAFETY / load_kg - GRAVITY_MPS2
-    assert found.utilisation == pytest.approx(load_kg * GRAVITY_MPS2 / friction_n, rel=0.03)
-    assert found.turn_utilisation == pytest.approx(found.utilisation, rel=0.03)
+    assert found.utilisation == pytest.approx(load_kg * GRAVITY_MPS2 / friction_n, rel=0.04)
+    assert found.turn_utilisation == pytest.approx(found.utilisation, rel=0.04)
     assert found.accelerations_mps2 is not None
-    assert found.accelerations_mps2[5] == pytest.approx(upwards - ERROR_MPS2, rel=0.03)
+    assert found.accelerations_mps2[5] == pytest.approx(upwards - ERROR_MPS2, rel=0.04)
     spare_n = friction_n - SAFETY * load_kg * GRAVITY_MPS2  # the worst direction also relieves a pad
     assert found.acceleration_mps2 == pytest.approx(spare_n / load_kg / math.hypot(SAFETY, 0.5) - ERROR_MPS2, rel=0.04)
     assert found.worst_direction == pytest.approx((0.0, 0.0, -1.0), abs=0.35)
@@ -103,7 +103,7 @@ def test_a_motion_that_is_too_fast_holds_with_the_time_scale_and_needs_the_grip_
     slowed[:, 3] = GRAVITY_MPS2
     again = Advised(grip).check(slowed)
     assert again.time_scale == 1.0
-    assert again.utilisation == pytest.approx(1.0 / SAFETY, rel=0.03)
+    assert again.utilisation == pytest.approx(1.0 / SAFETY, rel=0.04)
     assert found.grip_needed_n == pytest.approx(15.0 * SAFETY * found.utilisation, rel=0.05)
     assert Advised(replace(grip, normal_n=found.grip_needed_n)).check(points).time_scale == pytest.approx(1.0, abs=0.02)
 
@@ -111,7 +111,7 @@ def test_a_motion_that_is_too_fast_holds_with_the_time_scale_and_needs_the_grip_
 def test_one_acceleration_is_a_motion_from_the_present_orientation() -> None:
     advised = Advised(firm())
     found = advised.advice.check_acceleration((0.0, 0.0, -20.0), advised.t_ns, None)
-    assert found.utilisation == pytest.approx(0.1 * (GRAVITY_MPS2 + 20.0) / 7.5, rel=0.03)
+    assert found.utilisation == pytest.approx(0.1 * (GRAVITY_MPS2 + 20.0) / 7.5, rel=0.04)
     assert (found.at_s, found.mode, found.time_scale) == (0.0, "translation", 1.0)
 
 
