@@ -18,7 +18,7 @@ from slipd.tools.cli_arguments import EXPORTS as FORMATS
 RUN = RECORDINGS / "demo.mcap"
 
 
-WRITTEN = dict.fromkeys(FORMATS, "617 messages of slipd") | {"lerobot": "47 frames of 1 episode"}
+WRITTEN = dict.fromkeys(FORMATS, "677 messages of slipd") | {"lerobot": "47 frames of 1 episode"}
 
 
 def export(*arguments: Path | str, to: str) -> int:
