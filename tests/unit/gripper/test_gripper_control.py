@@ -336,6 +336,10 @@ COURSES: dict[str, Callable[[], Course]] = {
     "a grip that is found is over when nobody reports it any more": lambda: (
         Bench("", Pad(True, 6.0), heard=False), [seen(0), press(False), seen(1), be(grips=False), close(25.0, 1)],
     ),
+    "a grip that is found has no command where the first one was never sent": lambda: (
+        Bench("", Pad(True, 9.0), heard=False),
+        [held(0, force_n=6.0), want("set", force_n=7.0), want("stop"), be(force_n=6.0, command_n=None)],
+    ),
     "a grip of unknown force is still a grip": lambda: (
         Bench("", Pad(None), heard=False),
         [held(0), be(force_n=None, unknown=True), lose, be(fault="link_lost"), acknowledge(NOT_READY), held(1),
