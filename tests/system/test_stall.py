@@ -127,7 +127,7 @@ def bed_in(folder: Path) -> Iterator[Bed]:
         with GripClient(requests, timeout_s=PATIENCE_S) as client:
             until_s = time.monotonic() + PATIENCE_S
             while not tared(client):
-                assert time.monotonic() < until_s
+                assert time.monotonic() < until_s, client.status()["streams"]
                 time.sleep(0.2)
         yield Bed(daemon, devices, stack.enter_context(Subscriber(publish, ("slip",))))
 

@@ -26,7 +26,10 @@ TICK_NS = 1_000_000
 """Period at which lines are read and devices advance, ns: a device answers within a millisecond."""
 
 LONGEST_LAG_NS = 250_000_000
-"""After a longer pause, ns, such as a suspended machine, a device continues where it was instead of catching up."""
+"""After a longer pause, ns, what devices sent meanwhile is lost, as on a line that overflows. Their clocks went on."""
+
+SUSPENDED_NS = 10_000_000_000
+"""After a longer pause, ns, such as a suspended machine, the devices continue where they were."""
 
 ANSWER_BYTES = 4096
 """Longest request of an inquiry."""
@@ -67,12 +70,13 @@ class Emulation:
         while True:
             await asyncio.sleep(max(TICK_NS - (time.monotonic_ns() - now_ns), 0) * 1e-9)
             before_ns, now_ns = now_ns, time.monotonic_ns()
-            if now_ns - before_ns > LONGEST_LAG_NS:
-                start_ns += now_ns - before_ns
+            lag_ns = now_ns - before_ns
+            if lag_ns > SUSPENDED_NS:
+                start_ns += lag_ns
                 self._set_start(start_ns)
             self._load(now_ns - start_ns)
             for device, line in self._devices:
-                _advance(device, line, now_ns - start_ns)
+                _advance(device, line, now_ns - start_ns, lost=lag_ns > LONGEST_LAG_NS)
 
     def _set_start(self, start_ns: int) -> None:
         """Set the start time of devices whose readings carry the time of this host."""
@@ -81,12 +85,13 @@ class Emulation:
                 device.began_ns = start_ns
 
 
-def _advance(device: Emulator, line: Line, t_ns: int) -> None:
+def _advance(device: Emulator, line: Line, t_ns: int, *, lost: bool) -> None:
     opened, received = line.listen()
     if opened:
         device.opened(t_ns)
     output = [answer for data in received for answer in device.receive(data, t_ns)]
-    output += device.advance(t_ns)
+    sent = device.advance(t_ns)
+    output += [] if lost else sent
     if output:
         line.send(output)
 

@@ -106,19 +106,55 @@ def test_wrong_arguments_are_refused_with_a_reason(
     assert words in capsys.readouterr().err
 
 
-async def test_after_a_long_pause_a_device_does_not_catch_up(tmp_path: Path) -> None:
+class Chatter:
+    """A device that answers and sends readings."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        return [b"answer"]
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        return [b"reading"]
+
+
+class Recorded:
+    """A line with the same input at each turn."""
+
+    def __init__(self, received: list[bytes]) -> None:
+        self.received, self.sent = received, []
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        return False, self.received
+
+    def send(self, output: list[bytes]) -> None:
+        self.sent.append(output)
+
+
+@pytest.mark.parametrize("suspended", [False, True])
+async def test_after_a_long_pause_the_clock_went_on_and_after_a_suspension_it_did_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, suspended: bool
+) -> None:
+    pause_ns = int(1.5 * emulate.LONGEST_LAG_NS)
+    if suspended:
+        monkeypatch.setattr(emulate, "SUSPENDED_NS", pause_ns)
     echo = Echo()
     async with emulated([("gauges", echo, str(tmp_path / "echo"))]) as emulation:
         running = asyncio.create_task(emulation.run())
         async with asyncio.timeout(PATIENCE_S):
             while not echo.at_ns:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(0)
-            time.sleep(1.5 * emulate.LONGEST_LAG_NS * 1e-9)  # noqa: ASYNC251 - that is the pause
+            time.sleep(pause_ns * 1e-9)  # noqa: ASYNC251 - that is the pause
             known = len(echo.at_ns)
             while len(echo.at_ns) == known:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(0)
         running.cancel()
-    assert echo.at_ns[known] - echo.at_ns[known - 1] < emulate.LONGEST_LAG_NS
+    assert (echo.at_ns[known] - echo.at_ns[known - 1] < pause_ns) == suspended
+
+
+def test_what_a_device_sends_in_a_long_pause_is_lost_and_its_answers_are_not() -> None:
+    line = Recorded([b"question"])
+    for lost in (True, False):
+        emulate._advance(Chatter(), line, 0, lost=lost)
+    assert line.sent == [[b"answer"], [b"answer", b"reading"]]
 
 
 async def test_a_device_that_fails_ends_the_run_with_its_fault(
