@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -95,12 +96,18 @@ def first_lines(running: subprocess.Popen[str], count: int) -> list[str]:
     return [] if running.stdout is None else [running.stdout.readline().strip() for _ in range(count)]
 
 
-def tared(client: GripClient) -> bool:
-    """Tare each finger with a zero that is not known yet, unless it refuses; return whether every zero is known."""
-    for finger in LINES:
-        with suppress(ClientError):
-            if not known(client, finger):
-                client.tare(finger, "all", 0.1, unloaded=True)
+def tared(client: GripClient, pads: GripClient) -> bool:
+    """Tare each finger with a zero that is not known yet, unless it refuses; return whether every zero is known.
+
+    A pad that reads a slight pressure forbids to tare the force sensor, but not while the pad is being tared itself. So
+    the pad's tare is the longer one.
+    """
+    for finger in (finger for finger in LINES if not known(client, finger)):
+        with ThreadPoolExecutor() as threads:
+            threads.submit(pads.tare, finger, "pad", 1.0, unloaded=True)
+            time.sleep(0.3)
+            with suppress(ClientError):
+                client.tare(finger, "wrench", 0.1, unloaded=True)
     return all(known(client, finger) for finger in LINES)
 
 
@@ -124,9 +131,9 @@ def bed_in(folder: Path) -> Iterator[Bed]:
         arguments = ("run", "--config", str(settings), "--record", str(folder / "run.mcap"))
         daemon = stack.enter_context(process(folder, "slipd", *arguments))
         publish, requests = (line.partition(": ")[2] for line in first_lines(daemon, 2))
-        with GripClient(requests, timeout_s=PATIENCE_S) as client:
+        with GripClient(requests, timeout_s=PATIENCE_S) as client, GripClient(requests, timeout_s=PATIENCE_S) as pads:
             until_s = time.monotonic() + PATIENCE_S
-            while not tared(client):
+            while not tared(client, pads):
                 assert time.monotonic() < until_s, client.status()["streams"]
                 time.sleep(0.2)
         yield Bed(daemon, devices, stack.enter_context(Subscriber(publish, ("slip",))))
