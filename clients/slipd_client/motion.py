@@ -80,7 +80,7 @@ class MotionAdvisorBase:
         self.why_unknown = ""
 
     def advice(self) -> Motion | None:
-        """Return the advice in force, with the limits along each axis; None where there is none, or it is stale.
+        """Return the newest advice, with the limits along each axis; None if none has come or it is stale.
 
         A daemon on another machine must have answered one request before, which shows its clock.
         """

@@ -121,7 +121,7 @@ def _field_shape(field: Field) -> _Shape:
         return _Shape(_TIME, None, lambda t_ns: time_of(t_ns or 0), "0")
     if field.name == "seq":  # 2^31 messages are 99 days at 250 Hz
         return _Shape("int64", None, _integer, "-1")
-    if field.name == "unknown":  # a reason: nothing is unknown where there is none
+    if field.name == "unknown":  # a reason; empty means that everything is known
         return _Shape("string", None, lambda reason: reason or "", "empty")
     return _shape(field.kind, field.nullable)
 

@@ -367,7 +367,7 @@ class Engine:
         return NEVER_NS if self._reflex is None else self._reflex.due_ns
 
     def _weigh(self, t_ns: int, out: list[Output]) -> int:
-        """Follow what is held, and report at once that the arm stream contradicts it, or does no longer."""
+        """Estimate the object; publish `status` when the arm stream begins or ceases to contradict the load."""
         if self._held is None:
             return NEVER_NS
         misfit = "" if self._arm is None else self._arm.misfit

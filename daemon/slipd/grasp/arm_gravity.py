@@ -12,13 +12,13 @@ from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 
 SETTLING_S = 1.0
-"""Before so much of the motion was seen, the direction is not known."""
+"""The direction is unknown until this much of the motion has been observed."""
 MEMORY_S = 4.0
-"""An arm that moves at v errs by v / MEMORY_S: its speed is the integral of what is not gravity."""
+"""At a speed v the error is v / MEMORY_S, because the speed is the integral of what is not gravity."""
 ERROR_MPS2 = 0.25
 """Error of gravity at a speed of 1 m/s."""
 MOST_GAP_S = 0.1
-"""Over a longer gap between readings the turn is not known: everything begins anew."""
+"""After a longer gap between readings the turn is not known, and the direction is estimated again from the start."""
 
 Triple = tuple[float, float, float]
 
@@ -40,7 +40,9 @@ class ArmGravity:
         self._seen_s, self._t_ns = 0.0, 0
 
     def update(self, sample: ArmSample, t_ns: int) -> None:
-        """Follow a reading of ``t_ns``."""
+        """Follow a reading of ``t_ns``; one with a status, such as values that are not finite, is left out."""
+        if sample.status:
+            return
         passed_s = (t_ns - self._t_ns) * 1e-9
         x, y, z = sample.gravity_mps2
         if not 0.0 < passed_s <= MOST_GAP_S:
@@ -64,7 +66,7 @@ class ArmGravity:
 
 
 def turn_back(vector: Triple, before_radps: Sequence[float], after_radps: Sequence[float], passed_s: float) -> Triple:
-    """Return a vector that stands still, as a frame sees it that turned meanwhile.
+    """Return the coordinates of a constant vector after the frame has turned.
 
     Args:
         vector: The vector in the frame as it was.

@@ -19,7 +19,7 @@ from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, Place
 from slipd.grasp.object_estimate import SCALE_STD, WAITING, Felt, ObjectEstimate
 from slipd.grasp.object_state import NOTHING_HELD, ObjectState, unknown_object
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, cross_matrix
 
 PERIOD_NS = 20_000_000
 """The load is read this often."""
@@ -28,7 +28,7 @@ WAIT_NS = 110_000_000
 MOST_SKEW_NS = 15_000_000
 """The newest readings of both fingers are no further apart."""
 LEAST_NOISE_N, LEAST_NOISE_NM = 0.005, 5e-5
-"""Of a sensor whose config states less."""
+"""Least noise of a sensor, even if its config states less."""
 SLOW_READINGS = 8
 """The orientation that requests set (`gravity.set`) is uncertain by its change over so many readings, 0.16 s."""
 
@@ -201,8 +201,7 @@ class Side:
 
     def noise(self, place_m: Array) -> Array:
         """Return the covariance of the noise of force and torque about the origin, shape (6, 6)."""
-        x, y, z = place_m.tolist()
-        lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+        lever = cross_matrix(place_m)
         force = self.noise_n**2
         return np.block(
             [

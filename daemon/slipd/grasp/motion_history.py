@@ -20,7 +20,7 @@ TURN_NS = 20_000_000
 
 
 class MotionHistory:
-    """Keeps the readings of the arm for a while, and interpolates between them."""
+    """Buffers the recent readings of the arm, and interpolates between them."""
 
     def __init__(self) -> None:
         self._times_ns: list[int] = []
@@ -32,7 +32,7 @@ class MotionHistory:
         return self._times_ns[-1] if self._times_ns else 0
 
     def add(self, sample: ArmSample, t_ns: int) -> None:
-        """Keep a reading of ``t_ns``; one that is not newer than the newest begins anew."""
+        """Add the reading of ``t_ns``; if it is not newer than the newest one, drop all earlier readings first."""
         if t_ns <= self.newest_ns:
             self.forget()
         turning = sample.angular_acceleration_radps2

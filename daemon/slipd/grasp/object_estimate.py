@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.grasp.object_state import ObjectState, Vector, unknown_object
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, cross_matrix
 
 SCALE_STD = 0.01
 """Error of scale and axes of a force sensor, as a part of its load."""
@@ -36,7 +36,7 @@ REJECTED = 36.0
 """A reading further from the prediction, as a squared Mahalanobis distance of six components, is not explained: chance
 gives one in 300,000."""
 MOST_REJECTED = 5
-"""So many in a row, 0.1 s, mean another load: learning begins anew."""
+"""This many in a row (0.1 s) mean a different load: the estimate is reset."""
 MOVED_MPS2 = 0.7
 """Change of the apparent gravity that shows the object free: a turn by 4°, or that acceleration. Until then a table may
 carry a part of it."""
@@ -82,7 +82,7 @@ class ObjectEstimate:
         self.forget(WAITING)
 
     def forget(self, why: str) -> None:
-        """Begin anew; ``why``: reason for people."""
+        """Reset the estimate; ``why`` is the reason, for people."""
         free = FREE_MASS_KG * FREE_COM_M
         self._mean = np.zeros(10)
         self._covariance = np.diag([FREE_MASS_KG**2, free**2, free**2, free**2, *[0.0] * 6])
@@ -134,10 +134,10 @@ class ObjectEstimate:
     def _rows(self, felt: Felt, rise: float) -> Array:
         """Return how the load depends on m, m c and the errors of zero and scale, shape (6, 10)."""
         rows = np.zeros((6, 10))
-        turn = _cross_matrix(felt.velocity_radps)
+        turn = cross_matrix(felt.velocity_radps)
         rows[:3, 0] = felt.gravity_mps2
-        rows[:3, 1:4] = -_cross_matrix(felt.acceleration_radps2) - turn @ turn
-        rows[3:, 1:4] = -_cross_matrix(felt.gravity_mps2)
+        rows[:3, 1:4] = -cross_matrix(felt.acceleration_radps2) - turn @ turn
+        rows[3:, 1:4] = -cross_matrix(felt.gravity_mps2)
         rows[:, 4:] = rise * np.eye(6)
         return rows
 
@@ -169,11 +169,6 @@ class ObjectEstimate:
             why = f"the centre of mass is unknown along {axis} of the gripper: turn the gripper"
             return ObjectState(mass, mass_std, None, None, why)
         return ObjectState(mass, mass_std, _vector(com), _vector(std), "")
-
-
-def _cross_matrix(v: Array) -> Array:
-    x, y, z = v.tolist()
-    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
 def _vector(values: Array) -> Vector:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,3 +16,9 @@ Mask = NDArray[np.bool_]
 def finite_or_none(value: float | None) -> float | None:
     """Return a finite number as a float; None for NaN, an infinity, or None."""
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+def cross_matrix(vector: Sequence[float] | Array) -> Array:
+    """Return the matrix of ``vector ×``, shape (3, 3)."""
+    x, y, z = vector
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))

@@ -270,7 +270,7 @@ class Grasp(Message):
     )
     width_m: float | None = wire("width between the pads; nil where the gripper does not report it", nil=True)
     object: HeldObject | None = wire(
-        "what the load tells of the object: `mass_kg`, `mass_std_kg`, `com_m`, `com_std_m` and `unknown`, see "
+        "estimate of the held object: `mass_kg`, `mass_std_kg`, `com_m`, `com_std_m` and `unknown`, see "
         "[the arm's motion](arm.md#the-object)",
         default=None,
     )

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.tools.commission.sensor_pose import cross_matrix, find_position, nearest_known
+from slipd.tools.commission.sensor_pose import find_position, nearest_known
 from slipd.tools.commission.touches import (
     CENTRE,
     CORNER,
@@ -38,7 +38,7 @@ from slipd.tools.commission.touches import (
     goes_to_corner,
     goes_to_end,
 )
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, cross_matrix
 
 SAME_DIRECTION_RAD = math.radians(20.0)
 """Presses whose directions differ by more were not all normal to the pad."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.tools.commission.touches import CENTRE, PUSHES, Mount, Symmetry, Touch
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, cross_matrix
 
 KEEP_RAD = math.radians(12.0)
 """A hand pushes about as exactly as this: a known rotation within it is taken instead of the measured one."""
@@ -111,12 +111,6 @@ def find_position(touches: Mapping[str, Touch], loads: Loads, symmetry: Symmetry
     worst = min(without, key=lambda step: float(np.linalg.norm(without[step][1])))
     fits = misfit_m <= (MOST_BY_HAND_M if symmetry is None else MOST_MISFIT_M)
     return Position(np.round(xyz_m, 4) + 0.0, float(np.sqrt(np.mean(residuals**2))), misfit_m, fits, worst)
-
-
-def cross_matrix(vector: Array) -> Array:
-    """Return the matrix of ``vector ×``, shape (3, 3)."""
-    x, y, z = vector
-    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
 def _solve(equations: Mapping[str, _Equation]) -> tuple[Array, Array]:

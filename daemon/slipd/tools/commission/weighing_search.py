@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
-from slipd.tools.commission.sensor_pose import STATED, cross_matrix, nearest_known
+from slipd.tools.commission.sensor_pose import STATED, nearest_known
 from slipd.tools.commission.touches import Mount
 from slipd.tools.commission.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, cross_matrix
 
 MOST_MISFIT = 0.2
 """Largest residual of the force, as a share of the weight, root mean square over the poses: hands hold a pose to about
