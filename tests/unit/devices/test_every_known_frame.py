@@ -8,8 +8,8 @@ from __future__ import annotations
 from ast import literal_eval
 from typing import Any
 
-import numpy as np
 import pytest
+from readings import Case
 
 from slipd.devices import DEVICES
 
@@ -156,22 +156,15 @@ KNOWN: dict[str, tuple[str, list[dict[str, Any]]]] = {
 }
 """Device with its options, and where the bytes come from: the bytes, and what is known of each reading."""
 
+TEMPERATURES_C = {"bota": 31.5}
+
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_bytes_give_these_readings(name: str) -> None:
     text, wanted = KNOWN[name]
     device, *options = name.split(" ")
     named = (option.split("=") for option in options if "=" in option)
-    decoder = DEVICES[device].decoder(**{key: literal_eval(value) for key, value in named})
-    samples: Any = decoder.receive(bytes.fromhex(text), 77)
-    assert len(samples) == len(wanted) == decoder.health.good
-    for sample, fields in zip(samples, wanted, strict=True):
-        assert sample.t_ns == 77
-        for field, value in fields.items():
-            found = getattr(sample, field)
-            if isinstance(found, np.ndarray):
-                assert found.dtype == np.float64
-                assert found == pytest.approx(np.array(value), abs=1e-6), field
-            else:
-                assert found == (pytest.approx(value) if isinstance(value, float) else value), field
-    assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
+    options_of = {key: literal_eval(value) for key, value in named}
+    Case(bytes.fromhex(text), wanted, {"temperature_c": TEMPERATURES_C.get(device)}, options_of).check(
+        DEVICES[device].decoder
+    )

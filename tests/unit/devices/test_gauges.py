@@ -1,100 +1,84 @@
-"""Raw strain gauges: the documented frame, the matrix, and impossible matrices."""
+"""Raw strain gauges: the documented frame, the matrix, and every status and sequence number."""
 
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from project import DOCS
+from readings import Case, fields
 
 from slipd.devices import gauges
 from slipd.devices.shared import checksums
-from slipd.devices.shared.device_interface import DecoderHealth
 
-DOCUMENT = DOCS / "devices.md"
 COUNTS = (100, -200, 300_000, -4, 5, 6)
 MATRIX = np.diag([1e-3, 2e-3, 4e-3, 1e-6, 2e-6, 4e-6]) + 1e-7
+OFFSET = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+FORCE = [*(MATRIX @ (np.array(COUNTS) - OFFSET))]
+RAIL = 1 << 31
+SEQUENCE = (65_534, 65_536, 65_537, 65_537, 65_540, 65_539, 70_000, 0)
 
 
-def frame(number: int, status: int = 0) -> bytes:
-    return gauges.encode_frame((number, *COUNTS[1:]), number, 1000 * number, status)
+def frame(number: int, status: int = 0, time_us: int = 0, rail: tuple[int, ...] = (6, 0)) -> bytes:
+    """Return a frame whose count at a place is ``rail``."""
+    place, count = rail
+    return gauges.encode_frame((*COUNTS[:place], count, *COUNTS[place + 1 :])[:6], number, time_us, status)
 
 
-def numbers(samples: list[Any]) -> list[int]:
-    return [int(sample.force_n[0]) for sample in samples]
+def of_version(number: int) -> bytes:
+    body = bytes((number,)) + frame(1)[3:-2]
+    return frame(1)[:2] + body + checksums.x25(body).to_bytes(2, "little")
 
 
-def test_the_documented_frame_is_encoded() -> None:
-    (block,) = re.findall(r"<!-- gauges frame -->\n+```\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+CASES = {
+    "without a matrix, counts are returned": Case(frame(0), [{"force_n": COUNTS[:3], "torque_nm": COUNTS[3:]}]),
+    "the matrix converts counts minus offset": Case(
+        frame(0),
+        [{"force_n": FORCE[:3], "torque_nm": FORCE[3:]}],
+        options={"matrix": MATRIX.tolist(), "offset": OFFSET},
+    ),
+    "every status bit has its word": Case(
+        b"".join(frame(bit, 1 << bit) for bit in range(7)) + frame(7, 0x7F),
+        fields("status", [("overload",)] * 6 + [("invalid",), ("overload", "invalid")]),
+    ),
+    "a frame with the reserved bit is rejected": Case(frame(1, 0x80), [], {"bad": 1, "bad_bytes": 36}),
+    "a count at the end of its range is overload": Case(
+        b"".join(frame(n, rail=(n % 6, (RAIL - 1, -RAIL)[n // 6])) for n in range(12)),
+        fields("status", [("overload",)] * 12),
+    ),
+    "version 1 is read": Case(of_version(1), fields("status", [()])),
+    "another version is refused": Case(of_version(2), [], {"bad": 1, "bad_bytes": 36}),
+    "gap, duplicate, restart and wrap are distinguished": Case(
+        b"".join(frame(number, time_us=number) for number in SEQUENCE),
+        fields("device_time_ns", [1000 * number for number in (65_534, 65_536, 65_537, 65_540, 70_000, 0)]),
+        {"lost": 1 + 2 + 4459, "duplicates": 2, "restarts": 1},
+    ),
+    "the device time is returned as sent and wraps": Case(
+        b"".join(frame(step, time_us=(1 << 32) - 1 + step) for step in range(3)),
+        fields("device_time_ns", [((1 << 32) - 1) * 1000, 0, 1000]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_F2_N3_D2_D3_a_stream_gives_these_readings_and_counts(name: str) -> None:
+    CASES[name].check(gauges.Decoder)
+
+
+def test_the_documented_frame_is_encoded_and_read() -> None:
+    page = (DOCS / "devices.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"<!-- gauges frame -->\n+```\n(.*?)```", page, re.DOTALL)
     documented = bytes.fromhex("".join(line.split("|")[0] for line in block.splitlines()))
     assert gauges.encode_frame((1000, -2000, 8_388_607, 0, -1, 70_000), 258, 1_001_875, 0b100) == documented
-    (sample,) = gauges.Decoder().receive(documented, 77)
-    assert (sample.t_ns, sample.device_time_ns, sample.status) == (77, 1_001_875_000, ("overload",))
+    Case(documented, [{"device_time_ns": 1_001_875_000, "status": ("overload",)}]).check(gauges.Decoder)
 
 
-def test_by_default_the_counts_are_returned() -> None:
-    (sample,) = gauges.Decoder().receive(gauges.encode_frame(COUNTS, 0, 0), 0)
-    assert [*sample.force_n, *sample.torque_nm] == list(COUNTS)
-
-
-def test_the_matrix_converts_counts_minus_offset_to_a_wrench() -> None:
-    offset = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
-    (sample,) = gauges.Decoder(MATRIX.tolist(), offset).receive(gauges.encode_frame(COUNTS, 0, 0), 0)
-    expected = MATRIX @ (np.array(COUNTS) - offset)
-    assert [*sample.force_n, *sample.torque_nm] == pytest.approx(expected.tolist())
-
-
-@pytest.mark.parametrize("bit", range(7))
-def test_F2_every_status_bit_has_its_word(bit: int) -> None:
-    (sample,) = gauges.Decoder().receive(frame(1, 1 << bit), 0)
-    assert sample.status == (("overload",) if bit < 6 else ("invalid",))
-
-
-def test_F2_both_words_may_occur_together_and_a_frame_with_the_reserved_bit_is_rejected() -> None:
-    assert gauges.Decoder().receive(frame(1, 0x7F), 0)[0].status == ("overload", "invalid")
-    assert gauges.Decoder().receive(frame(1, 0x80), 0) == []
-
-
-@pytest.mark.parametrize("rail", [-(1 << 31), (1 << 31) - 1])
-@pytest.mark.parametrize("channel", range(6))
-def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int, channel: int) -> None:
-    counts = list(COUNTS)
-    counts[channel] = rail
-    (sample,) = gauges.Decoder().receive(gauges.encode_frame(counts, 0, 0), 0)
-    assert sample.status == ("overload",)
-
-
-@given(st.lists(st.integers(-(1 << 31), (1 << 31) - 1), min_size=6, max_size=6), st.floats(-1e6, 1e6))
+@given(st.lists(st.integers(-RAIL, RAIL - 1), min_size=6, max_size=6), st.floats(-1e6, 1e6))
 def test_N3_no_count_gives_a_value_that_is_not_finite(counts: list[int], entry: float) -> None:
     matrix = 1e6 * np.eye(6)
     matrix[0, 1:] = entry
     (sample,) = gauges.Decoder(matrix.tolist(), [-4e9] * 6).receive(gauges.encode_frame(counts, 0, 0), 0)
-    assert np.isfinite(sample.force_n).all()
-    assert np.isfinite(sample.torque_nm).all()
-
-
-def test_D2_another_format_version_is_refused() -> None:
-    other = bytearray(frame(1))
-    other[2] = 2
-    other[-2:] = checksums.x25(bytes(other[2:-2])).to_bytes(2, "little")
-    decoder = gauges.Decoder()
-    assert decoder.receive(bytes(other), 0) == []
-    assert decoder.health == DecoderHealth(bad=1, bad_bytes=36)
-
-
-def test_D3_gap_duplicate_restart_and_wrap_are_distinguished() -> None:
-    decoder = gauges.Decoder()
-    stream = (65_534, 65_536, 65_537, 65_537, 65_540, 65_539, 70_000, 0)
-    samples = decoder.receive(b"".join(map(frame, stream)), 0)
-    assert numbers(samples) == [65_534, 65_536, 65_537, 65_540, 70_000, 0]
-    assert decoder.health == DecoderHealth(good=6, lost=1 + 2 + 4459, duplicates=2, restarts=1)
-
-
-def test_the_device_time_is_returned_as_sent_and_wraps() -> None:
-    stream = b"".join(gauges.encode_frame(COUNTS, step, (1 << 32) - 1 + step) for step in range(3))
-    times = [sample.device_time_ns for sample in gauges.Decoder().receive(stream, 0)]
-    assert times == [((1 << 32) - 1) * 1000, 0, 1000]
+    assert np.isfinite([*sample.force_n, *sample.torque_nm]).all()

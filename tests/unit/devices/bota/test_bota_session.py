@@ -127,15 +127,6 @@ def test_an_answer_after_the_rest_of_a_frame_is_found() -> None:
     assert session.on_time(MS).startswith(b"c,")
 
 
-def test_commands_are_read_from_any_split_and_around_noise() -> None:
-    commands, rest = [], b""
-    for byte in b"C?c,0,1,0,4f,512,0,0,1\r\nR#p?\n":
-        found, rest = sim.parse_commands(rest + bytes((byte,)))
-        commands += found
-    assert commands == ["C", "c,0,1,0,4", "f,512,0,0,1", "R", "#", "p"]
-    assert len(sim.parse_commands(b"x" * 1000)[1]) <= 64
-
-
 def test_an_answer_belongs_to_its_own_letter() -> None:
     received = b"..r,0,C,0\r\nr,0,c,3"
     assert [bota.find_ack(received, letter) for letter in "CcR"] == [0, 3, None]
