@@ -42,7 +42,6 @@ RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018),
 IMAGE_NS = 2_500_000
 """How often the pads feel the load, ns: the grip force hardly changes within."""
 
-
 ARM_NS, ARM_STD_MPS2 = 4_000_000, 0.03
 """Period of the arm's readings, and their noise."""
 
@@ -84,11 +83,7 @@ class VirtualRig:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        seed: int = 0,
-        electronics: PvdfElectronics | None = None,
-        arm: Arm | None = None,
+        self, scene: Scene, seed: int = 0, electronics: PvdfElectronics | None = None, arm: Arm | None = None
     ) -> None:
         self.scene, self.arm = scene, arm
         electronics = electronics or PvdfElectronics()
@@ -150,7 +145,10 @@ TICK_NS = 1_250_000
 """Period of the force sensors with their shortest filter, ns."""
 
 LONGEST_LAG_NS = 500_000_000
-"""After a longer pause, ns, such as a suspended machine, the scene continues where it was instead of catching up."""
+"""After a longer pause, ns, what devices sent meanwhile is lost, as on a line that overflows. The scene went on."""
+
+SUSPENDED_NS = 10_000_000_000
+"""After a longer pause, ns, such as a suspended machine, the scene continues where it was."""
 
 STDIN = 0
 
@@ -196,17 +194,21 @@ class VirtualGripper:
             next_ns = start_ns + (ticks + 1) * TICK_NS
             time.sleep(max(next_ns - time.monotonic_ns(), 0) * 1e-9)
             lag_ns = time.monotonic_ns() - next_ns
-            if lag_ns > LONGEST_LAG_NS:
+            if lag_ns > SUSPENDED_NS:
                 start_ns, lag_ns = start_ns + lag_ns, 0
+            lost = lag_ns > LONGEST_LAG_NS
             output = self._listen(ticks * TICK_NS)
             for _ in range(1 + lag_ns // TICK_NS):
                 ticks += 1
-                for line, data in self._rig.advance(ticks * TICK_NS).items():
-                    output[line] += data
+                sent = self._rig.advance(ticks * TICK_NS)
                 reading = self._rig.arm_reading(ticks * TICK_NS, start_ns)
+                self._report_news(start_ns)
+                if lost:
+                    continue
+                for line, data in sent.items():
+                    output[line] += data
                 if reading and self._arm_line is not None:
                     self._arm_line.send([reading])
-                self._report_news(start_ns)
             for line, data in output.items():
                 self._ports[line].write(data)
 
