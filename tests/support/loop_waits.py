@@ -1,28 +1,27 @@
-"""What tests of one event loop share: bounded waits, and the faults that reached the loop."""
+"""What tests of one event loop share: bounded waits, open files, and the faults that reached the loop."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 PATIENCE_S = 60.0
 
-Eventually = Callable[[Callable[[], object]], Awaitable[None]]
 
-
-@pytest.fixture
-def eventually() -> Eventually:
+async def eventually(condition: Callable[[], object]) -> None:
     """Wait until a condition holds."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - what it waits for happens in other threads and processes too
+            await asyncio.sleep(0.001)
 
-    async def wait(condition: Callable[[], object]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():  # noqa: ASYNC110 - what it waits for happens in other threads and processes too
-                await asyncio.sleep(0.001)
 
-    return wait
+def open_files() -> int:
+    """Return how many files this process has open."""
+    return len(list(Path("/proc/self/fd").iterdir()))
 
 
 @pytest.fixture

@@ -1,12 +1,17 @@
-"""A ZeroMQ context for peers inside the test."""
+"""ZeroMQ clients inside a test, and plain connections that speak its protocol or none."""
 
 from __future__ import annotations
 
+import contextlib
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import zmq
+
+from slipd.io.zmtp.wire import COMMAND, encode_command, encode_frame, encode_greeting, encode_metadata
+from slipd_client.keys import Keys
 
 Context = zmq.Context[zmq.Socket[bytes]]
 
@@ -22,28 +27,31 @@ class StandingClock:
 class Peer:
     """A client that collects what it receives."""
 
-    def __init__(self, context: Context, kind: int, endpoint: str, **options: int | bytes) -> None:
+    def __init__(
+        self, context: Context, kind: int, endpoint: str, keys: Keys | None = None, **options: int | bytes
+    ) -> None:
         self.socket = context.socket(kind)
         for name, value in {"LINGER": 0, **options}.items():
             self.socket.setsockopt(getattr(zmq, name), value)
+        if keys is not None:
+            keys.apply(self.socket)
         self.socket.connect(endpoint)
         self._got: list[list[bytes]] = []
 
     @property
     def got(self) -> list[list[bytes]]:
         """Every message so far."""
-        try:
+        with contextlib.suppress(zmq.Again):
             while True:
                 self._got.append(self.socket.recv_multipart(zmq.NOBLOCK))
-        except zmq.Again:
-            return self._got
+        return self._got
+
+    def can_send(self) -> int:
+        """Return whether it is connected."""
+        return self.socket.poll(0, zmq.POLLOUT)
 
 
-@pytest.fixture
-def context() -> Iterator[Context]:
-    context: Context = zmq.Context()
-    yield context
-    context.destroy(linger=0)
+Clients = Callable[..., Peer]
 
 
 @pytest.fixture
@@ -55,18 +63,54 @@ def clients() -> Iterator[Context]:
 
 
 @pytest.fixture
-def peer(clients: Context) -> Iterator[Callable[..., Peer]]:
-    peers: list[Peer] = []
+def peer(clients: Context) -> Iterator[Clients]:
+    with contextlib.ExitStack() as stack:
 
-    def connect(kind: int, endpoint: str, **options: int | bytes) -> Peer:
-        peers.append(Peer(clients, kind, endpoint, **options))
-        return peers[-1]
+        def connect(kind: int, endpoint: str, keys: Keys | None = None, **options: int | bytes) -> Peer:
+            made = Peer(clients, kind, endpoint, keys, **options)
+            stack.callback(made.socket.close)
+            return made
 
-    yield connect
-    for each in peers:
-        each.socket.close()
+        yield connect
 
 
 @pytest.fixture
 def endpoint(tmp_path: Path) -> str:
     return f"ipc://{tmp_path}/s"
+
+
+def introduction(kind: bytes) -> bytes:
+    """Return how a client of this kind begins."""
+    ready = encode_command(b"READY", encode_metadata({b"Socket-Type": kind}))
+    return encode_greeting(b"NULL", as_server=False) + encode_frame(ready, COMMAND)
+
+
+Plain = Callable[..., socket.socket]
+
+
+@pytest.fixture
+def plain() -> Iterator[Plain]:
+    """Open a connection without ZeroMQ, and send bytes or nothing."""
+    with contextlib.ExitStack() as stack:
+
+        def connect(endpoint: str, data: bytes = b"") -> socket.socket:
+            ipc = endpoint.startswith("ipc://")
+            made = stack.enter_context(socket.socket(socket.AF_UNIX if ipc else socket.AF_INET))
+            made.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                made.connect(
+                    endpoint.removeprefix("ipc://") if ipc else ("127.0.0.1", int(endpoint.rpartition(":")[2]))
+                )
+            if data:
+                made.sendall(data)
+            return made
+
+        yield connect
+
+
+def read(connection: socket.socket) -> bytes:
+    """Return bytes that have arrived."""
+    try:
+        return connection.recv(1 << 20)
+    except BlockingIOError:
+        return b""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from loop_waits import PATIENCE_S
+from loop_waits import PATIENCE_S, loop_faults
+from zeromq_peers import clients, endpoint, peer, plain
+
+__all__ = ["clients", "endpoint", "loop_faults", "peer", "plain"]  # fixtures
 
 PATIENT = (
     "transport.network.OPEN_TIMEOUT_S",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import zmq
+from loop_waits import PATIENCE_S, eventually
+from zeromq_peers import Clients, Peer
 from zmq.utils import z85
 
 from slipd.config import Bus
@@ -21,15 +23,10 @@ from slipd.io.zmtp.endpoint import Access
 from slipd_client.keys import Keys, create, load
 from slipd_client.messages import decode, encode
 
-if TYPE_CHECKING:
-    from zeromq_peers import Context
-
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
 HANDSHAKE_S = 0.3
 """Long enough for any client here that is let in; one that is not is refused for ever."""
-
-ADDRESSES = ("tcp://127.0.0.1:*", "ipc://{0}/{1}")
 
 
 class Cell:
@@ -55,110 +52,69 @@ class Cell:
         return load(secret, self.server_public)
 
     def serve(self, stack: ExitStack) -> tuple[Publisher, RequestServer]:
-        may = guard(self.bus)
-        assert self.bus.publish is not None
-        assert self.bus.requests is not None
-        publisher = stack.enter_context(Publisher(self.bus.publish, may.publish))
-
         def answer(client: bytes, body: dict[str, Any]) -> None:
             server.reply(client, {"id": body["id"], "ok": True, "result": {"client": client}})
 
-        server = RequestServer(self.bus.requests, answer, may.requests, requesters=may.requesters)
-        stack.enter_context(server)
-        return publisher, server
+        may = guard(self.bus)
+        server = RequestServer(str(self.bus.requests), answer, may.requests, requesters=may.requesters)
+        return stack.enter_context(Publisher(str(self.bus.publish), may.publish)), stack.enter_context(server)
 
 
-@pytest.fixture(params=ADDRESSES, ids=["tcp", "ipc"])
+@pytest.fixture(params=["tcp://127.0.0.1:*", "ipc://{0}/{1}"], ids=["tcp", "ipc"])
 def cell(request: pytest.FixtureRequest, tmp_path: Path) -> Cell:
     return Cell(tmp_path, request.param)
 
 
-@pytest.fixture
-def connect(clients: Context) -> Iterator[Callable[..., zmq.Socket[bytes]]]:
-    opened: list[zmq.Socket[bytes]] = []
-
-    def open_socket(kind: int, endpoint: str, keys: Keys | None = None, **options: int | bytes) -> zmq.Socket[bytes]:
-        socket = clients.socket(kind)
-        opened.append(socket)
-        socket.setsockopt(zmq.LINGER, 0)
-        for name, value in options.items():
-            socket.setsockopt(getattr(zmq, name), value)
-        if keys is not None:
-            keys.apply(socket)
-        socket.connect(endpoint.replace("0.0.0.0", "127.0.0.1"))
-        return socket
-
-    yield open_socket
-    for socket in opened:
-        socket.close()
-
-
-Connect = Callable[..., "zmq.Socket[bytes]"]
-
-
-async def ask(socket: zmq.Socket[bytes], number: str, seconds: float) -> dict[str, Any] | None:
-    """Return the reply to one request; None if there was none."""
-    socket.send(encode({"v": 1, "id": number, "op": "hello"}))
+async def happens(condition: Callable[[], object], *, expected: bool) -> bool:
+    """Wait for a condition, and long enough if it is not expected."""
     try:
-        async with asyncio.timeout(seconds):
-            while not socket.poll(0):  # noqa: ASYNC110 - another thread fills it
-                await asyncio.sleep(0.001)
-    except TimeoutError:
-        return None
-    return decode(socket.recv())
-
-
-async def hears(publisher: Publisher, socket: zmq.Socket[bytes], seconds: float) -> bool:
-    socket.setsockopt(zmq.SUBSCRIBE, b"")
-    try:
-        async with asyncio.timeout(seconds):
-            while not socket.poll(0):
-                publisher.publish("status", b"")
-                await asyncio.sleep(0.001)
+        async with asyncio.timeout(PATIENCE_S if expected else HANDSHAKE_S):
+            await eventually(condition)
     except TimeoutError:
         return False
     return True
 
 
-async def test_each_key_is_admitted_only_where_it_is_listed(cell: Cell, connect: Connect) -> None:
-    both, reader, requester = (
-        cell.client("both", "readers", "requesters"),
-        cell.client("reader", "readers"),
-        cell.client("requester", "requesters"),
-    )
-    unknown = cell.client("unknown")
+async def ask(client: Peer, *, expected: bool = True) -> dict[str, Any] | None:
+    """Return the reply to one request; None if there was none."""
+    client.socket.send(encode({"v": 1, "id": "7", "op": "hello"}))
+    return decode(client.got[0][0]) if await happens(lambda: client.got, expected=expected) else None
+
+
+async def test_each_key_is_admitted_only_where_it_is_listed(cell: Cell, peer: Clients) -> None:
+    both, reader = cell.client("both", "readers", "requesters"), cell.client("reader", "readers")
+    requester, unknown = cell.client("requester", "requesters"), cell.client("unknown")
     with ExitStack() as stack:
         publisher, server = cell.serve(stack)
-        for keys, may_read, may_request in (
-            (both, True, True),
-            (reader, True, False),
-            (requester, False, True),
-            (unknown, False, False),
-            (None, False, False),
+        for keys, may_read, answer in (
+            (both, True, "ok"),
+            (reader, True, "read_only"),
+            (requester, False, "ok"),
+            (unknown, False, None),
+            (None, False, None),
         ):
-            subscriber = connect(zmq.SUB, publisher.endpoint, keys)
-            assert await hears(publisher, subscriber, 30 if may_read else HANDSHAKE_S) == may_read, keys
-            dealer = connect(zmq.DEALER, server.endpoint, keys)
-            reply = await ask(dealer, "7", 30 if keys in (both, reader, requester) else HANDSHAKE_S)
-            assert (reply is not None and reply["ok"]) == may_request, keys
-            if keys is reader:
-                assert reply is not None
-                assert (reply["id"], reply["error"]["code"]) == ("7", "read_only")
+            subscriber = peer(zmq.SUB, publisher.endpoint, keys, SUBSCRIBE=b"")
+            assert may_read == await happens(
+                lambda: publisher.publish("status", b"") or subscriber.got,  # noqa: B023
+                expected=may_read,
+            )
+            reply = await ask(peer(zmq.DEALER, server.endpoint, keys), expected=answer is not None)
+            assert answer == (reply and reply.get("error", {"code": "ok"})["code"])
 
 
-async def test_Z5_the_name_that_a_client_chose_makes_it_nobody_else(cell: Cell, connect: Connect) -> None:
+async def test_Z5_the_name_that_a_client_chose_makes_it_nobody_else(cell: Cell, peer: Clients) -> None:
     victim, thief = cell.client("victim", "requesters"), cell.client("thief", "requesters")
+    told = []
     with ExitStack() as stack:
         _, server = cell.serve(stack)
-        first = connect(zmq.DEALER, server.endpoint, victim, ROUTING_ID=b"name")
-        reply = await ask(first, "1", 30)
-        first.close()
-        await asyncio.sleep(0.05)
-        stolen = await ask(connect(zmq.DEALER, server.endpoint, thief, ROUTING_ID=b"name"), "2", 30)
-    assert reply is not None
-    assert stolen is not None
-    assert reply["result"]["client"] == victim.public + b"\0name"
-    assert stolen["result"]["client"] == thief.public + b"\0name"
+        for keys in (victim, thief):
+            client = peer(zmq.DEALER, server.endpoint, keys, ROUTING_ID=b"name")
+            reply = await ask(client)
+            assert reply is not None
+            told.append(reply["result"]["client"])
+            client.socket.close()
+            await eventually(lambda: not server.peers)
+    assert told == [victim.public + b"\0name", thief.public + b"\0name"]
 
 
 class Raising(frozenset[bytes]):
@@ -178,45 +134,35 @@ def test_a_key_that_is_not_listed_or_whose_list_fails_is_refused_and_logged(capl
     assert "what nobody thought of" in caplog.text
 
 
-async def test_a_secret_key_without_a_list_admits_nobody(cell: Cell, connect: Connect) -> None:
+async def test_a_secret_key_without_a_list_admits_nobody(cell: Cell, peer: Clients) -> None:
     keys = cell.client("robot", "requesters")
-    assert cell.bus.requests is not None
-    with RequestServer(cell.bus.requests, lambda *_: None, Access(guard(cell.bus).requests.secret)) as server:
-        dealer = connect(zmq.DEALER, server.endpoint, keys, IMMEDIATE=1)
-        await asyncio.sleep(HANDSHAKE_S)
-        assert not dealer.poll(0, zmq.POLLOUT)
+    with RequestServer(str(cell.bus.requests), print, Access(guard(cell.bus).requests.secret)) as server:
+        client = peer(zmq.DEALER, server.endpoint, keys, IMMEDIATE=1)
+        assert not await happens(client.can_send, expected=False)
 
 
 def test_a_key_file_that_cannot_be_used_keeps_the_daemon_from_starting(cell: Cell) -> None:
-    assert cell.bus.secret_key is not None
-    Path(cell.bus.secret_key).chmod(0o644)
+    Path(str(cell.bus.secret_key)).chmod(0o644)
     with pytest.raises(LinkError, match="chmod 600"):
         guard(cell.bus)
 
 
 def test_missing_keys_are_named_with_the_commands_that_create_them(tmp_path: Path) -> None:
     bus = Bus(secret_key=str(tmp_path / "rig.key_secret"), readers=str(tmp_path / "readers"), requesters=str(tmp_path))
-    with pytest.raises(LinkError) as error:
+    with pytest.raises(LinkError, match=r"slipctl keys new rig --dir .* leave \[bus\] out") as error:
         guard(bus)
-    assert f"slipctl keys new rig --dir {tmp_path}. For clients of this machine alone, leave [bus] out" in str(
-        error.value
-    )
-    assert f"bus.readers: {tmp_path}/readers does not exist" in str(error.value)
-    assert "bus.requesters" not in str(error.value)
+    missing = [text.partition(" does not exist")[0] for text in str(error.value).split("; ")]
+    assert missing == [f"bus.secret_key: {bus.secret_key}", f"bus.readers: {bus.readers}"]
 
 
-def test_without_keys_in_the_config_none_are_asked_for() -> None:
+def test_each_endpoint_needs_keys_only_if_it_has_a_list(cell: Cell) -> None:
     may = guard(Bus())
     assert (may.publish.secret, may.requests.secret, may.requesters) == (None, None, None)
-
-
-def test_one_endpoint_may_need_keys_and_the_other_not(cell: Cell) -> None:
-    keys = cell.client("reader", "readers")
+    public = cell.client("reader", "readers").public
     may = guard(cell.bus.model_copy(update={"requesters": None}))
+    assert (may.publish.admits(public), may.requests.admits(public)) == (True, False)
     assert may.publish.secret is not None
     assert may.requests.secret is None
-    assert may.publish.admits(keys.public)
-    assert not may.requests.admits(keys.public)
 
 
 def test_a_secret_is_not_shown_with_what_it_opens() -> None:

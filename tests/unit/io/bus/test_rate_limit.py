@@ -1,28 +1,29 @@
+"""How many requests of a client pass."""
+
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.io.bus.rate_limit import MAX_CLIENTS, RateLimit
 
 SECOND = 1_000_000_000
+PERIOD = SECOND // 50
 
 
-def test_a_burst_of_one_second_passes_and_then_one_request_per_period() -> None:
-    limit = RateLimit(50.0)
-    assert [limit.allows(b"a", 0) for _ in range(51)] == [True] * 50 + [False]
-    assert [limit.allows(b"a", t_ns) for t_ns in (SECOND // 50, SECOND // 50, SECOND // 50 * 2)] == [True, False, True]
-
-
-def test_clients_have_separate_allowances() -> None:
-    limit = RateLimit(2.0)
-    assert [limit.allows(client, 0) for client in (b"a", b"a", b"a", b"b", b"b", b"b")] == [True, True, False] * 2
-
-
-def test_silence_saves_up_no_more_than_a_second() -> None:
-    limit = RateLimit(5.0)
-    assert limit.allows(b"a", 0)
-    assert sum(limit.allows(b"a", 3600 * SECOND) for _ in range(20)) == 5
+@pytest.mark.parametrize(
+    ("per_second", "asked", "passed"),
+    [
+        (50.0, [(b"a", t_ns) for t_ns in [0] * 51 + [PERIOD, PERIOD, 2 * PERIOD]], "y" * 50 + "nyny"),
+        (2.0, [(client, 0) for client in (b"a", b"a", b"a", b"b", b"b", b"b")], "yyn" * 2),
+        (5.0, [(b"a", t_ns) for t_ns in [0] + [3600 * SECOND] * 20], "y" * 6 + "n" * 15),
+    ],
+    ids=["a burst of a second, then one per period", "each client by itself", "silence saves up a second"],
+)
+def test_requests_pass_within_the_rate(per_second: float, asked: list[tuple[bytes, int]], passed: str) -> None:
+    limit = RateLimit(per_second)
+    assert "".join("ny"[limit.allows(*one)] for one in asked) == passed
 
 
 @given(st.lists(st.integers(0, SECOND // 10), max_size=300))

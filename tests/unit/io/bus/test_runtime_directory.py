@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from loop_waits import open_files
 
 from slipd.errors import LinkError
 from slipd.io.bus.runtime_directory import RuntimeDirectory
@@ -39,20 +40,11 @@ def path(tmp_path: Path) -> Path:
 
 def modes(path: Path) -> dict[str, tuple[int, str | None]]:
     """Return the modes of the directory and its files, and the group if it has any right."""
-    found = {file.name: file.stat() for file in (path, *path.iterdir())}
     return {
-        name: (stat.S_IMODE(each.st_mode), grp.getgrgid(each.st_gid).gr_name if each.st_mode & 0o070 else None)
-        for name, each in found.items()
+        file.name: (stat.S_IMODE(found.st_mode), grp.getgrgid(found.st_gid).gr_name if found.st_mode & 0o070 else None)
+        for file in (path, *path.iterdir())
+        for found in [file.stat()]
     }
-
-
-def shared(path: Path, group: str = GROUP) -> dict[str, tuple[int, str | None]]:
-    """Return the modes while the directory has a socket that is shared."""
-    with RuntimeDirectory(path, group=group) as home:
-        (path / "publish").touch(0o700)
-        home.share(f"ipc://{path}/publish")
-        home.share("tcp://127.0.0.1:5555")
-        return modes(path)
 
 
 @pytest.mark.parametrize(
@@ -73,27 +65,31 @@ def test_the_members_of_the_group_may_use_a_directory_made_here_and_nobody_else(
         if made is not None:
             path.mkdir(parents=True, mode=made)
         for _ in range(2):  # it is used as it was left
-            assert shared(path, group) == expected | {"lock": (0o600, None)}
+            with RuntimeDirectory(path, group=group) as home:
+                for name in ("publish", "../elsewhere"):
+                    (path / name).touch(0o700)
+                    home.share(f"ipc://{path}/{name}")
+                home.share("tcp://127.0.0.1:5555")
+                assert modes(path) == expected | {"lock": (0o600, None)}
             (path / "publish").unlink()
     finally:
         os.umask(before)
+    assert stat.S_IMODE((path.parent / "elsewhere").stat().st_mode) == 0o700
 
 
 @root_only
 def test_a_socket_of_the_group_is_shared_where_the_systemd_unit_forbids_to_give_files(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
     with RuntimeDirectory(path, group=GROUP) as home:
-        socket = path / "publish"
-        socket.touch(0o700)
-        os.chown(socket, -1, grp.getgrnam(GROUP).gr_gid)  # as every file of a service of that group
+        (path / "publish").touch(0o700)
+        os.chown(path / "publish", -1, grp.getgrnam(GROUP).gr_gid)  # as every file of a service of that group
         monkeypatch.setattr(os, "chown", refuse)
-        home.share(f"ipc://{socket}")
+        home.share(f"ipc://{path}/publish")
         assert modes(path)["publish"] == (0o660, GROUP)
-
-
-def refuse(*_: object) -> None:
-    raise PermissionError
 
 
 @root_only
@@ -111,15 +107,6 @@ def test_a_member_of_the_group_can_connect_and_nobody_else_can() -> None:
             release(server, endpoint)
 
 
-@root_only
-def test_a_socket_elsewhere_is_not_shared(path: Path, tmp_path: Path) -> None:
-    elsewhere = tmp_path / "publish"
-    elsewhere.touch(0o700)
-    with RuntimeDirectory(path, group=GROUP) as home:
-        home.share(f"ipc://{elsewhere}")
-    assert stat.S_IMODE(elsewhere.stat().st_mode) == 0o700
-
-
 def test_Z6_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -> None:
     command = [sys.executable, "-c", HOLD, path]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
@@ -130,23 +117,15 @@ def test_Z6_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path
         holder.kill()
         holder.wait()
     (path / "lock").write_text("12345678901\n")
-    files = len(list(Path("/proc/self/fd").iterdir()))
+    files = open_files()
     for _ in range(3):
         with RuntimeDirectory(path), pytest.raises(LinkError, match=f"process {os.getpid()}"):
             RuntimeDirectory(path).__enter__()
         assert (path / "lock").read_text() == f"{os.getpid()}\n"
-    assert len(list(Path("/proc/self/fd").iterdir())) == files
+    assert open_files() == files
 
 
-def mode(number: int) -> Callable[[Path], None]:
-    def make(path: Path) -> None:
-        path.mkdir()
-        path.chmod(number)
-
-    return make
-
-
-def given(user: int, group: int, number: int) -> Callable[[Path], None]:
+def given(number: int, user: int = -1, group: int = -1) -> Callable[[Path], None]:
     def make(path: Path) -> None:
         path.mkdir()
         os.chown(path, user, group)
@@ -164,9 +143,9 @@ def locked_elsewhere(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        *((mode(number), "chmod 700") for number in (0o755, 0o750, 0o770, 0o711, 0o701, 0o1777)),
-        pytest.param(given(-1, 12345, 0o750), f"except {GROUP} with this user", marks=root_only),
-        pytest.param(given(12345, -1, 0o700), r"must belong to user \d+, got user 12345", marks=root_only),
+        *((given(number), "chmod 700") for number in (0o755, 0o750, 0o770, 0o711, 0o701, 0o1777)),
+        pytest.param(given(0o750, group=12345), f"except {GROUP} with this user", marks=root_only),
+        pytest.param(given(0o700, user=12345), r"must belong to user \d+, got user 12345", marks=root_only),
         (lambda path: path.symlink_to("/tmp"), "must be a directory"),
         (lambda path: path.write_text(""), "must be a directory"),
         (locked_elsewhere, "cannot be used"),

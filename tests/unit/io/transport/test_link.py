@@ -1,3 +1,5 @@
+"""When a link tries again, and what it reports, with connections that follow a script."""
+
 from __future__ import annotations
 
 import asyncio
@@ -6,9 +8,9 @@ import subprocess
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
+from link_ends import downs, serving
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
@@ -16,12 +18,7 @@ from slipd.io.transport import Links
 from slipd.io.transport.link import FIRST_DELAY_S, JITTER, MAX_DELAY_S, STEADY_S, Link
 from slipd.io.transport.link_connection import OnBytes
 
-if TYPE_CHECKING:
-    from conftest import Serving
-
 SPEC = LinkSpec("left.wrench", "scripted", "somewhere")
-
-Script = list[str]
 
 
 class Connection:
@@ -30,8 +27,7 @@ class Connection:
     identity, overruns, latency = "what was opened", 2, ""
 
     def __init__(self, data: bytes, on_bytes: OnBytes) -> None:
-        self._data = data
-        self._on_bytes = on_bytes
+        self._data, self._on_bytes = data, on_bytes
 
     async def until_lost(self) -> str:
         if self._data:
@@ -45,28 +41,29 @@ class Connection:
         return
 
 
-def opener(
-    script: list[str | bytes | Exception], make: type[Connection] = Connection
-) -> Callable[[LinkSpec, OnBytes], Awaitable[Connection]]:
+Script = list[str | bytes | Exception]
+
+
+def opener(script: Script, make: type[Connection] = Connection) -> Callable[[LinkSpec, OnBytes], Awaitable[Connection]]:
     """Open by a script: a text is a reason for failure, bytes are delivered before the connection is lost."""
 
     async def open_next(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
         if not script:
             raise asyncio.CancelledError
         step = script.pop(0)
-        if isinstance(step, str):
-            raise LinkError(step)
-        if isinstance(step, Exception):
-            raise step
-        return make(step, on_bytes)
+        if isinstance(step, bytes):
+            return make(step, on_bytes)
+        raise step if isinstance(step, Exception) else LinkError(step)
 
     return open_next
 
 
-async def play(script: list[str | bytes | Exception], make: type[Connection] = Connection) -> list[Event]:
+async def play(script: Script, make: type[Connection] = Connection) -> list[Event]:
     events: list[Event] = []
+    link = Link(SPEC, opener([*script], make), events.append)
     with pytest.raises(asyncio.CancelledError):
-        await Link(SPEC, opener(script, make), events.append).run()
+        await link.run()
+    assert link.overruns == 2 * sum(isinstance(step, bytes) for step in script), "those of all connections"
     return events
 
 
@@ -94,47 +91,44 @@ async def test_a_reason_is_reported_again_only_after_another_or_after_the_link_w
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_a_link_that_opens_and_dies_is_logged_once_until_bytes_arrive(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+async def test_a_link_that_opens_and_dies_is_logged_once_until_bytes_arrive(caplog: pytest.LogCaptureFixture) -> None:
     """A UDP device that is off: its socket opens, and the first request is refused."""
     caplog.set_level(logging.INFO)
-    silent: list[str | bytes] = [b""] * 20
+    silent: Script = [b""] * 20
     events = await play([*silent, b"alive", *silent])
     once = ["left.wrench: open (what was opened)", "left.wrench: pulled"]
     assert caplog.messages == [*once, once[1], once[0]]
-    assert sum(isinstance(event, LinkDown) for event in events) == 41
+    assert downs(events) == ["pulled"] * 41
 
 
-async def test_pauses_double_from_the_first_to_the_longest_with_jitter(pauses: list[float]) -> None:
-    await play(["absent"] * 200)
-    for pause_s, mean_s in zip(pauses, [FIRST_DELAY_S * 2**n for n in range(5)], strict=False):
-        assert abs(pause_s / mean_s - 1) <= JITTER
-    late = pauses[10:]
-    assert all(abs(pause_s / MAX_DELAY_S - 1) <= JITTER for pause_s in late)
-    assert len(set(late)) == len(late)
+GROWING = [min(FIRST_DELAY_S * 2**n, MAX_DELAY_S) for n in range(12)]
+BACK: Script = [*["absent"] * 8, b"alive", "absent"]
 
 
-@pytest.mark.parametrize(("lasts_s", "brings_back"), [(STEADY_S, True), (0.9 * STEADY_S, False)])
-async def test_a_connection_that_brought_bytes_for_a_while_brings_the_first_pause_back(
-    lasts_s: float, brings_back: bool, pauses: list[float], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("script", "lasts_s", "means_s"),
+    [
+        (["absent"] * 12, 0.0, GROWING),
+        ([b""] * 12, 10.0, GROWING),
+        (BACK, STEADY_S, [*GROWING[:8], *GROWING[:2]]),
+        (BACK, 0.9 * STEADY_S, GROWING[:10]),
+    ],
+    ids=["absent", "opens without bytes", "brought bytes for a while", "brought bytes and died at once"],
+)
+async def test_pauses_double_with_jitter_until_a_connection_brings_bytes_for_a_while(
+    script: Script, lasts_s: float, means_s: list[float], pauses: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    now_s = [100.0]
+
     class Lasting(Connection):
         async def until_lost(self) -> str:
-            reason = await super().until_lost()
-            now_s[0] += lasts_s if self._data else 10.0
-            return reason
+            now_s[0] += lasts_s
+            return await super().until_lost()
 
-    now_s = [100.0]
     monkeypatch.setattr("slipd.io.transport.link.time.monotonic", lambda: now_s[0])
-    await play([*["absent"] * 8, b"", b"alive", "absent"], Lasting)
-    assert min(pauses[7:9]) > MAX_DELAY_S / 2
-    assert (pauses[9] <= FIRST_DELAY_S * (1 + JITTER)) == brings_back
-
-
-async def test_a_port_that_opens_and_dies_at_once_is_not_opened_ever_faster(pauses: list[float]) -> None:
-    await play([b""] * 12)
-    assert pauses[-1] >= MAX_DELAY_S * (1 - JITTER)
+    await play(script, Lasting)
+    assert all(abs(pause_s / mean_s - 1) <= JITTER for pause_s, mean_s in zip(pauses, means_s, strict=True))
+    assert len(set(pauses)) == len(pauses)
 
 
 @pytest.mark.usefixtures("pauses")
@@ -144,11 +138,8 @@ async def test_any_exception_of_opening_or_closing_is_a_reason_and_does_not_end_
             raise OSError("does not let go")
 
     events = await play([ZeroDivisionError("a fault of a library"), b"alive", "absent"], Stuck)
-    assert [event.reason for event in events if isinstance(event, LinkDown)] == [
-        "somewhere: cannot be opened (ZeroDivisionError: a fault of a library)",
-        "pulled",
-        "absent",
-    ]
+    opening = "somewhere: cannot be opened (ZeroDivisionError: a fault of a library)"
+    assert downs(events) == [opening, "pulled", "absent"]
 
 
 @pytest.mark.usefixtures("pauses")
@@ -173,78 +164,43 @@ async def test_a_write_reaches_an_open_connection_alone_and_a_refused_one_is_log
     assert [message for message in caplog.messages if "does not read" in message] == [line] * 2
 
 
-@pytest.mark.usefixtures("pauses")
-async def test_overruns_of_all_connections_are_added_up() -> None:
-    link = Link(SPEC, opener([b"1", b"2", "absent"]), print)
-    with pytest.raises(asyncio.CancelledError):
-        await link.run()
-    assert link.overruns == 4
-
-
-class Places:
-    """Tokens of the device at an address, one for each probe and the last for ever; and the attempts of the link."""
-
-    def __init__(self, *seen: object) -> None:
-        self._seen = list(seen)
-        self.tried_at: list[int] = []
-        self.looks = 0
-
-    def probe(self, address: str) -> object:
-        assert address == SPEC.address
-        self.looks += 1
-        return self._seen.pop(0) if len(self._seen) > 1 else self._seen[0]
-
-    async def open(self, spec: LinkSpec, on_bytes: OnBytes) -> Connection:
-        self.tried_at.append(self.looks)
-        if len(self.tried_at) == 3:
-            raise asyncio.CancelledError
-        raise LinkError("not yet")
-
-
-async def tries(*seen: object) -> list[int]:
-    """Return the number of probes before each attempt."""
-    places = Places(*seen)
-    with pytest.raises(asyncio.CancelledError):
-        await Link(SPEC, places.open, print, places.probe).run()
-    return places.tried_at
-
-
-@pytest.fixture
-def long_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A test times out if the link has no reason to try early."""
-    monkeypatch.setattr("slipd.io.transport.link.FIRST_DELAY_S", 1000.0)
-    monkeypatch.setattr("slipd.io.transport.link.MAX_DELAY_S", 1000.0)
-    monkeypatch.setattr("slipd.io.transport.link.PROBE_S", 0.001)
-
-
-@pytest.mark.usefixtures("long_pauses")
 @pytest.mark.parametrize(
     ("seen", "tried_at"),
     [
-        ((None, None, None, "port", "port", None, "port"), [1, 5, 8]),
-        (("port", "port", "other", "other", "other", "third"), [1, 4, 7]),
-        (("port", "port", None, "port", "port", None, "port"), [1, 5, 8]),
+        ([None, None, None, "port", "port", None, "port"], [1, 5, 8]),
+        (["port", "port", "other", "other", "other", "third"], [1, 4, 7]),
+        (["port", "port", None, "port", "port", None, "port"], [1, 5, 8]),
     ],
     ids=["it appears", "another has its place", "the same, plugged in again"],
 )
-async def test_L6_a_pause_ends_when_a_device_is_plugged_in(seen: tuple[object, ...], tried_at: list[int]) -> None:
-    assert await tries(*seen) == tried_at
-
-
-async def test_L6_a_device_that_appears_brings_the_first_pause_back(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_L6_a_pause_ends_when_a_device_is_plugged_in_and_the_next_is_the_first(
+    seen: list[object], tried_at: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tokens of the device at the address, one for each probe; by its pause alone the link would not try again."""
     monkeypatch.setattr("slipd.io.transport.link.PROBE_S", 0.001)
-    places = Places(None, None, "port")
-    link = Link(SPEC, places.open, print, places.probe)
-    link._delay_s = 1000.0  # it would not try again by itself
+    looks: list[str] = []
+    tried: list[int] = []
+
+    def probe(address: str) -> object:
+        looks.append(address)
+        return seen[min(len(looks), len(seen)) - 1]
+
+    async def fail(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
+        tried.append(len(looks))
+        if len(tried) == 3:
+            raise asyncio.CancelledError
+        link._delay_s = 1000.0
+        raise LinkError("not yet")
+
+    link = Link(SPEC, fail, print, probe)
     with pytest.raises(asyncio.CancelledError):
         await link.run()
-    assert link._delay_s == 2 * FIRST_DELAY_S
+    assert (tried, set(looks), link._delay_s) == (tried_at, {SPEC.address}, FIRST_DELAY_S)
 
 
 async def test_a_link_error_of_the_consumer_ends_the_group() -> None:
     def fail(event: Event) -> None:
-        if isinstance(event, LinkUp):
-            raise LinkError("a fault of the consumer")
+        raise LinkError("a fault of the consumer")
 
     with pytest.raises(LinkError, match="of the consumer"):
         await Link(SPEC, opener([b"x"]), fail).run()
@@ -253,19 +209,20 @@ async def test_a_link_error_of_the_consumer_ends_the_group() -> None:
 PORT = LinkSpec("left.wrench", "serial", "/nowhere/at/all", 115200)
 
 
-async def test_an_unknown_transport_is_refused_before_anything_opens() -> None:
+@pytest.mark.parametrize(
+    ("other", "fault"),
+    [
+        (LinkSpec("right.wrench", "carrier pigeon", "roof"), "transport must be serial, tcp, udp, .* got 'carrier pig"),
+        (PORT, "link names must differ, got 'left.wrench' twice"),
+    ],
+)
+async def test_links_that_cannot_be_are_refused_before_anything_opens(other: LinkSpec, fault: str) -> None:
     async with asyncio.TaskGroup() as tasks:
-        with pytest.raises(ValueError, match=r"transport must be serial, tcp, udp, .* got 'carrier pigeon'"):
-            Links(tasks, [PORT, LinkSpec("right.wrench", "carrier pigeon", "roof")], print)
+        with pytest.raises(ValueError, match=fault):
+            Links(tasks, [PORT, other], print)
 
 
-async def test_two_links_with_the_same_name_are_refused() -> None:
-    async with asyncio.TaskGroup() as tasks:
-        with pytest.raises(ValueError, match=r"link names must differ, got 'left.wrench' twice"):
-            Links(tasks, [PORT, PORT], print)
-
-
-async def test_a_write_to_an_unknown_link_is_refused_with_the_known_names(serving: Serving) -> None:
+async def test_a_write_to_an_unknown_link_is_refused_with_the_known_names() -> None:
     async with serving(PORT) as (links, _):
         assert links.unread() == []
         with pytest.raises(ValueError, match=r"link must be one of left.wrench, got 'left'"):

@@ -5,65 +5,53 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING
+from collections.abc import AsyncIterator, Iterator
 
 import pytest
-from link_events import downs, received
-from loop_waits import PATIENCE_S
+from link_ends import TcpDevice, downs, kinds, pieces, received, serving
+from loop_waits import PATIENCE_S, eventually
 
 from slipd.devices import Inquiry
 from slipd.errors import LinkError
-from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.events import Bytes, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import network
 from slipd.io.transport.link_connection import READ_BYTES
-from slipd.io.transport.network import MAX_REPLY_BYTES, inquire
+from slipd.io.transport.network import MAX_DATAGRAM_BYTES, MAX_REPLY_BYTES, inquire
 
-if TYPE_CHECKING:
-    from conftest import Serving, TcpDevice
-    from loop_waits import Eventually
+pytestmark = pytest.mark.usefixtures("loop_faults")
 
 TCP = pytest.mark.parametrize("far", ["tcp"], indirect=True)
 
 
-def pieces(events: list[Event]) -> list[bytes]:
-    return [event.data for event in events if isinstance(event, Bytes)]
-
-
-def kinds(events: list[Event]) -> list[type]:
-    return [type(event) for event in events]
-
-
 @TCP
-async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice, eventually: Eventually) -> None:
+async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice) -> None:
     connection = await network.open_tcp(far.spec, print)
     opened = connection._opened
     assert isinstance(opened, socket.socket)
-    assert opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    assert opened.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
-    noticed_s = opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE)
-    probe_s = opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL)
-    assert noticed_s + probe_s * opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT) <= 3
-    assert opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) <= 3000
+    idle_s, probe_s, probes, unsent_ms, at_once = (
+        opened.getsockopt(socket.IPPROTO_TCP, option)
+        for option in (
+            *(socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT),
+            *(socket.TCP_USER_TIMEOUT, socket.TCP_NODELAY),
+        )
+    )
+    assert (at_once, opened.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)) == (1, 1)
+    assert idle_s + probe_s * probes <= 3
+    assert unsent_ms <= 3000
     await connection.close()
 
 
 @TCP
-async def test_a_reset_is_an_ordinary_loss(far: TcpDevice, serving: Serving, eventually: Eventually) -> None:
-    async with serving(far.spec) as (_, events):
-        await eventually(far.plug)
-        await eventually(lambda: events)
-        assert far._socket is not None
-        far._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
-        far.unplug()
-        await eventually(lambda: LinkDown in kinds(events))
+async def test_a_reset_is_an_ordinary_loss(far: TcpDevice) -> None:
+    async with serving(far) as (_, events):
+        with socket.socket(fileno=far.fd) as reset:
+            reset.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+        far.fd = -1
+        await eventually(lambda: downs(events))
     assert "reset" in downs(events)[0]
 
 
-async def test_a_device_that_does_not_answer_is_reported(
-    serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_device_that_does_not_answer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(network, "OPEN_TIMEOUT_S", 0.05)
     with socket.socket() as server, socket.socket() as queued, socket.socket() as queued_too:
         server.bind(("127.0.0.1", 0))
@@ -73,16 +61,14 @@ async def test_a_device_that_does_not_answer_is_reported(
         queued_too.connect_ex(server.getsockname())
         spec = LinkSpec("left.pad", "tcp", f"tcp://127.0.0.1:{server.getsockname()[1]}")
         async with serving(spec) as (_, events):
-            await eventually(lambda: events)
-    assert "no answer within" in downs(events)[0]
+            assert "no answer within" in downs(events)[0]
 
 
 class Sensor:
     """A datagram socket that answers the last sender."""
 
     def __init__(self, host: str) -> None:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self.socket = socket.socket(family, socket.SOCK_DGRAM)
+        self.socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind((host, 0))
         self.socket.setblocking(False)
         self.heard: list[bytes] = []
@@ -101,78 +87,46 @@ class Sensor:
 
 
 @pytest.fixture
-def sensor() -> Iterator[Sensor]:
-    sensor = Sensor("127.0.0.1")
+def sensor(request: pytest.FixtureRequest) -> Iterator[Sensor]:
+    try:
+        sensor = Sensor(getattr(request, "param", "127.0.0.1"))
+    except OSError as error:
+        pytest.skip(f"no IPv6 here: {error}")
     yield sensor
     sensor.socket.close()
 
 
-def start(event: Event, write: Callable[[str, bytes], bool]) -> None:
-    if isinstance(event, LinkUp):
-        write("left.wrench", b"start")
-
-
-async def test_each_datagram_is_one_piece_in_order_both_ways(
-    sensor: Sensor, serving: Serving, eventually: Eventually
-) -> None:
+@pytest.mark.parametrize("sensor", ["127.0.0.1", "::1"], indirect=True)
+async def test_each_datagram_is_one_piece_in_order_both_ways(sensor: Sensor) -> None:
     """Of a very long one only the beginning is delivered, and those of other senders are ignored."""
-    sent = [b"", b"x", *(bytes([n % 256]) * n for n in range(1, 300)), bytes(network.MAX_DATAGRAM_BYTES)]
-    stranger = Sensor("127.0.0.1")
+    sent = [b"", b"x", *(bytes([n % 256]) * n for n in range(1, 300)), bytes(MAX_DATAGRAM_BYTES)]
     async with serving(sensor.spec) as (links, events):
-        await eventually(lambda: events)
         assert links.write("left.wrench", b"one")
         assert links.write("left.wrench", b"two")
         await eventually(lambda: sensor.hears() == [b"one", b"two"])
-        stranger.peer = sensor.peer
-        stranger.send(b"not yours")
+        with socket.socket(sensor.socket.family, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(b"not yours", sensor.peer)
         for data in [*sent, bytes(65_000), b"end"]:
             sensor.send(data)
         await eventually(lambda: pieces(events)[-1:] == [b"end"])
-    stranger.socket.close()
     assert events[0] == LinkUp("left.wrench", sensor.spec.address)
-    assert pieces(events) == [*sent, bytes(network.MAX_DATAGRAM_BYTES), b"end"]
+    assert pieces(events) == [*sent, bytes(MAX_DATAGRAM_BYTES), b"end"]
 
 
-@pytest.mark.skipif(not socket.has_ipv6, reason="no IPv6 here")
-async def test_a_device_with_an_ipv6_address_is_read(serving: Serving, eventually: Eventually) -> None:
-    try:
-        sensor = Sensor("::1")
-    except OSError as error:
-        pytest.skip(f"no IPv6 here: {error}")
-    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
-        await eventually(sensor.hears)
-        sensor.send(b"six")
-        await eventually(lambda: pieces(events) == [b"six"])
-    sensor.socket.close()
-
-
-async def test_a_host_without_a_listener_is_reported_and_tried_again(
-    sensor: Sensor, serving: Serving, eventually: Eventually
-) -> None:
+async def test_a_host_without_a_listener_is_reported_and_tried_again(sensor: Sensor) -> None:
     """A connected socket holds the port, so that no other program gets it, and receives nothing from the daemon."""
     sensor.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     sensor.socket.connect(sensor.socket.getsockname())
-    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
-        await eventually(lambda: LinkDown in kinds(events))
-        assert "nothing listens on this port" in downs(events)[0]
-        back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        back.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        back.bind(sensor.socket.getsockname())
-        await eventually(lambda: kinds(events).count(LinkUp) > 1)
-        back.settimeout(PATIENCE_S)
-        assert back.recv(100) == b"start"
-        back.close()
-
-
-async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reason(
-    sensor: Sensor, serving: Serving, eventually: Eventually
-) -> None:
     async with serving(sensor.spec) as (links, events):
-        await eventually(lambda: events)
-        assert not links.write("left.wrench", bytes(70_000))
-        await eventually(lambda: LinkDown in kinds(events))
-        assert not links.write("left.wrench", b"down")
-    assert "too long" in downs(events)[0]
+        links.write("left.wrench", b"start")
+        await eventually(lambda: downs(events))
+        assert "nothing listens on this port" in downs(events)[0]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as back:
+            back.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            back.bind(sensor.socket.getsockname())
+            back.settimeout(PATIENCE_S)
+            await eventually(lambda: links.write("left.wrench", b"start"))
+            assert back.recv(100) == b"start"
 
 
 @pytest.mark.parametrize(
@@ -189,7 +143,7 @@ async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reaso
     ],
 )
 async def test_an_address_that_cannot_be_reached_is_reported(
-    address: str, words: str, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+    address: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No name server is asked: it may take longer than a test."""
     real = socket.getaddrinfo
@@ -201,30 +155,30 @@ async def test_an_address_that_cannot_be_reached_is_reported(
 
     monkeypatch.setattr(socket, "getaddrinfo", resolve)
     async with serving(LinkSpec("left.wrench", address[:3], address)) as (_, events):
-        await eventually(lambda: events)
-    assert kinds(events) == [LinkDown]
+        assert kinds(events) == [LinkDown]
     assert downs(events)[0].startswith(f"{address}: ")
     assert words in downs(events)[0]
 
 
-async def test_L9_what_the_kernel_drops_is_counted_over_all_connections(
-    sensor: Sensor, serving: Serving, eventually: Eventually, quick: None
-) -> None:
-    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
+async def test_L9_what_the_kernel_drops_is_counted_over_all_connections(sensor: Sensor, quick: None) -> None:
+    """A write that is longer than a datagram ends a connection."""
+    async with serving(sensor.spec) as (links, events):
+        links.write("left.wrench", b"start")
         await eventually(sensor.hears)
-        sent = 20_000
-        for _ in range(sent):  # the loop does not read meanwhile
+        for _ in range(20_000):  # the loop does not read meanwhile
             sensor.send(b"flood")
-        await eventually(lambda: len(pieces(events)) + links.overruns["left.wrench"] == sent)
+        await eventually(lambda: len(pieces(events)) + links.overruns["left.wrench"] == 20_000)
         dropped = links.overruns["left.wrench"]
         assert dropped > 0
         assert not links.write("left.wrench", bytes(70_000))
         await eventually(lambda: kinds(events)[-1] is LinkUp)
+        assert "too long" in downs(events)[0]
         assert links.overruns["left.wrench"] == dropped
 
 
-async def test_L9_a_flood_leaves_the_loop_its_turn(sensor: Sensor, serving: Serving, eventually: Eventually) -> None:
-    async with serving(sensor.spec, on_event=lambda event: start(event, links.write)) as (links, events):
+async def test_L9_a_flood_leaves_the_loop_its_turn(sensor: Sensor) -> None:
+    async with serving(sensor.spec) as (links, events):
+        links.write("left.wrench", b"start")
         await eventually(sensor.hears)
         for size in (0, 128, 1500):
             for _ in range(100):
@@ -265,18 +219,18 @@ async def test_a_kernel_that_does_not_count_drops_is_borne(sensor: Sensor, monke
 QUESTION = b"how many counts are a newton?"
 
 
-@asynccontextmanager
+@contextlib.asynccontextmanager
 async def host(*answers: bytes, hangs_up: bool = True) -> AsyncIterator[tuple[int, list[bytes]]]:
     """Answer each connection in turn, in two pieces; yield the port and what was asked."""
     asked: list[bytes] = []
     met: list[asyncio.Task[None] | None] = []
-    left = list(answers)
+    left = iter(answers)
 
     async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         met.append(asyncio.current_task())
         with contextlib.suppress(ConnectionError):
             asked.append(await reader.read(100))
-            answer = left.pop(0) if left else b""
+            answer = next(left, b"")
             for piece in (answer[:3], answer[3:]):
                 writer.write(piece)
                 await asyncio.sleep(0.001)
@@ -306,33 +260,29 @@ async def test_an_answer_ends_at_its_length_or_with_the_connection(
 
 
 @pytest.mark.parametrize(
-    ("answer", "reply_bytes", "words"),
+    ("answer", "reply_bytes", "hangs_up", "words"),
     [
-        (b"one", 11, "the answer must have 11 bytes, got 3"),
-        (b"", 0, "without an answer"),
-        (bytes(MAX_REPLY_BYTES + 1), 0, "more than 65536 bytes"),
+        (b"one", 11, True, "the answer must have 11 bytes, got 3"),
+        (b"", 0, True, "without an answer"),
+        (bytes(MAX_REPLY_BYTES + 1), 0, True, "more than 65536 bytes"),
+        (b"on", 11, False, r"no answer within 0.05 s"),
     ],
 )
-async def test_an_answer_that_is_cut_off_or_too_long_is_refused(answer: bytes, reply_bytes: int, words: str) -> None:
-    async with host(answer) as (port, _):
+async def test_an_answer_that_is_cut_off_or_late_or_too_long_is_refused(
+    answer: bytes, reply_bytes: int, hangs_up: bool, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(network, "INQUIRY_TIMEOUT_S", PATIENCE_S if hangs_up else 0.05)
+    async with host(answer, hangs_up=hangs_up) as (port, _):
         with pytest.raises(LinkError, match=f"TCP port {port} failed: .*{words}; switch the device on"):
             await inquire("udp://127.0.0.1:1", Inquiry(port, QUESTION, reply_bytes))
 
 
-async def test_a_host_that_never_answers_or_has_no_port_is_given_up(
-    monkeypatch: pytest.MonkeyPatch, unused_tcp_port: int
-) -> None:
-    monkeypatch.setattr(network, "INQUIRY_TIMEOUT_S", 0.05)
-    async with host(b"on", hangs_up=False) as (port, _):
-        with pytest.raises(LinkError, match=r"no answer within 0.05 s"):
-            await inquire("udp://127.0.0.1:1", Inquiry(port, QUESTION, 11))
+async def test_a_host_without_the_port_is_refused(unused_tcp_port: int) -> None:
     with pytest.raises(LinkError, match="inquiry on TCP port"):
         await inquire("udp://127.0.0.1:1", Inquiry(unused_tcp_port, QUESTION, 11))
 
 
-async def test_a_link_stays_down_and_asks_again_until_the_answer_is_right_and_delivers_that_first(
-    serving: Serving, eventually: Eventually, quick: None
-) -> None:
+async def test_a_link_stays_down_and_asks_again_until_the_answer_is_right_and_delivers_that_first(quick: None) -> None:
     def check(answer: bytes) -> str:
         return "" if answer == b"well" else f"{answer.decode()}, it says" if answer != b"boom" else [][1]
 
@@ -341,11 +291,9 @@ async def test_a_link_stays_down_and_asks_again_until_the_answer_is_right_and_de
         async with serving(spec) as (_, events):
             await eventually(lambda: len(events) == 5)
     assert kinds(events) == [LinkDown, LinkDown, LinkDown, LinkUp, Bytes]
-    assert "must have 4 bytes" in downs(events)[0]
-    assert "busy, it says; switch the device on" in downs(events)[1]
-    assert "IndexError" in downs(events)[2]
-    assert received(events) == b"well"
-    assert asked == [QUESTION] * 4
+    faults = ("must have 4 bytes", "busy, it says; switch the device on", "IndexError")
+    assert [fault in reason for fault, reason in zip(faults, downs(events), strict=True)] == [True] * 3
+    assert (received(events), asked) == (b"well", [QUESTION] * 4)
 
 
 @pytest.mark.parametrize(

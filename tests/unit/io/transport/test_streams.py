@@ -3,50 +3,40 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
+import itertools
+from pathlib import Path
 
 import pytest
-from link_events import downs, received, ups
+from link_ends import Device, FarEnd, downs, kinds, pieces, received, serving, ups
+from loop_waits import eventually
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import link_connection
 from slipd.io.transport.link_connection import READ_BYTES
 
-if TYPE_CHECKING:
-    from conftest import Device, Driver, Serving, TcpDevice
-    from loop_waits import Eventually
-
-    Far = Device | TcpDevice | Driver
+pytestmark = pytest.mark.usefixtures("loop_faults")
 
 HUGE = 20_000_000  # bytes; no kernel buffers as many
+LARGE = 1_000_000  # bytes; more than any kernel buffers at once
 EVERY = bytes(range(256)) * 80
 
 
-async def test_bytes_pass_both_ways_unchanged_and_in_order(far: Far, serving: Serving, eventually: Eventually) -> None:
-    async with serving(far.spec) as (links, events):
-        await eventually(far.plug)
-        await eventually(lambda: events)
-        at, size = 0, 0
-        while at < len(EVERY):
-            size = size % 142 + 1
-            far.send(EVERY[at : at + size])
-            at += size
-            await asyncio.sleep(0)
-            await eventually(lambda: at - len(received(events)) < 1000)  # noqa: B023 - a port holds some kilobytes
+async def test_bytes_pass_both_ways_unchanged_and_in_order(far: FarEnd) -> None:
+    got = bytearray()
+    async with serving(far) as (links, events):
+        for begin, end in itertools.pairwise(n * (n + 1) // 2 for n in range(203)):
+            far.send(EVERY[begin:end])
+            await eventually(lambda: begin - len(received(events)) < 1000)  # noqa: B023 - a port holds some kilobytes
         await eventually(lambda: len(received(events)) == len(EVERY))
         assert links.write("left.wrench", EVERY[:2560])
-        got = bytearray()
         await eventually(lambda: got.extend(far.read()) or len(got) == 2560)
     assert events[0] == LinkUp("left.wrench", far.spec.address)
-    assert received(events) == EVERY
-    assert got == EVERY[:2560]
-    assert max(len(event.data) for event in events if isinstance(event, Bytes)) <= READ_BYTES
+    assert (received(events), got) == (EVERY, EVERY[:2560])
+    assert max(map(len, pieces(events))) <= READ_BYTES
 
 
-async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_again(
-    far: Far, serving: Serving, eventually: Eventually, quick: None
-) -> None:
-    async with serving(far.spec) as (links, events):
+async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_again(far: FarEnd, quick: None) -> None:
+    async with serving(far.spec, waits=False) as (links, events):
         for times in range(1, 4):
             await eventually(far.plug)
             await eventually(lambda: ups(events) == times)  # noqa: B023
@@ -60,77 +50,47 @@ async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_
     assert received(events) == b"half a fr" * 3
 
 
-async def test_L10_a_device_that_never_reads_refuses_commands_and_is_still_read(
-    far: Far, other_device: Device, serving: Serving, eventually: Eventually
-) -> None:
-    other_device.plug()
-    other = LinkSpec("right.wrench", "serial", str(other_device.path), 115200)
-    async with serving(far.spec, other) as (links, events):
-        await eventually(far.plug)
-        await eventually(lambda: ups(events) == 2)
+async def test_L10_a_device_that_never_reads_refuses_commands_and_is_still_read(far: FarEnd, tmp_path: Path) -> None:
+    other = Device(tmp_path / "other")
+    other.plug()
+    async with serving(far, LinkSpec("right.wrench", "serial", str(other.path), 115200)) as (links, events):
         assert links.write("left.wrench", b"y" * HUGE)
         for _ in range(100):
             assert not links.write("left.wrench", b"must not get between")
         assert links.refused_writes == {"left.wrench": 100, "right.wrench": 0}
         far.send(b"still here")
-        other_device.send(b"and I")
+        other.send(b"and I")
         await eventually(lambda: received(events) == b"still here")
         await eventually(lambda: received(events, "right.wrench") == b"and I")
+    other.unplug()
     assert downs(events) == []
 
 
-async def test_L10_the_rest_of_a_write_is_sent_and_then_new_ones_are_accepted(
-    far: Far, serving: Serving, eventually: Eventually
-) -> None:
-    size, got = 1_000_000, bytearray()
-    async with serving(far.spec) as (links, events):
-        await eventually(far.plug)
-        await eventually(lambda: events)
-        assert links.write("left.wrench", b"y" * size)
-        await eventually(lambda: got.extend(far.read()) or len(got) >= size)
+async def test_L10_the_rest_of_a_write_is_sent_and_then_new_ones_are_accepted(far: FarEnd) -> None:
+    got = bytearray()
+    async with serving(far) as (links, _):
+        assert links.write("left.wrench", b"y" * LARGE)
+        await eventually(lambda: got.extend(far.read()) or len(got) >= LARGE)
         await eventually(lambda: links.write("left.wrench", b"and on"))
         await eventually(lambda: got.extend(far.read()) or got.endswith(b"and on"))
-    assert got == b"y" * size + b"and on"
+    assert got == b"y" * LARGE + b"and on"
 
 
+@pytest.mark.parametrize(("patience_s", "reads"), [(60.0, True), (0.01, False)])
 async def test_closing_waits_for_the_rest_of_a_write_but_not_for_ever(
-    far: Far, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+    patience_s: float, reads: bool, far: FarEnd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    size, got = 1_000_000, bytearray()
-
-    async def read_all() -> None:
-        await eventually(lambda: got.extend(far.read()) or len(got) >= size)
-
-    for patience_s in (60.0, 0.01):
-        monkeypatch.setattr(link_connection, "DRAIN_TIMEOUT_S", patience_s)
-        async with asyncio.TaskGroup() as tasks, serving(far.spec) as (links, events):
-            await eventually(far.plug)
-            await eventually(lambda: events)
-            assert links.write("left.wrench", b"x" * size)
-            if patience_s > 1.0:
-                tasks.create_task(read_all())
-        far.unplug()
-    assert got == b"x" * size
-
-
-async def test_the_last_bytes_before_the_end_reach_the_device(
-    far: Far, serving: Serving, eventually: Eventually
-) -> None:
+    monkeypatch.setattr(link_connection, "DRAIN_TIMEOUT_S", patience_s)
     got = bytearray()
-    async with serving(far.spec) as (links, events):
-        await eventually(far.plug)
-        await eventually(lambda: events)
-        assert links.write("left.wrench", b"farewell")
-    await eventually(lambda: got.extend(far.read()) or got == b"farewell")
-    assert len(events) == 1
+    async with asyncio.TaskGroup() as tasks, serving(far) as (links, _):
+        assert links.write("left.wrench", b"x" * LARGE)
+        if reads:
+            tasks.create_task(eventually(lambda: got.extend(far.read()) or len(got) >= LARGE))
+    assert got == b"x" * LARGE * reads
 
 
-async def test_L5_unplugging_with_a_write_under_way_is_an_ordinary_loss(
-    far: Far, serving: Serving, eventually: Eventually, quick: None
-) -> None:
-    async with serving(far.spec) as (links, events):
-        await eventually(far.plug)
-        await eventually(lambda: ups(events))
+async def test_L5_unplugging_with_a_write_under_way_is_an_ordinary_loss(far: FarEnd, quick: None) -> None:
+    async with serving(far) as (links, events):
         assert links.write("left.wrench", bytes(HUGE))
         far.unplug()
         links.write("left.wrench", b"into the void")
@@ -142,25 +102,21 @@ async def test_L5_unplugging_with_a_write_under_way_is_an_ordinary_loss(
         await eventually(lambda: far.read() == b"fresh")
 
 
-@pytest.mark.parametrize("kind", [LinkUp, Bytes])
-async def test_an_exception_of_the_consumer_ends_the_group(
-    kind: type, far: Far, serving: Serving, eventually: Eventually
-) -> None:
+@pytest.mark.parametrize("seen", [[LinkUp], [LinkUp, Bytes]], ids=["up", "bytes"])
+async def test_an_exception_of_the_consumer_ends_the_group(seen: list[type], far: FarEnd) -> None:
     events: list[Event] = []
 
     def fail(event: Event) -> None:
         events.append(event)
-        if type(event) is kind:
+        if type(event) is seen[-1]:
             raise ArithmeticError("a fault of ours")
 
     async def run() -> None:
-        async with serving(far.spec, on_event=fail):
-            await eventually(far.plug)
-            await eventually(lambda: events)
+        async with serving(far, on_event=fail):
             far.send(bytes(3 * READ_BYTES))  # takes several reads
             await asyncio.Event().wait()
 
     with pytest.raises(ExceptionGroup) as raised:
         await run()
     assert [str(error) for error in raised.value.exceptions] == ["a fault of ours"]
-    assert [type(event) for event in events] == ([LinkUp] if kind is LinkUp else [LinkUp, Bytes])
+    assert kinds(events) == seen

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
+from typing import Any
 
 import pytest
+from loop_waits import eventually
 
 from slipd.io.zmtp.loop_time_accounts import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
 
@@ -33,36 +36,29 @@ def test_a_dear_turn_is_paid_off_before_the_next() -> None:
 
 async def test_those_that_wait_have_their_turns_in_order_when_there_is_time() -> None:
     account, turns = TimeAccount(b"a", SHARE), []
-    assert account.has_time(asyncio.get_running_loop().time())
-    account.charge(BURST_S + 0.001)
-    done = asyncio.Event()
 
     def turn(number: int) -> None:
         turns.append(number)
         account.charge(0.002)
-        if number == 4:
-            done.set()
 
+    assert account.has_time(asyncio.get_running_loop().time())
+    account.charge(BURST_S + 0.001)
     for number in range(5):
-        account.wait(lambda number=number: turn(number))  # type: ignore[misc]
+        account.wait(partial(turn, number))
     assert turns == []
-    async with asyncio.timeout(30):
-        await done.wait()
-    assert turns == [0, 1, 2, 3, 4]
+    await eventually(lambda: turns == [0, 1, 2, 3, 4])
 
 
-async def test_a_turn_that_fails_reaches_the_loop_and_the_next_has_its_own() -> None:
-    account, faults, done = TimeAccount(b"a", SHARE), [], asyncio.Event()
-    asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context["exception"]))
-
+async def test_a_turn_that_fails_reaches_the_loop_and_the_next_has_its_own(loop_faults: list[dict[str, Any]]) -> None:
     def fail() -> None:
         raise ArithmeticError("a fault of ours")
 
+    account, done = TimeAccount(b"a", SHARE), asyncio.Event()
     account.wait(fail)
     account.wait(done.set)
-    async with asyncio.timeout(30):
-        await done.wait()
-    assert [str(fault) for fault in faults] == ["a fault of ours"]
+    await eventually(done.is_set)
+    assert [str(fault["exception"]) for fault in loop_faults] == ["a fault of ours"]
+    loop_faults.clear()
 
 
 def test_a_connection_takes_the_place_of_one_that_is_gone() -> None:

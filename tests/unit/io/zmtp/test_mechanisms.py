@@ -6,7 +6,6 @@ Handshakes of libzmq clients are tested with the endpoints (`tests/unit/io/bus/t
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from functools import partial
 
 import pytest
@@ -33,10 +32,6 @@ SHORT = sodium.crypto_box_seed_keypair(b"s" * 32)
 METADATA = encode_metadata({b"Socket-Type": b"SUB"})
 
 
-def only(key: bytes) -> Callable[[bytes], bool]:
-    return lambda asked: asked == z85.encode(key)
-
-
 def bodies(wire: bytes) -> list[tuple[int, bytes]]:
     return list(iter(partial(next_frame, bytearray(wire), 10_000), None))
 
@@ -46,9 +41,7 @@ class Client:
 
     def __init__(self, server_public: bytes = SERVER[0]) -> None:
         self.server_public = server_public
-        self.shared = b""
-        self.cookie = b""
-        self.short_server = b""
+        self.shared = self.cookie = self.short_server = b""
 
     def hello(self, number: int = 1) -> bytes:
         nonce = struct.pack(">Q", number)
@@ -58,8 +51,7 @@ class Client:
 
     def welcome(self, wire: bytes) -> None:
         ((flags, body),) = bodies(wire)
-        assert flags == COMMAND
-        assert body[:8] == b"\x07WELCOME"
+        assert (flags, body[:8]) == (COMMAND, b"\x07WELCOME")
         opening = sodium.crypto_box_beforenm(self.server_public, SHORT[1])
         plain = sodium.crypto_box_open_afternm(body[24:], b"WELCOME-" + body[8:24], opening)
         self.short_server, self.cookie = plain[:32], plain[32:]
@@ -72,14 +64,14 @@ class Client:
         key: tuple[bytes, bytes] = CLIENT,
         claimed: bytes = CLIENT[0],
         vouched: bytes = SHORT[0] + SERVER[0],
-        metadata: bytes = METADATA,
+        cookie: bytes = b"",
         cut: int = 0,
     ) -> bytes:
         nonce, vouch_nonce = struct.pack(">Q", number), bytes(16)
         vouch = sodium.crypto_box(vouched, b"VOUCH---" + vouch_nonce, self.short_server, key[1])
-        plain = claimed + vouch_nonce + vouch + metadata
+        plain = claimed + vouch_nonce + vouch + METADATA
         box = sodium.crypto_box_afternm(plain[: len(plain) - cut], b"CurveZMQINITIATE" + nonce, self.shared)
-        return self.cookie + nonce + box
+        return (cookie or self.cookie) + nonce + box
 
     def seal(self, number: int, body: bytes, flags: int = 0) -> bytes:
         nonce = struct.pack(">Q", number)
@@ -92,7 +84,7 @@ class Client:
 
 @pytest.fixture
 def server() -> Curve:
-    return Curve(b"XPUB", SERVER[1], only(CLIENT[0]))
+    return Curve(b"XPUB", SERVER[1], lambda asked: asked == z85.encode(CLIENT[0]))
 
 
 @pytest.fixture
@@ -122,47 +114,40 @@ def test_a_key_that_is_proved_is_known_and_both_sides_understand_each_other(serv
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "reason"),
     [
-        {"key": OTHER},  # claims the key of another, whose secret it does not have
-        {"vouched": OTHER[0] + SERVER[0]},  # what the owner of the key vouched for elsewhere
-        {"vouched": SHORT[0] + OTHER[0]},
-        {"number": 1},  # not above that of the HELLO
-        {"cut": len(METADATA) + 1},
-        {"cut": 5},
+        ({"key": OTHER}, "does not open"),  # claims the key of another, whose secret it does not have
+        ({"vouched": OTHER[0] + SERVER[0]}, "does not vouch"),  # what the owner of the key vouched for elsewhere
+        ({"vouched": SHORT[0] + OTHER[0]}, "does not vouch"),
+        ({"number": 1}, "used before"),  # not above that of the HELLO
+        ({"cookie": bytes(96)}, "another cookie"),
+        ({"cut": len(METADATA) + 1}, "truncated"),
+        ({"cut": 5}, "truncated"),
     ],
-    ids=["stolen key", "another connection", "another server", "old nonce", "cut short", "cut metadata"],
+    ids=["stolen key", "another connection", "another server", "old nonce", "cookie", "cut short", "cut metadata"],
 )
-def test_who_does_not_prove_the_key_is_refused(wrong: dict[str, object], server: Curve, client: Client) -> None:
-    with pytest.raises(ProtocolError):
+def test_who_does_not_prove_the_key_is_refused(
+    wrong: dict[str, object], reason: str, server: Curve, client: Client
+) -> None:
+    with pytest.raises(ProtocolError, match=reason):
         server.handshake(client.initiate(**wrong))  # type: ignore[arg-type]
     assert (server.key, server.properties) == (b"", {})
 
 
-def test_the_cookie_of_another_connection_is_refused(server: Curve, client: Client) -> None:
-    client.cookie = bytes(96)
-    with pytest.raises(ProtocolError, match="another cookie"):
-        server.handshake(client.initiate())
-
-
-def test_a_client_with_the_key_of_another_daemon_is_refused(server: Curve) -> None:
-    with pytest.raises(ProtocolError, match="does not open"):
-        server.handshake(Client(OTHER[0]).hello())
-
-
 @pytest.mark.parametrize(
-    "data",
+    ("data", "reason"),
     [
-        b"",
-        b"\x01\x00",
-        b"\x02\x00".ljust(194, b"\0"),
-        b"\x01\x00".ljust(194, b"\0"),
+        (b"", "not that of CURVE"),
+        (b"\x01\x00", "not that of CURVE"),
+        (b"\x02\x00".ljust(194, b"\0"), "not that of CURVE"),
+        (b"\x01\x00".ljust(194, b"\0"), "used before"),
         # with a key of low order, the shared secret is known to everybody
-        b"\x01\x00".ljust(113, b"\0") + b"\x01" + bytes(80),
+        (b"\x01\x00".ljust(113, b"\0") + b"\x01" + bytes(80), "does not open"),
+        (Client(OTHER[0]).hello(), "does not open"),  # it has the key of another daemon
     ],
 )
-def test_an_invalid_hello_is_refused(data: bytes, server: Curve) -> None:
-    with pytest.raises(ProtocolError):
+def test_an_invalid_hello_is_refused(data: bytes, reason: str, server: Curve) -> None:
+    with pytest.raises(ProtocolError, match=reason):
         server.handshake(data)
 
 
@@ -185,10 +170,18 @@ def wire_of(name: bytes, data: bytes) -> bytes:
     return encode_frame(encode_command(name, data), COMMAND)
 
 
-def test_a_connection_with_keys_takes_hello_initiate_and_sealed_frames_and_nothing_else(server: Curve) -> None:
+@pytest.fixture
+def connection(server: Curve) -> Connection:
+    """After its greeting was sent."""
     connection = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4))
     assert connection.data_to_send() == encode_greeting(b"CURVE", as_server=True)
     connection.sent(64)
+    return connection
+
+
+def test_a_connection_with_keys_takes_hello_initiate_and_sealed_frames_and_nothing_else(
+    connection: Connection,
+) -> None:
     client = Client()
     connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
     assert [connection.next_event() for _ in range(3)] == [Event.PART, Event.PART, Event.NEED_DATA]
@@ -203,18 +196,19 @@ def test_a_connection_with_keys_takes_hello_initiate_and_sealed_frames_and_nothi
 
 
 @pytest.mark.parametrize("commands", [[b"READY"], [b"INITIATE"], [b"HELLO", b"HELLO"]])
-def test_a_step_of_the_handshake_out_of_order_ends_the_connection(commands: list[bytes], server: Curve) -> None:
-    connection = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4))
+def test_a_step_of_the_handshake_out_of_order_ends_the_connection(
+    commands: list[bytes], connection: Connection
+) -> None:
     connection.receive_data(GREETING + b"".join(wire_of(name, Client().hello()) for name in commands))
     with pytest.raises(ProtocolError, match=r"must send (HELLO first|INITIATE after HELLO), got"):
         list(iter(connection.next_event, Event.NEED_DATA))
 
 
-def test_a_client_whose_key_is_refused_gets_the_reason(server: Curve) -> None:
-    connection, client = Connection(server, PeerRules(b"XPUB", frozenset({b"SUB"}), max_bytes=4)), Client()
+def test_a_client_whose_key_is_refused_gets_the_reason(connection: Connection, server: Curve) -> None:
+    client = Client()
     connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
     assert [connection.next_event() for _ in range(3)][-1] is Event.NEED_DATA
-    client.welcome(connection.data_to_send()[64:])
+    client.welcome(connection.data_to_send())
     connection.receive_data(wire_of(b"INITIATE", client.initiate(key=OTHER, claimed=OTHER[0])))
     with pytest.raises(KeyRefusedError, match="not allowed"):
         connection.next_event()

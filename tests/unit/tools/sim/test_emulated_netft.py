@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -20,11 +19,6 @@ from slipd.io.transport import Links
 from slipd.tools.sim.emulate import emulated
 from slipd.tools.sim.emulated_netft import SERIAL, NetftSensor, make
 from slipd.types.samples import WrenchSample
-
-if TYPE_CHECKING:
-    from loop_waits import Eventually
-
-__all__ = ["eventually"]  # fixture
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
 
@@ -84,7 +78,7 @@ class Mute(Locked):
     ],
 )
 async def test_the_output_rate_is_set_over_http_before_the_records_start(
-    kind: type[NetftSensor], asked_hz: int, rate_hz: float, warning: str, unused_udp_port: int, eventually: Eventually
+    kind: type[NetftSensor], asked_hz: int, rate_hz: float, warning: str, unused_udp_port: int
 ) -> None:
     """The page is served at the port of the emulated calibration: port 80 needs the rights for it."""
     host = f"127.1.{unused_udp_port >> 8}.{unused_udp_port & 255}"  # of this case alone: its TCP port is always 49151
