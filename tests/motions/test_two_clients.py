@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from motions.jaws import GRIPPERS, Jaws
+from gripper_peers import PEERS, Peer
 from motions.two_clients import walk
 
 from slipd.gripper import motion_gate
@@ -13,18 +13,18 @@ from slipd.requests.handlers import RequestHandlers
 
 pytestmark = [pytest.mark.no_cover, pytest.mark.timeout(600)]
 
-EACH = pytest.mark.parametrize("jaws", GRIPPERS.values(), ids=GRIPPERS.keys())
+EACH = pytest.mark.parametrize("jaws", PEERS.values(), ids=PEERS.keys())
 
 
 @EACH
-def test_A9_nothing_is_moved_by_a_client_without_the_lease_nor_above_step_and_rate(jaws: type[Jaws]) -> None:
+def test_A9_nothing_is_moved_by_a_client_without_the_lease_nor_above_step_and_rate(jaws: type[Peer]) -> None:
     assert walk(jaws, 0, 6.0)
 
 
 @EACH
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(10))
-def test_A9_nothing_is_moved_in_180_s(jaws: type[Jaws], seed: int) -> None:
+def test_A9_nothing_is_moved_in_180_s(jaws: type[Peer], seed: int) -> None:
     done = walk(jaws, seed, 180.0)
     assert {"reflex needed", "raised", "friction.set no_lease"} <= set(done)
     assert done["reload"] + done["kill"] + done["kill that kept nothing"] > 0
@@ -49,4 +49,4 @@ def test_what_is_broken_is_found(
 
 def _walk_until_found() -> None:
     for seed in range(10):
-        walk(GRIPPERS["robotiq_2f"], seed, 60.0)
+        walk(PEERS["robotiq_2f"], seed, 60.0)

@@ -123,40 +123,105 @@ def refusal_of(reply: dict[str, Any]) -> tuple[str, str] | None:
     return reply["error"]["code"], reply["error"]["field"]
 
 
-class Run:
-    """One engine, its clock, and all its outputs."""
+class EngineRun:
+    """A daemon, its clock, and ann, who may hold the lease; a subclass hears the outputs and serves the devices.
 
-    def __init__(self, text: str, *, zeros: bool = True) -> None:
-        self.engine = Engine(config.parse(text, "rig.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
+    Args:
+        settings: Config.
+        zeros: Whether the zeros of the sensors are known.
+    """
+
+    def __init__(self, settings: config.Config, *, zeros: bool = True) -> None:
+        self.t_ns, self._asked = T0, 0
+        self.begin(settings, zeros=zeros)
+
+    def begin(self, settings: config.Config, *, zeros: bool = True) -> None:
+        """Start a daemon."""
+        self.engine = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
         if zeros:
             know_zeros(*self.engine._fingers.values())
-        self.t_ns = T0
-        self.out: list[tuple[int, Output]] = []
-        self.gripper = GripperLine()
-        self._scan = 0
-        self._noise = False
-        self.exact = False  # the right pad sends the same image again for the same contact
-        self._message = 0
-        self._asked = 0
-        self._unheard = b""
         self._renewed_ns: int | None = None
-        self.disk: Callable[[str], RecordingChanged] = lambda name: RecordingChanged(name, f"/state/{name}", "running")
+
+    def hear(self, output: Output, event: Event) -> None:
+        """Note an output."""
+        raise NotImplementedError
 
     def feed(self, event: Event) -> list[Output]:
-        """Handle an event now, and check that every output can be encoded."""
+        """Handle an event now."""
         outputs = self.engine.handle(event, self.t_ns)
         for output in outputs:
-            self.out.append((self.t_ns, output))
-            if isinstance(output, (Publish, Reply)):
-                wire = messages.encode(output.body)
-                assert messages.decode(wire, messages.MESSAGE_LIMITS) == output.body, "plain values, all finite"
-                assert faults_of(output, event if isinstance(event, Request) else None) == []
-            elif isinstance(output, Write) and output.link == "gripper":
-                self._unheard += output.data
+            self.hear(output, event)
         return outputs
 
     def wait(self, ms: float) -> None:
         self.t_ns += round(ms * MS)
+
+    def tick(self, suspended_ns: int = 0) -> list[Output]:
+        return self.feed(Tick(suspended_ns))
+
+    def ask(self, op: str, client: bytes = b"ann", **fields: Any) -> dict[str, Any]:
+        """Send a request now and return the reply.
+
+        ``fields`` replace parts of a valid envelope; a field that is ``...`` is left out.
+        """
+        self._asked += 1
+        envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": self.t_ns + 100 * MS}
+        given = {name: value for name, value in (envelope | fields).items() if value is not ...}
+        replies = [output for output in self.request(client, given) if isinstance(output, Reply)]
+        assert [reply.client for reply in replies] == [client]
+        return replies[0].body
+
+    def request(self, client: bytes, body: dict[str, Any]) -> list[Output]:
+        """Send a request."""
+        return self.feed(Request(client, body))
+
+    def refusal(self, op: str, client: bytes = b"ann", **fields: Any) -> tuple[str, str] | None:
+        """Send a request; return the code and field of its refusal, or None if it was granted."""
+        return refusal_of(self.ask(op, client, **fields))
+
+    def code(self, op: str, client: bytes = b"ann", **fields: Any) -> str | None:
+        """Send a request; return the code of its refusal, or None if it was granted."""
+        refused = self.refusal(op, client, **fields)
+        return refused and refused[0]
+
+    def lease(self) -> None:
+        """Take the lease for ann, who renews it while the gripper is served."""
+        assert self.refusal("lease.acquire", ttl_ms=200) is None
+        self._renewed_ns = self.t_ns
+
+    def let_lease_be(self) -> None:
+        """Let ann stop renewing the lease."""
+        self._renewed_ns = None
+
+    def renew_lease(self) -> None:
+        """Renew the lease of ann, where that is due."""
+        if self._renewed_ns is not None and self.t_ns - self._renewed_ns >= 50 * MS:
+            self._renewed_ns = self.t_ns
+            self.ask("lease.renew")
+
+
+class Run(EngineRun):
+    """One engine on the rig, and all its outputs."""
+
+    def __init__(self, text: str, *, zeros: bool = True) -> None:
+        super().__init__(config.parse(text, "rig.toml"), zeros=zeros)
+        self.out: list[tuple[int, Output]] = []
+        self.gripper = GripperLine()
+        self.exact = False  # the right pad sends the same image again for the same contact
+        self._scan = self._message = 0
+        self._noise = False
+        self._unheard = b""
+        self.disk: Callable[[str], RecordingChanged] = lambda name: RecordingChanged(name, f"/state/{name}", "running")
+
+    def hear(self, output: Output, event: Event) -> None:
+        """Check that an output can be encoded."""
+        self.out.append((self.t_ns, output))
+        if isinstance(output, (Publish, Reply)):
+            wire = messages.encode(output.body)
+            assert messages.decode(wire, messages.MESSAGE_LIMITS) == output.body, "plain values, all finite"
+            assert faults_of(output, event if isinstance(event, Request) else None) == []
+        elif isinstance(output, Write) and output.link == "gripper":
+            self._unheard += output.data
 
     def up(self, *links: str) -> None:
         for name in links or self.engine.links:
@@ -166,9 +231,6 @@ class Run:
         if link == "gripper":
             self._unheard = b""
         return self.feed(LinkDown(link, "unplugged"))
-
-    def tick(self, suspended_ns: int = 0) -> list[Output]:
-        return self.feed(Tick(suspended_ns))
 
     def wrench(self, *contact: Any, status: int = 0, ms: float = 1.0, **more: Any) -> list[Output]:
         """Send a reading of the left force sensor, ``ms`` after the previous event."""
@@ -194,37 +256,12 @@ class Run:
             counts[:, 2] += (1, -1, 1, -1)  # with the same sum: a repeated image is suspect
         return self.feed(Bytes("right.pad", xela.encode_message(self._message, {"2": counts}, 1.7e9)))
 
-    def ask(self, op: str, client: bytes = b"ann", **fields: Any) -> dict[str, Any]:
-        """Send a request now and return the reply.
-
-        ``fields`` replace parts of a valid envelope; a field that is ``...`` is left out.
-        """
-        self._asked += 1
-        envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": self.t_ns + 100 * MS}
-        given = {name: value for name, value in (envelope | fields).items() if value is not ...}
-        replies = [output for output in self.request(client, given) if isinstance(output, Reply)]
-        assert [reply.client for reply in replies] == [client]
-        return replies[0].body
-
     def request(self, client: bytes, body: dict[str, Any]) -> list[Output]:
         """Send a request; if it begins a recording, also the answer of the disk."""
-        outputs = self.feed(Request(client, body))
+        outputs = super().request(client, body)
         for record in [output for output in outputs if isinstance(output, Record) and output.name]:
             outputs += self.feed(self.disk(record.name))
         return outputs
-
-    def refusal(self, op: str, client: bytes = b"ann", **fields: Any) -> tuple[str, str] | None:
-        """Send a request; return the code and field of its refusal, or None if it was granted."""
-        return refusal_of(self.ask(op, client, **fields))
-
-    def lease(self) -> None:
-        """Take the lease for ann, who renews it while the gripper is served."""
-        assert self.refusal("lease.acquire", ttl_ms=200) is None
-        self._renewed_ns = self.t_ns
-
-    def let_lease_be(self) -> None:
-        """Let ann stop renewing the lease."""
-        self._renewed_ns = None
 
     def bring_up(self, *, tare: bool = True) -> None:
         """Bring up free, tared fingers and an active gripper whose lease ann holds."""
@@ -277,9 +314,7 @@ class Run:
         for _ in range(round(ms / 5)):
             self.wait(5)
             self.tick()
-            if self._renewed_ns is not None and self.t_ns - self._renewed_ns >= 50 * MS:
-                self._renewed_ns = self.t_ns
-                self.ask("lease.renew")
+            self.renew_lease()
             heard, self._unheard = self._unheard, b""
             answer = self.gripper.answer(heard)
             if answer:

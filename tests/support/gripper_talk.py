@@ -5,8 +5,8 @@ from __future__ import annotations
 from random import Random
 from typing import Any
 
+from gripper_peers import PEERS, SentCommand
 from gripper_walks import MS
-from walk_peers import PEERS, SentCommand
 
 from slipd.devices.external_gripper.external_gripper_message import Report
 from slipd.types.permit import Permit

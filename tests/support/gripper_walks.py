@@ -12,7 +12,7 @@ from enum import Enum
 from random import Random
 from typing import Any
 
-from walk_peers import PEERS, SentCommand
+from gripper_peers import PEERS, SentCommand
 
 from slipd.types.permit import Permit
 

@@ -152,3 +152,12 @@ def wrote(count: int | None = None) -> Step:
         assert count is None or len(found) == count, found
 
     return step
+
+
+def count(topic: str, least: int, most: int | None = None) -> Step:
+    """Check how many messages of a topic there were so far."""
+
+    def step(run: Run) -> None:
+        assert least <= len(run.published(topic)) <= (least if most is None else most)
+
+    return step

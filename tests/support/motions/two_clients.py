@@ -8,13 +8,14 @@ pulls, or what the lease holder stated makes the pull a danger.
 from __future__ import annotations
 
 import itertools
-import math
 from collections import Counter
 from random import Random
 from typing import Any
 
-from motions.cell import MOST_N, PART_M, RAISE_N_PER_S, STEP_N, Cell, brought_up
-from motions.jaws import Jaws, Sent
+from engine_rig import T0
+from gripper_peers import Peer
+from motions.cell import PART_M, RAISE_N_PER_S, STEP_N, Cell, brought_up
+from motions.wire_oracle import MOTIONS, WireOracle
 
 MS = 1_000_000
 LOWER_N_PER_S = 2.0
@@ -26,7 +27,6 @@ AFTERMATH_NS = 4_000 * MS
 DANGER = 0.75
 """Share of what friction carries from which a true load may be a cause: a growing load warns from 0.80 on."""
 HOLDER, OTHER, PAGE = b"ann", b"eve", b"page"
-MOTIONS = ("gripper.open", "gripper.close", "gripper.activate")
 
 
 class Rates:
@@ -45,41 +45,45 @@ class Rates:
         self._left_n = STEP_N
 
 
-class Walk:
+class Walk(WireOracle):
     """One walk; it stops with an AssertionError at the first thing that must not be.
 
     Attributes:
         done: How often each thing happened.
     """
 
-    def __init__(self, jaws: type[Jaws], seed: int) -> None:
+    def __init__(self, jaws: type[Peer], seed: int) -> None:
         self.rng = Random(f"{jaws.__name__} {seed}")
         self.cell: Cell = brought_up(jaws, 6.0)
         self.cell.on_sent, self.cell.on_act = self.look_at_wire, self.look_at_act
         self.done: Counter[str] = Counter()
         self.granted = "gripper.close"  # the last motion that the lease holder was granted
         self.mu = {"left": MU, "right": MU}  # as the holder of the lease stated it, or the config
-        self.pulls: list[tuple[int, float]] = [(self.cell.now_ns, 0.0)]
+        self.pulls: list[tuple[int, float]] = [(self.cell.t_ns, 0.0)]
         self.disturbed_ns = -AFTERMATH_NS
         self.rising, self.falling = Rates(RAISE_N_PER_S), Rates(LOWER_N_PER_S)
         self.exerted_n = self.cell.jaws.grip_n
         self.let_go = False
 
     def run(self, seconds: float) -> Counter[str]:
-        until_ns = self.cell.now_ns + round(seconds * 1e9)
-        while self.cell.now_ns < until_ns:
+        until_ns = self.cell.t_ns + round(seconds * 1e9)
+        while self.cell.t_ns < until_ns:
             self.rng.choice(self.STEPS)(self)
             for _ in range(self.rng.choice((1, 4, 12, 40, 120))):
-                self.cell.run(5)
+                self.cell.serve_gripper(5)
                 self.look_at_jaws()
         return self.done
 
     # -- what happens
 
+    def lease(self) -> None:
+        """The holder takes the lease, if it is free."""
+        if self.cell.code("lease.acquire", client=HOLDER, ttl_ms=200) is None:
+            self.cell._renewed_ns = self.cell.t_ns
+
     def holder_asks(self) -> None:
         rng, cell = self.rng, self.cell
-        if cell.code("lease.acquire", client=HOLDER, ttl_ms=200) is None:
-            cell._renewed_ns = cell.now_ns
+        self.lease()
         held_n = cell.policy.force_n or 6.0
         self.ask(
             HOLDER,
@@ -103,8 +107,7 @@ class Walk:
         """The holder opens, lays a part in, and grips it."""
         cell = self.cell
         cell.pull = 0.0
-        if cell.code("lease.acquire", client=HOLDER, ttl_ms=200) is None:
-            cell._renewed_ns = cell.now_ns
+        self.lease()
         self.ask(HOLDER, "fault.ack", {})
         if not cell.jaws.active:
             self.ask(HOLDER, "gripper.activate", {"drop": True})
@@ -162,18 +165,18 @@ class Walk:
 
     def sensor_fails(self) -> None:
         self.cell.state[self.rng.choice(("left", "right"))] = self.rng.choice(("good", "good", "overload", "silent"))
-        self.disturbed_ns = self.cell.now_ns
+        self.disturbed_ns = self.cell.t_ns
 
     def all_is_well(self) -> None:
         cell = self.cell
         if cell.mute or "good" not in cell.state.values():
-            self.disturbed_ns = cell.now_ns
+            self.disturbed_ns = cell.t_ns
         cell.state, cell.mute, cell.pull = {"left": "good", "right": "good"}, False, 0.0
         self.wait(self.rng.choice((500, 5000)))
 
     def something_breaks(self) -> None:
         cell, what = self.cell, self.rng.choice(("mute", "replug", "stall", "sleep"))
-        self.disturbed_ns = cell.now_ns
+        self.disturbed_ns = cell.t_ns
         self.done[what] += 1
         if what == "mute":
             cell.mute = True
@@ -197,7 +200,7 @@ class Walk:
         self.mu = {"left": MU, "right": MU}
         self.rising.renew()
         self.falling.renew()
-        self.disturbed_ns = cell.now_ns
+        self.disturbed_ns = cell.t_ns
 
     STEPS = (
         *(holder_asks,) * 6, *(other_asks,) * 8, *(page_adjusts,) * 2, *(object_pulls,) * 3, sensor_fails,
@@ -208,12 +211,12 @@ class Walk:
 
     def wait(self, ms: int) -> None:
         for _ in range(0, ms, 5):
-            self.cell.run(5)
+            self.cell.serve_gripper(5)
             self.look_at_jaws()
 
     def ask(self, client: bytes, op: str, fields: dict[str, Any]) -> None:
         cell, before_motion = self.cell, self.granted
-        holder = cell.policy.lease.holder(cell.now_ns)
+        holder = cell.policy.lease.holder(cell.t_ns)
         self.granted = op if op in MOTIONS and client == holder else self.granted  # the wire is seen before the reply
         reply = cell.ask(op, client, **fields)
         self.done[f"{op} {'done' if reply['ok'] else reply['error']['code']}"] += 1
@@ -242,11 +245,11 @@ class Walk:
         self.done["raised" if change_n > 0 else "lowered"] += 1
         assert abs(change_n) <= STEP_N + EPS_N, f"{before_n} N to {self.exerted_n} N at once"
         allowance = self.rising if change_n > 0.0 else self.falling
-        assert allowance.take(abs(change_n), cell.now_ns), f"{before_n} N to {self.exerted_n} N is too fast"
+        assert allowance.take(abs(change_n), cell.t_ns), f"{before_n} N to {self.exerted_n} N is too fast"
 
     def note_pull(self) -> None:
         if self.cell.pull != self.pulls[-1][1]:
-            self.pulls.append((self.cell.now_ns, self.cell.pull))
+            self.pulls.append((self.cell.t_ns, self.cell.pull))
 
     def look_at_act(self, body: dict[str, Any]) -> None:
         """The reflex acted: something true, or stated by the lease holder, must be the cause of a raise."""
@@ -255,33 +258,19 @@ class Walk:
         if act["force_n"] <= act["from_n"]:
             return
         self.note_pull()
-        since_ns = cell.now_ns - AFTERMATH_NS
+        since_ns = cell.t_ns - AFTERMATH_NS
         before = [pull for t_ns, pull in self.pulls if t_ns <= since_ns][-1:]
         recent = before + [pull for t_ns, pull in self.pulls if t_ns > since_ns]
         in_danger = max(recent) / min(self.mu.values()) >= DANGER
         lets_go = any(after < pull for pull, after in itertools.pairwise(recent))
         assert in_danger or lets_go or self.disturbed_ns > since_ns, f"the reflex raises, {act}, without a true cause"
 
-    def look_at_wire(self, sent: Sent) -> None:
-        """A command leaves for the gripper."""
-        cell, jaws = self.cell, self.cell.jaws
-        if sent.kind == "activate":
-            assert self.granted == "gripper.activate", "activated, and the lease holder was not granted it"
-        if sent.width_m is not None and sent.width_m < jaws.width_m - jaws.RESOLUTION_M:
-            assert self.granted == "gripper.close", f"narrows to {sent.width_m}, and nobody with the lease closes"
-        if sent.width_m is not None and sent.width_m > jaws.width_m + jaws.RESOLUTION_M:
-            assert self.granted == "gripper.open", f"widens to {sent.width_m}, and nobody with the lease opens"
-        if sent.force_n is not None:
-            assert jaws.LEAST_N - 1e-3 <= sent.force_n <= MOST_N + 1e-3
-            in_force_n = cell.policy.state(cell.now_ns).force_n or jaws.LEAST_N
-            assert math.isclose(sent.force_n, in_force_n, abs_tol=1e-3), "another force than the one in force"
 
-
-def walk(jaws: type[Jaws], seed: int, seconds: float) -> Counter[str]:
+def walk(jaws: type[Peer], seed: int, seconds: float) -> Counter[str]:
     """Walk, and name the seed of what must not be."""
     one = Walk(jaws, seed)
     try:
         return one.run(seconds)
     except AssertionError as error:
-        error.add_note(f"{jaws.__name__}, seed {seed}, {(one.cell.now_ns - 1_000_000 * MS) * 1e-9:.3f} s")
+        error.add_note(f"{jaws.__name__}, seed {seed}, {(one.cell.t_ns - T0) * 1e-9:.3f} s")
         raise

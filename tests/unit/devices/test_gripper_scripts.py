@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 import pytest
+from gripper_peers import PEERS
 from gripper_talk import REACH, Talk
 from permits import forget
-from walk_peers import PEERS
 
 from slipd.types.permit import Permit
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from gripper_peers import PEERS
 from gripper_talk import REACH
 from gripper_walks import walks
-from walk_peers import PEERS
 
 from slipd.devices.external_gripper import external_gripper_setpoints
 from slipd.devices.robotiq_2f import robotiq_commands

@@ -16,6 +16,7 @@ from run_courses import (
     Step,
     ask,
     bring_up,
+    count,
     down,
     feel,
     follow,
@@ -73,15 +74,6 @@ def changes(*expected: tuple[str, str, bool]) -> Step:
     def step(run: Run) -> None:
         warnings = [body for body in run.published("warning") if body["finger"] == "left"]
         assert [(body["previous"], body["level"], body["rising"]) for body in warnings] == list(expected)
-
-    return step
-
-
-def count(topic: str, least: int, most: int | None = None) -> Step:
-    """Check how many messages of a topic there were so far."""
-
-    def step(run: Run) -> None:
-        assert least <= len(run.published(topic)) <= (least if most is None else most)
 
     return step
 

@@ -8,14 +8,95 @@ from types import EllipsisType
 from typing import Any
 
 import pytest
-from control_bench import MS, T0, Pad, Recorded, ask, reading, refused
 from engine_rig import GRIPPER, LEFT
 
 from slipd import config
 from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
+from slipd.types.permit import Permit
+from slipd.types.refusal import Refusal
+from slipd.types.samples import GripperSample
 from slipd_client.messages import Health
+
+MS = 1_000_000
+T0 = 100_000_000_000
+
+
+def reading(width_m: float | None = 0.085, t_ns: int = T0, **changes: Any) -> GripperSample:
+    usual = {"active": True, "moving": False, "object": "none", "fault": "", "echo_ok": True}
+    return GripperSample(t_ns, None, width_m=width_m, **(usual | changes))
+
+
+class Recorded:
+    """A gripper session that keeps every command; it rounds to half newtons and whole millimetres.
+
+    With ``takes`` false it refuses every command.
+    """
+
+    def __init__(self) -> None:
+        self.takes = True
+        self.command_lost = self.activating = False
+        self.commands: list[tuple[Any, ...]] = []
+        self.width_range_m = (0.0, 0.085)
+        self.speed_range_mps: tuple[float, float] | None = (0.02, 0.15)
+        self.force_range_n = (3.0, 28.5)
+        self.force_sent_n: float | None = None
+        self.has: float | None = None  # the part of it that was sent
+        self.force_acknowledged_n: float | None = None
+
+    def applied_n(self, force_n: float) -> float:
+        return math.floor(2.0 * force_n) / 2.0
+
+    def execute(self, permit: Permit, now_ns: int) -> bool:
+        if permit.kind == "activate":
+            self.commands.append(("activate",))
+            return True
+        if permit.kind == "halt":
+            self.commands.append(("halt",))
+            self.drop()
+            return self.takes
+        assert permit.force_n is not None
+        if permit.width_m is None:
+            self.commands.append(("force", permit.force_n))
+        else:
+            self.commands.append(("move", round(permit.width_m, 3), permit.speed_mps, permit.force_n))
+        if self.takes:
+            self.force_sent_n = self.applied_n(permit.force_n)
+        return self.takes
+
+    def send(self) -> None:
+        """What waits is sent."""
+        self.has = self.force_sent_n
+
+    def drop(self) -> bool:
+        dropped, self.force_sent_n = self.force_sent_n != self.has, self.has
+        return dropped
+
+    def acknowledge(self) -> None:
+        self.commands.append(("acknowledge",))
+
+
+class Pad:
+    """A finger whose contact the test sets."""
+
+    def __init__(self, pressed: bool | None = False, force_n: float | None = None, *, feels: bool = True) -> None:
+        self._pressed, self._force_n, self._feels = pressed, force_n, feels
+        self.presence = self.trust = self
+
+    def press(self, pressed: bool | None, force_n: float | None = None) -> None:
+        self._pressed, self._force_n = pressed, force_n
+
+    def is_pressed(self) -> bool | None:
+        return self._pressed
+
+    def contact_force_n(self, _: int) -> float | None:
+        return self._force_n if self._pressed else None
+
+    def for_raise(self, _: int) -> bool:
+        return self._feels
+
+    at_rest = for_raise
 
 
 class Bench:
@@ -57,6 +138,11 @@ Refused = tuple[str, str] | None | EllipsisType
 """Code and field; ``...``: it may be refused or not."""
 
 
+def why(found: object) -> tuple[str, str] | None:
+    """Return code and field of a refusal."""
+    return (found.code, found.field) if isinstance(found, Refusal) else None
+
+
 def be(**expected: Any) -> Step:
     """Check what can be seen, see `Bench.found`."""
 
@@ -71,8 +157,13 @@ def want(kind: IntentKind, ms: float = 0, refusal: Refused = None, **wanted: Any
     """Ask for a motion ``ms`` after the begin, as the holder of the lease."""
 
     def step(bench: Bench) -> None:
-        found = ask(bench.control, kind, T0 + round(ms * MS), **wanted)
-        assert refusal is ... or (None if found is None else refused(found)) == refusal
+        lease, t_ns = bench.control.policy.lease, T0 + round(ms * MS)
+        holder = lease.holder(t_ns)
+        lease.acquire(b"ann", 200, t_ns)
+        found = bench.control.carry_out(kind, t_ns, b"ann", **wanted)
+        if holder is None:
+            lease.release(b"ann", t_ns)
+        assert refusal is ... or why(found) == refusal
 
     return step
 
@@ -93,8 +184,7 @@ def held(ms: float, width_m: float | None = 0.04, **changes: Any) -> Step:
 
 def acknowledge(refusal: Refused = None) -> Step:
     def step(bench: Bench) -> None:
-        found = bench.control.acknowledge()
-        assert (None if found is None else refused(found)) == refusal
+        assert why(bench.control.acknowledge()) == refusal
 
     return step
 
@@ -140,8 +230,7 @@ def react(force_n: float, refusal: Refused = None) -> Step:
     """The reflex asks for a force."""
 
     def step(bench: Bench) -> None:
-        found = bench.control.carry_out("reflex", T0, force_n=force_n)
-        assert (None if found is None else refused(found)) == refusal
+        assert why(bench.control.carry_out("reflex", T0, force_n=force_n)) == refusal
 
     return step
 

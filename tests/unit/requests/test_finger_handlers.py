@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from arm_rig import ARM, RIG, ArmRun
 from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from grasp_table import grasp_table
 from run_courses import (
     Step,
     ask,
@@ -289,6 +290,29 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             ask("gravity.set", by=b"arm", **DOWN, **L),
         ],
     ),
+    # a reflex acts on what a client states
+    **{
+        f"with a reflex, {op} needs the lease unless {key} is set": (
+            f"{RIG_OF_TWO}\n[reflex]\nenabled = true\n{grasp_table()}\n[requests]\n{key} = true\n",
+            [
+                ask("friction.set", None if key.startswith("friction") else NO_LEASE, mu_s=0.3, **L),
+                ask("object.set", None if key.startswith("friction") else NO_LEASE, name="mug"),
+                ask("gravity.set", None if key.startswith("gravity") else NO_LEASE, **DOWN, **L),
+                ask("tare.undo", NO_LEASE, **L),
+                ask(
+                    op,
+                    f"the reflex acts on {op}, so that it may move the gripper: acquire the lease first "
+                    f"(lease.acquire); {free}_without_lease = true in [requests] of the config frees it",
+                    **fields,
+                    **L,
+                ),
+            ],
+        )
+        for key, op, free, fields in (
+            ("friction_without_lease", "gravity.set", "gravity", DOWN),
+            ("gravity_without_lease", "friction.set", "friction", {"mu_s": 0.02}),
+        )
+    },
     # every other request is refused, and changes nothing
     "a wrong request is refused with its code and field": (
         RIG_OF_TWO,
