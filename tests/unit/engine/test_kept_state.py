@@ -16,11 +16,15 @@ from run_courses import (
     Step,
     ask,
     bring_up,
+    down,
     feel,
     follow,
     grip,
+    gripper,
     lease,
     level,
+    matches,
+    newest,
     no_image,
     serve,
     skin,
@@ -41,137 +45,8 @@ EARLIER = BOOT.replace("b", "a")
 
 
 def kept(run: Run) -> dict[str, Any]:
-    """What a run keeps for the next one."""
-    return json.loads(run.engine.kept.text(run.t_ns).partition(" ")[2])
-
-
-def held() -> tuple[Run, dict[str, Any]]:
-    """A run that holds an object, and what it keeps, as by another boot."""
-    run = copy.deepcopy(holding())
-    return run, kept(run) | {"boot": EARLIER}
-
-
-@functools.cache
-def holding() -> Run:
-    """What all tests begin with is run once."""
-    run = Run(RIG, zeros=False)
-    run.up()
-    quiet = [serve(10), feel(0.0)] * 30  # the tared force sensor measures nothing, and the pad before it shows nothing
-    tare = [ask("tare", finger="right", seconds=0.05), skin(0.0, times=12)]
-    follow(run, [bring_up, *quiet, *tare, grip(5.0), serve(50)])
-    return run
-
-
-def begun(before: Run, state: dict[str, Any] | str) -> Run:
-    """A new run beside the same devices, whose links are not open yet."""
-    run = Run(RIG, zeros=False)
-    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
-    run.feed(StateRestored(state if isinstance(state, str) else seal(json.dumps(state))))
-    return run
-
-
-def restarted(before: Run, state: dict[str, Any] | str) -> Run:
-    """A new run beside the same devices, which goes on to feel 5 N."""
-    run = begun(before, state)
-    run.up()
-    follow(run, [*[feel(5.0), serve(10)] * 20, feel(5.0)])
-    return run
-
-
-def zeros(run: Run) -> dict[str, tuple[int, str | None]]:
-    streams = run.ask("status")["result"]["streams"]
-    return {name: (each["tare_id"], each["tare_origin"]) for name, each in streams.items() if "tare_id" in each}
-
-
-ADJUSTED = ask("grip.adjust", {"applied_n": pytest.approx(6.0)}, delta_n=1.0)
-
-
-def zero(origin: str | None, number: int | None = None) -> Step:
-    """Check where the zero of the left force sensor comes from."""
-    found = {"tare_origin": origin, "tare_id": int(origin is not None) if number is None else number}
-    return status(streams={"left.wrench": found})
-
-
-def said(words: str) -> Step:
-    """Check the message of the left force sensor."""
-
-    def step(run: Run) -> None:
-        assert words in run.ask("status")["result"]["streams"]["left.wrench"]["message"]
-
-    return step
-
-
-def test_a_restart_in_a_grasp_goes_on_with_the_zeros_and_the_grip_in_force() -> None:
-    before, state = held()
-    run = restarted(before, state)
-    assert zeros(run) == {"left.wrench": (1, "stored"), "left.pad": (0, "stored"), "right.pad": (1, "stored")}
-    assert (run.level("left"), run.level("right")) == (("stable", []), ("stable", []))
-    body = run.published("slip.left")[-1]
-    assert (body["tare_origin"], body["tare_age_s"]) == (
-        "stored",
-        pytest.approx((run.t_ns - before.t_ns) * 1e-9 + 0.4, abs=0.4),
-    )
-    taken = run.ask("tare.get", finger="left")["result"]
-    assert (taken["by"], taken["readings"], taken["tare_origin"]) == ("ann", 10, "stored")
-    follow(run, [lease, ADJUSTED])
-    assert kept(run)["grip"]["raised_n"] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("unplugged", [False, True])
-def test_a_kill_while_the_gripper_is_silent_keeps_the_grip(unplugged: bool) -> None:
-    before, state = held()
-    before.gripper.silent = True
-    before.serve_gripper(2000)
-    if unplugged:
-        before.down("gripper")
-    assert before.published("gripper")[-1]["object"] is None
-    assert kept(before)["grip"] == state["grip"]
-    before.gripper.silent = False
-    run = restarted(before, kept(before) | {"boot": EARLIER})
-    follow(run, [lease, ADJUSTED])
-
-
-def test_F6_a_stored_zero_that_a_clear_pull_contradicts_is_not_used() -> None:
-    before, state = held()
-    pulled = [feel(-4.0)] * 30
-    refused = [zero(None), said("the stored zero does not fit: the normal force is clearly negative")]
-    follow(
-        restarted(before, state),
-        [zero("stored"), *pulled, *refused, *[feel(5.0)] * 30, level("unknown", "not_tared")],
-    )
-
-
-def test_a_state_that_cannot_be_read_is_reported_and_nothing_of_it_is_used() -> None:
-    run = Run(RIG, zeros=False)
-    run.feed(StateRestored("", "state.json: Permission denied"))
-    notice = "the state of the run before is not used: state.json: Permission denied"
-    follow(run, [up(), status(notices={"state": notice})])
-
-
-def test_a_stored_zero_waits_for_its_device_and_replaces_none_that_was_measured_meanwhile() -> None:
-    before, state = held()
-    late = [wait(3700_000), up(), feel(5.0), zero(None), said("the device answers too late for restart.gap_s")]
-    follow(begun(before, state), late)
-    measured, _ = held()
-    measured.feed(StateRestored(seal(json.dumps(state))))
-    follow(measured, [feel(5.0), zero("measured")])
-    state["tares"]["left.wrench"]["device"] = "S/N 7"
-    follow(restarted(before, state), [zero(None)])  # this device never reports one
-
-
-@pytest.mark.parametrize(
-    "change", [{"found": 3}, {"stage": 0, "outputs": (0, 0, 0)}, {}], ids=["no object", "inactive", "width"]
-)
-def test_a_grip_that_the_gripper_does_not_confirm_is_forgotten(change: dict[str, Any]) -> None:
-    before, state = held()
-    for name, value in change.items():
-        setattr(before.gripper, name, value)
-    state["grip"]["width_m"] += 0.0 if change else 0.01
-    state["grip"]["force_n"] = 7.0
-    run = restarted(before, state)
-    assert run.published("gripper")[-1]["force_command_n"] != 7.0
-    grip = kept(run)["grip"]
-    assert grip is None or grip["force_n"] != 7.0
+    """What a run keeps for the next one, as by another boot."""
+    return json.loads(run.engine.kept.text(run.t_ns).partition(" ")[2]) | {"boot": EARLIER}
 
 
 def slip(run: Run) -> None:
@@ -180,148 +55,312 @@ def slip(run: Run) -> None:
         run.wrench(5.0, (0.6 + 0.001 * k if k < 580 else 0.9, 0.0))
         if k % 20 == 0:
             run.image(np.full((4, 4), 100 + k % 7))
-            run.skin(5.0, ms=1.0)
-            run.serve_gripper(5)
+            follow(run, [skin(5.0, ms=1.0), serve(5)])
 
 
-def friction(run: Run) -> tuple[str | None, float, float]:
-    """Name of the object, and the coefficient of static friction in use on each finger."""
-    status = run.ask("status")["result"]
-    return status["object_name"], status["fingers"]["left"]["mu"], status["fingers"]["right"]["mu"]
-
-
-def slipped(name: str | None = "mug") -> tuple[Run, dict[str, Any], float]:
-    """A run that learned the friction of a named object by a slip, what it keeps, and the coefficient."""
-    run = copy.deepcopy(slipping(name))
-    found, mu, right = friction(run)
-    assert (found, mu, right) == (name, pytest.approx(0.21, abs=0.01), 0.5)
-    return run, kept(run) | {"boot": EARLIER}, mu
+QUIET: list[Step] = [serve(10), feel(0.0)] * 30
+"""The tared force sensor measures nothing, and the pad before it shows nothing."""
+HELD = [up(), bring_up, *QUIET, ask("tare", finger="right", seconds=0.05), skin(0.0, times=12), grip(5.0), serve(50)]
+BEGINNINGS: dict[str, list[Step]] = {
+    "held": HELD,
+    "slipped": [*HELD, ask("object.set", name="mug"), slip],
+    "slipped without a name": [*HELD, slip],
+}
 
 
 @functools.cache
-def slipping(name: str | None) -> Run:
-    run, _ = held()
-    if name is not None:
-        run.ask("object.set", name=name)
-    slip(run)
+def begun(kind: str) -> Run:
+    """What many courses begin with is run once."""
+    run = Run(RIG, zeros=False)
+    follow(run, BEGINNINGS[kind])
     return run
 
 
-@pytest.mark.parametrize("name", ["mug", None])
-def test_A10_what_a_slip_taught_and_the_name_go_on_with_the_grip(name: str | None) -> None:
-    before, state, mu = slipped(name)
-    run = restarted(before, state)
-    assert friction(run) == (name, mu, 0.5)
-    assert (run.level("left"), run.published("slip.left")[-1]["mu_source"]) == (("stable", []), "learned")
-    status = run.ask("status")["result"]
-    assert (status["object_by"], status["object_t_ns"]) == (None, None), "no client of this run named it"
-    again = restarted(run, kept(run) | {"boot": EARLIER})
-    assert friction(again) == (name, mu, 0.5), "nor does a second kill lose it"
-    follow(again, [feel(0.0), serve(10)] * 5)
-    assert (friction(again)[1] < 0.5) is (name is not None), "another grasp, of the same object where it has a name"
-
-
-def test_what_a_slip_taught_waits_for_the_gripper() -> None:
-    before, state, mu = slipped()
-    run = begun(before, state)
-    assert kept(run)["grip"] == state["grip"], "kept until the gripper answers"
-    follow(run, [up(), feel(5.0)])
-    assert friction(run) == (None, 0.5, 0.5)
-    follow(run, [serve(10), feel(5.0)] * 5)
-    assert friction(run) == ("mug", mu, 0.5)
-    state["grip"]["width_m"] += 0.01
-    assert friction(restarted(before, state)) == (None, 0.5, 0.5), "it is not confirmed"
-
-
-def test_what_a_client_states_before_the_gripper_answers_counts_instead() -> None:
-    before, state, _ = slipped()
-    for op, fields, expected in (
-        ("object.set", {"name": "box"}, ("box", 0.5, 0.5)),
-        ("friction.set", {"finger": "left", "mu_s": 0.4}, ("mug", 0.4, 0.5)),
-    ):
-        run = begun(before, state)
-        follow(run, [up(), lease, ask(op, **fields), serve(50)])
-        assert kept(run)["grip"]["force_n"] == 5.0
-        assert friction(run) == expected
-
-
-@pytest.mark.parametrize(
-    "slips", [[[-0.1, 0.01]], [[-1.5, 0.0]], [[-1.5, -1.0]], [[1e300, 0.01]], [[-1.5, 1e300]], [[-1.5, 5e-324]], []]
-)
-def test_friction_that_is_not_stricter_or_cannot_be_is_ignored(slips: list[list[float]]) -> None:
-    before, state, _ = slipped()
-    kept_of = state["grip"]["friction"]
-    state["grip"]["friction"] = {"left": [[slips, None]] * 2, "another finger": kept_of["left"]}
-    assert friction(restarted(before, state)) == ("mug", 0.5, 0.5)
-
-
-def test_a_state_of_before_friction_was_kept_is_read() -> None:
-    before, state, _ = slipped()
-    del state["grip"]["friction"], state["grip"]["named"]
-    run = restarted(before, state)
-    assert friction(run) == (None, 0.5, 0.5)
-    assert kept(run)["grip"]["force_n"] == 5.0
-
-
 Change = Callable[[dict[str, Any]], object]
-DAMAGED: dict[str, Change] = {
-    "device": lambda state: state["tares"]["left.wrench"].update(opened="opened another"),
-    "config": lambda state: state["tares"]["left.wrench"].update(basis="0" * 12),
-    "size": lambda state: state["tares"]["left.wrench"]["offset"].pop(),
-    "gravity": lambda state: state["tares"]["left.wrench"].update(gravity_mps2=[0.0]),
-    "temperature": lambda state: state["tares"]["left.wrench"].update(temperature_c=14.9),
-    "age": lambda state: state.update(kept_wall_ns=WALL_NS - 3600 * SECOND),
-    "future": lambda state: state.update(kept_wall_ns=WALL_NS + 3600 * SECOND),
-}
-UNREADABLE: dict[str, Change] = {
-    "version": lambda state: state.update(version=2),
-    "rig": lambda state: state.update(rig="0" * 12),
-    "number": lambda state: state["tares"]["left.wrench"].update(offset=["1"] * 6),
-    "key": lambda state: state.update(more=1),
-}
+RESUMED: list[Step] = [up(), *[feel(5.0), serve(10)] * 20, feel(5.0)]
+"""The devices answer, and both fingers go on to feel 5 N."""
 
 
-@pytest.mark.parametrize("what", [*DAMAGED, *UNREADABLE, "truncated", "not a number"])
-def test_a_tare_that_may_be_wrong_is_not_used_and_the_reason_is_reported(what: str) -> None:
-    before, state = held()
-    {**DAMAGED, **UNREADABLE}.get(what, lambda _: None)(state)
-    body = json.dumps(state)
-    text = seal(body.replace("[0.0", "[NaN", what == "not a number"))
-    run = restarted(before, text[:-9] if what == "truncated" else text)
-    assert zeros(run)["left.wrench"] == (0, None)
-    status = run.ask("status", id="why")["result"]
-    reason = status["streams"]["left.wrench"]["message"] if what in DAMAGED else status["notices"]["state"]
-    assert "is not used: " in reason
-    alone = what in DAMAGED and what not in ("age", "future")
-    assert zeros(run)["right.pad"] == ((1, "stored") if alone else (0, "config")), "the others are used"
+def unchanged(_: dict[str, Any]) -> None:
+    """The state is as it was kept."""
 
 
-@pytest.mark.parametrize("temperature_c", [15.0, 35.0, None])
-def test_a_tare_serves_at_about_the_temperature_of_its_sensor(temperature_c: float | None) -> None:
-    before, state = held()
-    assert state["tares"]["left.wrench"]["temperature_c"] == 25.0
-    state["tares"]["left.wrench"]["temperature_c"] = temperature_c
-    run = restarted(before, state)
-    assert zeros(run)["left.wrench"] == (1, "stored")
-    assert kept(run)["tares"]["left.wrench"]["temperature_c"] == temperature_c
+def restart(*steps: Step, change: Change = unchanged, damage: Callable[[str], str] = str) -> Step:
+    """Begin a new run beside the same devices, with what this one kept, and follow it; its links are not open yet."""
+
+    def step(before: Run) -> None:
+        state = kept(before)
+        change(state)
+        run = Run(RIG, zeros=False)
+        run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+        run.feed(StateRestored(damage(seal(json.dumps(state)))))
+        follow(run, steps)
+
+    return step
 
 
-def test_a_stored_tare_waits_for_its_device_and_gives_way_to_one_of_this_run() -> None:
-    before, state = held()
-    run = begun(before, state)
-    assert set(kept(run)["tares"]) == set(state["tares"]), "kept while no device answers"
-    again = [ask("tare", finger="left", seconds=0.01), wrench(0.0, times=20), zero("measured", 2)]
-    follow(run, [up(), *[no_image] * 3, wrench(0.0), zero("stored"), *again])
+def set_of(*path: str, **values: Any) -> Change:
+    """Return a change of a part of the state."""
+
+    def change(state: dict[str, Any]) -> None:
+        functools.reduce(dict.__getitem__, path, state).update(values)
+
+    return change
+
+
+def keeps(**expected: Any) -> Step:
+    """Check the grip that a run keeps."""
+
+    def step(run: Run) -> None:
+        assert matches(kept(run)["grip"], expected), kept(run)["grip"]
+
+    return step
+
+
+def forgotten(run: Run) -> None:
+    """The grip of 7 N that was kept is neither in force nor kept on."""
+    assert run.published("gripper")[-1]["force_command_n"] != 7.0
+    assert (kept(run)["grip"] or {}).get("force_n") != 7.0
+
+
+def zero(origin: str | None, number: int | None = None, stream: str = "left.wrench") -> Step:
+    """Check where the zero of a stream comes from."""
+    found = {"tare_origin": origin, "tare_id": int(origin is not None) if number is None else number}
+    return status(streams={stream: found})
+
+
+def said(words: str, stream: str = "left.wrench") -> Step:
+    """Check the message of a stream, or the notice on the state."""
+
+    def step(run: Run) -> None:
+        found = run.ask("status")["result"]
+        assert words in (found["streams"][stream]["message"] if stream else found["notices"]["state"])
+
+    return step
+
+
+def friction(name: str | None, left: Any, right: float = 0.5) -> Step:
+    """Check the object, and the coefficient of static friction in use on each finger."""
+    return status(object_name=name, fingers={"left": {"mu": left}, "right": {"mu": right}})
+
+
+def meanwhile_restored(run: Run) -> None:
+    """What the run kept itself is handed to it."""
+    run.feed(StateRestored(seal(json.dumps(kept(run)))))
+
+
+def unreadable(run: Run) -> None:
+    run.feed(StateRestored("", "state.json: Permission denied"))
+
+
+def not_confirmed(state: dict[str, Any]) -> None:
+    state["grip"]["width_m"] += 0.01
+
+
+def like_another(state: dict[str, Any]) -> None:
+    state["grip"]["force_n"] = 7.0
+
+
+def before_friction(state: dict[str, Any]) -> None:
+    del state["grip"]["friction"], state["grip"]["named"]
+
+
+def impossible(slips: list[list[float]]) -> Change:
+    """Return a change of the friction kept to what is not stricter, or cannot be; and of a finger that is not there."""
+    return lambda state: state["grip"].update(
+        friction={"left": [[slips, None]] * 2, "another finger": state["grip"]["friction"]["left"]}
+    )
+
+
+def set_equal(found: Any, expected: Any) -> None:
+    assert set(found) == set(expected.split() if isinstance(expected, str) else expected)
+
+
+ADJUSTED = ask("grip.adjust", {"applied_n": pytest.approx(6.0)}, delta_n=1.0)
+LEARNED = pytest.approx(0.21, abs=0.01)
+FREE: list[Step] = [feel(0.0), serve(10)] * 5
+WHY = "the state of the run before is not used: state.json: Permission denied"
+COURSES: dict[str, tuple[str, list[Step]]] = {
+    "a restart in a grasp goes on with the zeros and the grip in force": (
+        "held",
+        [
+            restart(
+                *RESUMED, zero("stored"), zero("stored", 0, "left.pad"), zero("stored", 1, "right.pad"),
+                level("stable"), level("stable", finger="right"),
+                newest("slip.left", tare_origin="stored", tare_age_s=pytest.approx(1.8, abs=0.5)),
+                ask("tare.get", {"by": "ann", "readings": 10, "tare_origin": "stored"}, finger="left"),
+                lease, ADJUSTED, keeps(raised_n=pytest.approx(1.0)),
+            )
+        ],
+    ),
+    **{
+        f"a kill while the gripper is silent keeps the grip, unplugged: {bool(gone)}": (
+            "held",
+            [
+                gripper(silent=True), serve(2000), *gone, newest("gripper", object=None), keeps(force_n=5.0),
+                gripper(silent=False), restart(*RESUMED, lease, ADJUSTED),
+            ],
+        )
+        for gone in ([], [down("gripper")])
+    },
+    "F6 a stored zero that a clear pull contradicts is not used": (
+        "held",
+        [
+            restart(
+                *RESUMED, zero("stored"), *[feel(-4.0)] * 30, zero(None),
+                said("the stored zero does not fit: the normal force is clearly negative"), *[feel(5.0)] * 30,
+                level("unknown", "not_tared"),
+            )
+        ],
+    ),
+    "a stored zero is not used where its device answers too late": (
+        "held",
+        [restart(wait(3700_000), up(), feel(5.0), zero(None), said("the device answers too late for restart.gap_s"))],
+    ),
+    "a stored zero replaces none that was measured meanwhile": (
+        "held", [meanwhile_restored, feel(5.0), zero("measured")],
+    ),
+    "a stored zero is not used where its device never reports that it is the one": (
+        "held", [restart(*RESUMED, zero(None), change=set_of("tares", "left.wrench", device="S/N 7"))],
+    ),
+    "a stored zero is kept while no device answers, and gives way to one of this run": (
+        "held",
+        [
+            restart(
+                lambda run: set_equal(kept(run)["tares"], "left.wrench left.pad right.pad"), up(), *[no_image] * 3,
+                wrench(0.0), zero("stored"), ask("tare", finger="left", seconds=0.01), wrench(0.0, times=20),
+                zero("measured", 2),
+            )
+        ],
+    ),
+    **{
+        f"a tare serves at about the temperature of its sensor, {told} °C": (
+            "held",
+            [
+                lambda run: set_equal([kept(run)["tares"]["left.wrench"]["temperature_c"]], [25.0]),
+                restart(
+                    *RESUMED, zero("stored"),
+                    lambda run, told=told: set_equal([kept(run)["tares"]["left.wrench"]["temperature_c"]], [told]),
+                    change=set_of("tares", "left.wrench", temperature_c=told),
+                ),
+            ],
+        )
+        for told in (15.0, 35.0, None)
+    },
+    "a state that cannot be read is reported and nothing of it is used": (
+        "held", [restart(unreadable, up(), status(notices={"state": WHY}))],
+    ),
+    **{
+        f"a grip that the gripper does not confirm is forgotten: {what}": (
+            "held", [gripper(**found), restart(*RESUMED, forgotten, change=changed)],
+        )
+        for what, found, changed in (
+            ("no object", {"found": 3}, like_another), ("inactive", {"stage": 0, "outputs": (0, 0, 0)}, like_another),
+            ("width", {}, lambda state: (like_another(state), not_confirmed(state))),
+        )
+    },
+    # friction
+    **{
+        f"A10 what a slip taught goes on with the grip, and with its name: {name}": (
+            "slipped" if name else "slipped without a name",
+            [
+                friction(name, LEARNED),
+                restart(
+                    *RESUMED, friction(name, LEARNED), level("stable"), newest("slip.left", mu_source="learned"),
+                    status(object_by=None, object_t_ns=None),  # no client of this run named it
+                    restart(
+                        *RESUMED, friction(name, LEARNED),  # nor does a second kill lose it
+                        *FREE, friction(name, pytest.approx(0.2, abs=0.02) if name else 0.5),
+                    ),
+                ),
+            ],
+        )
+        for name in ("mug", None)
+    },
+    "what a slip taught waits for the gripper": (
+        "slipped",
+        [
+            restart(
+                keeps(force_n=5.0), up(), feel(5.0), friction(None, 0.5), *[serve(10), feel(5.0)] * 5,
+                friction("mug", LEARNED),
+            )
+        ],
+    ),
+    "what a slip taught is not used where the gripper does not confirm the grip": (
+        "slipped", [restart(*RESUMED, friction(None, 0.5), change=not_confirmed)],
+    ),
+    **{
+        f"what a client states before the gripper answers counts instead: {op}": (
+            "slipped",
+            [restart(up(), lease, ask(op, **fields), serve(50), keeps(force_n=5.0), friction(name, mu))],
+        )
+        for op, fields, name, mu in (
+            ("object.set", {"name": "box"}, "box", 0.5),
+            ("friction.set", {"finger": "left", "mu_s": 0.4}, "mug", 0.4),
+        )
+    },
+    **{
+        f"friction that is not stricter or cannot be is ignored: {slips}": (
+            "slipped", [restart(*RESUMED, friction("mug", 0.5), change=impossible(slips))],
+        )
+        for slips in (
+            [[-0.1, 0.01]], [[-1.5, 0.0]], [[-1.5, -1.0]], [[1e300, 0.01]], [[-1.5, 1e300]], [[-1.5, 5e-324]], [],
+        )
+    },
+    "a state of before friction was kept is read": (
+        "slipped", [restart(*RESUMED, friction(None, 0.5), keeps(force_n=5.0), change=before_friction)],
+    ),
+    # a tare that may be wrong is not used, and the reason is reported; the others are used where they may be
+    **{
+        f"a state with another {what} is not used": (
+            "held",
+            [
+                restart(
+                    *RESUMED, zero(None), said("is not used: ", stream),
+                    zero("stored", 1, "right.pad") if alone else zero("config", 0, "right.pad"), change=changed,
+                )
+            ],
+        )
+        for what, stream, alone, changed in (
+            ("device", "left.wrench", True, set_of("tares", "left.wrench", opened="opened another")),
+            ("config", "left.wrench", True, set_of("tares", "left.wrench", basis="0" * 12)),
+            ("size", "left.wrench", True, lambda state: state["tares"]["left.wrench"]["offset"].pop()),
+            ("gravity", "left.wrench", True, set_of("tares", "left.wrench", gravity_mps2=[0.0])),
+            ("temperature", "left.wrench", True, set_of("tares", "left.wrench", temperature_c=14.9)),
+            ("age", "left.wrench", False, set_of(kept_wall_ns=WALL_NS - 3600 * SECOND)),
+            ("future", "left.wrench", False, set_of(kept_wall_ns=WALL_NS + 3600 * SECOND)),
+            ("version", "", False, set_of(version=2)),
+            ("rig", "", False, set_of(rig="0" * 12)),
+            ("kind of number", "", False, set_of("tares", "left.wrench", offset=["1"] * 6)),
+            ("key", "", False, set_of(more=1)),
+        )
+    },
+    **{
+        f"a state that is {what} is not used": (
+            "held", [restart(*RESUMED, zero(None), said("is not used: ", ""), damage=damaged)],
+        )
+        for what, damaged in (
+            ("truncated", lambda text: text[:-9]),
+            ("not a number", lambda text: seal(text.partition(" ")[2].replace("[0.0", "[NaN"))),
+        )
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_F6_A10_a_course_with_a_restart(name: str) -> None:
+    kind, steps = COURSES[name]
+    follow(copy.deepcopy(begun(kind)), steps)
 
 
 def test_a_recording_that_begins_during_a_run_begins_with_its_state() -> None:
-    run, _ = held()
+    run = copy.deepcopy(begun("held"))
     assert run.refusal("record.start") is None
     [first, *_] = run.engine.kept.first_events(run.t_ns)
     assert isinstance(first, StateRestored)
     again = Engine(config.parse(RIG, "rig.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
-    again.handle(first, run.t_ns + 7200 * SECOND)
-    again.handle(LinkUp("right.pad", "opened right.pad"), run.t_ns + 7200 * SECOND)
+    for event in (first, LinkUp("right.pad", "opened right.pad")):
+        again.handle(event, run.t_ns + 7200 * SECOND)
     assert again.kept.text(run.t_ns) == first.text, "a tare of this run has no limit of age"
 
 
