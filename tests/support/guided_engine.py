@@ -41,6 +41,8 @@ class GuidedEngine:
         text: Its config.
         touches: See `commission_person.TOUCHES`.
         answers: See `commission_person.ANSWERS`; a step that is missing is left out.
+        then: Words of a line or step, and the answers from there on, in their order.
+        refused: Why a tare is refused; "": it is not.
         write: Changes are written, and the daemon runs them at once.
         printed: Every line for the person.
         asked: Every request.
@@ -50,6 +52,8 @@ class GuidedEngine:
     text: str
     touches: Mapping[str, str] = field(default_factory=lambda: TOUCHES)
     answers: Mapping[str, tuple[str, str]] = field(default_factory=lambda: ANSWERS)
+    then: list[tuple[str, Mapping[str, tuple[str, str]]]] = field(default_factory=list)
+    refused: str = ""
     write: bool = True
     printed: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
@@ -73,6 +77,8 @@ class GuidedEngine:
 
     def _show(self, shown: Say | Prompt) -> None:
         self.printed.append(shown.text)
+        if self.then and self.then[0][0] in f"{shown.text} [{getattr(shown, 'step', '')}]":
+            _, self.answers = self.then.pop(0)
         if (touch := touch_for(shown.text, self.touches)) is not None:
             self.engine.touch(touch)
         if isinstance(shown, Prompt) and len(shown.choices) > 1:
@@ -95,6 +101,8 @@ class GuidedEngine:
     def _ask(self, ask: Ask) -> Reply | Refusal:
         op = OPS.get(ask.method, ask.method)
         self.asked.append(op)
+        if op == "tare" and self.refused:
+            return Refusal(self.refused)
         try:
             if ask.lease:
                 self.engine.ask("lease.acquire", ttl_ms=200)

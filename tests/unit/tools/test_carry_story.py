@@ -39,7 +39,6 @@ def slides(rig: VirtualRig) -> int:
 def carried_through(scales: list[float]) -> VirtualRig:
     """Return the rig at the end of the path, without sensors and daemon."""
     rig, t_s = carried_rig(), 0.0
-    assert rig.arm is not None
     while rig.arm.begun < len(PATH) or not rig.arm.arrived(t_s):
         t_s += STEP_S
         rig.scene.step(t_s, GripCommand(0.0, 0.05, GRIP_N))

@@ -41,8 +41,6 @@ def test_without_a_zero_the_presses_are_asked_for_again_once_the_daemon_shows_th
 
     follow(Commission(WRONG, ["left"], 20.0).run(), respond)
     left = config.parse(host.text, "found").finger["left"]
-    assert left.wrench is not None
-    assert left.pad is not None
     assert (left.wrench.sign, left.pad.flip_y) == (1, False)
     (again,) = [number for number, line in enumerate(host.printed) if "presses are needed once more" in line]
     touches = [line for line in host.printed[again:] if line.startswith("Press")]

@@ -1,4 +1,4 @@
-"""The parts of the guide on their own: the zero, choices, the gentle force, and how the daemon is reached."""
+"""The parts of the guide: the zero, choices, the gentle force, how the daemon is reached, and why it refuses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission.commission_guide import report_noise
-from slipd.tools.commission.daemon_link import link_to
+from slipd.tools.commission.daemon_link import TARES, link_to, reason_of
 from slipd.tools.commission.dialogue import (
     Ask,
     Choice,
@@ -29,6 +29,8 @@ from slipd.tools.commission.gripper_steps import gentle_force, pulling_force
 from slipd.tools.commission.readings import ReadingListener, pause, read_status
 from slipd.tools.commission.weight_step import POSES, weigh
 from slipd_client import keys
+from slipd_client.errors import ClientError, NoAnswer, RequestRefused, TareGivenUp
+from slipd_client.messages import TARE_REASONS
 from slipd_client.messages.schema.topics import Message
 
 RIG = """
@@ -157,7 +159,6 @@ requesters = "{tmp_path}/requesters"
         link_to(rig, None, port, tmp_path / "me.key", None)
     found = link_to(rig, None, port, me, None)
     assert (found.publish, found.requests) == ("tcp://127.0.0.1:5556", port)
-    assert found.publish_keys is not None
     assert found.publish_keys.server == keys.load_public(tmp_path / "daemon.key")
     assert link_to(plain, None, None, None, None).requests is None
 
@@ -176,3 +177,26 @@ def test_the_guide_says_which_grip_the_noise_needs(needed_n: float, force_n: flo
     said = [step.text for step in report_noise(needed_n, force_n) if isinstance(step, Say)]
     assert len(said) == len(words)
     assert all(word in text for word, text in zip(words, said, strict=True))
+
+
+DEADLINE = "deadline_ns must not have passed: it passed 12 ms ago"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (RequestRefused("deadline_passed", DEADLINE, "deadline_ns"), "the machine was too busy to answer in time"),
+        (RequestRefused("lease_held", "another client holds the lease"), "end that program"),
+        (RequestRefused("in_contact", "finger left is in contact", "finger"), "take away whatever touches the finger"),
+        (RequestRefused("new_code", "of a newer daemon"), "of a newer daemon"),
+        (TareGivenUp("moved", "the tare of left was given up"), "hold the gripper still"),
+        (TareGivenUp("", "the tare of left was given up"), "given up"),
+        (NoAnswer("no answer within 1 s"), "no answer within 1 s"),
+    ],
+)
+def test_a_refusal_says_what_to_do(error: ClientError, words: str) -> None:
+    assert words in reason_of(error)
+
+
+def test_every_reason_of_a_tare_has_words() -> None:
+    assert set(TARES) == set(TARE_REASONS)

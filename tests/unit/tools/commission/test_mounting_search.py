@@ -21,16 +21,19 @@ from slipd.tools.commission.touches import (
     NAMES,
     PUSH_X,
     PUSH_Y,
+    STEPS,
     SYMMETRIES,
     Mount,
     Symmetry,
     Touch,
     find_three_axis,
 )
+from slipd.tools.commission.weighing_search import Pose, find_weight
 
 PLACES = {CENTRE: (0.0, 0.0), END: (0.02, 0.0), CORNER: (0.02, 0.009), PUSH_X: (0.0, 0.0), PUSH_Y: (0.0, 0.0)}
 PUSHES = {PUSH_X: (2.0, 0.0), PUSH_Y: (0.0, 2.0)}
 TILTED = (0.9659258, 0.2588190, 0.0, 0.0)
+LEVEL = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 TRUE = Mount(-1, (0.004, -0.002, -0.025), TILTED)
 SEEDS = st.none() | st.integers(0, 19)
 
@@ -203,8 +206,36 @@ def test_what_a_three_axis_pad_does_not_show_is_reported() -> None:
 
 @pytest.mark.parametrize("step", [PUSH_X, PUSH_Y])
 def test_a_push_that_is_a_press_shows_no_direction(step: str) -> None:
-    level = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    found = find_mounting(touches(level, pushes=PUSHES | {step: (0.0, 0.0)}), level)
+    found = find_mounting(touches(LEVEL, pushes=PUSHES | {step: (0.0, 0.0)}), LEVEL)
     assert found.mount is None
     assert found.problems == ["the pushes show no force along the pad: push along +X and along +Y"]
     assert found.doubtful == (step,)
+
+
+NUMBERS = st.sampled_from((0.0, 0.0, 1.0, -1.0, 5.0, -5.0, 1e-300, 1e6)) | st.floats(-1e3, 1e3)
+VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)
+SCANS = st.none() | st.tuples(*(st.sampled_from((0.0, 0.01, -0.02)),) * 2)
+TOUCHES = st.dictionaries(st.sampled_from(STEPS), st.builds(Touch, VECTORS, VECTORS, SCANS))
+FULL = st.fixed_dictionaries(dict.fromkeys(STEPS, st.builds(Touch, VECTORS, VECTORS, SCANS)))
+
+
+@given(TOUCHES | FULL)
+def test_any_touches_give_a_mounting_or_problems(touches: dict[str, Touch]) -> None:
+    found = find_mounting(touches, LEVEL)
+    assert (found.mount is None) <= bool(found.problems)
+    found, signs = find_three_axis(touches)
+    assert (signs is None) == bool(found.problems)
+
+
+@given(st.lists(st.builds(Pose, VECTORS, VECTORS, VECTORS, st.none() | VECTORS), min_size=3, max_size=5))
+def test_any_poses_give_a_weight_or_problems(poses: list[Pose]) -> None:
+    findings = find_weight(poses, LEVEL)
+    assert (findings.found is None) <= bool(findings.problems)
+
+
+def test_a_press_along_the_pad_shows_no_signs() -> None:
+    along = np.array((1.0, 0.0, 0.1))
+    scans = {CENTRE: (0.0, 0.0), END: (0.01, 0.0), CORNER: (0.01, 0.005)}
+    found, signs = find_three_axis({step: Touch(along, along, scans.get(step, (0.0, 0.0))) for step in STEPS})
+    assert signs is None
+    assert any("right angles" in str(text) for text in found.problems)

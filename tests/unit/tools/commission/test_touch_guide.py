@@ -70,16 +70,12 @@ def corrected(read: config.Config, outcome: FingerOutcome, finger: str = "left")
 
 def check_same(found: config.Config, true: config.Config, finger: str = "left") -> None:
     wrench, wanted = found.finger[finger].wrench, true.finger[finger].wrench
-    assert wrench is not None
-    assert wanted is not None
     assert wrench.sign == wanted.sign
     turn = Rotation.from_quat(wrench.pad_from_sensor.quat_xyzw)
     assert (turn * Rotation.from_quat(wanted.pad_from_sensor.quat_xyzw).inv()).magnitude() < math.radians(3.0)
     assert wrench.pad_from_sensor.xyz_m == pytest.approx(wanted.pad_from_sensor.xyz_m, abs=0.003)
     assert wrench.port == wanted.port
     pad, wanted_pad = found.finger[finger].pad, true.finger[finger].pad
-    assert pad is not None
-    assert wanted_pad is not None
     assert (pad.swap_xy, pad.flip_x, pad.flip_y, pad.port) == (
         wanted_pad.swap_xy,
         wanted_pad.flip_x,
@@ -219,7 +215,6 @@ def test_noise_is_measured_and_what_is_confirmed_loses_its_mark(tmp_path: Path) 
     assert marked_keys(found.text) == {}
     check_same(found, true)
     wrench = found.finger["left"].wrench
-    assert wrench is not None
     assert wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
     assert any("noise at rest 0.0" in line for line in (*printed, *outcome.findings.notes))
 
@@ -233,7 +228,6 @@ def test_noise_finer_than_a_count_is_not_measured_and_the_person_is_told(tmp_pat
 
 def test_an_image_without_a_load_has_no_centre() -> None:
     pad = charge_rig(left={}).finger["left"].pad
-    assert pad is not None
     assert scan_centroid(pad, np.zeros(pad.rows * pad.cols)) is None
 
 

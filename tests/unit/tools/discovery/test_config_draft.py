@@ -29,7 +29,6 @@ def test_the_draft_of_every_device_is_a_valid_config() -> None:
     rig = config.parse(text, "draft")
     assert list(rig.streams()) == ["left.wrench", "left.pad", "right.wrench", "right.pad", "gripper"]
     assert [rig.finger[name].pad.sensor for name in ("left", "right")] == ["0", "1"]  # type: ignore[union-attr]
-    assert rig.gripper is not None
     assert rig.gripper.max_force_n is None, "nothing may move before a person stated the limit"
     assert rig.recording.incidents.enabled, "what happened before a warning can be seen"
     for words in ("slipd commission my_rig.toml", "/dev/serial/by-id/nothing: no device", NUMBER, "it reports: RFT40"):

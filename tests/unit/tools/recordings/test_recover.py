@@ -62,8 +62,6 @@ def recovered(path: Path) -> tuple[Recovered, list]:
     with out.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
-        assert summary is not None
-        assert summary.statistics is not None
         assert summary.statistics.message_count == found.entries
         assert len(list(reader.iter_messages())) == found.entries
     return found, kept

@@ -43,7 +43,6 @@ def shown() -> Iterator[Show]:
 
 def data_of(view: RecordingView, path: str) -> Any:
     answer = view.answer(path)
-    assert answer is not None
     packed = answer.headers.get("Content-Encoding") == "gzip"
     return json.loads(gzip.decompress(answer.body) if packed else answer.body)
 

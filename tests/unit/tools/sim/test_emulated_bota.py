@@ -6,46 +6,35 @@ from slipd.signals.mounting import Mounting
 from slipd.tools.sim.emulated_bota import BOOT_NS, BotaMount, BotaSensor
 
 MS = 1_000_000
-QUIET = BotaMount(noise_n=0.0, noise_nm=0.0)
+MOUNT = BotaMount((0.01, -0.02, 0.03), (0.1, 0.2, 0.3, 0.927362), noise_n=0.0, noise_nm=0.0)
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
 
 
-def sensor(mount=QUIET):
-    made = BotaSensor(mount, np.random.default_rng(1))
-    made.feel(FORCE_N, TORQUE_NM)
-    return made
+@pytest.fixture
+def made():
+    return BotaSensor(MOUNT, np.random.default_rng(1))
 
 
 def listen(made, begin_ns, end_ns, step_ns=MS):
     return b"".join(made.advance(t) for t in range(begin_ns, end_ns, step_ns))
 
 
-def test_the_frames_carry_the_wrench_to_the_pad_frame_through_the_mounting():
-    mount = BotaMount((0.01, -0.02, 0.03), (0.1, 0.2, 0.3, 0.927362), bias=np.zeros(6), noise_n=0.0, noise_nm=0.0)
-    samples = bota.Decoder().receive(listen(sensor(mount), 0, 300 * MS), 0)
-    felt = np.concatenate((samples[-1].force_n, samples[-1].torque_nm))
-    wrench = Mounting(mount.xyz_m, mount.quat_xyzw).matrix @ felt
-    assert wrench[:3] == pytest.approx(FORCE_N, abs=1e-5)
-    assert wrench[3:] == pytest.approx(TORQUE_NM, abs=1e-6)
-
-
-def test_what_it_reads_unloaded_is_its_bias():
-    made = sensor()
-    made.feel(np.zeros(3), np.zeros(3))
+def test_the_frames_carry_the_wrench_to_the_pad_frame_through_the_mounting_beside_their_bias(made):
+    made.feel(FORCE_N, TORQUE_NM)
     sample = bota.Decoder().receive(listen(made, 0, 300 * MS), 0)[-1]
-    assert np.concatenate((sample.force_n, sample.torque_nm)) == pytest.approx(QUIET.bias, abs=1e-6)
+    felt = np.concatenate((sample.force_n, sample.torque_nm)) - np.array(MOUNT.bias)
+    wrench = Mounting(MOUNT.xyz_m, MOUNT.quat_xyzw).matrix @ felt
+    assert wrench == pytest.approx(np.concatenate((FORCE_N, TORQUE_NM)), abs=1e-5)
 
 
 @pytest.mark.parametrize("command", [b"c,0,1,1,4", b"f,0,0,0,1"])
-def test_what_it_cannot_do_is_refused(command):
-    made = sensor()
+def test_what_it_cannot_do_is_refused(made, command):
     made.advance(BOOT_NS)
     made.receive(b"C", BOOT_NS)
     assert bota.find_ack(made.receive(command, BOOT_NS), command[:1].decode()) == 1
 
 
-def test_a_hard_reset_boots_it_anew():
-    made = sensor()
+def test_a_hard_reset_boots_it_anew(made):
     listen(made, 0, BOOT_NS + 10 * MS)
     made.receive(b"#", BOOT_NS + 10 * MS)
     said = listen(made, BOOT_NS + 10 * MS, 2 * BOOT_NS + 20 * MS)
@@ -65,8 +54,7 @@ DRIVER = [
 answers with which it configured and read it; it takes 1 for the serial number SN0001 and expects 25.01 Hz."""
 
 
-def test_the_makers_driver_configures_it():
-    made = sensor()
+def test_the_makers_driver_configures_it(made):
     made.advance(BOOT_NS)
     for command, answer in DRIVER:
         assert made.receive(command, BOOT_NS) == answer

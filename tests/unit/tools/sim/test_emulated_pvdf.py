@@ -57,10 +57,6 @@ def test_the_force_is_reconstructed_from_its_charge():
     assert found / 2000.0 == pytest.approx(12.0 * shares, abs=0.02)
 
 
-def test_too_much_force_saturates_the_converter():
-    assert scans(made(), lambda t: 1e5, 20 * MS)[-1].values == pytest.approx(FULL_SCALE)
-
-
 def test_each_taxel_has_a_charge_of_its_own():
     pad, decoder = made(), pvdf.Decoder()
     first, last = np.zeros(128), np.zeros(128)
@@ -72,10 +68,10 @@ def test_each_taxel_has_a_charge_of_its_own():
 
 
 def test_dead_and_saturated_taxels_read_the_same_under_every_load():
-    samples = scans(made(replace(IDEAL, dead=(5,), saturated=(9,))), lambda t: 50.0 * t, 500 * MS)
+    samples = scans(made(replace(IDEAL, dead=(5,), saturated=(9,))), lambda t: 1e5 * t, 500 * MS)
     assert {s.values[5] for s in samples} == {0.0}
     assert {s.values[9] for s in samples} == {FULL_SCALE}
-    assert samples[-1].values[6] > 100.0
+    assert samples[0].values[6] < FULL_SCALE == samples[-1].values[6], "too much force saturates any"
 
 
 def test_a_warm_object_charges_the_taxels_that_it_presses():

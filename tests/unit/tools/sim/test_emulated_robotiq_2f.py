@@ -2,13 +2,12 @@ from types import SimpleNamespace
 
 import pytest
 from driving import drive
-from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session, robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Units
 from slipd.devices.shared import modbus
 from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, Gripper2F, make
-from slipd.tools.sim.scene import GripCommand, Scene
+from slipd.tools.sim.scene import GripCommand
 
 MS = 1_000_000
 UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, robotiq_registers.INPUT_ADDRESS
@@ -84,29 +83,6 @@ def test_the_status_reports_the_scene():
     assert (held.object, held.moving) == ("contact_closing", False)
     assert held.current_a == pytest.approx(0.14)
     assert status(observed(gripper, width_m=0.0), ACTIVATION_NS).object == "none"
-
-
-def test_the_daemons_session_activates_and_grips():
-    gripper, scene, session = Gripper2F(), Scene(), Session(force_table=FORCE_TABLE)
-    samples, now_ns = [], 0
-    said = gripper.receive(session.start(now_ns), now_ns)
-    activate(session, now_ns)
-    while now_ns < 3_000 * MS:
-        now_ns += MS
-        samples += session.receive(said, now_ns)
-        said = b""
-        if now_ns == 1_000 * MS:
-            assert move(session, 0.0, None, 8.0) == pytest.approx(8.0, abs=0.1)
-        while (due := session.next_deadline()) is not None and due <= now_ns:
-            said += gripper.receive(session.on_time(now_ns), now_ns)
-        scene.step(now_ns * 1e-9, gripper.command(now_ns))
-        gripper.observe(scene)
-    assert session.state == "active"
-    assert session.health.lost == session.health.bad == 0
-    assert samples[-1].object == "contact_closing"
-    assert samples[-1].echo_ok
-    assert samples[-1].width_m == pytest.approx(0.060, abs=3e-4)
-    assert 7.9 < scene.normal_n <= 8.0
 
 
 def test_a_session_with_another_address_hears_nothing_and_says_what_to_check():

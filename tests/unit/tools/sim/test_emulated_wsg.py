@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Callable
-
 import pytest
+from driving import drive
 from permits import move
 
 from slipd.devices.shared.device_interface import DecoderHealth
@@ -20,7 +14,6 @@ from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
 MS = 1_000_000
-PATIENCE_S = 30.0
 
 
 @pytest.fixture
@@ -123,46 +116,13 @@ def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: 
     assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, wire.NO_PARAMETER_EXPECTED)]
 
 
-@pytest.mark.process
-def test_the_session_grips_and_lets_go_of_an_emulated_gripper_over_tcp() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    command = [sys.executable, "-m", "slipd.tools.sim.emulate", "wsg", "--at", f"tcp://127.0.0.1:{port}"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdin is not None
-        assert process.stdout.readline()
-        for force_n in (10.0, 12.0):
-            with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as line:
-                converse(line, force_n)
-        process.stdin.close()
-        assert process.wait(PATIENCE_S) == 0
-
-
-def converse(line: socket.socket, force_n: float) -> None:
-    session, until_s = Session(5), time.monotonic() + PATIENCE_S
-    line.settimeout(0.002)
-
-    def go_on(reached: Callable[[], bool]) -> None:
-        while not reached():
-            assert time.monotonic() < until_s, session.state
-            line.sendall(session.on_time(time.monotonic_ns()))
-            try:
-                session.receive(line.recv(4096), time.monotonic_ns())
-            except TimeoutError:
-                continue
-
-    line.sendall(session.start(time.monotonic_ns()))
-    go_on(lambda: session.state == "active")
-    assert session.identity == "S/N 4711"
-    assert move(session, 0.02, 0.4, force_n) == force_n
-    there = pytest.approx(0.02)
-    go_on(lambda: session._queue.due_ns is None and session._width_m == there)
-    go_on(lambda: session._queue.echo_ok is True)
+def test_the_session_grips_and_takes_leave(gripper: Gripper) -> None:
+    session = Session(5)
+    gripper.part_mm = 20.0
+    drive(session, gripper, 1.0)
+    assert (session.state, session.identity) == ("active", "S/N 4711")
+    assert move(session, 0.01, 0.4, 10.0) == 10.0
+    held = drive(session, gripper, 1.0, begin_ns=1000 * MS, start=False)[-1]
+    assert (held.width_m, held.object, held.echo_ok) == (0.02, "contact_closing", True)
     assert (session.command_lost, session.health.bad, session.health.lost) == (False, 0, 0)
-    line.sendall(session.stop())
-    heard = b""
-    while sim.encode_reply(wire.DISCONNECT) not in heard and time.monotonic() < until_s:
-        with contextlib.suppress(TimeoutError):
-            heard += line.recv(4096)
+    assert sim.encode_reply(wire.DISCONNECT) in gripper.receive(session.stop(), 2000 * MS)

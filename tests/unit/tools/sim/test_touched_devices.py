@@ -186,7 +186,6 @@ def test_an_emulated_gripper_has_the_address_of_its_config(tmp_path: Path) -> No
 def test_the_output_rate_of_an_emulated_sensor_is_not_set_on_a_page(options: str, tmp_path: Path) -> None:
     text = f'[finger.f.wrench]\ndevice = "netft"\nport = "udp://192.168.1.1:49152"\nrate_hz = 1000\n{options}\n'
     copy = config.parse(TouchedDevices(config.parse(text, "rig"), tmp_path).config_text(), "copy").finger["f"].wrench
-    assert copy is not None
     assert copy.options == {"calibration": "tcp", "output_hz": 0}
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from pad_wrenches import finger_load, pad_wrench
 
-from slipd.fusion import contact_from_wrench
 from slipd.tools.sim.scene_parts import FrictionLimit, Pad, Patch
 from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 
@@ -41,26 +40,13 @@ def test_the_image_carries_the_force_and_its_centroid():
 
 
 def test_both_fingers_together_carry_the_load_in_the_gripper_frame():
-    load = (2.0, 3.0, 0.05)
     # Rows are the pad's axes in the gripper frame: Z approach, Y from the right finger to the left.
     left = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     right = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    force, torque = np.zeros(3), np.zeros(3)
+    wrench = np.zeros((2, 3))
     for axes, is_right in ((left, False), (right, True)):
-        assert np.linalg.det(axes) == pytest.approx(1.0)
-        fx, fy, spin = finger_load(load, right=is_right)
-        patch = Patch().mirrored() if is_right else Patch()
-        f, m = pad_wrench((fx, fy, spin), 10.0, patch.centre_m)
-        force += axes.T @ f
-        centre = axes.T @ np.array([*patch.centre_m, 0.0])
-        torque += axes.T @ m - np.cross(centre, axes.T @ f)  # about the contact's centre, both pads' planes merged
-    assert force == pytest.approx(left.T @ np.array([2.0, 3.0, 0.0]))
-    assert torque == pytest.approx(left.T @ np.array([0.0, 0.0, 0.05]))
-
-
-def test_the_contact_equations_find_the_load_in_the_wrench():
-    contact = contact_from_wrench(*pad_wrench((1.0, -2.0, 0.03), 8.0, (0.004, -0.002)))
-    assert contact.normal_n == pytest.approx(8.0)
-    assert contact.centroid_m == pytest.approx((0.004, -0.002))
-    assert contact.tangential_n == pytest.approx((1.0, -2.0))
-    assert contact.spin_nm == pytest.approx(0.03)
+        centre = (Patch().mirrored() if is_right else Patch()).centre_m
+        force, torque = pad_wrench(finger_load((2.0, 3.0, 0.05), right=is_right), 10.0, centre)
+        about = torque - np.cross((*centre, 0.0), force)  # about the contact's centre, both pads' planes merged
+        wrench += np.stack((force, about)) @ axes
+    assert wrench == pytest.approx(np.array(((2.0, 3.0, 0.0), (0.0, 0.0, 0.05))) @ left)

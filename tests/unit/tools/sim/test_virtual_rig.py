@@ -48,16 +48,11 @@ def contact(samples, mount, t_s):
     return contact_from_wrench(wrench[:3], wrench[3:])
 
 
-def test_the_scene_begins_when_the_gripper_is_activated(played):
-    rig, _ = played
-    assert rig.began_ns == 400 * TICK_NS
-    assert rig.scene.t_s == pytest.approx(9.5 - 0.5, abs=0.01)
-
-
 def test_both_fingers_see_the_load_in_their_own_frames(played):
     _, samples = played
-    left = contact(samples["left-wrench"], LEFT_MOUNT, 9.4)
-    right = contact(samples["right-wrench"], RIGHT_MOUNT, 9.4)
+    left, right = (
+        contact(samples[f"{side}-wrench"], mount, 9.4) for side, mount in (("left", LEFT_MOUNT), ("right", RIGHT_MOUNT))
+    )
     x, y = Patch().centre_m
     for seen, side in ((left, 1), (right, -1)):
         assert seen.normal_n == pytest.approx(7.5, abs=0.02)
@@ -79,7 +74,9 @@ def test_commands_reach_the_sensor_they_are_written_to():
     assert said["right-wrench"] != b""
 
 
-def test_each_event_of_the_scene_is_returned_once(played):
+def test_the_scene_begins_when_the_gripper_is_activated_and_each_of_its_events_is_returned_once(played):
     rig, _ = played
+    assert rig.began_ns == 400 * TICK_NS
+    assert rig.scene.t_s == pytest.approx(9.5 - 0.5, abs=0.01)
     assert [truth.event for truth in rig.news()] == ["contact", "lift", "pour", "forecast"]
     assert rig.news() == []

@@ -1,12 +1,13 @@
-"""The noise of a finger at rest, which the guide writes into the config."""
+"""Which keys of the config change for what was found of the fingers: sensors that change hands, and their noise."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from commission_rig import TAXELS
 
 from slipd.config import parse, shipped
-from slipd.tools.commission.config_update import FingerResult, changes
+from slipd.tools.commission.config_update import FingerResult, changes, fragment
 from slipd.tools.commission.readings import FingerReadings, Noise, noise_at_rest
 from slipd.tools.commission.touches import Mount
 
@@ -23,7 +24,6 @@ def rest(images: int, rng: np.random.Generator, drift_n: float = 0.2) -> FingerR
 
 def test_noise_is_that_of_the_sensors_without_their_drift() -> None:
     noise = noise_at_rest(rest(200, np.random.default_rng(1)), MOUNT, MOUNT)
-    assert noise is not None
     assert noise.force_std_n == pytest.approx(FORCE_STD_N, rel=0.1)
     assert noise.torque_std_nm == pytest.approx(TORQUE_STD_NM, rel=0.1)
     assert noise.threshold == pytest.approx(10.0 * TAXEL_STD, rel=0.25)
@@ -35,3 +35,19 @@ def test_a_threshold_is_found_only_where_none_hides_the_noise(stated: str, writt
     rig = parse(text.replace("threshold = 0.005", stated), "rig")
     found = changes(rig, {"left": FingerResult(None, None, None, {}, Noise(0.01, 0.0001, 20.0))})
     assert found == ({("finger", "left", "pad", "threshold"): "20"} if written else {})
+
+
+TWO = parse(
+    "".join(TAXELS.format(name=name, number=k, flip_y="false") for k, name in enumerate(("left", "right"), 1)), "rig"
+)
+
+
+def result(other: str, axes: tuple[int, int, int] = (1, 1, -1)) -> FingerResult:
+    """What was found of a finger whose sensors are in the tables of the other one."""
+    return FingerResult(None, None, axes, {"pad": other, "wrench": other})
+
+
+def test_sensors_of_fingers_that_are_swapped_change_hands_once() -> None:
+    both = changes(TWO, {"left": result("right"), "right": result("left")})
+    assert fragment(both) == '[finger.left.pad]\nsensor = "2"\n[finger.right.pad]\nsensor = "1"'
+    assert changes(TWO, {"left": result("right")}) == both, "the other finger follows"
