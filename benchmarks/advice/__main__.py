@@ -16,11 +16,9 @@ from dataclasses import dataclass, replace
 from unittest import mock
 
 import numpy as np
-from short_stories import BOOT, PAD_HZ, RATES, SLOW, WALL_NS
-from stepped_demo import SteppedDemo
+from stepped_demo import PAD_HZ, SteppedDemo, slow_config
 
 from slipd import config
-from slipd.engine.engine import Engine
 from slipd.tools.sim import carry_program
 from slipd.tools.sim.carry import Move, holds_scale
 from slipd.tools.sim.carry_program import CARRY_PLAN, CarryProgram, carry_config
@@ -111,13 +109,12 @@ def carried(grasp: Grasp, scales: list[float]) -> VirtualRig:
 
 def advised(grasp: Grasp) -> tuple[VirtualRig, CarryProgram]:
     """Carry the glass as slipd advises."""
-    text = carry_config(config.shipped("demo.toml").read_text(encoding="utf-8")) + RATES
-    for old, new in (*SLOW, ("mu = 0.58", f"mu = {grasp.stated_mu:.4f}"), ("max_force_n = 5.0", "max_force_n = 20.0")):
-        text = text.replace(old, new)
+    changes = (("mu = 0.58", f"mu = {grasp.stated_mu:.4f}"), ("max_force_n = 5.0", "max_force_n = 20.0"))
+    text = slow_config(carry_config(config.shipped("demo.toml").read_text(encoding="utf-8")), *changes)
     rig = rig_of(grasp)
     arm, scene = rig.arm, rig.scene
     assert arm is not None
-    demo = SteppedDemo(rig, Engine(config.parse(text, "carry.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS), 0.0)
+    demo = SteppedDemo(rig, text)
     program = CarryProgram(
         "",
         "",

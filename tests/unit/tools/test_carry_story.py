@@ -10,12 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from short_stories import BOOT, PAD_HZ, RATES, SLOW, WALL_NS
-from stepped_demo import SteppedDemo
+from stepped_demo import PAD_HZ, SteppedDemo, recording_of, slow_config
 
 from slipd import config
-from slipd.engine.engine import Engine
-from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.demo_summary import print_summary
@@ -107,16 +104,11 @@ def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(
 ) -> None:
     path = (PATH[0], PATH[1], PATH[2], PATH[4])
     monkeypatch.setattr("slipd.tools.sim.carry_program.PATH", path)
-    text = carry_config(config.shipped("demo.toml").read_text(encoding="utf-8")) + RATES
-    for old, new in SLOW:
-        text = text.replace(old, new)
+    text = slow_config(carry_config(config.shipped("demo.toml").read_text(encoding="utf-8")))
     rig = carried_rig(3, PvdfElectronics(rate_hz=PAD_HZ))
-    assert rig.arm is not None
     arm, scene = rig.arm, rig.scene
     arm.path = path
-    file = RecordingFile(tmp_path / "carry.mcap", config_text=text, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
-    engine = Engine(config.parse(text, "carry.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
-    demo = SteppedDemo(rig, engine, 0.0, file=file)
+    demo = SteppedDemo(rig, text, recording_of(tmp_path / "carry.mcap", text))
     program = CarryProgram(
         "",
         "",
@@ -126,7 +118,6 @@ def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(
         plan=replace(CARRY_PLAN, close_s=0.8, tare_s=0.15),
     )
     demo.play(program)
-    file.finish(demo.events)
     assert (program.report.error, program.report.refusals) == ("", [])
     assert program.report.opened_ns is not None
     assert program.scales[0] == FLOOR, "what is not yet lifted is not known"

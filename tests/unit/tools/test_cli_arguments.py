@@ -1,27 +1,24 @@
-"""Kinds of arguments, and the recordings that they name: files, folders, shares."""
+"""Kinds of arguments, the recordings that they name, and the package that some need."""
 
 from __future__ import annotations
 
+import sys
 from argparse import ArgumentTypeError
 from pathlib import Path
 
 import pytest
 
-from slipd.errors import UsageError
+from slipd.errors import SlipdError, UsageError
 from slipd.tools.cli_arguments import chosen, shard
+from slipd.tools.parquet_library import parquet_library
 
 
 def test_a_folder_stands_for_its_recordings_and_each_counts_once(tmp_path: Path) -> None:
-    (tmp_path / "day" / "two").mkdir(parents=True)
-    names = ["day/b.mcap", "day/two/a.mcap", "day/notes.txt"]
-    for name in names:
-        (tmp_path / name).touch()
-    missing = tmp_path / "missing.mcap"
-    assert chosen([missing, tmp_path / "day", tmp_path / "day/b.mcap"]) == [
-        missing,
-        tmp_path / "day/b.mcap",
-        tmp_path / "day/two/a.mcap",
-    ]
+    day, missing = tmp_path / "day", tmp_path / "missing.mcap"
+    (day / "two").mkdir(parents=True)
+    for name in ("b.mcap", "two/a.mcap", "notes.txt"):
+        (day / name).touch()
+    assert chosen([missing, day, day / "b.mcap"]) == [missing, day / "b.mcap", day / "two/a.mcap"]
 
 
 def test_a_folder_without_recordings_is_an_error(tmp_path: Path) -> None:
@@ -41,3 +38,11 @@ def test_shards_share_nothing_and_miss_nothing(of: int) -> None:
 def test_what_is_no_share_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(ArgumentTypeError, match=r"for example 2/8, got"):
         shard(text)
+
+
+def test_without_pyarrow_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(SlipdError, match=r"--table needs the package pyarrow: pip install 'slipd\[batch\]'"):
+        parquet_library("--table", "batch")
+    with pytest.raises(SlipdError, match=r"--to lerobot needs the package pyarrow: pip install 'slipd\[parquet\]'"):
+        parquet_library("--to lerobot")

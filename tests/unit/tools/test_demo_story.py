@@ -11,88 +11,55 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from short_stories import BOOT, PAD_HZ, PLAN, RATES, SCRIPT, SEED, SLOW, WALL_NS
+from short_stories import record
 from stepped_demo import SteppedDemo
 
-from slipd import config
-from slipd.engine.engine import Engine
 from slipd.events import Request
-from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.demo_summary import print_summary
-from slipd.tools.sim.emulated_pvdf import PvdfElectronics
-from slipd.tools.sim.robot_program import RobotProgram
-from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.virtual_gripper import VirtualRig
+from slipd.tools.demo_summary import Tally, print_summary
+from slipd.tools.sim.robot_program import Change, Report, RobotProgram
 from slipd_client.messages import encode
 
+Played = tuple[SteppedDemo, RobotProgram, Path]
+Truth = list[dict[str, Any]]
+
 
 @pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[SteppedDemo, RobotProgram, Path]:
+def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
     """The whole demo, its robot program included, and its recording."""
     path = tmp_path_factory.mktemp("demo") / "demo.mcap"
-    text = config.shipped("demo.toml").read_text(encoding="utf-8") + RATES
-    for old, new in SLOW:
-        text = text.replace(old, new)
-    rig = VirtualRig(Scene(SCRIPT), SEED, PvdfElectronics(rate_hz=PAD_HZ))
-    engine = Engine(config.parse(text, path.name), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
-    file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
-    demo = SteppedDemo(rig, engine, 0.0, PLAN, file)
-    program = RobotProgram("", "", PLAN)
-    demo.play(program)
-    file.finish(demo.events)
-    return demo, program, path
+    return *record("demo", path, with_messages=True), path
 
 
 @pytest.fixture(scope="module")
-def truth(played: tuple[SteppedDemo, RobotProgram, Path]) -> list[dict[str, Any]]:
+def truth(played: Played) -> Truth:
     """What the virtual gripper reports of the scene, as its process prints it."""
     return played[0].events_of_scene
 
 
-def at(truth: list[dict[str, Any]], event: str) -> int:
-    return next(int(each["t_ns"]) for each in truth if each["event"] == event)
+def test_the_program_grips_raises_the_grip_and_lets_go(played: Played) -> None:
+    report = played[1].report
+    assert (report.error, report.refusals, set(report.tares)) == ("", [], {"left", "right"})
+    assert None not in (report.closed_ns, report.opened_ns)
+    first, *_, last = report.raises
+    assert last.after_n > first.before_n + 1.0, "what was granted shows in the measured force"
+    assert last.after_n >= 0.95 * last.result["applied_n"]
 
 
-def test_the_program_warns_raises_the_grip_and_lets_go(played: tuple[SteppedDemo, RobotProgram, Path]) -> None:
-    _, program, _ = played
-    assert (program.report.error, program.report.refusals) == ("", [])
-    assert set(program.report.tares) == {"left", "right"}
-    assert None not in (program.report.closed_ns, program.report.opened_ns)
-
-
-def test_the_warning_for_rotation_comes_before_the_rotation_and_the_raised_grip_holds(
-    played: tuple[SteppedDemo, RobotProgram, Path], truth: list[dict[str, Any]]
+def test_the_warning_for_rotation_comes_before_the_rotation_and_the_slip_is_reported_at_once(
+    played: Played, truth: Truth
 ) -> None:
-    warned = played[1].report.rotation_warning
+    report = played[1].report
     forecast = next(each["rotation_would_begin_s"] for each in truth if each["event"] == "forecast")
-    assert 0.2 < forecast - (warned.t_ns - truth[0]["t_ns"]) * 1e-9 < 1.0
-    slid = [each for each in truth if each["event"] == "slide_begins"]
-    assert [each["load_spin_nm"] for each in slid] == [0.0], "only the tug moves it: the raised grip held the rotation"
-    assert not [each for each in truth if each["event"] == "dropped"]
+    assert 0.2 < forecast - (report.rotation_warning.t_ns - truth[0]["t_ns"]) * 1e-9 < 1.0
+    (slid,) = (each for each in truth if each["event"] == "slide_begins")
+    assert slid["load_spin_nm"] == 0.0, "only the tug moves it: the raised grip held the rotation"
+    assert 0 <= report.slip_report.received_ns - slid["t_ns"] < 50_000_000
+    assert "dropped" not in {each["event"] for each in truth}
 
 
-def test_the_grip_request_is_granted_and_visible_in_the_measured_force(
-    played: tuple[SteppedDemo, RobotProgram, Path],
-) -> None:
-    *_, raised = played[1].report.raises
-    assert raised.before_n is not None
-    assert raised.after_n is not None
-    assert raised.after_n > played[1].report.raises[0].before_n + 1.0
-    assert raised.after_n >= 0.95 * raised.result["applied_n"]
-
-
-def test_the_slip_is_reported_within_a_few_tens_of_milliseconds(
-    played: tuple[SteppedDemo, RobotProgram, Path], truth: list[dict[str, Any]]
-) -> None:
-    reported = played[1].report.slip_report
-    assert 0 <= reported.received_ns - at(truth, "slide_begins") < 50_000_000
-
-
-def test_the_summary_states_all_of_it(
-    played: tuple[SteppedDemo, RobotProgram, Path], truth: list[dict[str, Any]], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_summary_states_all_of_it(played: Played, truth: Truth, capsys: pytest.CaptureFixture[str]) -> None:
     demo, program, _ = played
     print_summary(demo.tally, program.report, truth)
     shown = capsys.readouterr().out
@@ -111,7 +78,7 @@ def test_the_summary_states_all_of_it(
     assert "NOT AS EXPECTED" not in shown
 
 
-def test_a_replay_gives_the_messages_byte_for_byte(played: tuple[SteppedDemo, RobotProgram, Path]) -> None:
+def test_a_replay_gives_the_messages_byte_for_byte(played: Played) -> None:
     recording = open_recording(played[2])
     asked = {event.body["op"] for _, event in recording.events() if isinstance(event, Request)}
     assert asked >= {"tare", "gripper.close", "grip.set", "lease.renew", "gripper.open"}
@@ -119,3 +86,36 @@ def test_a_replay_gives_the_messages_byte_for_byte(played: tuple[SteppedDemo, Ro
     assert recording.complete
     assert len(live) > 300
     assert [(topic, encode(body)) for topic, body in replay(open_recording(played[2]))] == live
+
+
+BEGIN: dict[str, Any] = {"t_s": 0.0, "t_ns": 0, "event": "begin"}
+HOLD: dict[str, Any] = {"t_s": 10.0, "t_ns": 10**10, "event": "hold"}
+
+
+def warned(*reasons: str, level: str = "warning") -> Change:
+    return Change(1, 1, "left", level, rising=True, reasons=list(reasons), utilisation=0.9)
+
+
+def test_a_scene_without_its_warnings_is_explained_by_what_the_machine_lost(capsys: pytest.CaptureFixture[str]) -> None:
+    end = {"t_s": 18.0, "t_ns": 18 * 10**9, "event": "end", "dropped_bytes": {"left-pad": 300, "left-wrench": 12}}
+    print_summary(Tally(missed=7), Report(refusals=["deadline_passed"]), [BEGIN, HOLD, end])
+    told = capsys.readouterr().out
+    assert "warnings: 0 (" in told
+    assert "NOT AS EXPECTED: the rotation was not warned of\n" in told
+    assert (
+        "this machine was too busy: 312 bytes of the sensors were not read in time, 7 messages were missed, "
+        "1 requests were too late or refused"
+    ) in told
+    assert "end other programs that compute, then run the demo again" in told
+    slid = {"t_s": 13.0, "t_ns": 13 * 10**9, "event": "slide_begins"}
+    print_summary(Tally(), Report(changes=[warned("rotation")]), [BEGIN, HOLD, slid])
+    assert "NOT AS EXPECTED: the slip was not reported\n" in capsys.readouterr().out
+
+
+def test_a_scene_that_went_as_it_should_or_ended_early_is_no_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    print_summary(Tally(missed=7), Report(changes=[warned("rotation")]), [BEGIN, HOLD])
+    assert "NOT AS EXPECTED" not in capsys.readouterr().out
+    print_summary(Tally(), Report(), [BEGIN])
+    told = capsys.readouterr().out
+    assert "ended before the box would turn: no warning is due yet" in told
+    assert "busy" not in told

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -50,14 +51,45 @@ def test_a_result_has_the_permissions_that_the_user_wants(tmp_path: Path) -> Non
     assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("file", "folder")] == [0o640, 0o750]
 
 
-@pytest.mark.parametrize("kind", ["file", "folder", "link"])
-def test_what_exists_is_refused_and_stays(tmp_path: Path, kind: str) -> None:
-    out = tmp_path / "out"
-    make = {"file": lambda: out.write_text("old"), "folder": out.mkdir, "link": lambda: out.symlink_to("nowhere")}
-    make[kind]()
-    with pytest.raises(SlipdError, match="out: exists already; give a new name, or --overwrite"):
-        draft(out, EXPORT, overwrite=False).__enter__()
+RECORDING = (RECORDINGS / "bota.mcap").read_bytes()[:4000]
+REFUSED = [
+    ({"out": EXPORTED}, False, "out: exists already; give a new name, or --overwrite"),
+    ({"out/a.csv": EXPORTED}, False, "out: exists already; give a new name, or --overwrite"),
+    ({"out": Path("nowhere")}, False, "out: exists already; give a new name, or --overwrite"),
+    ({"out": Path("file")}, True, "is a symbolic link, and is not overwritten"),
+    ({"out": Path("/dev/null")}, True, "is a symbolic link, and is not overwritten"),
+    ({"out/a.csv": EXPORTED, "out/thesis.tex": "years of work"}, True, "is a folder that also holds 'thesis.tex', and"),
+    ({"out/xela_sensor1.csv": "time,force\n"}, True, "is a folder that also holds 'xela_sensor1.csv', and is not"),
+    ({"out/rosbag_0.mcap": b"\x89MCAP0\r\n"}, True, "is a folder that also holds 'rosbag_0.mcap', and is not"),
+    ({"out/rig.yaml": "a: 1"}, True, "is a folder that also holds 'rig.yaml', and is not overwritten"),
+    ({"out/damaged.mcap": RECORDING}, True, "is a folder that also holds 'damaged.mcap', and is not overwritten"),
+    ({"out": "time,force\n"}, True, "is not an export of slipd, and is not overwritten"),
+    ({"out": b"\x89MCAP0\r\n"}, True, "is not an export of slipd, and is not overwritten"),
+    ({"out": RECORDING}, True, "is a recording of slipd, and is not overwritten"),
+]
+"""Files and links that are there, whether they may be overwritten, and why they are not."""
+
+
+@pytest.mark.parametrize(("there", "overwrite", "why"), REFUSED)
+def test_what_is_no_earlier_result_is_never_replaced(
+    tmp_path: Path, there: dict[str, str | bytes | Path], overwrite: bool, why: str
+) -> None:
+    for name, content in there.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        if isinstance(content, Path):
+            path.symlink_to(content)
+        else:
+            path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(SlipdError, match=re.escape(why)):
+        draft(tmp_path / "out", EXPORT, overwrite=overwrite).__enter__()
     assert names(tmp_path) == ["out"]
+    assert {path.name for path in tmp_path.rglob("*")} == {Path(name).name for name in there} | {"out"}
+
+
+def test_a_device_is_not_overwritten() -> None:
+    with pytest.raises(SlipdError, match="is not a regular file, and is not overwritten"):
+        draft(Path("/dev/null"), EXPORT, overwrite=True).__enter__()
 
 
 def test_an_earlier_result_is_replaced_as_a_whole(tmp_path: Path) -> None:
@@ -95,27 +127,6 @@ def test_an_earlier_result_returns_where_the_new_one_is_gone(tmp_path: Path) -> 
     assert names(out) == ["old.csv"]
 
 
-def test_a_folder_with_other_files_is_never_replaced(tmp_path: Path) -> None:
-    out = tmp_path / "home"
-    out.mkdir()
-    (out / "thesis.tex").write_text("years of work")
-    with pytest.raises(SlipdError, match=r"is a folder that also holds 'thesis.tex', and is not overwritten"):
-        draft(out, EXPORT, overwrite=True).__enter__()
-    assert (out / "thesis.tex").exists()
-
-
-@pytest.mark.parametrize("name", ["xela_sensor1.csv", "rosbag_0.mcap", "rig.yaml"])
-def test_data_and_settings_of_other_programs_are_never_replaced(tmp_path: Path, name: str) -> None:
-    folder, file = tmp_path / "trial", tmp_path / "trial" / name
-    folder.mkdir()
-    file.write_bytes(b"\x89MCAP0\r\n" if name.endswith("mcap") else b"time,force\n")
-    with pytest.raises(SlipdError, match=f"is a folder that also holds '{name}', and is not overwritten"):
-        draft(folder, EXPORT, overwrite=True).__enter__()
-    with pytest.raises(SlipdError, match="is not an export of slipd, and is not overwritten"):
-        draft(file, EXPORT, overwrite=True).__enter__()
-    assert names(folder) == [name]
-
-
 def test_what_came_meanwhile_stays(tmp_path: Path) -> None:
     out = tmp_path / "out"
 
@@ -128,23 +139,6 @@ def test_what_came_meanwhile_stays(tmp_path: Path) -> None:
         meet()
     assert out.read_text() == "of another program"
     assert names(tmp_path) == ["out"]
-
-
-def test_a_recording_is_never_replaced(tmp_path: Path) -> None:
-    for out in (tmp_path / "run.mcap", tmp_path / "recordings" / "damaged.mcap"):
-        out.parent.mkdir(exist_ok=True)
-        out.write_bytes((RECORDINGS / "bota.mcap").read_bytes()[:4000])
-    with pytest.raises(SlipdError, match="is a recording of slipd, and is not overwritten"):
-        draft(tmp_path / "run.mcap", EXPORT, overwrite=True).__enter__()
-    with pytest.raises(SlipdError, match=r"is a folder that also holds 'damaged\.mcap'"):
-        draft(tmp_path / "recordings", EXPORT, overwrite=True).__enter__()
-
-
-def test_a_link_or_a_device_is_not_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "link").symlink_to(tmp_path / "file")
-    for out in (tmp_path / "link", Path("/dev/null")):
-        with pytest.raises(SlipdError, match=r"is (a symbolic link|not a regular file), and is not overwritten"):
-            draft(out, EXPORT, overwrite=True).__enter__()
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:

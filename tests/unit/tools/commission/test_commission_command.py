@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
-import os
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -16,7 +15,7 @@ from slipd.tools.commission.hosts import PageHost
 
 
 @pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def rig(tmp_path: Path, person: IO[str], monkeypatch: pytest.MonkeyPatch) -> Path:
     """A config without a daemon, and a standard input on which nobody types."""
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
     monkeypatch.setattr(hosts, "SILENCE_S", 0.2)
@@ -35,11 +34,8 @@ def test_a_daemon_that_is_silent_is_named(
     rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], page: bool
 ) -> None:
     monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: True)
-    read, write = os.pipe()
-    with io.open(read) as stdin, io.open(write, "w"):  # noqa: UP020 - sys.stdin is a file of io
-        monkeypatch.setattr("sys.stdin", stdin)
-        with pytest.raises(SlipdError, match=r"no message from the daemon for .* Is slipd running"):
-            commission_command(rig, options(page=page))
+    with pytest.raises(SlipdError, match=r"no message from the daemon for .* Is slipd running"):
+        commission_command(rig, options(page=page))
     shown = capsys.readouterr().out
     assert ("s and Enter leaves the present step or finger out" in shown) is not page
     assert "Step 1 of 4: mounting" in shown

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import random
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from other_packages import Install, install
+from plugged_devices import plugged
 
 from slipd.devices import DEVICES, external, gauges
 from slipd.devices.gauges import encode_frame
@@ -26,34 +25,11 @@ from slipd.tools.discovery.capture import Capture, Piece, read_capture
 from slipd.tools.discovery.doctor_command import doctor_capture
 from slipd.tools.discovery.examination import Finding, examine
 from slipd.tools.discovery.port_probe import recognise
-from slipd.tools.sim.emulate import emulated, emulator_for
 from slipd.tools.sim.pseudo_terminal import PseudoTerminal
 from slipd.types.samples import TactileSample
 
 __all__ = ["install"]
 MS = 1_000_000
-
-
-@contextmanager
-def device(name: str, path: Path) -> Iterator[str]:
-    """Run an emulated device beside what follows."""
-    ready, end = threading.Event(), threading.Event()
-
-    async def serve() -> None:
-        async with emulated([(name, emulator_for(name, str(path), 1), str(path))]) as emulation:
-            running = asyncio.create_task(emulation.run())
-            ready.set()
-            await asyncio.to_thread(end.wait)
-            running.cancel()
-
-    thread = threading.Thread(target=lambda: asyncio.run(serve()))
-    thread.start()
-    try:
-        assert ready.wait(30.0)
-        yield str(path)
-    finally:
-        end.set()
-        thread.join()
 
 
 def doctor(port: str, name: str | None, out: Path, *arguments: str, seconds: float = 2.0) -> bool:
@@ -74,8 +50,8 @@ def written(out: Path) -> tuple[Path, str]:
 def test_a_device_is_read_and_its_capture_gives_the_same_report_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, found: str
 ) -> None:
-    with device(name, tmp_path / "line") as port:
-        doctor(port, name, tmp_path)
+    with plugged(tmp_path, name):
+        doctor(str(tmp_path / name), name, tmp_path)
     capture, report = written(tmp_path)
     assert found in report
     assert " readings/s, expected " in report
@@ -87,8 +63,8 @@ def test_a_device_is_read_and_its_capture_gives_the_same_report_again(
 
 
 def test_another_device_is_named(tmp_path: Path) -> None:
-    with device("bota", tmp_path / "line") as port:
-        assert not doctor(port, "gauges", tmp_path)
+    with plugged(tmp_path, "bota"):
+        assert not doctor(str(tmp_path / "bota"), "gauges", tmp_path)
     assert "the bytes are those of the device 'bota'" in written(tmp_path)[1]
 
 
@@ -194,38 +170,48 @@ def texts(found: list[Finding], level: str) -> str:
     return "; ".join(finding.text for finding in found if finding.level == level)
 
 
-def test_what_a_capture_shows_of_the_timing() -> None:
-    bunched = examine(capture("gauges", frames(160, bunch=16)))
-    assert "16 readings come together every 16.0 ms: an FTDI adapter" in texts(bunched, "look")
+GOOD, NOISE = frames(200), (201 * MS, random.Random(1).randbytes(2000))
+SHOWN: list[tuple[str, str, Capture]] = [
+    ("look", "16 readings come together every 16.0 ms: an FTDI adapter", capture("gauges", frames(160, bunch=16))),
+    (
+        "look",
+        "the longest pause between readings is 501 ms",
+        capture("gauges", GOOD[:50] + [(t_ns + 500 * MS, data) for t_ns, data in GOOD[50:]]),
+    ),
+    ("look", "advances by 0.5000 s per second", capture("gauges", [(2 * t_ns, data) for t_ns, data in frames(100)])),
+    ("look", "1 readings at one time", capture("gauges", frames(1))),
+    ("ok", "no damaged, lost or repeated reading", capture("gauges", [(0, b"boot"), *GOOD])),
+    ("look", "1 bytes after the first reading", capture("gauges", [*GOOD, (201 * MS, b"x")])),
+    ("wrong", "bytes after the first reading", capture("gauges", [*GOOD, NOISE])),
+    ("look", "readings are missing", capture("gauges", GOOD[:100] + GOOD[150:])),
+    (
+        "wrong",
+        "none is a Bota frame: is the baud rate 921600 (the default is 460800)?",
+        capture("bota", [NOISE]),
+    ),
+    ("wrong", "is the given address its address?", capture("wts", [(MS, bytes(100))], transport="tcp")),
+    ("look", "every reading is the same", capture("gauges", frames(50, value=lambda _: 3))),
+    (
+        "wrong",
+        "beyond 10000 N, is the unit or the calibration right?",
+        capture("gauges", frames(50), options={"matrix": (1e6 * np.eye(6)).tolist()}),
+    ),
+]
+"""Level, a part of the text, and the capture that shows it."""
+
+
+@pytest.mark.parametrize(("level", "words", "taken"), SHOWN, ids=[words for _, words, _ in SHOWN])
+def test_what_a_capture_shows_of_timing_and_damage(level: str, words: str, taken: Capture) -> None:
+    assert words in texts(examine(taken), level)
+
+
+def test_another_rate_is_remarked_and_a_clock_that_runs_back_is_not() -> None:
     assert "1000 readings/s, expected 500 Hz" in texts(examine(capture("gauges", frames(100)), 500.0), "look")
-    pause = frames(50) + [(t_ns + 500 * MS, data) for t_ns, data in frames(100)[50:]]
-    assert "the longest pause between readings is 501 ms" in texts(examine(capture("gauges", pause)), "look")
-    slow = [(2 * t_ns, data) for t_ns, data in frames(100)]
-    assert "advances by 0.5000 s per second" in texts(examine(capture("gauges", slow)), "look")
-    assert "1 readings at one time" in texts(examine(capture("gauges", frames(1))), "look")
     back = [*frames(5), (6 * MS, encode_frame([1] * 6, 5, 0))]
     assert "clock" not in texts(examine(capture("gauges", back)), "ok")
 
 
-def test_what_a_capture_shows_of_damage() -> None:
-    good = frames(200)
-    assert "no damaged, lost or repeated reading" in texts(examine(capture("gauges", [(0, b"boot"), *good])), "ok")
-    assert "1 bytes after the first reading" in texts(examine(capture("gauges", [*good, (201 * MS, b"x")])), "look")
-    noise = [(201 * MS, random.Random(1).randbytes(2000))]
-    assert "bytes after the first reading" in texts(examine(capture("gauges", good + noise)), "wrong")
-    assert "readings are missing" in texts(examine(capture("gauges", good[:100] + good[150:])), "look")
-    garbled = examine(capture("bota", [(MS, random.Random(1).randbytes(2000))]))
-    assert "none is a Bota frame: is the baud rate 921600 (the default is 460800)?" in texts(garbled, "wrong")
-    unknown = examine(capture("wts", [(MS, bytes(100))], transport="tcp"))
-    assert "is the given address its address?" in texts(unknown, "wrong")
-
-
 def test_what_a_capture_shows_of_the_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "every reading is the same" in texts(examine(capture("gauges", frames(50, value=lambda _: 3))), "look")
-    big = {"matrix": (1e6 * np.eye(6)).tolist()}
-    found = examine(capture("gauges", frames(50), options=big))
-    assert "beyond 10000 N, is the unit or the calibration right?" in texts(found, "wrong")
-
     def image(values: Any, status: tuple[str, ...] = (), source: str = "") -> TactileSample:
         return TactileSample(next(times), None, np.array(values), status, source)
 
@@ -246,21 +232,23 @@ def test_what_a_capture_shows_of_the_values(monkeypatch: pytest.MonkeyPatch) -> 
     assert "sensor '0': status 'overload' in 1 of 2 readings" in texts(pair, "look")
 
 
-def test_forces_without_torques_and_poses_of_an_object() -> None:
-    forces = [(n * MS, external.encode_reading("left", n, force_n=(1.0 * n, 2.0, 3.0))) for n in range(1, 20)]
-    found = texts(examine(capture("external", forces, transport="external", baud=0)), "ok")
-    assert "force " in found
-    assert "torque" not in found
-    poses = [(n * MS, external.encode_reading("box", n, object_pose={"xyz_m": (0.0, 0.0, 0.1)})) for n in range(1, 20)]
-    assert "19 readings" in texts(examine(capture("external", poses, transport="external", baud=0)), "ok")
+UPRIGHT = {"gravity_mps2": (0.0, 0.0, 9.81), "angular_velocity_radps": (0.0, 0.5, 0.0)}
 
 
-@pytest.mark.parametrize(("gravity", "level"), [(9.81, "ok"), (1.0, "wrong")])
-def test_gravity_of_an_arm_is_compared_with_that_of_the_earth(gravity: float, level: str) -> None:
-    motion = {"gravity_mps2": (0.0, 0.0, gravity), "angular_velocity_radps": (0.0, 0.5, 0.0)}
-    pushed = [(n * MS, external.encode_reading("arm", n, **motion)) for n in range(1, 20)]
-    found = texts(examine(capture("external", pushed, transport="external", baud=0)), level)
-    assert f"gravity {gravity:.3g} m/s² in the mean, turns of up to 0.5 rad/s" in found
+@pytest.mark.parametrize(
+    ("reading", "level", "words"),
+    [
+        ({"force_n": (1.0, 2.0, 3.0)}, "ok", "force "),
+        ({"object_pose": {"xyz_m": (0.0, 0.0, 0.1)}}, "ok", "19 readings"),
+        (UPRIGHT, "ok", "gravity 9.81 m/s² in the mean, turns of up to 0.5 rad/s"),
+        (UPRIGHT | {"gravity_mps2": (0.0, 0.0, 1.0)}, "wrong", "gravity 1 m/s² in the mean, turns of up to 0.5 rad/s"),
+    ],
+)
+def test_forces_without_torques_poses_and_the_gravity_of_an_arm(reading: Any, level: str, words: str) -> None:
+    pushed = [(n * MS, external.encode_reading("left", n, **reading)) for n in range(1, 20)]
+    found = examine(capture("external", pushed, transport="external", baud=0))
+    assert words in texts(found, level)
+    assert "torque" not in texts(found, level)
 
 
 def test_a_file_that_is_no_capture_is_refused(tmp_path: Path) -> None:

@@ -2,49 +2,27 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from plugged_devices import plugged
 
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.discovery import config_draft, port_probe
 from slipd.tools.discovery.config_draft import init_command
 from slipd.tools.discovery.port_probe import SAME_SOCKET, list_ports
-from slipd.tools.sim.emulate import emulated, emulator_for
 
 
-@contextmanager
-def plugged(by_id: Path, *names: str) -> Iterator[None]:
-    """Emulate devices on lines of their names until the block ends."""
-    by_id.mkdir()
-    ready, ended = threading.Event(), threading.Event()
-
-    async def serve() -> None:
-        plan = [(name, emulator_for(name, str(by_id / name), 1), str(by_id / name)) for name in names]
-        async with emulated(plan) as emulation:
-            running = asyncio.create_task(emulation.run())
-            ready.set()
-            await asyncio.to_thread(ended.wait)
-            running.cancel()
-
-    thread = threading.Thread(target=lambda: asyncio.run(serve()))
-    thread.start()
-    try:
-        assert ready.wait(60.0)
-        yield
-    finally:
-        ended.set()
-        thread.join()
+def made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    by_id, file = tmp_path / "by-id", tmp_path / "rig.toml"
+    by_id, file = made(tmp_path / "by-id"), tmp_path / "rig.toml"
     with plugged(by_id, "bota"):
         (by_id / "no-port").symlink_to("/dev/null")
         init_command(tmp_path / "list.toml", by_id, only_list=True)
@@ -66,7 +44,7 @@ def test_a_file_that_appears_while_ports_are_asked_stays_and_the_remedy_is_one_t
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(port_probe, "ASK_S", 0.02)
-    by_id, file = tmp_path / "by-id", tmp_path / "rig.toml"
+    by_id, file = made(tmp_path / "by-id"), tmp_path / "rig.toml"
     master, slave = os.openpty()
 
     def write_when_asked() -> None:
@@ -94,7 +72,7 @@ def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest
         init_command(tmp_path / "rig.toml", tmp_path / "none", only_list=False)
     monkeypatch.setattr(port_probe, "LISTEN_S", 0.05)
     with (
-        plugged(tmp_path / "by-id", "robotiq_2f"),
+        plugged(made(tmp_path / "by-id"), "robotiq_2f"),
         pytest.raises(SlipdError, match=r"no force sensor answered .*; nothing is written"),
     ):
         init_command(tmp_path / "rig.toml", tmp_path / "by-id", only_list=False)

@@ -6,7 +6,6 @@ import math
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -59,40 +58,36 @@ class Session:
         self.events: list[tuple[int, Event]] = [(0, LinkUp("left.wrench", "S/N 1"))]
         self.t_ns = MS
         self._rng = np.random.default_rng(3)
-        mounting = np.array(Mounting(XYZ, QUAT, -1).matrix)
-        self._from_pad = np.linalg.inv(mounting)
+        self._from_pad = np.linalg.inv(np.array(Mounting(XYZ, QUAT, -1).matrix))
 
-    def identification_text(self, gravity: object, finger: str = "left", op: str = "gravity.set") -> None:
+    def tell(self, gravity: object, finger: str = "left", op: str = "gravity.set") -> None:
         body = {"v": 1, "id": 1, "op": op, "boot": "b", "finger": finger, "gravity_mps2": gravity}
         self.events.append((self.t_ns, Request(b"arm", body)))
 
-    def read(self, gravity: Sequence[float], *, load: Any = 0.0, status: int = 0, scale: float = 1.0) -> None:
+    def read(self, gravity: Sequence[float], load: float = 0.0) -> None:
         """Record a reading 2 ms later, in two pieces."""
         self.t_ns += 2 * MS
-        ideal = self._from_pad @ (WEIGHT.wrench(gravity) + load) + BIAS
-        values = ideal + scale * NOISE * self._rng.normal(size=6)
-        frame = bota.encode_frame(values[:3], values[3:], self.t_ns // 1000, status=status)
-        self.events.append((self.t_ns, Bytes("left.wrench", frame[:20])))
-        self.events.append((self.t_ns, Bytes("left.wrench", frame[20:])))
+        values = self._from_pad @ (WEIGHT.wrench(gravity) + load) + BIAS + NOISE * self._rng.normal(size=6)
+        frame = bota.encode_frame(values[:3], values[3:], self.t_ns // 1000)
+        self.events += [(self.t_ns, Bytes("left.wrench", piece)) for piece in (frame[:20], frame[20:])]
 
-    def hold(self, gravity: Sequence[float], readings: int = 250, **more: Any) -> None:
-        """Hold still, and send gravity every 100 ms."""
-        for k in range(readings):
+    def hold(self, gravity: Sequence[float]) -> None:
+        """Hold still for half a second, and send gravity every 100 ms."""
+        for k in range(250):
             if k % 50 == 0:
-                self.identification_text(list(gravity))
-            self.read(gravity, **more)
+                self.tell(list(gravity))
+            self.read(gravity)
 
-    def turn(self, start: Sequence[float], end: Sequence[float], readings: int = 100) -> None:
-        """Rotate within 0.2 s; gravity is sent late."""
-        axis = np.cross(start, end)
-        angle = math.acos(float(np.dot(start, end)) / G**2)
+    def turn(self, start: Sequence[float], end: Sequence[float]) -> None:
+        """Rotate by a right angle within 0.2 s; gravity is sent late."""
+        whole = np.cross(start, end) / G**2 * math.pi / 2
         told: Sequence[float] = start
-        for k in range(readings):
-            whole = axis / np.linalg.norm(axis) * (angle * k / readings)
+        for k in range(100):
+            present = Rotation.from_rotvec(whole * k / 100).apply(start).tolist()
             if k % 10 == 0:
-                self.identification_text(list(told))
-                told = Rotation.from_rotvec(whole).apply(start).tolist()
-            self.read(Rotation.from_rotvec(whole).apply(start).tolist())
+                self.tell(list(told))
+                told = present
+            self.read(present)
 
 
 Save = Callable[[Session], Path]
@@ -119,17 +114,13 @@ def four_poses() -> Session:
     return session
 
 
-def test_mass_and_centre_are_found_through_bias_mounting_and_sign(save: Save) -> None:
+def test_mass_and_centre_are_found_through_bias_mounting_and_sign_and_fit_a_config(save: Save) -> None:
     found = identify_recording(save(four_poses()), "left")
     assert found.poses == 4
     assert found.mass_kg == pytest.approx(0.060, abs=5 * found.mass_std_kg)
     assert found.mass_std_kg < 0.0005
     assert_allclose(found.com_m, WEIGHT.com_m, atol=0.001)
     assert_allclose(found.bias_force_n, (Mounting(XYZ, QUAT, -1).matrix @ BIAS)[:3], atol=0.01)
-
-
-def test_the_text_holds_lines_that_fit_a_config(save: Save) -> None:
-    found = identify_recording(save(four_poses()), "left")
     text = identification_text(found, "left")
     table = tomllib.loads(text.partition("\n\n")[2])["finger"]["left"]["wrench"]
     assert table["mass_kg"] == pytest.approx(found.mass_kg, abs=1e-5)
@@ -144,7 +135,7 @@ def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(save: Save
         session.hold(before)
         if not np.allclose(np.cross(before, after), 0.0):
             session.turn(before, after)
-    session.identification_text([0.0, 0.0, -G])
+    session.tell([0.0, 0.0, -G])
     for _ in range(130):
         session.read((0.0, 0.0, -G))
     for _ in range(400):
@@ -155,18 +146,18 @@ def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(save: Save
     assert found.residual_n < 0.01
 
 
-def test_other_requests_and_invalid_gravity_are_ignored(save: Save) -> None:
+def test_N1_other_requests_invalid_gravity_and_readings_that_are_no_numbers_are_ignored(save: Save) -> None:
     session = Session()
     for pose in POSES:
-        session.identification_text(list(pose))
-        session.identification_text([0.0, 0.0, 5.0], finger="right")
-        session.identification_text([0.0, 0.0, 5.0], op="gravity.get")
-        session.identification_text([0.0, 0.0, 500.0])
-        session.identification_text("down")
-        session.events.append((session.t_ns, Tick()))
-        session.events.append((session.t_ns, Bytes("right.pad", b"{}")))
+        session.tell(list(pose))
+        session.tell([0.0, 0.0, 5.0], finger="right")
+        session.tell([0.0, 0.0, 5.0], op="gravity.get")
+        session.tell([0.0, 0.0, 500.0])
+        session.tell("down")
+        session.events += [(session.t_ns, Tick()), (session.t_ns, Bytes("right.pad", b"{}"))]
         for _ in range(120):
             session.read(pose)
+        session.read(pose, load=math.nan)
         session.events.append((session.t_ns, LinkDown("left.wrench", "unplugged")))
         session.t_ns += 500 * MS
         session.events.append((session.t_ns, LinkUp("left.wrench", "S/N 1")))
@@ -177,12 +168,3 @@ def test_other_requests_and_invalid_gravity_are_ignored(save: Save) -> None:
 def test_a_finger_without_a_force_sensor_has_nothing_to_identify(save: Save, finger: str) -> None:
     with pytest.raises(RecordingError, match=f"must be a finger with a force sensor, got '{finger}'; known: left"):
         identify_recording(save(Session()), finger)
-
-
-def test_N1_readings_that_are_no_numbers_stay_out(save: Save) -> None:
-    session = Session()
-    for pose in POSES:
-        session.hold(pose)
-        session.read(pose, load=math.nan)
-        session.t_ns += 500 * MS
-    assert identify_recording(save(session), "left").mass_kg == pytest.approx(0.060, abs=0.001)

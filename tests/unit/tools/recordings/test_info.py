@@ -39,9 +39,6 @@ def test_what_a_run_holds_is_counted(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert found["events"]["Bytes"] == sum(type(event).__name__ == "Bytes" for _, event in events)
     assert found["changes_to_level"]["slipping"] == 2
 
-
-def test_the_text_has_the_same_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = live(DEMO, tmp_path / "run.mcap")
     assert main(["info", str(run)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == f"recording: {run}"
