@@ -56,8 +56,7 @@ def test_at_full_speed_the_glass_slips_and_at_the_fastest_safe_speed_it_does_not
 def test_a_move_ends_at_rest_at_its_place_and_the_stream_has_its_motion(scale: float) -> None:
     move, step_s = Move("both", 0.4, -0.2, 0.6), 1e-4
     times = np.arange(0.0, 0.6 / scale, step_s)
-    accelerations = np.array([move.acceleration(float(t_s), scale) for t_s in times])
-    speeds = np.cumsum(accelerations, axis=0) * step_s
+    speeds = np.cumsum(np.array([move.acceleration(float(t_s), scale) for t_s in times]), axis=0) * step_s
     assert speeds[-1] == pytest.approx([0.0, 0.0], abs=1e-3)
     assert speeds.sum(axis=0) * step_s == pytest.approx([0.4, -0.2], abs=1e-3)
     arm = Arm((move, move, move))
@@ -95,8 +94,7 @@ def test_a_move_is_as_fast_as_slipd_says_and_slow_where_it_does_not_know(
     reply: dict[str, Any], scale: float, why: str
 ) -> None:
     client: Any = SimpleNamespace(motion_check=lambda _: reply)
-    program = CarryProgram("", "", print, int, advised=True)
-    assert program._advice(client, PATH[0]) == (scale, why)
+    assert CarryProgram("", "", print, int, advised=True)._advice(client, PATH[0]) == (scale, why)
 
 
 def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(

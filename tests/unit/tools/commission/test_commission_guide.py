@@ -198,6 +198,5 @@ def test_orientation_and_signs_of_the_axes_are_found_and_there_is_no_weight_to_f
     true, read = config.parse(AXES, "rig"), config.parse(wrong, "rig")
     host = guided(tmp_path, read, true, answers={})
     assert not follow_guide(host), "friction and grasp are left out"
-    found = config.parse(host.text, "found").finger["left"].pad
-    assert found == config.parse(AXES, "true").finger["left"].pad
+    assert config.parse(host.text, "found").finger["left"].pad == config.parse(AXES, "true").finger["left"].pad
     assert "  no finger has a force sensor, so none has a weight to subtract" in host.printed

@@ -73,8 +73,7 @@ def test_a_request_without_a_daemon_is_a_refusal(hosted: Hosted, lease: bool) ->
 def test_a_config_is_written_once_and_its_first_state_is_kept(hosted: Hosted, file: Path) -> None:
     host = hosted()
     for value in ("0.42", "0.43"):
-        written = host.respond(Change({("finger", "left", "mu"): value}))
-        assert written == Written(file.read_text(encoding="utf-8"))
+        assert host.respond(Change({("finger", "left", "mu"): value})) == Written(file.read_text(encoding="utf-8"))
     assert file.with_name("rig.toml.previous").read_text(encoding="utf-8") == TEXT
     file.write_text("# another program\n", encoding="utf-8")
     with pytest.raises(SlipdError, match="changed meanwhile and is left as it is"):

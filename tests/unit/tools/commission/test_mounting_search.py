@@ -56,8 +56,7 @@ def touches(
         if seed is not None:
             force = Rotation.from_rotvec(rng.normal(scale=math.radians(3.0), size=3)).apply(force)
             x, y = x + rng.normal(scale=5e-4), y + rng.normal(scale=5e-4)
-        place = np.array((x, y, 0.0))
-        raw = matrix @ np.concatenate((force, np.cross(place, force)))
+        raw = matrix @ np.concatenate((force, np.cross(np.array((x, y, 0.0)), force)))
         scan_m = None if symmetry is None else scan_of(symmetry, (x, y))
         found[step] = Touch(raw[:3], torque_gain * raw[3:], scan_m)
     return found

@@ -216,8 +216,7 @@ def test_readings_that_are_older_than_the_begin_of_a_mean_do_not_count() -> None
     events: list[Event] = [*before, *late, *fresh]
     assert not follow(listener.wait(lambda newest: False, 0.4), lambda _: events.pop(0))
     events = [*late, *fresh[40:], *(wrench(12.0 + 0.01 * k, f) for k in range(60) for f in ("left", "right"))]
-    found = follow(listener.collect(0.3), lambda _: events.pop(0))
-    assert float(found["left"].wrench[2]) == 0.0
+    assert float(follow(listener.collect(0.3), lambda _: events.pop(0))["left"].wrench[2]) == 0.0
     events = [Reply(SimpleNamespace(t_ns=round(20.0e9))), *fresh]
     follow(listener.leave_out_earlier(), lambda _: events.pop(0))
     assert not follow(listener.wait(lambda newest: True, 0.4), lambda _: events.pop(0))

@@ -59,8 +59,7 @@ def commission(
             engine.touch(command)
         return None
 
-    guide = TouchGuide(read, ReadingListener(read.finger, read.config_id), 5.0)
-    return follow(guide.run(finger), respond), printed
+    return follow(TouchGuide(read, ReadingListener(read.finger, read.config_id), 5.0).run(finger), respond), printed
 
 
 def corrected(read: config.Config, outcome: FingerOutcome, finger: str = "left") -> config.Config:
@@ -214,8 +213,7 @@ def test_noise_is_measured_and_what_is_confirmed_loses_its_mark(tmp_path: Path) 
     assert marked_keys(read.text)
     assert marked_keys(found.text) == {}
     check_same(found, true)
-    wrench = found.finger["left"].wrench
-    assert wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
+    assert found.finger["left"].wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
     assert any("noise at rest 0.0" in line for line in (*printed, *outcome.findings.notes))
 
 

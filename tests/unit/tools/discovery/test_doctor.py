@@ -76,8 +76,7 @@ def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     report = written(tmp_path)[1]
     assert "wrong  open, but no bytes arrive: is it powered?" in report
     assert "the conversation stands at: waiting" in report
-    timer = threading.Timer(0.3, line.close)
-    timer.start()
+    threading.Timer(0.3, line.close).start()
     assert not doctor(str(tmp_path / "line"), "gauges", made(tmp_path / "second"), seconds=60.0)
     assert "the line was lost: " in capsys.readouterr().out
     with pytest.raises(SlipdError, match="no such port; plug the device in"):
@@ -207,8 +206,7 @@ def test_what_a_capture_shows_of_timing_and_damage(level: str, words: str, taken
 
 def test_another_rate_is_remarked_and_a_clock_that_runs_back_is_not() -> None:
     assert "1000 readings/s, expected 500 Hz" in texts(examine(capture("gauges", frames(100)), 500.0), "look")
-    back = [*frames(5), (6 * MS, encode_frame([1] * 6, 5, 0))]
-    assert "clock" not in texts(examine(capture("gauges", back)), "ok")
+    assert "clock" not in texts(examine(capture("gauges", [*frames(5), (6 * MS, encode_frame([1] * 6, 5, 0))])), "ok")
 
 
 def test_what_a_capture_shows_of_the_values(monkeypatch: pytest.MonkeyPatch) -> None:

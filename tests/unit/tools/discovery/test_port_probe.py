@@ -64,8 +64,7 @@ async def test_asking_writes_no_setting_and_moves_no_gripper(tmp_path: Path, mon
         return receive(data, t_ns)
 
     gripper.receive = note  # type: ignore[method-assign]
-    results = await identify(tmp_path, devices, ATTEMPTS)
-    assert results["robotiq_2f"] is not None
+    assert (await identify(tmp_path, devices, ATTEMPTS))["robotiq_2f"] is not None
     assert {data[1] for data in received} <= {3, 4}, "only function codes that read registers"
     assert devices["robotous"].writes == 0  # type: ignore[attr-defined]
 
@@ -86,8 +85,7 @@ async def test_a_port_that_is_silent_or_missing_is_none_of_them(
 
 def test_noise_is_no_device() -> None:
     noise = random.Random(1)
-    pieces = [(k * 1_000_000, noise.randbytes(200)) for k in range(40)]
-    assert recognise(pieces) is None
+    assert recognise([(k * 1_000_000, noise.randbytes(200)) for k in range(40)]) is None
     assert recognise([]) is None
     assert recognise([(0, b"a few bytes")]) is None
 

@@ -50,8 +50,7 @@ def test_a_config_without_a_stream_of_the_recording_is_refused(config_file: Writ
 def test_a_recording_that_was_cut_off_is_used_as_far_as_it_goes(tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(GRIPS.read_bytes()[: GRIPS.stat().st_size * 3 // 4])
-    run = run_config(cut, None, "recorded")
-    assert run.fault.startswith(f"{cut}: ")
+    assert run_config(cut, None, "recorded").fault.startswith(f"{cut}: ")
 
 
 def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:

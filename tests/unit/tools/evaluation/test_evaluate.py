@@ -36,8 +36,7 @@ def only_known(work: Work) -> Iterator[Finished]:
 
 
 def test_every_recording_is_replayed_with_its_own_config_first(cache: ResultCache, config_file: Write) -> None:
-    other = NamedConfig("a.toml", config_file("xela", "a.toml").read_text())
-    (found,) = evaluate([XELA], [other], cache)
+    (found,) = evaluate([XELA], [NamedConfig("a.toml", config_file("xela", "a.toml").read_text())], cache)
     assert found.name == "xela.mcap"
     assert list(found.runs) == [RECORDED, "a.toml"]
     assert found.runs[RECORDED] == found.runs["a.toml"] == run_config(XELA, None, RECORDED)

@@ -79,8 +79,7 @@ def replaced(line: int, column: int, cell: str) -> Callable[[Path], object]:
 
 def cut(characters: int, lines: int = 0) -> Callable[[Path], object]:
     def damage(path: Path) -> None:
-        text = path.read_text()[: -characters or None]
-        path.write_text("\n".join(text.splitlines()[: -lines or None]))
+        path.write_text("\n".join(path.read_text()[: -characters or None].splitlines()[: -lines or None]))
 
     return damage
 

@@ -72,8 +72,7 @@ def test_a_run_is_replayed_from_a_tare_of_the_lifted_object(tmp_path: Path) -> N
 def test_a_run_of_the_repository_is_as_its_bag() -> None:
     run = read_pushes(DATA / "pushes" / "runs" / "robot_push_2.npz")
     assert (len(run.wrench), len(run.object), len(run.pusher)) == (3026, 1816, 992)
-    along_m = run.object[-1, 1] - run.object[0, 1]
-    assert along_m == pytest.approx(0.0979, abs=1e-4)
+    assert run.object[-1, 1] - run.object[0, 1] == pytest.approx(0.0979, abs=1e-4)
 
 
 def faulty(**parts: Any) -> dict[str, Any]:

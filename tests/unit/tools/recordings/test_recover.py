@@ -61,8 +61,7 @@ def recovered(path: Path) -> tuple[Recovered, list]:
     assert len(kept) == found.entries
     with out.open("rb") as file:
         reader = make_reader(file)
-        summary = reader.get_summary()
-        assert summary.statistics.message_count == found.entries
+        assert reader.get_summary().statistics.message_count == found.entries
         assert len(list(reader.iter_messages())) == found.entries
     return found, kept
 

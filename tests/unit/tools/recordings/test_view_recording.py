@@ -32,8 +32,7 @@ def shown() -> Iterator[Show]:
     views: list[RecordingView] = []
 
     def show(path: Path) -> RecordingView:
-        recording = open_recording(path)
-        views.append(RecordingView(recording))
+        views.append(RecordingView(open_recording(path)))
         views[-1].replay()
         return views[-1]
 

@@ -30,8 +30,7 @@ def made(electronics=IDEAL, seed=2):
 def test_a_held_force_leaks_away_with_the_time_constant():
     samples = scans(made(), lambda t: 12.8, 3_000 * MS)
     times = np.array([s.device_time_ns for s in samples]) * 1e-9
-    first = np.array([s.values[0] for s in samples])
-    assert first[1:] == pytest.approx(200.0 * np.exp(-times[1:] / 2.0), abs=0.6)
+    assert np.array([s.values[0] for s in samples])[1:] == pytest.approx(200.0 * np.exp(-times[1:] / 2.0), abs=0.6)
 
 
 def test_taxels_are_sampled_one_after_another():
@@ -44,8 +43,7 @@ def test_taxels_are_sampled_one_after_another():
 
 
 def test_the_force_is_reconstructed_from_its_charge():
-    pad = Pad()
-    shares = pad.shares(Patch())
+    shares = Pad().shares(Patch())
 
     def force(t):
         return 0.0 if t < 1.0 else min((t - 1.0) * 40.0, 7.0) if t < 4.0 else 12.0

@@ -32,8 +32,7 @@ def ask(gripper: Gripper, request: bytes, t_ns: int = 0) -> list[tuple[int, int]
 
 
 def words(gripper: Gripper, t_ns: int) -> frozenset[str]:
-    told = read(gripper.receive(wire.encode(wire.STATE, bytes(3)), t_ns))
-    return wire.parse_state(told[-1].data)
+    return wire.parse_state(read(gripper.receive(wire.encode(wire.STATE, bytes(3)), t_ns))[-1].data)
 
 
 def test_a_motion_is_pending_until_the_jaws_are_there(gripper: Gripper) -> None:
@@ -101,8 +100,7 @@ def test_who_leaves_without_a_word_makes_it_stop_fast_until_that_is_acknowledged
 def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gripper) -> None:
     for update in wire.UPDATES:
         assert ask(gripper, wire.update_request(update, 20)) == [(update, wire.OK)]
-    told = read(gripper.advance(100 * MS))
-    assert sorted(reply.id for reply in told) == sorted(5 * wire.UPDATES)
+    assert sorted(reply.id for reply in read(gripper.advance(100 * MS))) == sorted(5 * wire.UPDATES)
     gripper.opened(100 * MS)
     assert gripper.advance(200 * MS) == []
 

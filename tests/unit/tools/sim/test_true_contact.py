@@ -25,8 +25,7 @@ def test_a_pure_pull_needs_its_size_over_mu_whatever_the_patch():
 
 @pytest.mark.parametrize("patch", [Patch(), disc(0.012)])
 def test_the_physical_simulator_presses_the_same_patch(patch):
-    t = np.array([0.0, 0.001])
-    history = LoadHistory(t, np.zeros((2, 2)), np.zeros(2), np.full(2, 6.0))
+    history = LoadHistory(np.array([0.0, 0.001]), np.zeros((2, 2)), np.zeros(2), np.full(2, 6.0))
     trace = simulate(GraspedObject(), patch.for_stick_slip(), FrictionLaw(), PadCompliance(), history)
     assert trace.taxel_loads(Pad(), [0.0])[0] == pytest.approx(6.0 * Pad().shares(patch), rel=0.02, abs=1e-3)
 

@@ -29,8 +29,7 @@ def test_a_pull_slides_the_object_at_mu_times_the_normal_force(kind: str, direct
     towards = np.array((math.cos(math.radians(direction_deg)), math.sin(math.radians(direction_deg))))
     fx, fy = (pull * towards).tolist()
     trace = simulate(ContactPatch(kind, A), STEADY, ramp((fx, fy, 0.0)))
-    i = onset(trace)
-    assert pull * trace.t_s[i] == pytest.approx(PADS * MU * GRIP_N, rel=0.01)
+    assert pull * trace.t_s[onset(trace)] == pytest.approx(PADS * MU * GRIP_N, rel=0.01)
     assert trace.wrench_left[-1, :2] == pytest.approx(MU * GRIP_N * towards, abs=1e-3)
 
 

@@ -58,8 +58,7 @@ def test_a_friction_map_is_linear_between_its_points_and_constant_beyond() -> No
 
 def test_a_spot_is_round_and_as_large_as_its_radius() -> None:
     spot = FrictionMap.spot((0.01, 0.02), 0.006, 0.4)
-    area = (1.0 - spot.factor).sum() / 0.6 * spot.cell_m**2
-    assert area == pytest.approx(math.pi * 0.006**2, rel=0.02)
+    assert (1.0 - spot.factor).sum() / 0.6 * spot.cell_m**2 == pytest.approx(math.pi * 0.006**2, rel=0.02)
     assert spot.factor[0].min() == 1.0
     middle = spot.factor.shape[0] // 2
     assert spot.factor[middle, middle] == pytest.approx(0.4)

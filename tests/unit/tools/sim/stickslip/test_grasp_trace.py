@@ -26,8 +26,7 @@ def test_the_wrench_of_a_finger_is_that_of_half_the_load_in_its_frame(*, right: 
     force, torque = pad_wrench(finger_load(about_patch, right=right), GRIP_N, centre)
     wrench = (trace.wrench_right if right else trace.wrench_left)[-1]
     assert wrench == pytest.approx(np.concatenate((force, torque)), abs=5e-6), "the load has moved by microns"
-    contact = contact_from_wrench(wrench[:3], wrench[3:])
-    assert contact.centroid_m == pytest.approx(centre, abs=1e-9)
+    assert contact_from_wrench(wrench[:3], wrench[3:]).centroid_m == pytest.approx(centre, abs=1e-9)
 
 
 @pytest.mark.parametrize("about", [(0.0, 0.0), (0.03, 0.0), (-0.02, 0.05)])
@@ -64,8 +63,7 @@ def test_the_patch_grows_with_the_force() -> None:
 
 def test_utilisation_counts_what_both_pads_of_a_tilted_grasp_carry_and_nothing_without_a_contact() -> None:
     load = history([(0.0, 0.0, 0.0), (3.0, 4.0, 0.011)], [0.0, 0.4])
-    tilt = np.tile((0.05, 0.05), (len(load.t_s), 1))
-    trace = simulate(PATCH, STEADY, replace(load, tilt_nm=tilt))
+    trace = simulate(PATCH, STEADY, replace(load, tilt_nm=np.tile((0.05, 0.05), (len(load.t_s), 1))))
     assert trace.utilisation_at(np.array((200, 400))) == pytest.approx((0.25, 0.5), rel=0.02)
     let_go = simulate(PATCH, STEADY, history([(0.0, 0.0, 0.0)] * 2, [0.0, 0.01], 0.0))
     assert np.isnan(let_go.utilisation).all()

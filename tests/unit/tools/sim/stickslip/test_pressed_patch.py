@@ -79,8 +79,7 @@ def test_a_wet_object_slides_at_its_factor() -> None:
 
 def test_a_wet_spot_comes_under_the_pad_with_the_object() -> None:
     """The spot is 40 mm from the patch; where it arrives, friction falls by its factor."""
-    spot = FrictionMap.spot((-0.040, 0.0), 0.022, 0.5)
-    law = FrictionLaw(mu_s=0.5, mu_d=0.5, wet=spot)
+    law = FrictionLaw(mu_s=0.5, mu_d=0.5, wet=FrictionMap.spot((-0.040, 0.0), 0.022, 0.5))
     trace = simulate(
         ContactPatch("disc", 0.008, None), law, history([NOTHING, *[(10.5, 0.0, 0.0)] * 2], [0.0, 0.3, 0.6])
     )

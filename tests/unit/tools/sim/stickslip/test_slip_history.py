@@ -66,8 +66,7 @@ def test_an_object_beyond_the_grip_falls_freely() -> None:
     assert trace.displacement[-1, 0] > 0.05
     assert trace.wrench_left[-1] == pytest.approx(0.0)
     assert not trace.gross[-1]
-    fall = np.diff(trace.velocity[-40:, 0]) / np.diff(trace.t_s[-40:])
-    assert fall == pytest.approx(9.81, rel=1e-9)
+    assert np.diff(trace.velocity[-40:, 0]) / np.diff(trace.t_s[-40:]) == pytest.approx(9.81, rel=1e-9)
     assert trace.pressure(-1).loads_n.sum() == 0.0
 
 
@@ -82,8 +81,7 @@ def test_partial_slip_of_a_round_contact_follows_the_closed_form_and_masings_rul
     friction, stiffness = FrictionLaw(mu_s=0.5, mu_d=0.5), PAD.stiffness_n_per_m3
     radius, peak_s = 0.010, 0.75
     last_m = 0.5 * GRIP_N * 1.5 / (np.pi * radius**2) / stiffness
-    peak_n = 2 * 0.5 * GRIP_N * winkler(peak_s)
-    load = history([NOTHING, (peak_n, 0.0, 0.0), NOTHING], [0.0, 1.5, 3.0])
+    load = history([NOTHING, (2 * 0.5 * GRIP_N * winkler(peak_s), 0.0, 0.0), NOTHING], [0.0, 1.5, 3.0])
     trace = simulate(ContactPatch("disc", radius, None), friction, load, cell_m=0.0005)
     s, ratio = trace.displacement[:, 0] / last_m, trace.wrench_left[:, 0] / (0.5 * GRIP_N)
     up, down = slice(100, 1500, 50), slice(1550, 3000, 50)

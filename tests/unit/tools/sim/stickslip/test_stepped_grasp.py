@@ -64,8 +64,7 @@ def test_a_tilt_that_begins_under_load_keeps_what_the_bristles_carry() -> None:
         stepped.advance(0.001, (0.04 * i, 0.0), 0.0, 10.0)
     before = stepped.wrench() + stepped.wrench(right=True)
     stepped.advance(0.001, (4.0, 0.0), 0.0, 10.0, tilt_nm=(0.0, 0.02))
-    after = stepped.wrench() + stepped.wrench(right=True)
-    assert after[0] == pytest.approx(before[0], abs=0.1)
+    assert (stepped.wrench() + stepped.wrench(right=True))[0] == pytest.approx(before[0], abs=0.1)
     assert stepped.displacement()[0] == pytest.approx(4.0 / (2 * 1.5e8 * 0.018 * 0.009 * 4), rel=0.3)
 
 
