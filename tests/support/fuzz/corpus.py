@@ -7,16 +7,16 @@ from functools import cache
 from typing import Any, cast
 
 import numpy as np
+from fuzz.conversation import STEP_NS, Conversation
 from permits import activate, move
 
 from slipd.devices import DEVICES, Decoder, GripperSession, Session
-from slipd.tools.sim.emulators import Emulator, make_emulator
+from slipd.tools.sim.emulators import Emulator
 from slipd.types.samples import GripperSample, Sample, TactileSample, WrenchSample
 
 READINGS = 240
 """Enough that a round of damage seldom meets the same neighbours again."""
 
-STEP_NS = 1_000_000
 SETTLED = 8
 """Readings passed over: answers to the last commands still stand between them."""
 
@@ -67,51 +67,33 @@ def key(sample: Sample) -> Key:
         return sample.source, sample.device_time_ns, sample.force_n.tobytes(), torque, sample.status
     if isinstance(sample, GripperSample):
         return (
-            sample.active,
-            sample.width_m,
-            sample.moving,
-            sample.object,
-            sample.fault,
-            sample.echo_ok,
-            sample.current_a,
-            sample.force_n,
+            *(sample.active, sample.width_m, sample.moving, sample.object),
+            *(sample.fault, sample.echo_ok, sample.current_a, sample.force_n),
         )
     return sample.source, sample.device_time_ns, sample.values.tobytes(), sample.status, sample.dwell_ns
-
-
-def is_emulated(device: str) -> bool:
-    """Whether the device has an emulator that can be made by its name."""
-    try:
-        make_emulator(device)
-    except (ImportError, AttributeError):
-        return False
-    return True
 
 
 @cache
 def record(device: str, readings: int = READINGS) -> Corpus:
     """Lets the device's emulator and session talk until enough readings have come."""
-    emulator = make_emulator(device, 7)
-    heard = _talk(device, emulator, readings + SETTLED)
-    host, probe = _make(device, emulator.options)
+    talk = _talk(device, readings + SETTLED)
+    host, probe = _make(device, talk.emulator.options)
     opening: list[bytes] = []
     units: list[bytes] = []
     keys: list[tuple[Key, ...]] = []
-    begun = b""
-    passed = 0
-    for piece in heard:
+    begun, passed = b"", 0
+    for piece in talk.heard:
         if passed < SETTLED:
             opening.append(piece)
             passed += bool(host.receive(piece, T_NS))
             continue
-        samples = probe.receive(piece, T_NS)
         begun += piece
-        if samples:
+        if samples := probe.receive(piece, T_NS):
             units.append(begun)
             keys.append(tuple(key(sample) for sample in samples))
             begun = b""
     messages = not {"serial", "tcp"} & set(DEVICES[device].transports)
-    return Corpus(device, emulator.options, tuple(opening), tuple(units), tuple(keys), messages)
+    return Corpus(device, talk.emulator.options, tuple(opening), tuple(units), tuple(keys), messages)
 
 
 def _make(device: str, options: dict[str, Any]) -> tuple[Decoder | Session, Decoder]:
@@ -126,54 +108,21 @@ def _make(device: str, options: dict[str, Any]) -> tuple[Decoder | Session, Deco
     return (session if hasattr(session, "decoder") else decoder), decoder
 
 
-def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
-    """Everything that the emulator says until its session has handed on so many readings."""
-    session = DEVICES[device].session
-    host = session(**emulator.options) if session is not None else None
-    listener: Decoder = host if host is not None else DEVICES[device].decoder(**emulator.options)
-    rng = np.random.default_rng(11)
-    heard: list[bytes] = []
+def _talk(device: str, readings: int) -> Conversation:
+    """Let emulator and session talk until the latter has handed on so many readings."""
+    talk, rng = Conversation(device, 7), np.random.default_rng(11)
     shapes: dict[str, tuple[int, ...]] = {}
     counted = 0
-    emulator.opened(0)
-    written = host.start(0) if host is not None else b""
-    answer = inquire(device, emulator)
-    if answer:
-        heard.append(answer)
-        listener.receive(answer, 0)
-    for step in range(1, PATIENCE_STEPS):
-        now_ns = step * STEP_NS
-        said = emulator.receive(written, now_ns) if written else []
-        said += emulator.advance(now_ns)
-        heard += said
-        for piece in said:
-            samples = listener.receive(piece, now_ns)
-            if samples:
-                counted += 1
-                shapes |= {
-                    sample.source: sample.values.shape for sample in samples if isinstance(sample, TactileSample)
-                }
-                _stir(emulator, list(shapes.values()), rng)
-                if isinstance(samples[-1], GripperSample):
-                    _command(cast("GripperSession", host), samples[-1], rng, now_ns)
-        if counted >= readings:
-            return heard
-        written = b""
-        while host is not None and (due := host.next_deadline()) is not None and due <= now_ns:
-            chunk = host.on_time(now_ns)
-            if not chunk and host.next_deadline() == due:
-                break
-            written += chunk
-    state = "" if host is None else host.state
-    raise RuntimeError(f"{device}: {counted} of {readings} readings in a minute; its session says {state!r}")
-
-
-def inquire(device: str, emulator: Emulator) -> bytes:
-    """The answer to what is asked before the link is up."""
-    ask = DEVICES[device].inquiry
-    inquiry = ask(**emulator.options) if ask is not None else None
-    inquire = getattr(emulator, "inquire", None)
-    return inquire(inquiry.request) if inquiry is not None and inquire is not None else b""
+    while counted < readings:
+        if talk.now_ns > PATIENCE_STEPS * STEP_NS:
+            raise RuntimeError(f"{device}: {counted} of {readings} readings in a minute")
+        for samples in talk.step():
+            counted += 1
+            shapes |= {sample.source: sample.values.shape for sample in samples if isinstance(sample, TactileSample)}
+            _stir(talk.emulator, list(shapes.values()), rng)
+            if isinstance(samples[-1], GripperSample):
+                _command(cast("GripperSession", talk.host), samples[-1], rng, talk.now_ns)
+    return talk
 
 
 def _stir(emulator: Emulator, shapes: list[tuple[int, ...]], rng: np.random.Generator) -> None:

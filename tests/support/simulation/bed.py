@@ -12,7 +12,7 @@ from dataclasses import replace
 from random import Random
 from typing import Any
 
-from simulation.line import Line
+from simulation.line import Fault, Line
 from simulation.watch import Watch
 
 from slipd import config
@@ -127,6 +127,54 @@ class Bed:
     def said_ns(self) -> int:
         """How long the devices have run: the world's own clock, which no suspension stops."""
         return self._world_ns
+
+    # -- faults
+
+    def strike(self, fault: Fault | None, *streams: str) -> None:
+        """A fault befalls lines from now on, all lines if none is named; None: they are sound again."""
+        for stream in streams or self.lines:
+            self.line(stream).fault = fault
+
+    def recover(self, within_s: float = 1.0) -> None:
+        """All lines are sound again: both fingers are stable in time."""
+        self.strike(None)
+        for finger in FINGERS:
+            assert self.recovery_s("stable", finger) <= within_s, f"seed {self.seed}: {finger}"
+
+    def struck(
+        self,
+        stream: str,
+        fault: Fault,
+        seconds: float,
+        *,
+        level: str = "unknown",
+        reasons: list[str] | None = None,
+        healths: tuple[int, ...] = (0, 1, 2, 3),
+        message: str = "",
+        lies: bool = False,
+    ) -> None:
+        """A fault befalls a line of the left finger for a while; then that has a level, and later both are stable.
+
+        Args:
+            stream: The line.
+            fault: The fault.
+            seconds: How long it lasts.
+            level: Level of the left finger at its end.
+            reasons: Its reasons; None: any.
+            healths: Possible health of the stream.
+            message: Part of the message about it.
+            lies: What came through is untrue and was believed until it was found out.
+        """
+        self.strike(fault, stream)
+        self.run(seconds)
+        health = self.health(stream)
+        assert (self.level(), self.level("right")) == (level, "stable")
+        assert reasons in (None, self.reasons())
+        assert health["health"] in healths
+        assert message in health["message"]
+        self.recover()
+        if lies:
+            self.watch.faults.clear()
 
     # -- the world goes on
 
@@ -296,12 +344,9 @@ class Bed:
 
 @functools.cache
 def _held(seed: int) -> Bed:
-    return Bed(seed).hold()
-
-
-def assert_sound(bed: Bed) -> None:
-    """Check that nothing that was watched is at fault."""
-    assert bed.watch.faults == [], f"seed {bed.seed}"
+    bed = Bed(seed).hold()
+    bed.watch.changes.clear()
+    return bed
 
 
 def held_bed(seed: int) -> Bed:

@@ -58,12 +58,10 @@ def pad(change: RowChange | None = None, *, cols: int = 16, clock_us: Callable[[
         cols: Of the pad.
         clock_us: Makes of the device's time the one that is sent instead, µs.
     """
-    length = _PVDF_HEAD + 2 * cols + 2
 
     def edited(data: bytes, now_ns: int) -> bytes:
         frames = []
-        for at in range(0, len(data), length):
-            frame = bytearray(data[at : at + length - 2])
+        for frame in rows_of(data, cols):
             if clock_us is not None:
                 (time_us,) = struct.unpack_from("<I", frame, _CLOCK_AT)
                 struct.pack_into("<I", frame, _CLOCK_AT, clock_us(time_us) % _US_SPAN)
@@ -71,10 +69,21 @@ def pad(change: RowChange | None = None, *, cols: int = 16, clock_us: Callable[[
                 counts = np.frombuffer(bytes(frame[_PVDF_HEAD:]), "<i2").astype(np.int64)
                 said = np.clip(change(frame[3], counts, now_ns), -32_768, 32_767)
                 frame[_PVDF_HEAD:] = said.astype("<i2").tobytes()
-            frames += bytes(frame), checksums.x25(bytes(frame[2:])).to_bytes(2, "little")
+            frames.append(sealed(frame))
         return b"".join(frames)
 
     return edited
+
+
+def rows_of(data: bytes, cols: int = 16) -> list[bytearray]:
+    """Return the rows of a pad's scans without their checksums."""
+    length = _PVDF_HEAD + 2 * cols + 2
+    return [bytearray(data[at : at + length - 2]) for at in range(0, len(data), length)]
+
+
+def sealed(row: bytes) -> bytes:
+    """Return a row with its checksum."""
+    return bytes(row) + checksums.x25(bytes(row[2:])).to_bytes(2, "little")
 
 
 def gripper(change: Callable[[bytearray], None]) -> Bytewise:

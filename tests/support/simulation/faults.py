@@ -6,17 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from random import Random
 
+from simulation.line import Fault
+
 MS = 1_000_000
 Pieces = list[tuple[int, bytes]]
 
 
 @dataclass
-class Split:
+class Split(Fault):
     """Every read brings as much as it likes, down to single bytes."""
 
     rng: Random
     most: int = 24
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         pieces, at = [], 0
@@ -28,46 +29,42 @@ class Split:
 
 
 @dataclass
-class Bunch:
+class Bunch(Fault):
     """An adapter hands over what it has every so often, as USB serial adapters do."""
 
     period_ns: int = 16 * MS
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         return [(-(-now_ns // self.period_ns) * self.period_ns, data)]
 
 
 @dataclass
-class Delay:
+class Delay(Fault):
     """Everything comes late by the same time, longer than the device's clock can tell from the beginning."""
 
     delay_ns: int
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         return [(now_ns + self.delay_ns, data)]
 
 
 @dataclass
-class Drop:
+class Drop(Fault):
     """A share of what is said is lost, whole pieces of it."""
 
     rng: Random
     share: float = 1.0
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         return [] if self.rng.random() < self.share else [(now_ns, data)]
 
 
 @dataclass
-class Bursts:
+class Bursts(Fault):
     """The line works and falls silent, for random whiles."""
 
     rng: Random
     mean_ns: int = 60 * MS
-    lies: bool = False
     _until_ns: int = field(default=0, repr=False)
     _silent: bool = field(default=False, repr=False)
 
@@ -79,12 +76,11 @@ class Bursts:
 
 
 @dataclass
-class Noise:
+class Noise(Fault):
     """Bits are turned, bytes come and go: so many mishaps in a thousand bytes."""
 
     rng: Random
     per_thousand: float
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         said, rng = bytearray(), self.rng
@@ -101,34 +97,31 @@ class Noise:
 
 
 @dataclass
-class Garbage:
+class Garbage(Fault):
     """Random bytes instead of what was said, as with a wrong baud rate."""
 
     rng: Random
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         return [(now_ns, self.rng.randbytes(len(data)))]
 
 
 @dataclass
-class Flood:
+class Flood(Fault):
     """The device says ten times as much as it should: everything, and noise of nine times the length."""
 
     rng: Random
     factor: int = 10
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         return [(now_ns, data + self.rng.randbytes((self.factor - 1) * len(data)))]
 
 
 @dataclass
-class Trickle:
+class Trickle(Fault):
     """One byte a second comes through."""
 
     period_ns: int = 1_000 * MS
-    lies: bool = False
     _next_ns: int = field(default=0, repr=False)
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
@@ -139,18 +132,17 @@ class Trickle:
 
 
 @dataclass
-class Text:
+class Text(Fault):
     """A device that boots: its text instead of what it should say, for a while."""
 
     text: bytes = b"\r\nbootloader v1.2\r\nloading...\r\n\x1b[5n"
-    lies: bool = False
 
     def pass_on(self, data: bytes, now_ns: int) -> Pieces:
         return [(now_ns, self.text[: len(data)])]
 
 
 @dataclass
-class Edit:
+class Edit(Fault):
     """Each whole frame is changed into another well-formed one.
 
     Attributes:
@@ -166,7 +158,7 @@ class Edit:
 
 
 @dataclass
-class Chain:
+class Chain(Fault):
     """Several faults at once, in order."""
 
     faults: list

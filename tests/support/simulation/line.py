@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from slipd.devices import Decoder
 
 
-class Fault(Protocol):
+class Fault:
     """What befalls the bytes of a line.
 
     Attributes:
         lies: What comes through is well formed and untrue.
     """
 
-    lies: bool
+    lies = False
 
     def pass_on(self, data: bytes, now_ns: int) -> list[tuple[int, bytes]]:
-        """What becomes of the bytes said at ``now_ns``: pieces, each with the time at which it arrives."""
-        ...
+        """Return what becomes of the bytes said at ``now_ns``: pieces, each with the time at which it arrives."""
+        raise NotImplementedError
 
 
 @dataclass

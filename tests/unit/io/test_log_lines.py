@@ -33,10 +33,18 @@ def test_a_line_whose_arguments_do_not_fit_harms_only_itself(capsys: pytest.Capt
     assert "Logging error" in capsys.readouterr().err
 
 
-def test_a_passed_line_is_escaped() -> None:
-    record = line("%s: %s", "left.pad", "closed: bye\nERROR forged")
+@pytest.mark.parametrize(
+    ("message", "args", "shown"),
+    [
+        ("%s: %s", ("left.pad", "closed: bye\nERROR forged"), "left.pad: closed: bye\\nERROR forged"),
+        ("ready", (), "ready"),
+        ("%(name)s", ({"name": "left"},), "left"),
+    ],
+)
+def test_a_passed_line_is_escaped(message: str, args: tuple[object, ...], shown: str) -> None:
+    record = line(message, *args)
     assert LogGate(lambda: 0.0).filter(record)
-    assert record.getMessage() == "left.pad: closed: bye\\nERROR forged"
+    assert record.getMessage() == shown
 
 
 def test_lines_of_one_kind_are_limited_and_dropped_lines_are_counted() -> None:
@@ -60,11 +68,6 @@ def test_the_gate_keeps_a_bounded_number_of_kinds() -> None:
     assert len(gate._kinds) <= KINDS
 
 
-@pytest.mark.parametrize("args", [(), ({"name": "left"},)])
-def test_lines_without_positional_arguments_pass(args: tuple[object, ...]) -> None:
-    assert LogGate(lambda: 0.0).filter(line("ready" if not args else "%(name)s", *args))
-
-
 FORGED = "why\nERROR slipd: \x1b[31mall is lost\x9b\u2028"
 
 
@@ -74,9 +77,13 @@ def test_no_text_of_an_exception_can_look_like_a_line_of_the_log() -> None:
     record.exc_info = type(error), error, None
     record.stack_info = "Stack:\n\x07"
     assert LogGate(lambda: 0.0).filter(record)
-    first, *more = LogFormatter("%(name)s: %(message)s").format(record).split("\n")
-    assert first == "slipd.io.transport.link: left.pad: failed"
-    assert more == ["  ValueError: why", r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028", "  Stack:", r"  \x07"]
+    assert LogFormatter("%(name)s: %(message)s").format(record).split("\n") == [
+        "slipd.io.transport.link: left.pad: failed",
+        "  ValueError: why",
+        r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028",
+        "  Stack:",
+        r"  \x07",
+    ]
 
 
 UNEXPECTED = f"""
@@ -96,10 +103,12 @@ fail()
 def test_an_exception_that_ends_a_thread_or_the_process_is_logged_with_its_text_escaped() -> None:
     done = subprocess.run([sys.executable, "-c", UNEXPECTED], capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    told = done.stderr.split("\n")
-    assert told.count("CRITICAL slipd.io.log_lines: ended by an unexpected exception") == 2
-    assert told.count("  ZeroDivisionError: why") == 2
-    assert told.count(r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028") == 2
+    for text in (
+        "CRITICAL slipd.io.log_lines: ended by an unexpected exception",
+        "  ZeroDivisionError: why",
+        r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028",
+    ):
+        assert done.stderr.split("\n").count(text) == 2
 
 
 def test_where_no_journal_reads_it_the_log_is_kept_in_a_file_too(tmp_path: Path) -> None:
@@ -109,13 +118,13 @@ def test_where_no_journal_reads_it_the_log_is_kept_in_a_file_too(tmp_path: Path)
         "with log_kept(pathlib.Path(sys.argv[1])): logging.getLogger('slipd.a').warning('gone: %s', 'a\\nb')\n"
         "logging.getLogger('slipd.a').warning('after')"
     )
+
+    def shown(path: Path) -> str:
+        command = [sys.executable, "-c", program, str(path)]
+        return subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stderr
+
     kept = tmp_path / "log"
     for _ in range(2):
-        shown = subprocess.run(
-            [sys.executable, "-c", program, str(kept)], check=True, capture_output=True, encoding="utf-8"
-        ).stderr
-        assert shown == "WARNING slipd.a: gone: a\\nb\nWARNING slipd.a: after\n"
+        assert shown(kept) == "WARNING slipd.a: gone: a\\nb\nWARNING slipd.a: after\n"
     assert [text.partition(" WARNING ")[2] for text in kept.read_text().splitlines()] == ["slipd.a: gone: a\\nb"] * 2
-    (tmp_path / "folder").mkdir()
-    broken = [sys.executable, "-c", program, str(tmp_path / "folder")]
-    assert "the log is not kept" in subprocess.run(broken, check=True, capture_output=True, encoding="utf-8").stderr
+    assert "the log is not kept" in shown(tmp_path)

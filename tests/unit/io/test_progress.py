@@ -12,12 +12,10 @@ from slipd.io.progress import Progress
 @contextmanager
 def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     ours, theirs = os.openpty()
-    try:
-        with os.fdopen(theirs, "w", encoding="utf-8") as stream:
-            monkeypatch.setattr("sys.stderr", stream)
-            yield ours
-    finally:
-        os.close(ours)
+    with os.fdopen(theirs, "w", encoding="utf-8") as stream:
+        monkeypatch.setattr("sys.stderr", stream)
+        yield ours
+    os.close(ours)
 
 
 def read_until(terminal: int, end: str) -> str:
@@ -35,8 +33,9 @@ def test_a_terminal_shows_the_share_and_the_time_that_is_left(monkeypatch: pytes
         for done in (0, 1, 10, 40):
             progress.show(done, 40)
         progress.erase()
-        lines = read_until(shown, "40 of 40\r\x1b[K").split("\r\x1b[K")[1:]
+        lines = read_until(shown, "40 of 40\r\x1b[K").split("\r\x1b[K")
     assert lines == [
+        "",
         "·" * 30 + " 0 of 40",
         "█" * 8 + "·" * 22 + " 10 of 40, about 6 s left",
         "█" * 30 + " 40 of 40",

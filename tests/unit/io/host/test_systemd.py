@@ -7,11 +7,11 @@ import logging
 import os
 import socket
 import tty
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
-from daemon_peers import PATIENCE_S, until
+from loop_waits import PATIENCE_S, eventually
 
 from slipd.events import Event, LinkSpec
 from slipd.io.bus.publisher import Publisher
@@ -20,46 +20,22 @@ from slipd.io.host.systemd import FEEDS_PER_TIMEOUT, SystemdNotifier, Watchdog, 
 from slipd.io.transport import Links
 
 
-@pytest.fixture
-def manager(tmp_path: Path) -> Iterator[socket.socket]:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
-        receiver.bind(str(tmp_path / "notify"))
-        receiver.setblocking(False)
-        yield receiver
-
-
-def received(manager: socket.socket) -> list[bytes]:
-    found = []
-    try:
-        while True:
-            found.append(manager.recv(4096))
-    except BlockingIOError:
-        return found
-
-
-def test_every_report_is_one_datagram(manager: socket.socket) -> None:
-    notifier = SystemdNotifier({"NOTIFY_SOCKET": manager.getsockname()})
-    notifier.ready()
-    notifier.feed()
-    notifier.reloading()
-    notifier.stopping()
-    ready, feed, reloading, stopping = received(manager)
-    assert (ready, feed, stopping) == (b"READY=1", b"WATCHDOG=1", b"STOPPING=1")
-    assert reloading.startswith(b"RELOADING=1\nMONOTONIC_USEC=")
-
-
-def test_a_status_is_sent_once_on_one_line(manager: socket.socket) -> None:
-    notifier = SystemdNotifier({"NOTIFY_SOCKET": manager.getsockname()})
-    for text in ("well", "well", "bad\nREADY=1", "well"):
-        notifier.status(text)
-    assert received(manager) == [b"STATUS=well", rb"STATUS=bad\nREADY=1", b"STATUS=well"]
-
-
-def test_an_abstract_socket_is_reached() -> None:
+@pytest.mark.parametrize("abstract", [False, True])
+def test_every_report_is_one_datagram_and_a_status_is_sent_once_on_one_line(abstract: bool, tmp_path: Path) -> None:
+    place = f"@slipd-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(f"\0slipd-test-{os.getpid()}")
-        SystemdNotifier({"NOTIFY_SOCKET": f"@slipd-test-{os.getpid()}"}).ready()
-        assert manager.recv(100) == b"READY=1"
+        manager.bind(place.replace("@", "\0"))
+        notifier = SystemdNotifier({"NOTIFY_SOCKET": place})
+        for text in ("well", "well", "bad\nREADY=1", "well"):
+            notifier.status(text)
+        for report in (notifier.ready, notifier.feed, notifier.stopping, notifier.reloading):
+            report()
+        told = [manager.recv(4096, socket.MSG_DONTWAIT) for _ in range(7)]
+        with pytest.raises(BlockingIOError):
+            manager.recv(4096, socket.MSG_DONTWAIT)
+    statuses = [b"STATUS=well", rb"STATUS=bad\nREADY=1", b"STATUS=well"]
+    assert told[:6] == [*statuses, b"READY=1", b"WATCHDOG=1", b"STOPPING=1"]
+    assert told[6].startswith(b"RELOADING=1\nMONOTONIC_USEC=")
 
 
 @pytest.mark.parametrize("environment", [{}, {"NOTIFY_SOCKET": "/nowhere/at/all"}])
@@ -87,14 +63,14 @@ class Daemon:
 
     def __init__(self, links: Links, publisher: Publisher, requests: RequestServer, device: int) -> None:
         self.links, self.publisher, self.requests, self.device = links, publisher, requests, device
-        self.ticks = 0
+        self.ticks, self.ticking = 0, True
         self.stages = stage_checks(links, lambda: self.ticks, publisher, requests)
 
     async def stalled(self) -> set[str]:
         """Let the device send and a tick pass, and return the stages without progress."""
         os.write(self.device, b"a reading")
         await asyncio.sleep(0.01)
-        self.ticks += 1
+        self.ticks += self.ticking
         return {name for name, check in self.stages.items() if await check()}
 
     async def until_stalled(self, *stages: str) -> None:
@@ -115,7 +91,7 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Daemon]:
         RequestServer(f"ipc://{tmp_path}/requests", lambda *_: None) as requests,
     ):
         async with asyncio.TaskGroup() as tasks, Links(tasks, [link], events.append) as links:
-            await until(lambda: events)
+            await eventually(lambda: events)
             yield Daemon(links, publisher, requests, device)
     os.close(device)
     os.close(port)
@@ -128,14 +104,12 @@ async def test_P2_a_daemon_that_works_has_no_stalled_stage(daemon: Daemon) -> No
             await asyncio.sleep(0.01)
 
 
-async def test_P2_an_engine_without_ticks_is_stalled(daemon: Daemon) -> None:
-    check = daemon.stages["engine"]
-    daemon.ticks += 1
-    assert [await check(), await check()] == ["", "it handles no ticks"]
-
-
 def _stop_reading(daemon: Daemon) -> None:
     asyncio.get_running_loop().remove_reader(daemon.links._links["left.wrench"]._connection._fd)  # type: ignore[union-attr]
+
+
+def _stop_ticking(daemon: Daemon) -> None:
+    daemon.ticking = False
 
 
 def _stop_accepting(server: str) -> Callable[[Daemon], None]:
@@ -151,6 +125,7 @@ def _stop_accepting(server: str) -> Callable[[Daemon], None]:
     ("stage", "stall"),
     [
         ("links", _stop_reading),
+        ("engine", _stop_ticking),
         ("publishing", _stop_accepting("publisher")),
         ("requests", _stop_accepting("requests")),
     ],
@@ -164,24 +139,22 @@ async def test_P2_a_stalled_stage_is_found_and_only_that(
 
 
 async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pytest.LogCaptureFixture) -> None:
-    stall, fed = "", 0
+    stall, fed = "", list[str]()
 
     async def check() -> str:
         return stall
 
-    def feed() -> None:
-        nonlocal fed
-        fed += 1
-
-    watchdog = asyncio.create_task(Watchdog(feed, 0.004 * FEEDS_PER_TIMEOUT, {"engine": check}).run())
-    await until(lambda: fed > 2)
+    watchdog = asyncio.create_task(
+        Watchdog(lambda: fed.append("fed"), 0.004 * FEEDS_PER_TIMEOUT, {"engine": check}).run()
+    )
+    await eventually(lambda: len(fed) > 2)
     stall = "it handles no ticks"
     with caplog.at_level(logging.ERROR):
-        await until(lambda: "no progress (engine: it handles no ticks)" in caplog.text)
-        before = fed
+        await eventually(lambda: "no progress (engine: it handles no ticks)" in caplog.text)
+        fed.clear()
         caplog.clear()
-        await until(lambda: caplog.records)
-    assert fed == before
+        await eventually(lambda: caplog.records)
+    assert fed == []
     stall = ""
-    await until(lambda: fed > before)
+    await eventually(lambda: fed)
     watchdog.cancel()
