@@ -29,12 +29,7 @@ class PseudoTerminal:
         self.sent = b""
         self._screen = pyte.Screen(columns, lines)
         self._stream = pyte.ByteStream(self._screen)
-        self.resize(columns, lines)
-
-    def resize(self, columns: int, lines: int) -> None:
-        """Change the size, as a user who drags the window."""
         fcntl.ioctl(self._master, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
-        self._screen.resize(lines, columns)
 
     def wait_for(
         self, condition: Callable[[list[str]], object], meanwhile: Callable[[], object] = lambda: None
@@ -59,6 +54,11 @@ class PseudoTerminal:
         self._stream.feed(data)
         return bool(data)
 
+    def read_all(self) -> None:
+        """Read until nothing more arrives."""
+        while self.read(0.1):
+            pass
+
     @property
     def lines(self) -> list[str]:
         """Lines of the screen without blanks at their ends."""
@@ -68,10 +68,6 @@ class PseudoTerminal:
     def cursor_hidden(self) -> bool:
         """Whether the cursor is hidden."""
         return bool(self._screen.cursor.hidden)
-
-    def background_at(self, line: int, column: int) -> str:
-        """Return the background colour of a cell: "default", or six hexadecimal digits."""
-        return str(self._screen.buffer[line][column].bg)
 
     def type(self, text: str) -> None:
         """Type a text."""

@@ -1,39 +1,30 @@
+"""Gravity that a person or program passes on with slipctl: once, for some time, or line by line."""
+
 from __future__ import annotations
 
 import os
-import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
+from client_peers import Daemon, refuse, until
 
 from slipd_client import gravity_feed
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.gravity_feed import gravity_of
 from slipd_client.grip import GripClient
-from slipd_client.slipctl import main
 
-if TYPE_CHECKING:
-    from conftest import Daemon
+Call = Callable[..., tuple[int, str, str]]
 
 HALF = 0.5**0.5
-PATIENCE_S = 60.0
-REPLY = {"gravity": "compensated"}
 
 
-@pytest.fixture
 def vectors(daemon: Daemon) -> list[list[float]]:
-    """The vectors that the daemon was sent."""
-    sent: list[list[float]] = []
-
-    def answer(request: dict[str, Any]) -> dict[str, Any]:
-        sent.append(request["gravity_mps2"])
-        return REPLY
-
-    daemon.handlers["gravity.set"] = answer
-    return sent
+    """Return the vectors that the daemon was sent."""
+    return [request["gravity_mps2"] for request in daemon.asked]
 
 
 @pytest.mark.parametrize(
@@ -49,84 +40,60 @@ def vectors(daemon: Daemon) -> list[list[float]]:
 def test_the_orientation_of_the_pad_gives_gravity_in_its_frame(
     quaternion: tuple[float, ...], gravity: tuple[float, ...]
 ) -> None:
-    assert [component / gravity_feed.STANDARD_GRAVITY_MPS2 for component in gravity_of(quaternion)] == pytest.approx(
-        gravity, abs=1e-12
-    )
+    expected = [9.80665 * component for component in gravity]
+    assert gravity_of(quaternion) == pytest.approx(expected, abs=1e-12)
 
 
-def test_one_orientation_is_sent_once_or_repeated(
-    daemon: Daemon,
-    vectors: list[list[float]],
-    capsys: pytest.CaptureFixture[str],
-    stepped: Callable[[Any], None],
-) -> None:
+def test_one_orientation_is_sent_once_or_repeated(daemon: Daemon, call: Call, stepped: Callable[[Any], None]) -> None:
     stepped(gravity_feed)
-    assert main(["--requests", daemon.endpoint, "gravity", "left", "0", "0", "-9.81"]) == 0
-    assert vectors == [[0.0, 0.0, -9.81]]
-    assert capsys.readouterr().out == 'gravity: "compensated"\n'
-    assert main(["--requests", daemon.endpoint, "gravity", "left", "0", "0", "0", "1", "--hold", "0.35"]) == 0
-    assert vectors[1:] == [[0.0, 0.0, -9.80665]] * 5
+    daemon.handlers["gravity.set"] = lambda _: {"gravity": "compensated"}
+    gravity = ("--requests", daemon.endpoint, "gravity", "left")
+    assert call(*gravity, "0", "0", "-9.81") == (0, 'gravity: "compensated"\n', "")
+    assert call(*gravity, "0", "0", "0", "1", "--hold", "0.35")[0] == 0
+    assert vectors(daemon) == [[0.0, 0.0, -9.81], *[[0.0, 0.0, -9.80665]] * 5]
 
 
-def test_every_line_of_a_pipe_is_followed_until_it_ends(
-    daemon: Daemon, vectors: list[list[float]], tmp_path: Path
-) -> None:
+def test_every_line_of_a_pipe_is_followed_until_it_ends(daemon: Daemon, call: Call, tmp_path: Path) -> None:
     pipe = tmp_path / "poses"
     os.mkfifo(pipe)
 
     def write() -> None:
-        with pipe.open("w") as out:
-            for line, sent in (("1 0 0\n", [1.0, 0.0, 0.0]), ("# comment\n", None), ("0 1 0", None)):
-                out.write(line)
-                out.flush()
-                until_s = time.monotonic() + PATIENCE_S
-                while sent is not None and sent not in list(vectors) and time.monotonic() < until_s:
-                    time.sleep(0.01)
+        with pipe.open("w", buffering=1) as out:
+            out.write("1 0 0\n")
+            until(lambda: vectors(daemon))
+            out.write("# comment\n0 1 0")
 
-    writer = threading.Thread(target=write)
-    writer.start()
-    assert main(["--requests", daemon.endpoint, "gravity", "left", "--follow", str(pipe), "--hold", "0"]) == 0
-    writer.join()
-    assert vectors[0] == [1.0, 0.0, 0.0]
-    assert vectors[-1] == [0.0, 1.0, 0.0]
+    with ThreadPoolExecutor() as threads:
+        writing = threads.submit(write)
+        assert call("--requests", daemon.endpoint, "gravity", "left", "--follow", str(pipe), "--hold", "0")[0] == 0
+        writing.result()
+    assert [vectors(daemon)[0], vectors(daemon)[-1]] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 
 
 def test_a_file_is_followed_from_its_last_line_and_an_old_line_is_not_repeated_for_ever(
-    daemon: Daemon, vectors: list[list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gravity_feed, "FOLLOW_S", 0.2)
-    file = tmp_path / "poses"
+    file, sleep, known = tmp_path / "poses", time.sleep, []
     file.write_text("1 0 0\n0 0 1\n")
-    with GripClient(daemon.endpoint) as client:
-        sleeps = 0
-        sleep = time.sleep
+    written = {8: "0 1 0\n", 9: "bad\n"}
 
-        def write_more(seconds: float) -> None:
-            nonlocal sleeps
-            sleeps += 1
-            sleep(seconds)
-            if sleeps == 6:
-                known.append(len(vectors))
-            if sleeps == 8:
-                known.append(len(vectors))
-                with file.open("a") as more:
-                    more.write("0 1 0\n")
-            if sleeps == 9:
-                with file.open("a") as more:
-                    more.write("bad\n")
+    def write_more(seconds: float) -> None:
+        sleep(seconds)
+        known.append(vectors(daemon))
+        with file.open("a") as more:
+            more.write(written.get(len(known), ""))
 
-        known: list[int] = []
-        monkeypatch.setattr(gravity_feed.time, "sleep", write_more)
-        with pytest.raises(CallError, match="got 'bad'"):
-            gravity_feed.follow(client, "left", str(file), None)
-    assert vectors[0] == [0.0, 0.0, 1.0]
-    assert known[0] == known[1], "the line was repeated for longer than its time"
-    assert vectors[-1] == [0.0, 1.0, 0.0]
+    monkeypatch.setattr(gravity_feed.time, "sleep", write_more)
+    with GripClient(daemon.endpoint) as client, pytest.raises(CallError, match="got 'bad'"):
+        gravity_feed.follow(client, "left", str(file), None)
+    assert known[0][0] == [0.0, 0.0, 1.0]
+    assert known[5] == known[7], "the line was repeated for longer than its time"
+    assert vectors(daemon)[-1] == [0.0, 1.0, 0.0]
 
 
 def test_a_refusal_ends_it_with_the_reason_of_the_daemon(daemon: Daemon) -> None:
-    error = {"error": {"code": "bad_value", "message": "must be one of left, right", "field": "finger"}}
-    daemon.handlers["gravity.set"] = lambda _: error
+    daemon.handlers["gravity.set"] = refuse("bad_value", "must be one of left, right", "finger")
     with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="left, right"):
         gravity_feed.send(client, "thumb", [0.0, 0.0, -9.8], 1.0)
 
@@ -143,7 +110,7 @@ def test_a_refusal_ends_it_with_the_reason_of_the_daemon(daemon: Daemon) -> None
     ],
 )
 def test_a_wrong_call_exits_with_2_and_a_reason(
-    daemon: Daemon, arguments: list[str], complaint: str, call: Callable[..., tuple[int, str, str]]
+    daemon: Daemon, arguments: list[str], complaint: str, call: Call
 ) -> None:
     code, _, errors = call("--requests", daemon.endpoint, "gravity", *arguments)
     assert code == 2

@@ -1,21 +1,19 @@
 from __future__ import annotations
 
-import time
+import asyncio
+import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from contextlib import closing
 
 import pytest
 import zmq
+from client_peers import PATIENCE_S, Publisher, until
 
+from slipd_client.aio import AsyncSubscriber
 from slipd_client.errors import Silence
 from slipd_client.messages import encode
 from slipd_client.messages.typed import Message, Slip, SlipLevel
 from slipd_client.subscriber import Subscriber
-
-if TYPE_CHECKING:
-    from conftest import Publisher
-
-PATIENCE_S = 60.0
 
 NEW = {"v": 1, "seq": 2, "boot": "boot-1", "t_ns": 1}
 
@@ -26,23 +24,21 @@ def heard(subscriber: Subscriber) -> Message:
     return message
 
 
-def hear_nothing(subscriber: Subscriber, until: Callable[[], bool]) -> None:
-    """Receive until something is so, without any message."""
-    until_s = time.monotonic() + PATIENCE_S
-    while not until():
+def hear_nothing_until(condition: Callable[[], bool], subscriber: Subscriber) -> None:
+    def hear_nothing() -> None:
         assert subscriber.receive(0.02) is None
-        assert time.monotonic() < until_s
+
+    until(condition, hear_nothing)
 
 
 def test_a_message_arrives_with_its_topic_and_fields(publisher: Publisher) -> None:
     with Subscriber(publisher.endpoint) as subscriber:
-        assert publisher.wait_for_subscriber() == b"slip"
+        publisher.wait_for(b"slip")
         publisher.send("slip.left", 7, level="stable", spin_nm=None)
         message = heard(subscriber)
     assert isinstance(message, Slip)
     assert (message.topic, message.level, message.spin_nm) == ("slip.left", SlipLevel.STABLE, None)
-    assert message.raw["level"] == message.level
-    assert (message.missed, message.restarted) == (0, False)
+    assert (message.raw["level"], message.missed, message.restarted) == ("stable", 0, False)
 
 
 def test_a_display_gets_the_newest_message_of_each_topic(publisher: Publisher) -> None:
@@ -54,15 +50,9 @@ def test_a_display_gets_the_newest_message_of_each_topic(publisher: Publisher) -
         for topic, seq in (("slip.left", 1), ("slip.right", 1), ("slip.left", 2), ("slip.left", 5), ("warning", 1)):
             publisher.send(topic, seq)
         publisher.send_frames(b"gripper", b"\xc1 no message")
-        found: dict[str, Message] = {}
-        until = time.monotonic() + PATIENCE_S
-        while "warning" not in found and time.monotonic() < until:
-            found |= {message.topic: message for message in subscriber.newest()}
-        assert {topic: message.seq for topic, message in found.items()} == {
-            "slip.right": 1,
-            "slip.left": 5,
-            "warning": 1,
-        }
+        found: dict[str, int] = {}
+        until(lambda: "warning" in found, lambda: found.update({each.topic: each.seq for each in subscriber.newest()}))
+        assert found == {"slip.right": 1, "slip.left": 5, "warning": 1}
         assert subscriber.newest() == []
 
 
@@ -90,21 +80,18 @@ def test_the_chosen_topics_are_heard_once_each_with_its_gaps(
     assert [(message.topic, message.seq, message.missed) for message in told] == expected
 
 
-def test_a_restart_is_told_once_and_is_no_gap(start_publisher: Callable[..., Publisher]) -> None:
-    old = start_publisher()
-    with Subscriber(old.endpoint) as subscriber:
-        old.wait_for_subscriber()
-        old.send("slip.left", 500)
+def test_a_restart_is_told_once_and_is_no_gap(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for(b"slip")
+        publisher.send("slip.left", 500)
         assert not heard(subscriber).restarted
-        old.close()
-        new = start_publisher(boot="boot-2")
-        new.wait_for_subscriber(meanwhile=lambda: subscriber.receive(0.02))
-        new.send("slip.left", 1)
-        new.send("slip.right", 1)
-        new.send("slip.left", 2)
-        told = [heard(subscriber) for _ in range(3)]
-    assert [message.restarted for message in told] == [True, False, False]
-    assert [message.missed for message in told] == [0, 0, 0]
+        publisher.close()
+        with closing(Publisher(publisher.endpoint, "boot-2")) as new:
+            new.wait_for(meanwhile=lambda: subscriber.receive(0.02))
+            for topic, seq in (("slip.left", 1), ("slip.right", 1), ("slip.left", 2)):
+                new.send(topic, seq)
+            told = [heard(subscriber) for _ in range(3)]
+    assert [(message.restarted, message.missed) for message in told] == [(True, 0), (False, 0), (False, 0)]
 
 
 @pytest.mark.parametrize(
@@ -127,7 +114,7 @@ def test_an_unreadable_message_is_counted_and_the_next_is_heard(
     publisher: Publisher, frames: tuple[bytes, ...], reason: str
 ) -> None:
     with Subscriber(publisher.endpoint) as subscriber:
-        publisher.wait_for_subscriber()
+        publisher.wait_for(b"slip")
         publisher.send("slip.left", 1)
         publisher.send_frames(*frames)
         publisher.send("slip.left", 3)
@@ -139,38 +126,36 @@ def test_an_unreadable_message_is_counted_and_the_next_is_heard(
 
 def test_a_message_makes_it_fresh_until_its_age_passes_the_limit(publisher: Publisher) -> None:
     with Subscriber(publisher.endpoint, silence_s=60.0) as subscriber:
-        publisher.wait_for_subscriber()
+        publisher.wait_for(b"slip")
         publisher.send("slip.left", 1)
         assert 0.0 <= heard(subscriber).age_s < 60.0
-        assert not subscriber.stale
-        subscriber._tracker.silence_s = 0.0
-        assert subscriber.stale
-        subscriber._tracker.silence_s = None
-        assert not subscriber.stale
+        for limit_s, stale in ((60.0, False), (0.0, True), (None, False)):
+            subscriber._tracker.silence_s = limit_s
+            assert subscriber.stale is stale
 
 
 def test_silence_is_told_with_why_nothing_could_be_read(publisher: Publisher) -> None:
     with Subscriber(publisher.endpoint, silence_s=0.2) as subscriber:
-        publisher.wait_for_subscriber()
+        publisher.wait_for(b"slip")
         publisher.send("slip.left", 1, v=2)
-        hear_nothing(subscriber, until=lambda: subscriber.bad == 1)
+        hear_nothing_until(lambda: subscriber.bad == 1, subscriber)
         with pytest.raises(Silence, match="1 could not be read, the last: unsupported_version"):
             next(iter(subscriber))
 
 
 def test_status_is_a_sign_of_life_that_only_those_get_who_asked_for_it(publisher: Publisher) -> None:
     with Subscriber(publisher.endpoint, ["warning"], silence_s=PATIENCE_S) as subscriber:
-        assert {publisher.wait_for_subscriber(), publisher.wait_for_subscriber()} == {b"warning", b"status"}
+        publisher.wait_for(b"warning", b"status")
+        assert publisher.topics == {b"warning", b"status"}
         publisher.send("status", 1)
-        hear_nothing(subscriber, until=lambda: not subscriber.stale)
+        hear_nothing_until(lambda: not subscriber.stale, subscriber)
         publisher.send("warning", 1)
         assert heard(subscriber).topic == "warning"
 
 
 def test_a_restart_that_only_the_sign_of_life_told_is_told_by_the_next_message(publisher: Publisher) -> None:
     with Subscriber(publisher.endpoint) as subscriber:
-        for _ in range(2):
-            publisher.wait_for_subscriber()
+        publisher.wait_for(b"slip", b"status")
         publisher.send("slip.left", 5)
         publisher.boot = "boot-2"
         publisher.send("status", 1)
@@ -184,3 +169,35 @@ def test_a_daemon_that_dies_behind_a_backlog_does_not_take_its_subscribers_along
     with Subscriber(publish) as subscriber:
         assert subscriber._link.socket.getsockopt(zmq.HEARTBEAT_IVL) == 0
         assert subscriber._link.socket.getsockopt(zmq.TCP_KEEPALIVE) == 1
+
+
+async def test_the_sign_of_life_ends_a_silence_but_is_not_handed_out(publisher: Publisher) -> None:
+    async with AsyncSubscriber(publisher.endpoint, ("warning",), silence_s=PATIENCE_S) as subscriber:
+        await asyncio.to_thread(publisher.wait_for, b"warning", b"status")
+        publisher.send("status", 1)
+        publisher.send("warning", 1)
+        assert (await anext(aiter(subscriber))).topic == "warning"
+
+
+async def test_no_message_is_lost_by_cancelled_receives(publisher: Publisher) -> None:
+    """Every wait is cancelled or runs out in the midst of a stream; all messages come, in order, once."""
+    count, heard = 1500, []
+
+    async def send() -> None:
+        for seq in range(count):
+            publisher.send("slip.left", seq)
+            if seq % 3 == 0:
+                await asyncio.sleep(0.0005)
+
+    async with AsyncSubscriber(publisher.endpoint) as subscriber:
+        await asyncio.to_thread(publisher.wait_for, b"slip")
+        sender = asyncio.create_task(send())
+        async with asyncio.timeout(PATIENCE_S * 3):
+            while len(heard) < count:
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(0.0007):
+                        while True:
+                            message = await subscriber.receive()
+                            heard.append((message.seq, message.missed))
+        await sender
+    assert heard == [(seq, 0) for seq in range(count)]

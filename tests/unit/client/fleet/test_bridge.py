@@ -1,225 +1,222 @@
-"""`slipctl bridge` as a process, between a publishing daemon and a real router."""
+"""``slipctl serve fleet`` as a process, between a publishing daemon and a real router, and what a view receives."""
 
 from __future__ import annotations
 
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import pytest
-
-from slipd_client.messages import decode, encode
-
-pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
-
+import zenoh
+from client_peers import PATIENCE_S, Daemon, Publisher, until
 from zenoh_peers import Router, session
 
-from slipd_client.fleet.fleet_listener import FleetListener
-
-if TYPE_CHECKING:
-    from conftest import Daemon, Publisher
-
-PATIENCE_S = 60.0
+from slipd_client.fleet import fleet_listener
+from slipd_client.fleet.fleet_listener import FairQueue, FleetListener
+from slipd_client.fleet.robot_bridge import BridgePublisher
+from slipd_client.messages import decode, encode
 
 Start = Callable[..., "subprocess.Popen[str]"]
+FLOOD = 30_000
 
 
 @pytest.fixture
-def router() -> Iterator[Router]:
-    with Router() as router:
-        yield router
+def bridge(publisher: Publisher, slipctl: Start, router: Router) -> Any:
+    """The bridge of arm3, once it listens to its daemon."""
+    command = ("serve", "fleet", "--fleet", "plant", "--robot", "arm3", "--connect", router.endpoint)
+    process = slipctl("--publish", publisher.endpoint, *command)
+    assert process.stdout.readline() == f"fleet: plant/arm3 at {router.endpoint}\n"
+    publisher.wait_for(b"", b"warning")
+    return process
 
 
-class Robot:
-    """A daemon's publisher with a bridge."""
+def wait_for_state(listener: FleetListener, state: str, publisher: Publisher | None = None) -> None:
+    """Wait until a view shows the robot in a state; ``publisher``: its daemon reports meanwhile."""
 
-    def __init__(self, publisher: Publisher, slipctl: Start, router: Router, *more: str) -> None:
-        self.publisher = publisher
-        self.process = slipctl(
-            *("--publish", publisher.endpoint, "serve", "fleet", "--fleet", "plant", "--robot", "arm3"),
-            *("--connect", router.endpoint, *more),
-        )
-        assert self.process.stdout is not None
-        assert self.process.stdout.readline() == f"fleet: plant/arm3 at {router.endpoint}\n"
-        self.heard = {publisher.wait_for_subscriber(), publisher.wait_for_subscriber()}
-        self._seq = 0
+    def shown() -> bool:
+        listener.take(0)
+        return [row.state for row in listener.state.rows(time.monotonic())] == [state]
 
-    def sends(self, topic: str, **fields: Any) -> int:
-        self._seq += 1
-        self.publisher.send(topic, self._seq, **fields)
-        return self._seq
+    def report() -> None:
+        if publisher:
+            publisher.send("status", fingers={"left": {"level": "stable"}}, streams={})
+            time.sleep(0.05)
+
+    until(shown, report)
 
 
-@pytest.fixture
-def robot(publisher: Publisher, slipctl: Start, router: Router) -> Robot:
-    return Robot(publisher, slipctl, router)
+class Arrived:
+    """Numbers of the messages that arrived at a view, by topic."""
+
+    def __init__(self, listener: FleetListener) -> None:
+        self.listener = listener
+        self.numbers: dict[str, list[int]] = {"status": [], "warning": []}
+
+    def __getitem__(self, topic: str) -> list[int]:
+        for message in self.listener.take(0.05):
+            self.numbers[message.topic].append(message.seq)
+        return self.numbers[topic]
 
 
-def until(condition: Callable[[], Any]) -> Any:
-    """Wait until a condition holds, and return its value."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < end_s, "it never came"
-        time.sleep(0.02)
-    return found
-
-
-def state_of(listener: FleetListener) -> str:
-    listener.take(0)
-    return next((row.state for row in listener.state.rows(time.monotonic())), "")
-
-
-class Alive:
-    """Sends ``status`` while it is asked for something."""
-
-    def __init__(self, robot: Robot, listener: FleetListener) -> None:
-        self._robot, self._listener = robot, listener
-        self._sent_s = 0.0
-
-    def __call__(self) -> bool:
-        if time.monotonic() > self._sent_s + 0.2:
-            self._sent_s = time.monotonic()
-            self._robot.sends("status", fingers={"left": {"level": "stable"}}, streams={})
-        return state_of(self._listener) == "live"
-
-
-def test_payloads_cross_unchanged_under_the_key_of_robot_and_topic(robot: Robot, router: Router) -> None:
-    assert robot.heard == {b"", b"warning"}
+@pytest.mark.usefixtures("bridge")
+def test_payloads_cross_unchanged_under_the_key_of_robot_and_topic(publisher: Publisher, router: Router) -> None:
+    sent = {f"plant/arm3/{topic}": encode({"v": 1, "topic": topic}) for topic in ("warning", "slip.left", "grasp")}
     with session(router.endpoint) as here:
         heard: dict[str, bytes] = {}
-        here.declare_subscriber("**", lambda sample: heard.update({str(sample.key_expr): sample.payload.to_bytes()}))
-        sent = {topic: encode({"v": 1, "topic": topic}) for topic in ("warning", "slip.left", "wrench.left", "grasp")}
+        here.declare_subscriber("*/*/*", lambda sample: heard.update({str(sample.key_expr): sample.payload.to_bytes()}))
 
-        def arrived() -> bool:
-            for topic, payload in sent.items():
-                robot.publisher.send_frames(topic.encode(), payload)
-            return heard.keys() >= {f"plant/arm3/{topic}" for topic in sent}
+        def send() -> None:
+            for key, payload in sent.items():
+                publisher.send_frames(key.rpartition("/")[2].encode(), payload)
 
-        until(arrived)
-        assert {key.removeprefix("plant/arm3/"): payload for key, payload in heard.items() if "@" not in key} == sent
+        until(lambda: heard == sent, send)
 
 
-def test_a_late_joiner_receives_the_last_values_and_kept_warnings(robot: Robot, router: Router) -> None:
+@pytest.mark.usefixtures("bridge")
+def test_a_late_joiner_receives_the_last_values_and_kept_warnings(publisher: Publisher, router: Router) -> None:
     with session(router.endpoint) as here:
         early = FleetListener(here, "plant")
-        until(Alive(robot, early))
-        last = [robot.sends("warning") for _ in range(5)][-1]
-        until(lambda: any(message.seq == last for message in early.take(0.05)))
-        late = FleetListener(here, "plant")
-        arrived: dict[str, list[int]] = {"status": [], "warning": []}
-
-        def whole() -> bool:
-            for message in late.take(0.05):
-                arrived[message.topic].append(message.seq)
-            return bool(arrived["status"]) and last in arrived["warning"]
-
-        until(whole)
-        assert arrived["warning"] == list(range(last - 4, last + 1))
+        wait_for_state(early, "live", publisher)
+        sent = [publisher.send("warning") for _ in range(5)]
+        until(lambda: Arrived(early)["warning"][-1:] == sent[-1:])
+        late = Arrived(FleetListener(here, "plant"))
+        until(lambda: late["status"] and late["warning"] == sent)
 
 
-def test_no_warning_is_lost_while_the_router_restarts(robot: Robot, router: Router) -> None:
+@pytest.mark.usefixtures("bridge")
+def test_no_warning_is_lost_while_the_router_restarts(publisher: Publisher, router: Router) -> None:
     with session(router.endpoint) as here:
         listener = FleetListener(here, "plant")
-        until(Alive(robot, listener))
-        first = robot.sends("warning")
-        until(lambda: any(message.seq == first for message in listener.take(0.05)))
+        wait_for_state(listener, "live", publisher)
+        arrived = Arrived(listener)
+        sent = [publisher.send("warning")]
+        until(lambda: arrived["warning"] == sent)
         router.kill()
-        until(lambda: state_of(listener) == "gone")
-        sent = [robot.sends("warning") for _ in range(20)]
+        wait_for_state(listener, "gone")
+        sent += [publisher.send("warning") for _ in range(20)]
         router.start()
-        arrived: list[int] = []
-
-        def whole() -> bool:
-            arrived.extend(message.seq for message in listener.take(0.05) if message.topic == "warning")
-            return arrived == sent
-
-        until(whole)
-        until(Alive(robot, listener))
+        until(lambda: arrived["warning"] == sent)
+        wait_for_state(listener, "live", publisher)
         assert [row.missed_warnings for row in listener.state.rows(0.0)] == [0]
 
 
-def test_a_silent_daemon_and_a_bridge_that_dies_are_told_apart(robot: Robot, router: Router) -> None:
+def test_a_silent_daemon_and_a_bridge_that_dies_are_told_apart(
+    bridge: Any, publisher: Publisher, router: Router
+) -> None:
     with session(router.endpoint) as here:
         listener = FleetListener(here, "plant")
-        until(Alive(robot, listener))
-        until(lambda: state_of(listener) == "silent")
-        assert robot.process.stderr is not None
-        why = f"no message from {robot.publisher.endpoint} for 1.5 s. Is slipd running?"
-        assert why in robot.process.stderr.readline()
-        until(Alive(robot, listener))
-        robot.process.kill()
-        until(lambda: state_of(listener) == "gone")
+        wait_for_state(listener, "live", publisher)
+        wait_for_state(listener, "silent")
+        why = f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?"
+        assert why in bridge.stderr.readline()
+        wait_for_state(listener, "live", publisher)
+        bridge.kill()
+        wait_for_state(listener, "gone")
 
 
-def test_a_topic_that_comes_often_is_bounded_and_a_warning_is_not(robot: Robot, router: Router) -> None:
+@pytest.mark.usefixtures("bridge")
+def test_a_topic_that_comes_often_is_bounded_and_a_warning_is_not(publisher: Publisher, router: Router) -> None:
+    heard: dict[str, list[int]] = {"slip.left": [], "warning": [], "gripper": []}
+
+    def note(sample: Any) -> None:
+        heard[str(sample.key_expr).rpartition("/")[2]].append(decode(sample.payload.to_bytes())["seq"])
+
     with session(router.endpoint) as here:
-        heard: dict[str, list[int]] = {"slip.left": [], "warning": []}
-
-        def note(sample: Any) -> None:
-            topic = str(sample.key_expr).rpartition("/")[2]
-            heard.get(topic, []).append(decode(sample.payload.to_bytes())["seq"])
-
         here.declare_subscriber("plant/arm3/*", note)
-        until(lambda: robot.sends("gripper") and robot.sends("slip.left") and heard["slip.left"])
-        sent = [(robot.sends("slip.left"), robot.sends("warning")) for _ in range(200)]
+        until(lambda: heard["slip.left"], lambda: (publisher.send("gripper"), publisher.send("slip.left")))
+        sent = [(publisher.send("slip.left"), publisher.send("warning")) for _ in range(200)]
         until(lambda: heard["slip.left"][-1] == sent[-1][0] and len(heard["warning"]) == 200)
         assert heard["warning"] == [seq for _, seq in sent]
         assert len(heard["slip.left"]) < 200
 
 
-def test_nothing_that_the_fleet_sends_reaches_the_daemon(
-    robot: Robot, router: Router, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("bridge")
+def test_nothing_that_the_fleet_sends_reaches_the_daemon(publisher: Publisher, router: Router, daemon: Daemon) -> None:
     """The bridge subscribes and answers nothing but questions for kept messages; the daemon hears of no request."""
     request = encode({"v": 1, "id": 1, "op": "grip.set", "force_n": 5.0})
     with session(router.endpoint) as here:
         listener = FleetListener(here, "plant")
-        until(Alive(robot, listener))
+        wait_for_state(listener, "live", publisher)
         for key in ("plant/arm3/grip.set", "plant/arm3/requests", "plant/arm3/warning"):
             here.put(key, request)
             assert [reply.ok for reply in here.get(key, payload=request, timeout=0.5)] == []
-        until(Alive(robot, listener))
-    assert daemon.requests == []
-    assert not robot.publisher._socket.poll(50), "the bridge sends the daemon nothing but subscriptions"
+        wait_for_state(listener, "live", publisher)
+    assert (daemon.requests, publisher.subscribed()) == ([], {b"", b"warning"})
 
 
 def test_topics_are_chosen_and_status_is_always_among_them(
     publisher: Publisher, slipctl: Start, router: Router
 ) -> None:
-    process = slipctl(
-        *("--publish", publisher.endpoint, "serve", "fleet", "--fleet", "plant", "--robot", "arm3"),
-        *("--connect", router.endpoint, "--topics", "slip", "grasp"),
-    )
-    assert {publisher.wait_for_subscriber() for _ in range(4)} == {b"warning", b"slip", b"grasp", b"status"}
+    command = ("serve", "fleet", "--robot", "arm3", "--connect", router.endpoint, "--topics", "slip", "grasp")
+    process = slipctl("--publish", publisher.endpoint, *command)
+    until(lambda: publisher.subscribed() == {b"warning", b"slip", b"grasp", b"status"})
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, "Traceback" in errors) == (130, False)
 
 
-def test_wrong_arguments_are_refused(call: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    def refused(*arguments: str) -> str:
-        code, _, errors = call(*arguments)
-        assert code == 2
-        return errors.removeprefix("slipctl: ").rpartition(" error: ")[2].strip()
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("serve fleet", "give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE"),
+        ("serve fleet --robot a/b", "argument --robot: the name must be 1 to 64"),
+        ("fleet --fleet *", "argument --fleet: the name must be 1 to 64"),
+        ("serve fleet --rate fast", """must be a number, got 'fast'; "all" sets no bound"""),
+        ("serve fleet --rate 0", "must be from 0.001 to 1e6 Hz"),
+        *(
+            (f"serve fleet --connect {endpoint}", "argument --connect: must be like tcp/10.0.0.1:7447")
+            for endpoint in ("here", "tpc/10.0.0.1:7447", "tcp/10.0.0.1", "tcp/h:70000", "tcp/::1:7447", "tcp/:7447")
+        ),
+        ("fleet --listen tcp/h:1#", 'Zenoh does not accept listen/endpoints ["tcp/h:1#"]'),
+        ("fleet --listen USED", "slipctl: Zenoh cannot start at USED: "),
+        ("fleet --listen USED", "Address already in use"),
+        ("fleet --zenoh-config /no/such.json5", "/no/such.json5: not a configuration of Zenoh"),
+    ],
+)
+def test_wrong_arguments_are_refused(
+    arguments: str, complaint: str, call: Callable[..., tuple[int, str, str]], router: Router
+) -> None:
+    code, _, errors = call(*arguments.replace("USED", router.endpoint).split())
+    assert (code, complaint.replace("USED", router.endpoint) in errors, ".rs:" in errors) == (2, True, False)
 
-    serve = ("serve", "fleet")
-    assert refused(*serve).startswith("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE")
-    assert "argument --robot: the name must be 1 to 64" in refused(*serve, "--robot", "a/b")
-    assert "argument --fleet: the name must be 1 to 64" in refused("fleet", "--fleet", "*")
-    assert """must be a number, got 'fast'; "all" sets no bound""" in refused(*serve, "--rate", "fast")
-    assert "must be from 0.001 to 1e6 Hz" in refused(*serve, "--rate", "0")
-    for endpoint in ("nowhere", "tpc/10.0.0.1:7447", "tcp/10.0.0.1", "tcp/10.0.0.1:70000", "tcp/::1:7447", "tcp/:7447"):
-        said = refused(*serve, "--connect", endpoint)
-        assert said.startswith("argument --connect: must be like tcp/10.0.0.1:7447")
-        assert said.endswith(f"got {endpoint!r}")
-    assert 'Zenoh does not accept listen/endpoints ["tcp/h:1#"]' in refused("fleet", "--listen", "tcp/h:1#")
-    with Router() as router:
-        said = refused("fleet", "--listen", router.endpoint)
-    assert said.startswith(f"Zenoh cannot start at {router.endpoint}: ")
-    assert "Address already in use" in said
-    assert ".rs:" not in said
-    missing = str(tmp_path / "none.json5")
-    assert f"{missing}: not a configuration of Zenoh" in refused("fleet", "--zenoh-config", missing)
+
+def warning(seq: int, boot: str) -> bytes:
+    body = {"finger": "left", "level": "slipping", "previous": "stable", "rising": True, "utilisation": None}
+    return encode({"v": 1, "seq": seq, "boot": boot, "t_ns": seq} | body)
+
+
+def arrive(publisher: zenoh.Session, view: zenoh.Session, name: str) -> None:
+    """Wait until all that a session has published has arrived at the session of the view."""
+    with_order = {"priority": zenoh.Priority.INTERACTIVE_HIGH, "congestion_control": zenoh.CongestionControl.BLOCK}
+    with view.declare_subscriber(f"arrived/{name}", zenoh.handlers.FifoChannel(1)) as arrived:
+        # again and again: the router may not know of the subscriber yet
+        until(lambda: arrived.try_recv() is not None, lambda: publisher.put(f"arrived/{name}", b"", **with_order))
+
+
+def test_Z9_an_alarm_is_read_before_the_flood_that_came_first(router: Router, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One look has time for all that arrived, however slow the machine is; the alarm arrived last."""
+    with session(router.endpoint) as here, session(router.endpoint) as other, session(router.endpoint) as hostile:
+        view = FleetListener(here, "slipd")
+        honest, flood = BridgePublisher(other, "slipd", "honest"), BridgePublisher(hostile, "slipd", "flood")
+        until(lambda: len(view.state.rows(0.0)) == 2, lambda: view.take(0.05))
+        for seq in range(1, FLOOD + 1):
+            flood.put("warning", warning(seq, "flood"))
+        arrive(hostile, here, "flood")
+        honest.put("warning", warning(1, "honest"))
+        arrive(other, here, "honest")
+        monkeypatch.setattr(fleet_listener, "WORK_S", PATIENCE_S)
+        boots = [message.raw["boot"] for message in view.take(0.05)]
+        assert boots.index("honest") <= 2
+        assert boots.count("flood") > FLOOD / 2
+
+
+def test_each_peer_has_its_turn_and_its_share() -> None:
+    queue: FairQueue[str] = FairQueue(share=3, most_peers=2)
+    items = ("a0", "a1", "a2", "a3", "b0", "c0", "d0")
+    assert [queue.add(item[0], item) for item in items] == [False, False, False, True, False, False, False]
+    found = []
+    while queue:
+        found.append(queue.take())
+    assert found == ["a1", "b0", "c0", "a2", "d0", "a3"], "c and d share one queue"

@@ -1,0 +1,384 @@
+"""What is known of each robot, how it is shown, and the names and rates of a fleet."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd_client.errors import CallError
+from slipd_client.fleet.fleet_command import change_text, fleet_lines, fleet_map
+from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, check_name, message_key, split_key, token_key
+from slipd_client.fleet.fleet_state import MOST_RUNS, SILENT_AFTER_S, FleetState, RobotRow
+from slipd_client.fleet.robot_bridge import TopicLimit
+from slipd_client.messages import Health, encode
+from slipd_client.terminal import Terminal
+
+
+class Robot:
+    """One robot, as a bridge forwards it."""
+
+    def __init__(self, state: FleetState, name: str = "arm3", boot: str = "boot-1", peer: str = "") -> None:
+        self.state, self.name, self.boot, self.peer = state, name, boot, peer
+        self.seq: dict[str, dict[str, int]] = {}
+        self.t_ns = 0
+
+    def joins(self) -> None:
+        for what in (BRIDGE, DAEMON):
+            self.state.take_token(self.name, what, alive=True)
+
+    def sends(self, topic: str, now_s: float, **fields: Any) -> None:
+        seq = self.seq.setdefault(self.boot, {"status": 0, "warning": 0})
+        seq[topic] += 1
+        self.t_ns += 1
+        header = {"v": 1, "seq": seq[topic], "boot": self.boot, "t_ns": self.t_ns}
+        self.state.take_message(self.name, topic, encode(header | fields), now_s, self.peer)
+
+    def reports(self, now_s: float, level: str = "stable", **fields: Any) -> None:
+        self.sends("status", now_s, **({"fingers": levels(left=level), "streams": {}} | fields))
+
+    def warns(self, now_s: float, level: str, **fields: Any) -> None:
+        body = {"finger": "left", "level": level, "previous": "stable", "rising": True, "utilisation": None}
+        self.sends("warning", now_s, **(body | fields))
+
+    def row(self, now_s: float) -> RobotRow:
+        (row,) = (row for row in self.state.rows(now_s) if row.robot == self.name)
+        return row
+
+    def restarts(self, boot: str) -> None:
+        self.boot = boot
+
+    def loses(self, topic: str, count: int) -> None:
+        """Some messages do not arrive; a negative count: the last ones come again."""
+        self.seq[self.boot][topic] += count
+
+    def overtakes(self, count: int) -> None:
+        """What is sent next is older than what was sent last."""
+        self.t_ns -= count
+
+    def ends(self, what: str) -> None:
+        self.state.take_token(self.name, what, alive=False)
+
+
+@pytest.fixture
+def robot() -> Robot:
+    robot = Robot(FleetState())
+    robot.joins()
+    return robot
+
+
+def levels(**fingers: str) -> dict[str, Any]:
+    return {finger: {"level": level, "reasons": []} for finger, level in fingers.items()}
+
+
+STREAMS = {"left.pad": {"health": 1, "message": "late"}, "left.wrench": {"health": 3, "message": "nothing arrives"}}
+UNWELL = {
+    "fingers": levels(left="unknown", right="caution"),
+    "streams": STREAMS,
+    "version": "1.2",
+    "object_name": "mug",
+}
+REPORTS, WARNS, RESTARTS, LOSES, ENDS = Robot.reports, Robot.warns, Robot.restarts, Robot.loses, Robot.ends
+
+
+@pytest.mark.parametrize(
+    ("events", "now_s", "expected"),
+    [
+        pytest.param(
+            [(REPORTS, 10.0, "", UNWELL)],
+            10.5,
+            {"state": "live", "level": "caution", "age_s": 0.5, "version": "1.2",
+             "health": Health.STALE, "complaint": "left.wrench: nothing arrives",
+             "fingers": {"left": "unknown", "right": "caution"}},
+            id="the worst finger and the worst stream count",
+        ),
+        pytest.param(
+            [(REPORTS, 10.0), (WARNS, 10.1, "slipping", {"reasons": ["slip_detected"]}),
+             (Robot.overtakes, 2), (REPORTS, 10.2)],
+            10.2,
+            {"level": "slipping", "reasons": ("slip_detected",)},
+            id="a status that a warning overtook does not undo it",
+        ),
+        pytest.param(
+            [(REPORTS, 10.0), (WARNS, 10.1, "slipping"), (REPORTS, 11.2)],
+            11.2,
+            {"level": "stable"},
+            id="a newer status does",
+        ),
+        pytest.param([(REPORTS, 10.0)], 9.9 + SILENT_AFTER_S, {"state": "live"}, id="just not silent"),
+        pytest.param(
+            [(REPORTS, 10.0)],
+            10.1 + SILENT_AFTER_S,
+            {"state": "silent", "level": "unknown", "reasons": ("stale",), "fingers": {"left": "stable"}},
+            id="silent",
+        ),
+        pytest.param([(REPORTS, 10.0), (ENDS, DAEMON)], 10.1, {"state": "silent"}, id="without a daemon"),
+        pytest.param([(REPORTS, 10.0), (ENDS, BRIDGE)], 10.1, {"state": "gone"}, id="without a bridge"),
+        pytest.param(
+            [(REPORTS, 10.0), (ENDS, BRIDGE), (Robot.joins,)], 10.1, {"state": "live"}, id="back again"
+        ),
+        pytest.param(
+            [(WARNS, 10.0, "warning"), (LOSES, "warning", 3), (WARNS, 10.1, "stable"),
+             (RESTARTS, "boot-2"), (REPORTS, 10.2, "", {"fingers": levels(right="stable")})],
+            10.2,
+            {"restarts": 1, "fingers": {"right": "stable"}, "missed_warnings": 3},
+            id="lost warnings and restarts are counted",
+        ),
+        pytest.param(
+            [(WARNS, 10.0, "warning"), (LOSES, "warning", -1), (WARNS, 11.0, "stable")],
+            10.5,
+            {"level": "warning", "missed_warnings": 0},
+            id="a message that comes again changes nothing",
+        ),
+        pytest.param(  # the listener takes all warnings first, and only then each status
+            [(REPORTS, 10.0), (RESTARTS, "boot-2"), (WARNS, 11.0, "caution"), (RESTARTS, "boot-1"),
+             (REPORTS, 11.0), (RESTARTS, "boot-2"), (REPORTS, 12.0, "caution")],
+            12.0,
+            {"restarts": 1, "level": "caution"},
+            id="a status that lags behind a warning of the next run is no second restart",
+        ),
+        pytest.param(  # a view that joins late may get the newest status before the kept warnings
+            [(RESTARTS, "boot-2"), (REPORTS, 10.0), (RESTARTS, "boot-1"), (WARNS, 10.1, "warning"),
+             (RESTARTS, "boot-2"), (WARNS, 10.1, "caution"), (REPORTS, 11.0, "caution"),
+             (LOSES, "warning", 2), (WARNS, 11.1, "warning")],
+            11.1,
+            {"restarts": 1, "missed_warnings": 2, "level": "warning"},
+            id="warnings kept of an earlier run are no further restart and hide no loss",
+        ),
+        pytest.param(
+            [*((REPORTS, now_s) for now_s in (10.0, 11.0)), (RESTARTS, "boot-2"), (REPORTS, 11.5),
+             (RESTARTS, "boot-1"), (REPORTS, 12.0), (RESTARTS, "boot-2"),
+             *((REPORTS, now_s) for now_s in (12.5, 13.5, 14.5))],
+            14.5,
+            {"state": "live", "restarts": 1},
+            id="a restart is no clash, also where a late status of the run before arrives",
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_robot_sends_gives_its_row(
+    robot: Robot, events: list[tuple[Any, ...]], now_s: float, expected: dict[str, Any]
+) -> None:
+    for what, *arguments in events:
+        fields = arguments.pop() if arguments and isinstance(arguments[-1], dict) else {}
+        what(robot, *arguments, **fields)
+    row = robot.row(now_s)
+    assert {name: getattr(row, name) for name in expected} == expected
+
+
+def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age_and_what_cannot_be_read_no_row() -> None:
+    robot = Robot(FleetState())
+    assert robot.state.take_message("arm3", "status", b"no message", 0.0) is None
+    assert (robot.state.rows(0.0), robot.state.unread) == ([], 1)
+    robot.state.take_token("arm3", BRIDGE, alive=True)
+    robot.reports(10.0)
+    assert (robot.row(10.0).state, robot.row(10.0).age_s) == ("silent", None)
+
+
+def twins(count: int = 2) -> list[Robot]:
+    """Robots that call themselves arm3."""
+    state = FleetState()
+    robots = [Robot(state, boot=f"boot-{number}") for number in range(1, count + 1)]
+    robots[0].joins()
+    return robots
+
+
+def speak(robots: Iterable[Robot], times: Iterable[float]) -> None:
+    """Every robot reports once a second, one after the other."""
+    for now_s, (place, robot) in itertools.product(times, enumerate(robots)):
+        robot.reports(now_s + 0.01 * place)
+
+
+@pytest.mark.parametrize("count", [2, 3 * MOST_RUNS])
+def test_robots_of_one_name_are_a_fault_and_not_a_level_until_the_others_are_gone(count: int) -> None:
+    robots = twins(count)
+    speak(robots, map(float, range(10, 20)))
+    row = robots[0].row(19.5)
+    assert (row.state, row.level, row.reasons, row.missed_warnings) == ("clash", "unknown", ("name_clash",), 0)
+    assert row.fault.startswith("two or more robots call themselves arm3: give each a name of its own")
+    speak(robots[:1], [20.0, 21.0])
+    assert robots[0].row(21.1).state == "clash"
+    speak(robots[:1], [22.0, 23.0])
+    row = robots[0].row(23.1)
+    assert (row.state, row.level, row.fault) == ("live", "stable", "")
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_robots_of_one_name_the_healthier_is_never_shown(order: int) -> None:
+    well, ill = twins()
+    for now_s in range(10, 20):
+        for robot in [well, ill][::order]:
+            level, health = ("stable", 0) if robot is well else ("slipping", 2)
+            robot.reports(now_s, level, streams={"left.pad": {"health": health, "message": "late"}})
+        row = well.row(now_s)
+        assert (row.level, row.fingers, row.health) == ("slipping", {"left": "slipping"}, Health.ERROR)
+        well.warns(now_s + 0.5, "stable")
+        assert well.row(now_s + 0.5).level == "slipping"
+
+
+@pytest.mark.parametrize("signs_of_life_alone", [False, True])
+def test_Z9_made_up_names_of_one_session_leave_room_for_the_robots_of_others(
+    signs_of_life_alone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", 100)
+    state = FleetState()
+    Robot(state, "early", peer="a").joins()
+    Robot(state, "early", peer="a").reports(0.0)
+    for number in range(120):
+        made_up = Robot(state, f"made-up-{number}", peer="flood")
+        made_up.joins()
+        if not signs_of_life_alone:
+            made_up.reports(0.0)
+    assert len(state.rows(0.0)) == 100
+    late = Robot(state, "late", peer="b")
+    late.joins()
+    late.reports(1.0)
+    late.reports(2.0)
+    late.warns(2.1, "slipping")
+    assert (late.row(2.1).state, late.row(2.1).level) == ("live", "slipping")
+    names = [row.robot for row in state.rows(2.1)]
+    assert (len(names), "early" in names) == (100, True)
+
+
+@pytest.mark.parametrize("most", [3, 100])
+def test_Z9_a_named_robot_is_listed_from_the_beginning_and_never_displaced(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", most)
+    named = ["arm1", "arm2", "arm3"]
+    state = FleetState(named)
+    assert [(row.robot, row.state, row.level) for row in state.rows(0.0)] == [
+        (name, "gone", "unknown") for name in named
+    ]
+    for peer in range(60):  # sessions with two robots each, of which the first claims the name of a robot
+        for name in ("arm1", f"made-up-{peer}"):
+            robot = Robot(state, name, boot=f"boot-{peer}", peer=f"peer-{peer}")
+            robot.joins()
+            robot.reports(0.0)
+    robot = Robot(state, "arm3", peer="honest")
+    robot.joins()
+    robot.reports(1.0)
+    robot.warns(1.1, "slipping")
+    assert (robot.row(1.1).state, robot.row(1.1).level) == ("live", "slipping")
+    rows = state.rows(1.1)
+    assert {row.robot for row in rows if row.expected} == set(named)
+    assert len(rows) == min(most, 63)
+
+
+def row(robot: str, **fields: Any) -> RobotRow:
+    known: dict[str, Any] = {
+        "state": "live",
+        "level": "stable",
+        "fingers": {"left": "stable"},
+        "reasons": (),
+        "health": Health.OK,
+        "complaint": "",
+        "fault": "",
+        "age_s": 0.4,
+        "missed_warnings": 0,
+        "restarts": 0,
+        "version": "1",
+        "object_name": "",
+    }
+    return RobotRow(robot=robot, **(known | fields))
+
+
+GONE = row("arm2", state="gone", level="unknown", reasons=("stale",), health=None, age_s=None)
+SLIPPING = row("arm3", level="slipping", fingers={"left": "slipping", "right": "stable"}, reasons=("slip_detected",))
+ILL = row("arm4", health=Health.STALE, complaint="left.pad: nothing arrives", missed_warnings=2)
+
+
+def test_the_most_urgent_robot_comes_first_and_the_head_counts() -> None:
+    lines = fleet_lines("plant", [row("arm1"), GONE, SLIPPING, ILL], 0, Terminal())
+    assert lines[0] == "fleet plant  4 robots  1 gone  3 live  1 slipping  2 warnings missed"
+    assert lines[1].split() == ["robot", "state", "level", "health", "age"]
+    assert [line.split()[0] for line in lines[2:]] == ["arm3", "arm2", "arm4", "arm1"]
+    assert lines[2].split(maxsplit=6)[1:] == [
+        "live",
+        "slipping",
+        "OK",
+        "0.4",
+        "s",
+        "left slipping, right stable; slip_detected",
+    ]
+    assert lines[3].split(maxsplit=5)[1:] == ["gone", "unknown", "–", "–", "last: left stable"]
+    assert lines[4].endswith("left stable; left.pad: nothing arrives; 2 warnings missed")
+
+
+def test_robots_of_one_name_are_told_and_their_alarm_counts() -> None:
+    fault = "two or more robots call themselves arm5: do this"
+    lines = fleet_lines("plant", [row("arm5", state="clash", level="slipping", fault=fault)], 0, Terminal())
+    assert lines[0] == "fleet plant  1 robot  1 clash  1 slipping"
+    assert lines[2].split(maxsplit=6)[1:] == ["clash", "slipping", "OK", "0.4", "s", f"{fault}; left stable"]
+
+
+def test_a_log_has_a_line_for_each_change_and_none_without() -> None:
+    assert change_text(None, row("arm1")) == "arm1: live, stable"
+    assert change_text(row("arm1"), row("arm1", age_s=0.9)) == ""
+    assert change_text(row("arm3"), SLIPPING) == "arm3: stable → slipping  (left slipping, right stable; slip_detected)"
+    assert change_text(row("arm2"), GONE) == "arm2: live → gone, stable → unknown, OK → –  (last: left stable)"
+
+
+def test_json_has_every_field() -> None:
+    told = json.loads(json.dumps(fleet_map("plant", [GONE, ILL], 1)))
+    assert (told["fleet"], told["unread"]) == ("plant", 1)
+    assert [each["health"] for each in told["robots"]] == [None, "STALE"]
+    assert told["robots"][1]["missed_warnings"] == 2
+
+
+@pytest.mark.parametrize("name", ["a", "Arm-3", "robot_7.left", "9", "x" * 64])
+def test_a_name_of_letters_digits_and_joints_is_kept(name: str) -> None:
+    assert check_name("--robot", name) == name
+
+
+@pytest.mark.parametrize("name", ["", "a*", "$b", "c#", "d?", "e/f", "@adv", ".g", "-h", "ä", "a b", "a\n", "x" * 65])
+def test_a_name_that_zenoh_would_read_as_more_than_one_word_is_refused(name: str) -> None:
+    with pytest.raises(CallError, match="--robot must be 1 to 64 of the characters"):
+        check_name("--robot", name)
+
+
+def test_a_key_has_fleet_robot_and_topic() -> None:
+    assert message_key("plant", "arm3", "slip.left") == "plant/arm3/slip.left"
+    assert token_key("plant", "arm3", "daemon") == "plant/arm3/daemon"
+
+
+@pytest.mark.parametrize("topic", ["", "slip/left", "slip.*", "$", "Slip", "a.b.c"])
+def test_a_topic_that_is_none_of_a_daemon_is_refused(topic: str) -> None:
+    with pytest.raises(CallError, match="topic must be a word"):
+        message_key("plant", "arm3", topic)
+
+
+def test_a_key_of_this_fleet_is_split_and_another_is_not() -> None:
+    assert split_key("plant/arm3/status", "plant") == ("arm3", "status")
+    for key in ("other/arm3/status", "plant/arm3", "plant/arm3/a/b", "plant/@adv/status", "plant/a*/status"):
+        assert split_key(key, "plant") is None
+
+
+def played(limit: TopicLimit, times: list[float], end_s: float) -> list[tuple[float, bytes]]:
+    """Return what goes on of messages that arrive at these times; nothing held back waits longer than needed."""
+    sent: list[tuple[float, bytes]] = []
+    for n, now_s in enumerate([*times, end_s]):
+        while (due_s := limit.due_s()) is not None and due_s <= now_s:
+            sent += [(due_s, payload) for _, payload in limit.due(due_s)]
+        if n < len(times) and limit.passes("slip.left", b"%d" % n, now_s):
+            sent.append((now_s, b"%d" % n))
+    return sent
+
+
+def test_topics_do_not_wait_for_each_other() -> None:
+    limit = TopicLimit(10.0)
+    assert limit.passes("slip.left", b"", 0.0)
+    assert limit.passes("slip.right", b"", 0.0)
+    assert not limit.passes("slip.left", b"", 0.05)
+
+
+@given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=40), st.sampled_from([1.0, 10.0, 50.0]))
+def test_the_newest_message_comes_through_and_the_rate_holds(times: list[float], rate_hz: float) -> None:
+    times = sorted(times)
+    sent = played(TopicLimit(rate_hz), times, 10.0)
+    assert sent[-1][1] == b"%d" % (len(times) - 1)
+    assert len(sent) <= rate_hz * (sent[-1][0] - sent[0][0]) + 2.0

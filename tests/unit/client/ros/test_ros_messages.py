@@ -1,0 +1,315 @@
+"""ROS messages: bytes, hashes and files as other libraries have them, and every value of recorded runs."""
+
+from __future__ import annotations
+
+import math
+import struct
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import replays
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.records import Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap_ros2.decoder import DecoderFactory
+from ros_peers import built, plain, typestore
+
+import slipd_client.ros
+from slipd_client.messages.schema.fields import fields_of
+from slipd_client.messages.schema.topics import TOPICS, Grasp
+from slipd_client.ros.cdr import CdrEncoder, CdrError
+from slipd_client.ros.conversion import TYPES, PadFrames, RosMessage, encode, ros_messages, schema, stamp_ns
+from slipd_client.ros.message_package import files, main, write
+from slipd_client.ros.ros_types import RosField, RosType, type_from_text, type_hash
+from slipd_client.ros.slipd_types import NAMES, SLIPD_TYPES
+
+STORE = typestore()
+BITS = {"byte": (0, 127), "uint8": (0, 255), "int8": (-128, 127)}  # to rosbags, a byte has a sign
+BITS |= {f"int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (32, 64)}
+BITS |= {f"uint{n}": (0, 2**n - 1) for n in (32, 64)}
+TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=9)
+
+
+def values(field: RosField) -> st.SearchStrategy[Any]:
+    single = singles(field.type)
+    if field.length is None:
+        return single
+    length = {"max_size": 5} if field.length < 0 else {"min_size": field.length, "max_size": field.length}
+    return st.lists(single, **length)
+
+
+def singles(kind: str) -> st.SearchStrategy[Any]:
+    if kind in TYPES:
+        return messages(TYPES[kind])
+    if kind == "string":
+        return TEXTS
+    if kind == "bool":
+        return st.booleans()
+    return st.integers(*BITS[kind]) if kind in BITS else st.floats(width=32 if kind == "float32" else 64)
+
+
+def messages(kind: RosType) -> st.SearchStrategy[dict[str, Any]]:
+    return st.fixed_dictionaries({field.name: values(field) for field in kind.fields})
+
+
+@pytest.mark.parametrize("name", sorted(TYPES))
+def test_the_bytes_of_any_message_are_those_of_rosbags(name: str) -> None:
+    encoder = CdrEncoder(name, TYPES)
+
+    @settings(max_examples=25)
+    @given(messages(TYPES[name]))
+    def check(value: dict[str, Any]) -> None:
+        expected = bytes(STORE.serialize_cdr(built(STORE, name, value), TYPES[name].full_name))
+        assert encoder.encode(value) == expected
+
+    check()
+
+
+POINT = type_from_text("t/Point", "string name\nuint8 kind\nfloat64[2] xy\nint64[] counts\nt/Tag[] tags")
+TAG = type_from_text("t/Tag", "uint8 OK=0\nbool set")
+GOOD: dict[str, Any] = {"name": "a", "kind": 7, "xy": [1.0, math.nan], "counts": [], "tags": [{"set": True}]}
+ENCODER = CdrEncoder("t/Point", {"t/Point": POINT, "t/Tag": TAG})
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"kind": 256}, "kind: must be uint8: "),
+        ({"kind": 1.0}, "kind: must be uint8: "),
+        ({"kind": None}, "kind: must be uint8: "),
+        ({"name": None}, "name: must be string: "),
+        ({"name": "\ud800"}, "name: must be string: "),
+        ({"xy": [1.0]}, "xy: must be float64[2]: got 1 entries"),
+        ({"counts": None}, "counts: must be int64[]: "),
+        ({"counts": [2**63]}, "counts: must be int64[]: "),
+        ({"tags": [{}]}, "tags.set: is missing"),
+        ({"tags": [{"set": True, "by": "me"}]}, "tags.by: not declared"),
+        ({"colour": "red"}, "colour: not declared"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_refused_with_the_path_of_its_field(change: dict[str, Any], error: str) -> None:
+    with pytest.raises(CdrError) as refused:
+        ENCODER.encode(GOOD | change)
+    assert str(refused.value).startswith(f"t/Point: {error}")
+
+
+def test_a_type_without_fields_or_with_a_type_that_nobody_declares_is_refused() -> None:
+    with pytest.raises(ValueError, match="t/Empty must have a field"):
+        CdrEncoder("t/Empty", {"t/Empty": RosType("t/Empty", ())})
+    with pytest.raises(KeyError):
+        CdrEncoder("t/Point", {"t/Point": POINT})
+
+
+def test_a_line_that_declares_nothing_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"t/Odd: a line must be 'type name' or 'type NAME=value', got 'float64'"):
+        type_from_text("t/Odd", "int32 x\nfloat64")
+
+
+STORE = typestore()
+
+
+@pytest.mark.parametrize("name", sorted(TYPES))
+def test_the_hash_of_a_type_is_that_of_rosbags(name: str) -> None:
+    assert type_hash(name, TYPES) == STORE.hash_rihs01(TYPES[name].full_name)
+
+
+def test_the_hash_of_an_imu_is_the_one_that_ros_2_installs_with_it() -> None:
+    published = "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b"
+    assert type_hash("sensor_msgs/Imu", TYPES) == published
+
+
+SHIPPED = Path(slipd_client.ros.__file__).parent / "slipd_msgs"
+
+
+def test_the_shipped_files_are_those_of_the_types(tmp_path: Path) -> None:
+    """``python -m slipd_client.ros.message_package clients/slipd_client/ros`` writes them."""
+    written = write(tmp_path)
+    names = {str(path.relative_to(written)) for path in written.rglob("*") if path.is_file()}
+    assert names == set(files())
+    assert {str(path.relative_to(SHIPPED)) for path in SHIPPED.rglob("*") if path.is_file()} == names
+    for name in names:
+        assert (SHIPPED / name).read_bytes() == (written / name).read_bytes(), name
+
+
+def test_the_package_depends_on_every_package_it_uses_and_names_every_message() -> None:
+    texts = files()
+    depends = {each.text for each in ET.fromstring(texts["package.xml"]).iter("depend")}
+    used = {field.type.partition("/")[0] for kind in SLIPD_TYPES.values() for field in kind.fields if "/" in field.type}
+    assert depends == used - {"slipd_msgs"}
+    for name in SLIPD_TYPES:
+        assert f'"msg/{name.partition("/")[2]}.msg"' in texts["CMakeLists.txt"]
+
+
+def test_the_command_says_what_it_wrote_or_why_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'slipd_msgs'}\n"
+    (tmp_path / "file").touch()
+    assert main([str(tmp_path / "file")]) == 1
+    assert capsys.readouterr().err == f"{tmp_path / 'file'}: cannot be written: Not a directory\n"
+    with pytest.raises(SystemExit):
+        main([])
+
+
+STORE = typestore()
+RUNS = ("demo", "requests", "papillarray", "reflex")
+PLACES = {
+    "left": {"positions": [[0.0, 0.0, 0.0, 0.0], [0.08, 0.0, 0.04, 0.0]], "quat_xyzw": [1, -1, 1, 1]},
+    "right": {"positions": [[0.02, 0, -0.01, 0], [0.08, 0, -0.04, 0]], "quat_xyzw": [-0.5, -0.5, -0.5, 0.5]},
+}
+PADS = PadFrames(PLACES)
+
+Published = list[tuple[str, dict[str, Any]]]
+Converted = list[tuple[str, dict[str, Any], RosMessage]]
+
+
+@pytest.fixture(scope="module")
+def published() -> Published:
+    """Topic and body of every message of some runs."""
+    return [message for name in RUNS for message in replays.messages(name)]
+
+
+@pytest.fixture(scope="module")
+def converted(published: Published) -> Converted:
+    """Every ROS message, with the topic and body of the message that it was made of."""
+    return [(topic, body, each) for topic, body in published for each in ros_messages(topic, body, PADS)]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values are the same; NaN is NaN."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(value, other[key]) for key, value in one.items())
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return one == other or (one != one and other != other)
+
+
+def each_third(converted: Converted) -> Iterator[RosMessage]:
+    """Yield each third message of each type."""
+    counts: Counter[str] = Counter()
+    for _, _, message in converted:
+        if counts[message.type] % 3 == 0:
+            yield message
+        counts[message.type] += 1
+
+
+def test_two_other_libraries_decode_every_value(converted: Converted) -> None:
+    decoders = {}
+    for name in {message.type for _, _, message in converted}:
+        text = Schema(id=1, name=TYPES[name].full_name, encoding=SchemaEncoding.ROS2, data=schema(name).encode())
+        decoders[name] = DecoderFactory().decoder_for(MessageEncoding.CDR, text)
+    for message in each_third(converted):
+        data, wanted = encode(message), message.value
+        assert same(plain(STORE.deserialize_cdr(data, TYPES[message.type].full_name), message.type), wanted)
+        decode = decoders[message.type]
+        assert decode is not None
+        assert same(plain(decode(data), message.type), wanted)
+
+
+def test_every_field_of_a_message_of_slipd_is_in_its_ros_message(converted: Converted) -> None:
+    unknown: dict[str, Any] = {"string": "unknown", "int32": -1, "int8": -1}
+    for topic, body, (_, name, value) in converted:
+        cls = TOPICS[topic.partition(".")[0]]
+        if name.partition("/")[2] != NAMES.get(cls):
+            continue
+        types = {field.name: field for field in TYPES[name].fields}
+        assert value["header"]["frame_id"] == body["frame"]
+        assert value["header"]["stamp"] == dict(zip(("sec", "nanosec"), divmod(stamp_ns(body), 10**9), strict=True))
+        assert value["t"]["sec"] * 10**9 + value["t"]["nanosec"] == body["t_ns"]
+        if cls is Grasp:
+            assert value["state_t"]["sec"] * 10**9 + value["state_t"]["nanosec"] == body["state_t_ns"]
+        for key in {field.name for field in fields_of(cls)} - {"v", "timestamp", "frame", "t_ns", "state_t_ns"}:
+            wire, ros, kind = body[key], value[key], types[key]
+            if wire is None and kind.length is None:
+                assert same(ros, unknown.get(kind.type, math.nan))
+            elif wire is None:
+                assert same(ros, [] if kind.length == -1 else [math.nan] * (kind.length or 0))
+            elif kind.type == "geometry_msgs/Point":
+                assert [[point["x"], point["y"]] for point in ros] == wire
+            elif kind.type == "slipd_msgs/ReflexAct":
+                assert ros == [wire]
+            elif kind.type == "slipd_msgs/HeldObject":
+                assert same(ros["mass_kg"], math.nan if wire["mass_kg"] is None else wire["mass_kg"])
+                assert same(ros["com_m"], wire["com_m"] or [math.nan] * 3)
+                assert ros["unknown"] == wire["unknown"]
+            elif kind.type == "slipd_msgs/LeaseStatus":
+                assert same(ros["expires_in_s"], math.nan if wire["expires_in_s"] is None else wire["expires_in_s"])
+                assert ros["held"] is wire["held"]
+            elif kind.type in ("slipd_msgs/NamedNumber", "slipd_msgs/NamedWords"):
+                assert {each["name"]: each.get("value", each.get("words")) for each in ros} == wire
+            else:
+                assert same(ros, wire)
+
+
+def test_stock_messages_carry_wrench_contact_and_image(converted: Converted) -> None:
+    seen = set()
+    for topic, body, (name, kind, value) in converted:
+        finger = topic.partition(".")[2]
+        if kind == "geometry_msgs/WrenchStamped" and body["force_n"] is not None:
+            assert name == f"/slipd/{finger}/wrench"
+            assert list(value["wrench"]["force"].values()) == body["force_n"]
+        elif kind == "geometry_msgs/PointStamped":
+            assert name == f"/slipd/{finger}/contact"
+            assert same(list(value["point"].values()), [*(body["centroid_m"] or [math.nan] * 2), value["point"]["z"]])
+        elif kind == "sensor_msgs/Image":
+            pixels = struct.unpack(f"<{body['rows'] * body['cols']}f", value["data"])
+            assert (value["height"], value["width"], value["step"]) == (body["rows"], body["cols"], 4 * body["cols"])
+            assert same(pixels, body["loads_n"] or [math.nan] * len(pixels)) or pixels == pytest.approx(body["loads_n"])
+        seen.add(kind)
+    assert len(seen) == 12
+
+
+def test_diagnostics_carry_the_health_of_every_stream_and_an_unknown_verdict_is_a_warning(converted: Converted) -> None:
+    levels = set()
+    for topic, body, (name, _, value) in converted:
+        if topic != "status":
+            continue
+        assert name == "/diagnostics"
+        entries = {entry["name"].removeprefix("slipd: "): entry for entry in value["status"]}
+        for stream, state in body["streams"].items():
+            assert entries[stream]["level"] == state["health"]
+        for finger, state in body["fingers"].items():
+            assert entries[f"finger {finger}"]["level"] == (state["level"] == "unknown")
+        levels |= {(entry["name"], entry["level"]) for entry in value["status"]}
+    assert {("slipd: gripper", 3), ("slipd: gripper", 0), ("slipd: gripper", 2), ("slipd: daemon", 0)} <= levels
+
+
+@pytest.mark.parametrize(
+    ("width_m", "places"),
+    [(0.04, {"left_pad": 0.02, "right_pad": -0.02}), (0.01, {"left_pad": 0.005}), (0.09, {}), (None, {})],
+)
+def test_a_pad_has_a_transform_at_a_width_where_its_place_is_known(
+    width_m: float | None, places: dict[str, float]
+) -> None:
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "gripper"}
+    found = PADS.transforms(header, width_m)
+    assert {each["child_frame_id"]: each["transform"]["translation"]["y"] for each in found} == pytest.approx(places)
+    for each in found:
+        assert each["header"] == header
+        assert sum(part**2 for part in each["transform"]["rotation"].values()) == pytest.approx(1.0)
+
+
+def test_a_topic_of_a_newer_daemon_has_no_ros_message() -> None:
+    assert list(ros_messages("weather", {"timestamp": 1.0})) == []
+
+
+def test_numbers_of_the_wire_keep_one_type(published: Published) -> None:
+    """Viewers type a field by its first value."""
+    types: dict[tuple[str, str], type] = {}
+
+    def check(place: str, key: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for inner, entry in value.items():
+                check(place, f"{key}.{inner}", entry)
+        elif isinstance(value, list):
+            for entry in value:
+                check(place, f"{key}[]", entry)
+        elif value is not None:
+            assert types.setdefault((place, key), type(value)) is type(value), (place, key)
+
+    for topic, body in published:
+        check(topic.partition(".")[0], "", body)

@@ -1,0 +1,145 @@
+"""What others read of our DDS writers: bytes, types, hashes, the last messages, the speed scale."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from ros_peers import built, typestore
+
+from slipd_client.motion import MotionAdvisorBase
+from slipd_client.ros.conversion import TYPES, RosMessage
+from slipd_client.ros.ros_types import RosField
+
+pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
+
+from ros_graph import Heard, Listener, free_domain, joined, reader
+
+from slipd_client.ros2.dds import RosPublisher
+from slipd_client.ros2.speed_scaling import SpeedScaling
+
+STORE = typestore()
+
+
+def sample(name: str) -> dict[str, Any]:
+    """Return a message of a type whose sequences have two entries."""
+    return {field.name: _value(field) for field in TYPES[name].fields}
+
+
+def _value(field: RosField) -> Any:
+    if field.length is None:
+        return _single(field.type)
+    return [_single(field.type) for _ in range(2 if field.length < 0 else field.length)]
+
+
+def _single(kind: str) -> Any:
+    if kind in TYPES:
+        return sample(kind)
+    return "λ 0.7" if kind == "string" else kind == "bool" or 7
+
+
+def expected(message: RosMessage) -> bytes:
+    """Return the bytes of another serializer; DDS fills the last four of them up."""
+    data = bytes(STORE.serialize_cdr(built(STORE, message.type, message.value), TYPES[message.type].full_name))
+    return data + bytes(-len(data) % 4)
+
+
+def test_who_comes_late_gets_every_type_as_other_serializers_write_it() -> None:
+    variables = free_domain()
+    topics = {name: f"/t/{name.replace('/', '_')}" for name in TYPES}
+    messages = {topic: RosMessage(topic, name, sample(name)) for name, topic in topics.items()}
+    with joined(variables) as participant:
+        publisher = RosPublisher(participant, dict.fromkeys(messages, 1))
+        for message in messages.values():
+            publisher.publish(message)
+        with Listener(
+            variables, {topic: message.type for topic, message in messages.items()}, latched=True
+        ) as listener:
+            heard = {each.topic: each for each in (listener.hear() for _ in messages)}
+    for topic, message in messages.items():
+        package, _, word = message.type.partition("/")
+        hashed = f"typehash={STORE.hash_rihs01(TYPES[message.type].full_name)};".encode()
+        assert heard[topic] == Heard(topic, expected(message), f"{package}::msg::dds_::{word}_", hashed)
+
+
+def test_who_comes_late_gets_the_last_warnings_and_of_other_topics_what_comes_after() -> None:
+    variables = free_domain()
+    topics = dict.fromkeys(("/slipd/warning", "/slipd/grasp"), "builtin_interfaces/Time")
+    with joined(variables) as participant:
+        publisher = RosPublisher(participant, {"/slipd/warning": 3})
+
+        def publish(second: int) -> None:
+            for topic, kind in topics.items():
+                publisher.publish(RosMessage(topic, kind, {"sec": second, "nanosec": 0}))
+
+        for second in range(5):
+            publish(second)
+        with Listener(variables, topics, latched=True) as late, Listener(variables, topics) as listener:
+            assert [late.hear().data[4] for _ in range(3)] == [2, 3, 4]
+            while not all(writer.get_matched_subscriptions() for writer in publisher._writers.values()):
+                time.sleep(0.01)
+            publish(9)
+            assert {(heard.topic, heard.data[4]) for heard in (listener.hear(), listener.hear())} == {
+                ("/slipd/warning", 9),
+                ("/slipd/grasp", 9),
+            }
+
+
+def test_a_reliable_subscriber_that_hangs_delays_nobody_and_gets_the_last_message_afterwards() -> None:
+    variables = free_domain()
+    with joined(variables) as participant, Listener(variables, {"/t": "sensor_msgs/Image"}, latched=True) as listener:
+        publisher = RosPublisher(participant, {"/t": 1})
+        image = sample("sensor_msgs/Image") | {"data": bytes(2000)}
+
+        def publish(count: int) -> None:
+            publisher.publish(RosMessage("/t", "sensor_msgs/Image", image | {"width": count}))
+
+        publish(0)
+        listener.hear()
+        listener.stop()
+        for count in range(1, 1001):
+            publish(count)
+        listener.go_on()
+        last = expected(RosMessage("/t", "sensor_msgs/Image", image | {"width": 1000}))
+        while listener.hear().data != last:
+            pass
+
+
+TOPIC = "/joint_trajectory_controller/speed_scaling_input"
+STORE = typestore()
+
+
+class Advisor(MotionAdvisorBase):
+    """Advice that the test sets."""
+
+    def __init__(self) -> None:
+        self.scale: float | None = None
+
+    def speed_scale(self, floor: float | None = None) -> float | None:
+        return floor if self.scale is None else self.scale
+
+
+def factors(controller: Any) -> Iterator[float]:
+    """Yield the factors that arrive at a controller, for ever."""
+    until_s = time.monotonic() + 40
+    while time.monotonic() < until_s:
+        for sample in controller.take(20):
+            if sample.sample_info.valid_data:
+                yield STORE.deserialize_cdr(sample.data, "control_msgs/msg/SpeedScalingFactor").factor
+        time.sleep(0.01)
+
+
+def test_a_controller_receives_the_scale_and_is_left_with_the_floor() -> None:
+    with joined(free_domain()) as participant:
+        advisor = Advisor()
+        speed = SpeedScaling(RosPublisher(participant, {TOPIC: 1}).publish, TOPIC, advisor, 0.2)
+        speed.start()
+        arrived = factors(reader(participant, TOPIC, "control_msgs/SpeedScalingFactor", latched=True))
+        assert next(arrived) == 0.2, "it is not known yet"
+        advisor.scale = 0.7
+        assert next(factor for factor in arrived if factor != 0.2) == 0.7
+        speed.stop()
+        late = factors(reader(participant, TOPIC, "control_msgs/SpeedScalingFactor", latched=True))
+        assert next(late) == 0.2, "a controller that comes late gets the last factor"

@@ -1,0 +1,213 @@
+"""Orientation and stream of the arm, from publishers of a DDS domain that come and go, to the daemon."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+from client_peers import PATIENCE_S, Daemon, Publisher, until
+from scipy.spatial.transform import Rotation
+
+pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
+
+from cyclonedds.domain import DomainParticipant
+from ros_graph import free_domain, joined
+
+from slipd.devices.external import Decoder
+from slipd_client.errors import CallError
+from slipd_client.grip import GripClient
+from slipd_client.messages import Health
+from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros2.arm_feed import ArmFeed, ArmPort, ImuReadings, arm_port
+from slipd_client.ros2.dds import RosPublisher
+from slipd_client.ros2.orientation import IDENTITY, Quaternion
+from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed
+
+CONFIG = """
+[grasp.pads.left]
+positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.05, 0.0]]
+quat_xyzw = [0.5, -0.5, 0.5, 0.5]
+
+[grasp.arm]
+device = "external"
+port = "{port}"
+sensor = "arm"
+rate_hz = 250.0
+stale_s = 0.1
+"""
+ZERO = dict.fromkeys("xyz", 0.0)
+TILTED: Quaternion = (0.6, 0.0, 0.0, 0.8)
+
+
+class Pull:
+    """The daemon's side of the push socket."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self._socket = zmq.Context.instance().socket(zmq.PULL)
+        self._socket.bind(endpoint)
+        self._decoder = Decoder()
+
+    def arm(self) -> list[Any]:
+        """Return the readings that have arrived."""
+        found = []
+        while self._socket.poll(0):
+            found += self._decoder.receive(self._socket.recv(), time.monotonic_ns())
+        assert self._decoder.health.bad == 0
+        return found
+
+    def close(self) -> None:
+        self._socket.close(linger=0)
+
+
+@pytest.fixture
+def pull(tmp_path: Path) -> Iterator[Pull]:
+    with closing(Pull(f"ipc://{tmp_path}/arm")) as pull:
+        yield pull
+
+
+def header(stamp_ns: int, frame: str) -> dict[str, Any]:
+    return {"stamp": dict(zip(("sec", "nanosec"), divmod(stamp_ns, 10**9), strict=True)), "frame_id": frame}
+
+
+def transform(stamp_ns: int) -> RosMessage:
+    rotation = dict(zip("xyzw", map(float, Rotation.from_euler("x", 90, degrees=True).as_quat()), strict=True))
+    place = {"translation": ZERO, "rotation": rotation}
+    entry = {"header": header(stamp_ns, "base_link"), "child_frame_id": "tool0", "transform": place}
+    return RosMessage("/tf", "tf2_msgs/TFMessage", {"transforms": [entry]})
+
+
+def imu(stamp_ns: int, orientation: Quaternion = IDENTITY, known: float = 0.0) -> RosMessage:
+    value = {
+        "header": header(stamp_ns, "imu"),
+        "orientation": dict(zip("xyzw", orientation, strict=True)),
+        "orientation_covariance": [0.0] * 9,
+        "angular_velocity": ZERO,
+        "angular_velocity_covariance": [0.0] * 9,
+        "linear_acceleration": ZERO | {"z": 9.80665},
+        "linear_acceleration_covariance": [known] + [0.0] * 8,
+    }
+    return RosMessage("/imu", "sensor_msgs/Imu", value)
+
+
+def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
+    publisher: Publisher, daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]], pull: Pull, tmp_path: Path
+) -> None:
+    variables = free_domain()
+    (tmp_path / "rig.toml").write_text(CONFIG.format(port=pull.endpoint), encoding="utf-8")
+    process = slipctl(
+        *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2"),
+        *("--config", str(tmp_path / "rig.toml"), "--hand", "tool0", "--orientation-from", "base_link"),
+        env=os.environ | variables,
+    )
+    with joined(variables) as participant:
+        robot = RosPublisher(participant, {})
+
+        def move() -> None:
+            for i in range(10):
+                robot.publish(transform(time.time_ns() - (9 - i) * 4_000_000))
+
+        sample = until(pull.arm, move)[-1]
+    assert (sample.source, sample.gravity_mps2) == ("arm", pytest.approx([0.0, -9.80665, 0.0], abs=1e-6))
+    assert sample.angular_velocity_radps == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    assert (sample.t_ns - sample.device_time_ns) * 1e-9 >= 0.015, "the delay of the filter is in its time"
+    assert "gravity.set" not in daemon.ops
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, "Traceback" in errors) == (130, False)
+
+
+def readings(participant: DomainParticipant) -> ImuReadings:
+    return ImuReadings(participant, "/imu", IDENTITY, (0.0, 0.0, 0.0))
+
+
+def test_an_imu_is_pushed_and_the_reason_is_reported_where_it_is_not(pull: Pull) -> None:
+    with joined(free_domain()) as participant:
+        robot = RosPublisher(participant, {})
+        feed = ArmFeed(participant, ArmPort(pull.endpoint, "wrist"), readings(participant))
+        feed.start()
+        until(lambda: feed._state[:2] == (Health.STALE, "no message has come on /imu"))
+        for why, ago_ns, known in (
+            ("has no linear_acceleration", 0, -1.0),
+            ("behind this machine's clock", 10**9, 0.0),
+            ("too few new stamps within 0.02 s", 0, 0.0),
+        ):
+            until(
+                lambda why=why: why in feed._state[1],
+                lambda ago=ago_ns, known=known: robot.publish(imu(time.time_ns() - ago, known=known)),
+            )
+
+        def turn() -> None:
+            for ago_ns in (16_000_000, 8_000_000, 0):
+                robot.publish(imu(time.time_ns() - ago_ns))
+
+        sample = until(pull.arm, turn)[-1]
+        assert (sample.source, sample.gravity_mps2) == ("wrist", pytest.approx([0.0, 0.0, -9.80665]))
+        until(lambda: feed._state[0] is Health.OK, turn)
+        pull.close()
+        until(lambda: "no daemon takes it at ipc://" in feed._state[1], turn)
+        feed.stop()
+
+
+def test_a_port_that_is_none_is_refused() -> None:
+    with joined(free_domain()) as participant, pytest.raises(CallError, match="must be an endpoint, got 'nowhere'"):
+        ArmFeed(participant, ArmPort("nowhere", "arm"), readings(participant))
+
+
+def test_only_a_stream_that_programs_push_is_sent_and_its_readings_must_not_be_stale_by_the_filter() -> None:
+    arm: dict[str, Any] = {"device": "external", "port": "ipc:///a", "sensor": "arm", "rate_hz": 250.0}
+    found = [
+        arm_port({"grasp": grasp}, filter_s)
+        for grasp, filter_s in (
+            ({}, 0.04),
+            ({"arm": arm | {"device": "myrobot"}}, 0.04),
+            ({"arm": arm}, 0.02),
+            ({"arm": arm | {"rate_hz": 50.0}}, 0.04),
+        )
+    ]
+    assert found == [None, None, ArmPort("ipc:///a", "arm"), ArmPort("ipc:///a", "arm")]
+    with pytest.raises(CallError, match=r"stale_s of \[grasp.arm\] must be at least 0.04, got 0.02"):
+        arm_port({"grasp": {"arm": arm}}, 0.04)
+    with pytest.raises(CallError, match="must have port, sensor and rate_hz"):
+        arm_port({"grasp": {"arm": {"device": "external"}}}, 0.04)
+
+
+def test_an_imu_that_is_restarted_is_used_again() -> None:
+    with joined(free_domain()) as participant:
+        source = ImuSource(participant, "/imu", IDENTITY)
+        for sec, orientation in ((1, IDENTITY), (2, TILTED)):
+            publisher = RosPublisher(participant, {"/imu": 1})
+            publisher.publish(imu(sec * 10**9, orientation))
+            until(source._reader.read)
+            del publisher
+            until(lambda: not source._reader.get_matched_publications())
+            for _ in range(2):
+                assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
+
+
+class OnceUndecodable:
+    """A source whose first message cannot be decoded."""
+
+    asked = 0
+
+    def orientation(self, now_s: float) -> Quaternion:
+        self.asked += 1
+        if self.asked == 1:
+            raise ValueError("'utf-8' codec can't decode byte 0xff")
+        return IDENTITY
+
+
+def test_a_message_that_cannot_be_decoded_does_not_end_the_feed(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client:
+        feed = OrientationFeed(client, OnceUndecodable(), {"left": IDENTITY})
+        feed.start()
+        until(lambda: "gravity.set" in daemon.ops)
+        feed.stop()

@@ -1,0 +1,271 @@
+"""What the view in a terminal of any size shows of fingers, pads, gripper, streams and recordings."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shown_rig import GRIPPER, PAD, RIG, SLIP, STATUS, STREAM, drawn, rig
+
+from slipd_client.live_view import LiveView, change_line
+from slipd_client.live_view_parts import clock_time
+from slipd_client.pad_picture import Mark, pad_image, pad_picture
+from slipd_client.terminal import Terminal
+
+Bodies = dict[str, dict[str, Any]]
+
+UNKNOWN = dict.fromkeys(("mu", "utilisation", "utilisation_lower", "utilisation_upper"))
+GROWN = {"required_friction": 0.306, "carried_friction": 0.36, "relative_utilisation": 0.85}
+MOVING = {"reasons": ["no_mu"], "evidence": ["load_drop", "width"]}
+FILE = "/state/a.mcap"
+INCIDENTS = {"saved": 2, "not_saved": 0, "lost": 0, "dropped": 0, "path": FILE, "failure": None}
+FAILED = INCIDENTS | {"not_saved": 1, "lost": 7, "dropped": 30, "failure": "/b: not saved: disk full"}
+QUIET = STATUS | {"streams": {}}
+TARED = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_source": "config"}
+
+
+@pytest.mark.parametrize(
+    ("bodies", "shown"),
+    [
+        ({}, r"slipd –  up –  lease –$"),
+        ({"slip_left": SLIP}, r"left +WARNING +λ +0\.50 +█{10}▒{5}·{5} +0\.50 to 0\.75  normal 10\.12 N  "),
+        ({"slip_left": SLIP}, r"tangential 3.50 N  spin 0.0123 N·m  mu 0.60  needs 14.2 N\n +rotation, tipping$"),
+        ({"slip_left": SLIP | UNKNOWN | {"utilisation_upper": 0.4}}, r"λ ≤0\.40 +▒{8}·{12}  normal"),
+        ({"slip_left": SLIP | UNKNOWN | {"utilisation_lower": 1.2}}, r"λ ≥1\.20 "),
+        ({"slip_left": SLIP | UNKNOWN}, r"λ +– +·{20} .* mu –  needs"),
+        ({"slip_left": SLIP | UNKNOWN | GROWN}, r"WARNING +λr +0\.85 +▒{17}·{3} .*mu –  requires 0.31 of 0.36 carried"),
+        ({"slip_left": SLIP | {"utilisation": 7.0, "utilisation_upper": 9.0}}, r"█{20}  0\.50 to 9\.00  normal"),
+        ({"slip_left": SLIP | {"mu_source": "learned", "required_friction": 0.3}}, r"mu 0\.60 learned  needs"),
+        ({"slip_left": SLIP | {"force_unit": "uncalibrated"}}, r"normal 10\.12  tangential 3\.50  spin 0\.0123  mu"),
+        ({"slip_left": SLIP | MOVING}, r"no_mu  moves by load_drop, width$"),
+        ({"slip_left": SLIP, "status": STATUS}, r"\nleft +WARNING"),
+        ({"status": STATUS}, r"^slipd 0\.1\.0  up 75 s  config 3f2a  lease held\nleft +CAUTION +λ +– "),
+        (
+            {"status": STATUS},
+            r"\nleft\.wrench +WARN +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2  3 bad f",
+        ),
+        (
+            {"status": STATUS | {"streams": {"left.pad": STREAM | {"health": 0, "message": ""}}}},
+            r"left\.pad +OK +998 Hz",
+        ),
+        ({"status": STATUS | {"streams": {"left.pad": STREAM | {"health": 4}}}}, r"left\.pad +– +998 Hz"),
+        ({"status": STATUS | {"object_name": "mug"}}, r"lease held  object mug\n"),
+        ({"status": STATUS | {"fingers": {"left": TARED}}}, r"left +STABLE +tare 2  mu 0\.50 config"),
+        ({"gripper": GRIPPER}, r"width 42\.5 mm  force 12\.0 N of at most 40\.0 N  at rest  object contact_closing$"),
+        ({"status": {"gripper": GRIPPER}}, r"force 12\.0 N of at most 40\.0 N"),
+        (
+            {"gripper": GRIPPER | {"fault": "hot", "latched_fault": "no_echo", "echo_ok": False, "moving": None}},
+            r"40\.0 N  –  object contact_closing  fault hot  latched: no_echo  does not repeat the command$",
+        ),
+        ({"status": QUIET | {"recording": {"running": True, "path": FILE}}}, rf"\nrecording +OK +{FILE}$"),
+        (
+            {"status": QUIET | {"run_recording": {"running": True, "path": FILE, "lost": 9}}},
+            rf"\nrecording +OK +of the whole run  {FILE}  9 entries lost$",
+        ),
+        (
+            {"status": QUIET | {"run_recording": {"state": "failed", "failure": f"{FILE}: full"}}},
+            rf"\nrecording +FAILED +{FILE}: full$",
+        ),
+        (
+            {"status": QUIET | {"recording": {"state": "limited", "failure": f"{FILE}: max"}}},
+            rf"\nrecording +ENDED +{FILE}: max$",
+        ),
+        ({"status": QUIET | {"incidents": INCIDENTS}}, rf"\nincidents +OK +2 saved +0 not saved  {FILE}$"),
+        (
+            {"status": QUIET | {"incidents": FAILED}},
+            r"incidents +FAILED +2 saved  1 not saved  /b: not saved: disk full  7 entries lost, 30 entries dropped$",
+        ),
+    ],
+)
+def test_what_each_message_shows(bodies: Bodies, shown: str) -> None:
+    assert re.search(shown, drawn(**bodies))
+
+
+@pytest.mark.parametrize(
+    ("bodies", "hidden"),
+    [
+        ({"gripper": GRIPPER}, "fault|echo|latched"),
+        ({"status": {"gripper": None}}, "gripper"),
+        ({"status": QUIET | {"recording": {"state": "stopped", "path": FILE, "failure": None}}}, "recording"),
+        ({"status": STATUS}, "incidents|object"),
+        ({"status": {key: value for key, value in STATUS.items() if key != "config_id"}}, "config"),
+    ],
+)
+def test_what_is_not_so_is_not_shown(bodies: Bodies, hidden: str) -> None:
+    assert not re.search(hidden, drawn(**bodies))
+
+
+def test_of_a_silent_daemon_no_level_is_shown() -> None:
+    shown = drawn(silent_s=5.0, slip_left=SLIP | {"level": "stable"})
+    assert re.search(r"^no message for 5.0 s(?!.*STABLE).*UNKNOWN", shown, re.DOTALL)
+
+
+@pytest.mark.parametrize("field", ["normal_n", "tangential_n", "spin_nm", "mu", "grip_needed_n"])
+@pytest.mark.parametrize("unknown", [None, [], [None, 1.0]])
+def test_a_quantity_that_is_not_known_is_a_dash_and_never_zero(field: str, unknown: Any) -> None:
+    assert drawn(slip_left=SLIP | {field: unknown}).count("–") == 1 + drawn(slip_left=SLIP).count("–")
+
+
+def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
+    hostile = "\x1b[2J\n\x9b5m"
+    view = LiveView()
+    view.update("status", {"version": hostile, "streams": {hostile: STREAM | {"message": hostile}}})
+    view.update("gripper", GRIPPER | {"fault": hostile, "object": hostile})
+    view.update(f"slip.{hostile}", SLIP | {"level": hostile, "reasons": [hostile]})
+    assert all(line.isprintable() for line in [*view.render(Terminal(500)), view.summary()])
+    assert change_line(SLIP | {"previous": hostile, "finger": hostile}).isprintable()
+
+
+def test_fingers_and_grippers_that_the_daemon_no_longer_has_vanish() -> None:
+    view = LiveView()
+    for topic in ("slip.left", "slip.right", "slip.thumb", "tactile.thumb", "gripper"):
+        view.update(topic, {**SLIP, **GRIPPER, "boot": "one"})
+    view.update("status", STATUS | {"boot": "one", "gripper": None})
+    text = "\n".join([*view.render(Terminal(200)), view.summary()])
+    assert not re.search("thumb|gripper", text)
+    assert re.findall("^(left|right) ", text, re.MULTILINE) == ["left", "right"]
+    view.update("slip.index", SLIP | {"boot": "two"})
+    assert "left" not in "\n".join(view.render(Terminal(200))), "another run of the daemon"
+
+
+def test_a_change_of_level_is_one_line() -> None:
+    assert change_line(SLIP | {"previous": "stable"}).endswith("  left stable → warning  (rotation, tipping)")
+    assert change_line(SLIP | MOVING | {"previous": "stable"}).endswith("(no_mu; moves by load_drop, width)")
+    assert change_line({}) == "–  – – → –"
+    assert [clock_time(value) for value in (0.0, 1e300, float("inf"))] == ["–", "–", "–"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "lines", "scale", "left_out"),
+    [
+        (200, 60, 4, ""),
+        (80, 24, 2, "4 streams without a fault"),
+        (60, 20, 1, "4 streams without a fault"),
+        (50, 30, 0, "pad of left, pad of right"),
+        (80, 14, 0, "pad of left, pad of right, 4 streams without a fault"),
+        (80, 8, 0, "forces, pad of left, pad of right, 4 streams without a fault"),
+    ],
+)
+def test_two_fingers_with_pads_and_a_gripper_fit_and_what_does_not_is_named(
+    columns: int, lines: int, scale: int, left_out: str
+) -> None:
+    shown = rig(Terminal(columns, lines))
+    text = "\n".join(shown)
+    loaded = [line for line in shown if scale and line[0] == "█" and line.count("█") >= 16 * scale - 1]
+    assert len(shown) <= lines
+    assert len(loaded) == 4 * scale, "the loaded half of both pads"
+    assert ("left out" in text, left_out in " ".join(shown[-2:])) == (bool(left_out), True)
+    assert ("WARNING" in shown[1], "SLIPPING" in text) == (True, True)
+    parts = ("normal 10.12 N", "tangential 3.50 N", "spin 0.0123 N·m", "needs 14.2 N", "6.4 mm", "200.0 mm")
+    assert [part in text for part in parts if "forces" not in left_out].count(False) == 0
+
+
+@pytest.mark.parametrize(("silent_s", "pads"), [(0.0, 4), (5.0, 0)])
+def test_a_pad_is_not_drawn_without_a_usable_image_nor_of_a_silent_daemon(silent_s: float, pads: int) -> None:
+    unusable = PAD | {"image_ok": False, "image_reasons": ["stale"], "loads_n": None}
+    shown = rig(Terminal(80, 24), silent_s, tactile_left=unusable)
+    assert sum("█" * 32 in line for line in shown) == pads, "of the other pad"
+    assert ("no image: stale" in "\n".join(shown)) == (pads > 0)
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64) | st.floats(allow_nan=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+terminals = st.builds(Terminal, st.integers(1, 120), st.integers(1, 60), st.booleans(), st.booleans())
+
+
+@given(st.sampled_from([*RIG, "status"]), terminals, st.data())
+def test_a_field_of_any_kind_is_drawn_within_the_terminal(topic: str, terminal: Terminal, data: st.DataObject) -> None:
+    body = RIG[topic]
+    view = LiveView()
+    for each, kept in RIG.items():
+        view.update(each, kept)
+    view.update("status", STATUS | {"streams": {"left.wrench": STREAM | {"health": data.draw(anything)}}})
+    view.update(topic, body | {data.draw(st.sampled_from(sorted(body))): data.draw(anything)})
+    lines = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in view.render(terminal)]
+    assert 0 < len(lines) <= terminal.lines
+    assert max(map(len, lines)) <= terminal.columns
+    assert not terminal.ascii_only or "".join(lines).isascii()
+    assert view.summary()
+
+
+LONG = "no such port: /dev/serial/by-id/usb-Bota_Systems_AG_SensONE_ABC123; tries again every second; is it plugged in?"
+
+
+def test_streams_with_a_fault_stay_those_with_one_message_together() -> None:
+    well = {f"f{n}.wrench": STREAM | {"health": 0, "message": ""} for n in range(30)}
+    ill = {f"f{n}.wrench": STREAM | {"health": 2, "message": LONG} for n in (7, 8)}
+    shown = rig(Terminal(80, 20), status=STATUS | {"streams": well | ill})
+    assert "ERROR     f7.wrench, f8.wrench" in shown
+    assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(shown))
+    assert "28 streams without a fault" in shown[-1]
+    assert rig(Terminal(60, 3))[-1] == "9 more lines do not fit in 60 x 3"
+
+
+TAXELS: dict[str, Any] = {
+    "rows": 2,
+    "cols": 3,
+    "pitch_m": 0.01,
+    "force_unit": "N",
+    "loads_n": [0.0, 0.0, 4.0, 1.0, 0.0, 0.0],
+}
+"""Scanned from below: the load 4 is at the lower right, 1 at the upper left, in the pad's frame."""
+
+
+def shades(*marks: Mark, ascii_only: bool = True, **fields: Any) -> list[str]:
+    lines, columns = pad_picture(pad_image(TAXELS | fields), 2, marks, colour=False, ascii_only=ascii_only)
+    shown = ["".join(text for text, _ in line) for line in lines]
+    assert {len(line) for line in shown} == {columns}
+    return shown
+
+
+def test_x_points_right_and_y_up() -> None:
+    assert shades() == ["==....", "....@@"]
+    assert shades(ascii_only=False) == ["▒▒····", "····██"]
+
+
+@pytest.mark.parametrize(
+    ("rows_along", "cols_along", "place"),
+    [
+        ("+y", "+x", (0.01, -0.005)),
+        ("-y", "+x", (0.01, 0.005)),
+        ("+y", "-x", (-0.01, -0.005)),
+        ("+x", "+y", (-0.005, 0.01)),
+        ("-x", "+y", (0.005, 0.01)),
+        ("+x", "-y", (-0.005, -0.01)),
+        ("-x", "-y", (0.005, -0.01)),
+    ],
+)
+def test_the_scan_may_run_in_any_direction(rows_along: str, cols_along: str, place: tuple[float, float]) -> None:
+    found = pad_image(TAXELS | {"rows_along": rows_along, "cols_along": cols_along})
+    x, y = found.place(list(place))
+    assert found.rows[int(y)][int(x)] == 1.0, "the largest load is there"
+
+
+def test_marks_stand_where_the_points_are() -> None:
+    at_load = Mark("+", [0.01, -0.005])
+    assert shades(at_load) == ["==....", "....@+"]
+    lines, _ = pad_picture(pad_image(TAXELS), 2, (at_load,), colour=True, ascii_only=False)
+    assert "+" in [text for text, _ in lines[1]]
+    assert shades(Mark("o", [0.1, 0.0]), Mark("+", None), Mark("x", [0.0, "a"])) == shades()
+    assert shades(at_load, pitch_m=None) == shades()
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"loads_n": None},
+        {"loads_n": [1.0]},
+        {"rows": 0, "loads_n": []},
+        {"rows": -2, "cols": -3},
+        {"rows": "2"},
+        {"rows": 1000, "cols": 1000, "loads_n": [0.0] * 1_000_000},
+    ],
+)
+def test_what_is_no_image_is_not_drawn(fields: dict[str, Any]) -> None:
+    assert pad_image(TAXELS | fields) is None

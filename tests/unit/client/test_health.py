@@ -1,0 +1,259 @@
+"""What the status of a daemon is made into: repairs, one line, and a bundle without secrets."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+import tarfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from project import DOCS
+
+from slipd.events import HostNotice, LinkDown, RecordingChanged
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
+from slipd_client import slipctl
+from slipd_client.errors import CallError
+from slipd_client.health.bundle import REMOVED, Bundle, without_secrets
+from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
+from slipd_client.messages import decode, encode
+from slipd_client.messages.names import DAEMON_LATE, GRIP_UNKNOWN, REASONS
+from slipd_client.slipctl_parser import parser
+from slipd_client.watch import print_status
+
+WELL: dict[str, Any] = {
+    "streams": {"left.wrench": {"health": 0, "message": "", "address": "/dev/left", "age_s": 0.01}},
+    "fingers": {"left": {"level": "stable", "reasons": []}},
+    "gripper": None,
+    "late_s": 0.0,
+    "recording": {"state": "running", "failure": None},
+    "run_recording": None,
+    "notices": {},
+}
+
+
+def ids(found: list[Repair]) -> list[str]:
+    return [repair.id for repair in found]
+
+
+def stream(**changes: Any) -> dict[str, Any]:
+    return WELL | {"streams": {"left.wrench": WELL["streams"]["left.wrench"] | changes}}
+
+
+def test_a_daemon_that_is_well_needs_no_repair() -> None:
+    assert repairs(WELL) == []
+    assert summary(WELL) == "1 of 1 streams are read"
+
+
+def test_a_stream_that_waited_for_the_daemon_needs_no_repair_and_excuses_no_finger() -> None:
+    late = stream(health=1, message=f"{DAEMON_LATE} 0.04 s: readings waited, the sensor went on")
+    assert repairs(late) == []
+    assert ids(repairs(late | {"fingers": {"left": {"level": "unknown", "reasons": ["stuck"]}}})) == ["finger-unknown"]
+    assert ids(repairs(late | {"late_s": 0.3})) == ["daemon-late"]
+
+
+def test_a_grip_of_unknown_force_comes_first() -> None:
+    fault = {"streams": {"gripper": {"health": 2, "message": f"{GRIP_UNKNOWN}, and stays as it is"}}}
+    found = repairs(WELL | fault | {"notices": {"config": "cannot be read"}})
+    assert ids(found) == ["gripper-force-unknown", "config-kept"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "number", "command"),
+    [
+        ({"health": 1}, "stream-degraded", "slipctl watch"),
+        ({"health": 3}, "stream-silent", "ls -l /dev/left /dev/serial/by-id"),
+        ({"health": 2}, "stream-fault", "slipctl watch"),
+        ({"health": 2, "age_s": 5.0}, "stream-fault", "ls -l /dev/left /dev/serial/by-id"),
+        ({"health": 2, "age_s": None, "address": "udp://192.168.1.1:49152"}, "stream-missing", "ping -c 3 192.168.1.1"),
+        ({"health": 2, "age_s": 5.0, "address": "tcp://[fe80::1]:1000"}, "stream-fault", "ping -c 3 fe80::1"),
+        ({"health": 3, "address": "ws://sensors"}, "stream-silent", "ping -c 3 sensors"),
+        ({"health": 3, "address": "ipc:///run/own"}, "stream-silent", "slipctl status --json"),
+    ],
+)
+def test_a_stream_that_is_not_well_is_to_be_looked_at(changes: dict[str, Any], number: str, command: str) -> None:
+    [repair] = repairs(stream(**changes))
+    assert (repair.id, repair.about, repair.command) == (number, "left.wrench", command)
+
+
+@pytest.mark.parametrize("reason", FINGER_REPAIRS)
+def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
+    status = WELL | {"fingers": {"left": {"level": "unknown", "reasons": [reason]}}}
+    [repair] = repairs(status)
+    assert repair.problem == REASONS[reason]
+    parser().parse_args(repair.command.removeprefix("slipctl ").removesuffix(" --help").split())
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"late_s": 2.0}, ["daemon-late"]),
+        ({"notices": {"realtime": "no", "config": "kept"}}, ["config-kept", "realtime-refused"]),
+        ({"notices": {"latency left.wrench": "held back in /sys/x"}}, ["adapter-latency"]),
+        ({"recording": {"state": "failed", "failure": "disk full"}}, ["recording-failed"]),
+        ({"run_recording": {"state": "limited", "failure": None}}, ["recording-limited"]),
+        ({"incidents": {"saved": 1, "failure": "disk full"}}, ["incident-failed"]),
+        ({"incidents": {"saved": 1, "not_saved": 1, "failure": None}}, []),
+        (
+            {"gripper": {"latched_fault": "no_answer", "active": False, "force_limit_n": None}},
+            ["gripper-fault", "gripper-inactive", "gripper-no-limit"],
+        ),
+        ({"gripper": {"latched_fault": "", "active": True, "force_limit_n": 20.0}}, []),
+    ],
+)
+def test_what_is_wrong_around_the_streams_is_listed(changes: dict[str, Any], found: list[str]) -> None:
+    assert ids(repairs(WELL | changes)) == found
+
+
+def test_every_repair_has_its_section_in_the_documents() -> None:
+    text = (DOCS / "health.md").read_text(encoding="utf-8")
+    code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")
+    known = set(
+        re.findall(
+            r'"((?:stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime|state|adapter)-[a-z-]+)"',
+            code,
+        )
+    )
+    assert set(re.findall(r"^## ([a-z-]+)$", text, re.MULTILINE)) == known
+    assert repairs(stream(health=3))[0].as_map()["link"] == "docs/health.md#stream-silent"
+
+
+def test_the_status_of_a_real_engine_becomes_repairs() -> None:
+    run = Run(LEFT + RIGHT + GRIPPER)
+    run.tick()
+    assert "stream-missing" in ids(repairs(run.published("status")[-1]))
+    run.feed(HostNotice("config", "kept"))
+    run.feed(RecordingChanged("", "/r.mcap", "failed", "disk full"))
+    assert {"config-kept", "recording-failed"} <= set(ids(repairs(run.published("status")[-1])))
+
+
+def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:
+    reading = {"health": 2, "address": "udp://192.168.1.1:49152", "message": "its readings are far too long " * 9}
+    found = stream(**reading) | {"fingers": {"left": {"level": "unknown", "reasons": ["not_tared"]}}}
+    print_status(found, as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert "          slipctl tare left all" in lines
+    assert not any("ping" in line for line in lines), "the device sends"
+    assert any(line.endswith("docs/health.md, under its id: slipd docs health") for line in lines)
+
+
+SECRET_URL = "ws://robot:hunter2@host:5000"
+KEY = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
+
+
+def contents(path: Path) -> dict[str, str]:
+    with tarfile.open(path) as archive:
+        return {
+            member.name.rpartition("/")[2]: archive.extractfile(member).read().decode()  # type: ignore[union-attr]
+            for member in archive
+        }
+
+
+@pytest.mark.parametrize(
+    ("text", "clean"),
+    [
+        ('password = "hunter 2" # mine', f'password = "{REMOVED}" # mine'),
+        ("http://127.0.0.1:8000/?token=abc123&x=1", f"http://127.0.0.1:8000/?token={REMOVED}&x=1"),
+        ('"api_key": "abc", "b": 1', f'"api_key": "{REMOVED}", "b": 1'),
+        ('{"token": 123, "b": 1}', f'{{"token": {REMOVED}, "b": 1}}'),
+        ("Authorization: Bearer eyJhbGciOi.J9.x", f"Authorization: {REMOVED}"),
+        ("ws://user:word@host:5000/x", f"ws://{REMOVED}@host:5000/x"),
+        (f'public = "{KEY}"', f'public = "{REMOVED}"'),
+        (f"--server={KEY}, ({KEY}); {KEY}", f"--server={REMOVED}, ({REMOVED}); {REMOVED}"),
+        ('"path": "/home/anna.b/run.mcap"', '"path": "~/run.mcap"'),
+        ("/dev/serial/by-id/usb-FTDI_FT232R_A10KZP-0", "/dev/serial/by-id/usb-FTDI_FT232R_A10KZP-0"),
+        ("mu = 0.5\nrows = 4\n", "mu = 0.5\nrows = 4\n"),
+    ],
+)
+def test_secrets_are_removed_and_the_rest_stays(text: str, clean: str) -> None:
+    assert without_secrets(text) == clean
+
+
+def test_a_bundle_is_private_and_overwrites_nothing(tmp_path: Path) -> None:
+    made, path = Bundle(), tmp_path / "out.tar.gz"
+    made.add("config.toml", lambda: 'token = "x"\n')
+    made.add("log.txt", lambda: (_ for _ in ()).throw(FileNotFoundError("no journal")))
+    made.write(path)
+    found = contents(path)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert found["config.toml"] == f'token = "{REMOVED}"\n'
+    assert "log.txt: no journal" in found["problems.txt"]
+    with pytest.raises(CallError, match="exists, and is not overwritten"):
+        made.write(path)
+    with pytest.raises(CallError, match="cannot be written"):
+        made.write(tmp_path / "nowhere" / "out.tar.gz")
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A recording with a password in its config, in a message and in an event."""
+    file = RecordingFile(
+        tmp_path / "run.mcap", config_text=f'port = "{SECRET_URL}"\n', boot="b", wall_minus_monotonic_ns=0
+    )
+    file.event(0, 1, LinkDown("pads", f"{SECRET_URL} does not answer"))
+    file.published(1, 2, "status", encode({"streams": [{"address": SECRET_URL, "rate_hz": 0.1}]}))
+    file.finish(2)
+    return tmp_path / "run.mcap"
+
+
+def test_the_secrets_inside_a_recording_are_removed_and_the_rest_stays(recording: Path, tmp_path: Path) -> None:
+    made = Bundle()
+    made.add_recording(recording)
+    assert made.problems == []
+    clean = tmp_path / "clean.mcap"
+    clean.write_bytes(made.parts["run.mcap"])
+    found = open_recording(clean)
+    (_, event), (_, payload) = *found.events(), *found.messages()
+    address = f"ws://{REMOVED}@host:5000"
+    assert found.config_text == f'port = "{address}"\n'
+    assert event == LinkDown("pads", f"{address} does not answer")
+    assert decode(payload)["streams"] == [{"address": address, "rate_hz": 0.1}]
+
+
+def test_only_recordings_of_this_user_are_added(recording: Path, tmp_path: Path) -> None:
+    (key := tmp_path / "key.mcap").write_text("-----BEGIN OPENSSH PRIVATE KEY-----\n", encoding="utf-8")
+    (link := tmp_path / "link.mcap").symlink_to(recording)
+    (open_to_all := tmp_path / "open.mcap").write_bytes(recording.read_bytes())
+    open_to_all.chmod(0o666)
+    left_out = {
+        key: "it is not a recording of slipd",
+        link: "it must be a file of the user",
+        open_to_all: "must not be writable by other users",
+        tmp_path / "none.mcap": "No such file",
+    }
+    if os.geteuid() == 0:  # only root gives files away
+        (other := tmp_path / "other.mcap").write_bytes(recording.read_bytes())
+        os.chown(other, 54321, -1)
+        left_out[other] = "it must be a file of the user"
+    made = Bundle()
+    for path in left_out:
+        made.add_recording(path)
+    assert made.parts == {}
+    for (path, why), problem in zip(left_out.items(), made.problems, strict=True):
+        assert problem.startswith(f"{path}: left out: ")
+        assert why in problem
+
+
+def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config, out = tmp_path / "rig.toml", tmp_path / "out.tar.gz"
+    config.write_text("mu = 0.5\n", encoding="utf-8")
+    nowhere = f"ipc://{tmp_path}/nobody"
+    arguments = ["--publish", nowhere, "--requests", nowhere, "diagnose", str(out), "--config", str(config)]
+    assert slipctl.main([*arguments, "--seconds", "0.1"]) == 0
+    found = contents(out)
+    assert found["config.toml"] == "mu = 0.5\n"
+    versions = json.loads(found["versions.json"])
+    assert re.match(r"\d+\.\d+", versions["slipd"])
+    assert versions["slipd-client"] == f"{versions['slipd']} (in slipd)"
+    assert "status.json: " in found["problems.txt"]
+    assert "not in it: status.json" in capsys.readouterr().out
+    assert slipctl.main([*arguments, "--seconds", "0.1"]) == 2, "it is never overwritten"
+    out.unlink()
+    assert slipctl.main([*arguments, "--seconds", "0", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["bytes"]["config.toml"] == len("mu = 0.5\n")

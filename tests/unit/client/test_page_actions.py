@@ -1,0 +1,238 @@
+"""What people may do on the page: requests, touches of an emulation, and the guide of /commission."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from client_peers import PATIENCE_S, Daemon, refuse
+from page_peers import browser, reply
+
+from slipd_client.arguments import ListenAddress
+from slipd_client.page import requests_of_page, view_command
+from slipd_client.page.page_server import COMMISSION_PATH, PageServer, Site
+from slipd_client.page.requests_of_page import SOCKET, EmulatedHand, PageRequests
+from slipd_client.page.view_command import CommissionPage
+
+
+async def test_the_grip_force_is_changed_under_a_lease(daemon: Daemon) -> None:
+    daemon.handlers["grip.adjust"] = lambda request: {"applied_n": 11.0 + request["delta_n"]}
+    said = await PageRequests(daemon.endpoint).carry_out('{"do": "adjust", "delta_n": -1}')
+    assert said == {"ok": True, "text": "grip force -1 N: the gripper was sent 10.0 N on each pad"}
+    assert daemon.asked_ops == ["lease.acquire", "grip.adjust", "lease.release"]
+
+
+async def test_a_tare_reports_what_was_taken(daemon: Daemon) -> None:
+    begun = {"finger": "left", "seconds": 0.01, "verified": False, "tare_id": 3, "tare_ids": {"wrench": 3}}
+    taken = {"taken_t_ns": 1, "readings": 9, "offset": [0.0], "by": "page", "finger": "left", "stream": "wrench"}
+    daemon.handlers["tare"] = lambda _: begun
+    daemon.handlers["tare.get"] = lambda _: taken | {"tare_id": 4, "busy": False}
+    said = "left: zero taken of wrench (tare 4); the daemon does not know whether anything touched the finger"
+    found = await PageRequests(daemon.endpoint).carry_out('{"do": "tare", "finger": "left"}')
+    assert found == {"ok": True, "text": said}
+
+
+async def test_a_refusal_is_shown_in_the_words_of_the_daemon(daemon: Daemon) -> None:
+    daemon.handlers["lease.acquire"] = refuse("lease_held", "another client holds the lease")
+    said = await PageRequests(daemon.endpoint).carry_out('{"do": "adjust", "delta_n": 1}')
+    assert said == {"ok": False, "text": "lease_held: another client holds the lease"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "[" * 4000,
+        "1",
+        "{}",
+        '{"do": "gripper.open"}',
+        '{"do": "adjust"}',
+        '{"do": "adjust", "delta_n": 2}',
+        '{"do": "adjust", "delta_n": "1"}',
+        '{"do": "adjust", "delta_n": NaN}',
+        '{"do": "adjust", "delta_n": [1]}',
+        '{"do": "tare"}',
+        '{"do": "tare", "finger": 1}',
+        '{"do": ["tare"], "finger": "left"}',
+    ],
+)
+async def test_a_page_can_request_nothing_else(text: str, daemon: Daemon) -> None:
+    assert (await PageRequests(daemon.endpoint).carry_out(text))["ok"] is False
+    assert daemon.ops == []
+
+
+async def test_a_key_that_may_only_read_is_known_before_the_first_request(daemon: Daemon) -> None:
+    requests = PageRequests(daemon.endpoint)
+    assert await requests.permission() == ""
+    daemon.handlers["hello"] = refuse("read_only", "this key may read but not request")
+    assert await requests.permission() == "read_only: this key may read but not request"
+
+
+async def test_without_a_daemon_a_request_says_so(requests: str) -> None:
+    page = PageRequests(requests)
+    assert await page.permission() == ""
+    said = await page.carry_out('{"do": "tare", "finger": "left"}')
+    assert (said["ok"], "Is slipd running?" in said["text"]) == (False, True)
+
+
+PRESS: dict[str, Any] = {
+    "finger": "left",
+    "force_n": 5,
+    "place_mm": [1, -2.5],
+    "push_n": [0.5, 0],
+    "twist_mnm": -10,
+}
+
+
+class Emulation:
+    """The local socket of an emulation; ``answers`` maps the first word of a line to its answer, None: no answer."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.open = 0
+        self.answers: dict[str, str | None] = {"show": "left: nothing touches\nright: nothing touches\nok\n"}
+
+    async def serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.open += 1
+        with suppress(ConnectionError):
+            while line := (await reader.readline()).decode().rstrip("\n"):
+                self.lines.append(line)
+                writer.write((self.answers.get(line.split()[0], "ok\n") or "").encode())
+        writer.close()
+        self.open -= 1
+
+
+@asynccontextmanager
+async def emulating(folder: Path) -> AsyncIterator[Emulation]:
+    emulation = Emulation()
+    server = await asyncio.start_unix_server(emulation.serve_client, folder / SOCKET)
+    yield emulation
+    server.close()
+    (folder / SOCKET).unlink()
+    while emulation.open:  # noqa: ASYNC110 - until every connection has seen its end
+        await asyncio.sleep(0.001)
+
+
+async def test_a_touch_is_a_press_with_push_and_twist_and_force_0_lets_go(tmp_path: Path) -> None:
+    hand = EmulatedHand(tmp_path)
+    async with emulating(tmp_path) as emulation:
+        assert await hand.look() == ("left", "right")
+        for touch in (PRESS, PRESS | {"force_n": 0}):
+            assert await hand.touch(json.dumps(touch)) == {"ok": True, "text": ""}
+        press = "press left 5.000 N at 1.00 -2.50 mm in 0.1 s; push left 0.500 0.000 N; twist left -10.00 mNm"
+        assert emulation.lines == ["show", press, "release left"]
+        emulation.answers["press"] = "error: press: FORCE must be from 0 to 1000\n"
+        said = await hand.touch(json.dumps(PRESS | {"force_n": 1e6}))
+        assert said == {"ok": False, "text": "press: FORCE must be from 0 to 1000"}
+
+
+@pytest.mark.parametrize(
+    "touch",
+    [
+        "",
+        "[]",
+        "[" * 4000,
+        "{}",
+        '{"finger": "left"}',
+        json.dumps(PRESS | {"finger": "left 5 N; quit"}),
+        json.dumps(PRESS | {"finger": ["left"]}),
+        json.dumps(PRESS | {"force_n": "5; quit"}),
+        json.dumps(PRESS | {"force_n": float("nan")}),
+        json.dumps(PRESS | {"force_n": 10**400}),
+        json.dumps(PRESS | {"place_mm": [1]}),
+        json.dumps(PRESS | {"place_mm": 1}),
+        json.dumps(PRESS | {"push_n": [None, 0]}),
+    ],
+)
+async def test_no_other_touch_is_passed_on(tmp_path: Path, touch: str) -> None:
+    hand = EmulatedHand(tmp_path)
+    async with emulating(tmp_path) as emulation:
+        await hand.look()
+        assert (await hand.touch(touch))["ok"] is False
+    assert emulation.lines == ["show"]
+
+
+class Page:
+    """What a browser is told of the hand."""
+
+    def __init__(self) -> None:
+        self.told: list[list[str]] = []
+
+    async def send(self, text: str) -> None:
+        self.told.append(json.loads(text)["hand"])
+
+    async def until(self, *told: list[str]) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while self.told != list(told):  # noqa: ASYNC110 - the hand decides when it looks
+                await asyncio.sleep(0.005)
+
+
+async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_that_is_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(requests_of_page, "LOOK_S", 0.005)
+    hand, page, both = EmulatedHand(tmp_path), Page(), ["left", "right"]
+    telling = asyncio.create_task(hand.tell(page))  # type: ignore[arg-type]
+    await page.until([])
+    async with emulating(tmp_path):
+        await page.until([], both)
+    await page.until([], both, [])
+    async with emulating(tmp_path) as emulation:
+        await page.until([], both, [], both)
+        monkeypatch.setattr(requests_of_page, "ANSWER_S", 0.01)
+        emulation.answers["press"] = emulation.answers["show"] = None
+        said = await hand.touch(json.dumps(PRESS))
+        assert said["text"].startswith("the emulation has ended, or does not answer")
+        assert await hand.look() == ("left", "right"), "the page would forget place and focus"
+        await page.until([], both, [], both)
+    telling.cancel()
+    await asyncio.gather(telling, return_exceptions=True)
+
+
+@asynccontextmanager
+async def guiding(config: Path | None) -> AsyncIterator[str]:
+    server = PageServer(ListenAddress("127.0.0.1", 0), Site({}), on_commission=CommissionPage(config).view)
+    async with server.serving() as url:
+        yield url
+
+
+@pytest.mark.parametrize(
+    ("config", "installed", "why"),
+    [(Path("rig.toml"), None, view_command.NO_SLIPD), (None, True, view_command.NO_CONFIG)],
+)
+async def test_a_guide_that_cannot_run_says_what_is_needed(
+    config: Path | None, installed: bool | None, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(view_command.importlib.util, "find_spec", lambda _: installed)
+    async with guiding(config) as url, browser(url, COMMISSION_PATH) as socket:
+        assert await reply(socket, "unavailable") == why
+
+
+async def test_a_config_with_faults_ends_the_guide_with_the_reason_and_one_window_runs_it(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text("[finger.left]\nmu = -1\n", encoding="utf-8")
+    async with guiding(file) as url, browser(url, COMMISSION_PATH) as socket:
+        assert await reply(socket, "config") == str(file)
+        async with browser(url, COMMISSION_PATH) as second:
+            assert await reply(second, "unavailable") == view_command.BUSY
+        for text in ("skip", "[]", "[" * 4000, "{}", '{"choose": 1}', '{"choose": "a\\nb"}', '{"choose": "skip"}'):
+            await socket.send(text)
+        ended = await reply(socket, "ended")
+        assert (ended["code"] != 0, "finger.left.mu" in ended["error"]) == (True, True)
+
+
+async def test_the_error_of_a_guide_is_not_hidden_by_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    guide = tmp_path / "guide"
+    guide.write_text("#!/bin/sh\necho log >&2; sleep 0.1; yes log | head -n 50000 >&2; echo the reason >&2; exit 1\n")
+    guide.chmod(0o700)
+    monkeypatch.setattr(view_command.sys, "executable", str(guide))
+    async with guiding(tmp_path / "rig.toml") as url, browser(url, COMMISSION_PATH) as socket:
+        ended = await reply(socket, "ended")
+    assert (ended["code"], ended["error"][-14:]) == (1, "log\nthe reason")
+    assert len(ended["error"]) <= view_command.STDERR_BYTES

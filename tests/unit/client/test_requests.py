@@ -1,0 +1,441 @@
+"""Requests of both clients: greeting, deadlines, refusals, silence, tares, keys; replies and errors of a caller."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import json
+import threading
+import time
+import types
+import typing
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+from client_peers import PATIENCE_S, Daemon, refuse
+
+from slipd_client import client_base, keys
+from slipd_client.aio import AsyncGripClient
+from slipd_client.errors import (
+    CallError,
+    ClientError,
+    ConnectionClosed,
+    NoAnswer,
+    RequestRefused,
+    SlipdClientError,
+    TareGivenUp,
+)
+from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
+from slipd_client.messages import Health, MessageError, decode, encode
+from slipd_client.messages.codec import read
+from slipd_client.messages.schema import parts, replies, topics
+from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.schema.replies import TareResult
+from slipd_client.request_protocol import Steps
+from slipd_client.subscriber import Subscriber
+
+MAX_AHEAD_NS = 500_000_000
+"""The furthest deadline that a daemon accepts."""
+
+ENVELOPE = ("v", "id", "boot", "deadline_ns", "arrived_ns")
+
+
+class Awaited:
+    """The asyncio client as if it blocked."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self.client = AsyncGripClient(*arguments, **options)
+        self._runner = asyncio.Runner()
+
+    def __enter__(self) -> Awaited:
+        self._runner.run(self.client.__aenter__())
+        return self
+
+    def __exit__(self, *failure: Any) -> None:
+        self._runner.run(self.client.__aexit__(*failure))
+        self._runner.close()
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self.client, name)
+        return (lambda *args, **fields: self._runner.run(found(*args, **fields))) if callable(found) else found
+
+
+def wait_at_most(client: Any, timeout_s: float) -> None:
+    getattr(client, "client", client).timeout_s = timeout_s
+
+
+@pytest.fixture(params=[GripClient, Awaited], ids=["blocking", "asyncio"])
+def kind(request: pytest.FixtureRequest) -> Any:
+    return request.param
+
+
+@pytest.fixture
+def client(kind: Any, daemon: Daemon) -> Iterator[Any]:
+    """A client of this daemon; by its name it greets with the first request."""
+    with kind(daemon.endpoint, timeout_s=PATIENCE_S) as made:
+        yield made
+
+
+def test_the_first_request_greets_and_each_names_version_run_and_an_id_of_its_own(
+    daemon: Daemon, client: Any, kind: Any
+) -> None:
+    client.status()
+    with kind(daemon.endpoint) as other:
+        other.status()
+    assert set(daemon.requests[0]) == {"v", "id", "op", "arrived_ns"}, "hello has neither boot nor deadline"
+    assert (daemon.ops[0], daemon.asked_ops) == ("hello", ["status", "status"])
+    assert {(request["v"], request["boot"]) for request in daemon.asked} == {(1, "boot-1")}
+    assert len({request["id"] for request in daemon.requests}) == len(daemon.requests)
+
+
+@pytest.mark.parametrize("ahead_s", [0, 86_400, -86_400])
+def test_deadlines_are_in_the_clock_of_the_daemon(start_daemon: Callable[..., Daemon], ahead_s: int) -> None:
+    daemon = start_daemon(ahead_ns=ahead_s * 10**9)
+    begin_ns = daemon.now_ns()
+    with GripClient(daemon.endpoint) as client:
+        client.status()
+    asked = daemon.requests[-1]
+    assert begin_ns < asked["deadline_ns"] < asked["arrived_ns"] + MAX_AHEAD_NS
+
+
+def test_a_restart_refuses_one_request_and_the_next_greets_the_new_run(daemon: Daemon, client: Any) -> None:
+    client.status()
+    daemon.boot = "boot-2"
+    with pytest.raises(RequestRefused, match="wrong_boot"):
+        client.grip_set(5.0)
+    client.status()
+    assert daemon.requests[-1]["boot"] == "boot-2"
+    assert daemon.ops.count("grip.set") == 1
+
+
+def test_a_clock_that_is_known_no_more_is_read_again_and_the_run_is_kept(
+    daemon: Daemon, client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client.status()
+    monkeypatch.setattr(client.clock, "error_ns", lambda _: MAX_AHEAD_NS)
+    daemon.boot = "boot-2"
+    with pytest.raises(RequestRefused, match="wrong_boot"):
+        client.status()
+    assert set(daemon.ops[1 + daemon.ops.index("status") : -1]) == {"hello"}
+    assert daemon.requests[-1]["boot"] == "boot-1"
+
+
+def test_a_refusal_carries_code_message_and_field_where_there_is_one(daemon: Daemon, client: Any) -> None:
+    daemon.handlers["grip.set"] = refuse("out_of_range", "at most 40 N", "force_n")
+    with pytest.raises(RequestRefused, match=r"^out_of_range: force_n: at most 40 N$") as caught:
+        client.grip_set(99.0)
+    assert (caught.value.code, caught.value.message, caught.value.field) == ("out_of_range", "at most 40 N", "force_n")
+    daemon.handlers["grip.set"] = refuse("no_lease", "acquire one")
+    with pytest.raises(RequestRefused, match=r"^no_lease: acquire one$"):
+        client.grip_set(9.0)
+
+
+def test_a_number_that_is_none_never_leaves_the_client(daemon: Daemon, client: Any) -> None:
+    client.hello()
+    with pytest.raises(MessageError, match="not_finite: force_n"):
+        client.grip_set(float("nan"))
+    client.status()
+    assert daemon.asked_ops == ["status"]
+
+
+def test_a_request_is_neither_sent_without_a_daemon_nor_kept_for_a_later_one(
+    start_daemon: Callable[..., Daemon], requests: str, kind: Any
+) -> None:
+    with kind(requests, timeout_s=0.05) as client:
+        with pytest.raises(NoAnswer, match="nothing was sent"):
+            client.grip_set(12.0)
+        daemon = start_daemon()
+        wait_at_most(client, PATIENCE_S)
+        client.status()
+    assert daemon.asked_ops == ["status"]
+
+
+def test_a_silent_daemon_may_or_may_not_have_done_it_and_its_late_reply_is_not_taken_for_the_next(
+    daemon: Daemon, client: Any
+) -> None:
+    given_up = threading.Event()
+
+    def late(request: dict[str, Any]) -> dict[str, Any]:
+        given_up.wait(PATIENCE_S)
+        return {"force_n": request["force_n"]}
+
+    daemon.handlers["grip.set"] = late
+    client.hello()
+    wait_at_most(client, 0.1)
+    with pytest.raises(NoAnswer, match="may or may not"):
+        client.grip_set(1.0)
+    given_up.set()
+    wait_at_most(client, PATIENCE_S)
+    assert client.grip_set(2.0) == {"force_n": 2.0}
+    assert daemon.ops.count("grip.set") == 2
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc1", encode({"id": 5, "ok": True, "result": {}})])
+def test_a_reply_that_is_none_is_not_believed(daemon: Daemon, data: bytes) -> None:
+    daemon.handlers["status"] = lambda _: data
+    with GripClient(daemon.endpoint) as client:
+        client.hello()
+        client.timeout_s = 0.1
+        with pytest.raises(NoAnswer, match="may or may not"):
+            client.status()
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [{}, {"ok": True}, {"ok": True, "result": 5}, {"ok": False}, {"ok": 1, "result": {}}, {"ok": False, "error": []}],
+)
+def test_a_reply_with_neither_result_nor_error_is_no_success(daemon: Daemon, reply: dict[str, Any]) -> None:
+    daemon.handlers["status"] = lambda request: encode({"v": 1, "id": request["id"], **reply})
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="malformed"):
+        client.status()
+
+
+def test_a_greeting_without_run_or_clock_is_no_answer(daemon: Daemon, client: Any) -> None:
+    daemon.handlers["hello"] = lambda _: {"boot": "b"}
+    with pytest.raises(NoAnswer, match="is this slipd"):
+        client.status()
+
+
+def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) -> None:
+    daemon.handlers["echo"] = lambda request: {"told": request["told"]}
+    with GripClient(daemon.endpoint) as client, ThreadPoolExecutor(4) as threads:
+        heard = list(threads.map(lambda told: client.request("echo", told=told)["told"], range(400)))
+    assert heard == list(range(400))
+
+
+async def test_a_late_reply_and_one_to_a_cancelled_request_are_not_taken_for_the_next(daemon: Daemon) -> None:
+    daemon.handlers["silent"] = lambda _: None
+    daemon.handlers["echo"] = lambda request: {"told": request["told"]}
+    async with AsyncGripClient(daemon.endpoint) as client:
+        await client.hello()
+        with pytest.raises(NoAnswer, match="may or may not"):
+            await client._run(client._protocol.lease("silent", {}, 0.05))
+        for told in range(20):
+            asking = asyncio.create_task(client.request("echo", told=-1))
+            await asyncio.sleep(0)
+            asking.cancel()
+            assert await client.request("echo", told=told) == {"told": told}
+
+
+@pytest.mark.parametrize(
+    ("call", "op", "fields"),
+    [
+        (lambda c: c.status(), "status", {}),
+        (lambda c: c.grip_set(5.0), "grip.set", {"force_n": 5.0}),
+        (lambda c: c.grip_adjust(-0.5), "grip.adjust", {"delta_n": -0.5}),
+        (lambda c: c.grip_hold(), "grip.hold", {}),
+        (lambda c: c.gripper_activate(), "gripper.activate", {}),
+        (lambda c: c.gripper_activate(drop=True), "gripper.activate", {"drop": True}),
+        (lambda c: c.gripper_close(3.0), "gripper.close", {"force_n": 3.0}),
+        (
+            lambda c: c.gripper_close(3.0, width_m=0.02, speed_mps=0.05),
+            "gripper.close",
+            {"force_n": 3.0, "width_m": 0.02, "speed_mps": 0.05},
+        ),
+        (lambda c: c.gripper_open(), "gripper.open", {}),
+        (
+            lambda c: c.gripper_open(drop=True, width_m=0.08, speed_mps=0.1),
+            "gripper.open",
+            {"drop": True, "width_m": 0.08, "speed_mps": 0.1},
+        ),
+        (lambda c: c.gripper_stop(), "gripper.stop", {}),
+        (lambda c: c.fault_ack(), "fault.ack", {}),
+        (lambda c: c.tare_get("left"), "tare.get", {"finger": "left"}),
+        (lambda c: c.tare_undo("left", "pad"), "tare.undo", {"finger": "left", "stream": "pad"}),
+        (
+            lambda c: c.gravity_set("left", (0.0, 0.0, -9.81)),
+            "gravity.set",
+            {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.81]},
+        ),
+        (lambda c: c.object_set("mug"), "object.set", {"name": "mug"}),
+        (lambda c: c.object_set(None), "object.set", {"name": None}),
+        (lambda c: c.friction_set("left", 0.5), "friction.set", {"finger": "left", "mu_s": 0.5}),
+        (lambda c: c.friction_set("left", 0.5, 0.4), "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
+        (lambda c: c.record_start(), "record.start", {}),
+        (lambda c: c.record_stop(), "record.stop", {}),
+        (lambda c: c.request("later.op", label="x", other=None), "later.op", {"label": "x"}),
+    ],
+)
+def test_each_call_sends_its_op_and_fields(
+    daemon: Daemon, client: Any, call: Callable[[Any], object], op: str, fields: dict[str, Any]
+) -> None:
+    call(client)
+    assert {name: value for name, value in daemon.requests[-1].items() if name not in ENVELOPE} == {"op": op, **fields}
+
+
+def test_a_client_with_keys_is_answered_by_the_daemon_that_it_trusts_and_by_no_other(
+    start_daemon: Callable[..., Daemon],
+) -> None:
+    (server, secret), own, other = (zmq.curve_keypair() for _ in range(3))
+    daemon = start_daemon(secret=secret)
+    with GripClient(daemon.endpoint, keys=Keys(*own, server), timeout_s=PATIENCE_S) as client:
+        assert client.hello()["boot"] == "boot-1"
+    with (
+        GripClient(daemon.endpoint, keys=Keys(*own, other[0]), timeout_s=0.3) as client,
+        pytest.raises(NoAnswer, match="nothing was sent"),
+    ):
+        client.hello()
+
+
+def test_a_tare_is_waited_for_until_it_is_taken_of_each_stream_that_was_named(daemon: Daemon, client: Any) -> None:
+    looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: next(looks)
+    assert client.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
+    assert daemon.asked_ops == ["tare", *["tare.get"] * 3]
+    assert daemon.asked[0]["seconds"] == 0.4
+    daemon.handlers["tare"] = lambda _: {"verified": False, "tare_id": 3, "tare_ids": {"wrench": 3, "pad": 1}}
+    streams = {name: {"busy": False, "tare_id": number, "stream": name} for name, number in (("wrench", 4), ("pad", 2))}
+    daemon.handlers["tare.get"] = lambda request: streams[request["stream"]]
+    assert client.tare("left", "pad", 0.1)["stream"] == "pad"
+    assert client.tare("left", "all") == {"finger": "left", "verified": False, "streams": streams}
+    streams["pad"]["tare_id"] = 1
+    with pytest.raises(RequestRefused, match="tare of left pad was given up"):
+        client.tare("left", "all")
+
+
+@pytest.mark.parametrize(
+    ("given_up", "reason", "code", "told"),
+    [
+        ("a contact began", "contact", "in_contact", "a contact began"),
+        ("the finger was turned", "turned", "not_ready", "the finger was turned"),
+        ("the readings moved: hold still", "later_reason", "not_ready", "the readings moved: hold still"),
+        ("of an older daemon", None, "not_ready", "of an older daemon"),
+        (None, None, "not_ready", "tare.undo took it back"),
+    ],
+)
+def test_a_tare_that_was_given_up_is_reported_as_what_it_was(
+    daemon: Daemon, given_up: str | None, reason: str | None, code: str, told: str
+) -> None:
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    state = {"busy": False, "tare_id": 1, "given_up": given_up, "given_up_reason": reason}
+    daemon.handlers["tare.get"] = lambda _: state
+    with GripClient(daemon.endpoint) as client, pytest.raises(TareGivenUp) as caught:
+        client.tare("left", 0.1)
+    assert (caught.value.code, caught.value.reason) == (code, reason or ("" if given_up else "undone"))
+    assert str(caught.value) == f"{code}: the tare of left was given up: {told}"
+
+
+def test_a_tare_without_readings_is_told(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    daemon.handlers["tare.get"] = lambda _: {"busy": True, "tare_id": 1}
+    with GripClient(daemon.endpoint) as client:
+
+        def slowly() -> int:
+            return time.monotonic_ns() + 25 * 10**9 * daemon.ops.count("tare.get")
+
+        monkeypatch.setattr(client._protocol, "_now_ns", slowly)
+        with pytest.raises(NoAnswer, match="too few readings"):
+            client.tare("left", 0.1)
+    assert daemon.ops.count("tare.get") >= 2
+
+
+NOWHERE = "ipc:///run/slipd-test/no-daemon"
+
+
+def ask_nobody(call: Callable[[GripClient], object]) -> None:
+    with GripClient(NOWHERE, timeout_s=0.01) as client:
+        call(client)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda: GripClient("tcp://robot"), "^endpoint must be"),
+        (lambda: Subscriber("nowhere"), "^endpoint must be of the form .*, got 'nowhere'"),
+        (lambda: Subscriber(NOWHERE, topics="slip"), "^topics must be a sequence of strings, .*got 'slip'"),
+        (lambda: ask_nobody(lambda client: client.tare("left", 0.0)), "^seconds must be .*, got 0"),
+        (lambda: ask_nobody(lambda client: client.tare("left", -1.0)), "^seconds must be .*, got -1"),
+        (lambda: ask_nobody(lambda client: client.tare("left", 1.0, "pad")), r"^call tare\(finger, stream, seconds\)"),
+        (lambda: ask_nobody(lambda client: client.status()), "nobody accepts requests"),
+        (lambda: decode(b""), "malformed"),
+        (lambda: read([b"slip.left"]), "two frames"),
+        (lambda: keys.load_public(Path("/no/such.key")), "No such file"),
+        (lambda: keys.create("no name", Path("/tmp")), "name must consist of"),
+    ],
+)
+def test_whatever_goes_wrong_is_of_the_base_and_a_wrong_call_is_a_value_error(
+    call: Callable[[], object], complaint: str
+) -> None:
+    with pytest.raises(SlipdClientError, match=complaint) as caught:
+        call()
+    assert isinstance(caught.value, ValueError) != isinstance(caught.value, ClientError)
+
+
+def test_a_client_that_was_closed_says_so(daemon: Daemon) -> None:
+    client, subscriber = GripClient(daemon.endpoint), Subscriber(daemon.endpoint)
+    client.disconnect()
+    subscriber.close()
+    for call in (client.status, subscriber.receive):
+        with pytest.raises(ConnectionClosed, match=f"connection to {daemon.endpoint} was closed"):
+            call()
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, float("nan"), float("inf"), "1"])
+def test_a_duration_must_be_a_positive_time(seconds: float) -> None:
+    with pytest.raises(CallError, match=r"^timeout_s must be a positive time in seconds, e.g. 1, got"):
+        GripClient(NOWHERE, timeout_s=seconds)
+    with pytest.raises(CallError, match=r"^silence_s must be a positive time in seconds, e.g. 3, got"):
+        Subscriber(NOWHERE, silence_s=seconds)
+
+
+@pytest.mark.parametrize("topic", ["slips", "slip.Left", "sli.left", "warning.left", "status.", "Slip", "slip left"])
+def test_a_topic_that_does_not_exist_is_a_wrong_call(topic: str) -> None:
+    every = "slip.FINGER, warning, wrench.FINGER, tactile.FINGER, grasp, motion, gripper, status"
+    with pytest.raises(CallError, match=f'^topics must be beginnings of {every}, or "" for everything, got {topic!r}$'):
+        Subscriber(NOWHERE, topics=("slip", topic))
+
+
+def test_a_reply_is_its_map_and_has_its_fields_as_attributes(daemon: Daemon) -> None:
+    daemon.handlers["grip.set"] = lambda _: {"applied_n": 5, "later": [1]}
+    daemon.handlers["status"] = lambda _: {"version": "0.1.0", "streams": {"left.wrench": {"health": 1}}}
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 0}, "tare_id": 0}
+    daemon.handlers["tare.get"] = lambda _: {"busy": False, "tare_id": 1, "stream": "wrench", "std": [0.1]}
+    with GripClient(daemon.endpoint) as client:
+        grip = client.grip_set(5.0)
+        assert (grip.applied_n, grip["applied_n"], grip.get("later"), "later" in grip) == (5.0, 5, [1], True)
+        assert json.loads(json.dumps(grip)) == grip == {"applied_n": 5, "later": [1]}
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            grip.applied_n = 7.0  # type: ignore[misc]
+        status = client.status()
+        assert (status.version, status.streams["left.wrench"].health, status.gripper) == ("0.1.0", Health.WARN, None)
+        assert status["streams"]["left.wrench"]["health"] == 1
+        tare = client.tare("left", 0.1)
+        assert (tare.verified, tare.tares["wrench"].std, tare["std"]) == (True, (0.1,), [0.1])
+        assert client.request("grip.set", force_n=5.0).applied_n == 5.0
+        assert client.request("later.op") == {}
+
+
+@pytest.mark.parametrize("applied_n", ["5", True, [5.0]])
+def test_a_reply_of_another_kind_is_an_error_that_says_that_the_request_was_carried_out(
+    daemon: Daemon, applied_n: object
+) -> None:
+    daemon.handlers["grip.set"] = lambda _: {"applied_n": applied_n}
+    with (
+        GripClient(daemon.endpoint) as client,
+        pytest.raises(NoAnswer, match=r"carried out grip\.set.*applied_n must be"),
+    ):
+        client.grip_set(5.0)
+
+
+@pytest.mark.parametrize("op", OPS)
+def test_every_op_has_a_method_that_returns_its_reply(op: str) -> None:
+    """The lease has its blocks instead."""
+    if op.startswith("lease."):
+        assert callable(GripClient.lease)
+        return
+    method = getattr(GripClient, op.replace(".", "_"))
+    returned = typing.get_type_hints(method, vars(client_base))["return"]
+    wanted = TareResult if op == "tare" else OPS[op].reply
+    assert returned == Steps[wanted]
+
+
+@pytest.mark.parametrize("module", [parts, replies, topics])
+def test_every_class_of_the_wire_is_frozen(module: types.ModuleType) -> None:
+    own = [each for each in vars(module).values() if getattr(each, "__module__", "") == module.__name__]
+    frozen = {each: each.__dataclass_params__.frozen for each in own if dataclasses.is_dataclass(each)}
+    assert set(frozen.values()) == {True}

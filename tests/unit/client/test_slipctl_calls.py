@@ -1,0 +1,262 @@
+"""Calls of slipctl: wrong ones, those of earlier versions, and each request."""
+
+from __future__ import annotations
+
+import json
+import pkgutil
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import metadata
+from typing import Any
+
+import pytest
+from client_peers import PATIENCE_S, Daemon, refuse, until
+
+import slipd_client
+from slipd_client.grip import GripClient, Lease
+from slipd_client.messages.schema.ops import OPS
+from slipd_client.slipctl import COMMANDS
+
+Call = Callable[..., tuple[int, str, str]]
+
+
+ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (
+            [],
+            "slipctl: error: COMMAND must be one of watch, view, serve, fleet, status, diagnose, grip, tare, friction, "
+            "gravity, object, record, keys\n",
+        ),
+        (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
+        (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),
+        (["serve"], "slipctl serve: error: COMMAND must be one of foxglove, ros2, fleet\n"),
+        (["fly"], "invalid choice"),
+        (["grip", "5"], "invalid choice"),
+        (["grip", "set"], "FORCE_N"),
+        (["grip", "set", "lots"], "must be a number, got 'lots'"),
+        (["grip", "set", "nan"], "finite"),
+        (["grip", "adjust", "inf"], "finite"),
+        (["grip", "set", "-5"], "must be at least 0, got -5"),
+        (["tare", "take", "left", "--seconds", "11"], "must be above 0 and at most 10, got 11"),
+        (["tare", "get", "left", "--stream", "all"], "invalid choice"),
+        (["grip", "set", "5", "--hold", "-1"], "--hold"),
+        (["grip", "close", "5", "--speed-mps", "0"], "--speed-mps"),
+        (["friction", "set", "left", "slippery"], "must be a number, got 'slippery'"),
+        (["friction", "measure", "--samples", "0"], "--samples"),
+        (["object", "no name"], "must have 1 to 64 letters"),
+        (["gravity", "left"], "gravity needs either three or four numbers, or --follow FILE"),
+        (["--requests", "nowhere", "status"], "'nowhere'"),
+        (["watch", "--publish", "tcp://robot"], "'tcp://robot'"),
+        (["watch", "--topic", "slips"], "topics must be beginnings of slip.FINGER, warning"),
+        (["--key", "me.key_secret", "status"], "--server-key"),
+        (["status", "--key", "me.key_secret", "--server-key", "slipd.key"], "me.key_secret: cannot be read"),
+        (["keys", "new", "no name"], "'no name'"),
+        (["view", "--config", "/nowhere.toml"], "slipctl: /nowhere.toml: there is no such file"),
+        (["diagnose", "/dev/null"], "/dev/null: exists, and is not overwritten"),
+    ],
+)
+def test_a_wrong_call_exits_with_2_and_says_why(arguments: list[str], complaint: str, call: Call) -> None:
+    code, out, errors = call(*arguments)
+    assert (code, out) == (2, "")
+    assert complaint in errors
+
+
+@pytest.mark.parametrize(
+    ("former", "now"),
+    [
+        ("viewers --listen 127.0.0.1:0", "slipctl serve foxglove"),
+        ("relay", "slipctl serve foxglove"),
+        ("ros2 --config rig.toml", "slipctl serve ros2"),
+        ("bridge --connect tcp/10.0.0.1:7447", "slipctl serve fleet"),
+        ("commission rig.toml", "slipd commission FILE"),
+        ("friction left 0.5", "slipctl friction measure [FINGER], or slipctl friction set FINGER MU_S [MU_D]"),
+        ("--publish ipc:///x friction left", "slipctl friction measure [FINGER]"),
+    ],
+)
+def test_a_command_of_an_earlier_version_prints_what_to_type(former: str, now: str, call: Call) -> None:
+    test_a_wrong_call_exits_with_2_and_says_why(former.split(), now, call)
+
+
+@pytest.mark.parametrize(
+    ("command", "module", "package"),
+    [
+        ("view", "websockets", "websockets"),
+        ("serve foxglove", "foxglove", "foxglove-sdk"),
+        ("serve ros2", "cyclonedds", "cyclonedds"),
+        ("serve fleet", "zenoh", "eclipse-zenoh"),
+        ("fleet", "zenoh", "eclipse-zenoh"),
+    ],
+)
+def test_without_a_package_of_others_a_command_says_what_to_install(
+    command: str, module: str, package: str, call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    missing = f"slipctl: slipctl {command} needs the package {package}: pip install {package}\n"
+    assert call(*command.split()) == (2, "", missing)
+
+
+def test_version_is_that_of_the_package(call: Call) -> None:
+    assert call("--version") == (0, f"slipctl {metadata.version('slipd')}\n", "")
+
+
+@pytest.mark.parametrize("command", ["object", "friction measure", "grip close", "tare take", "serve ros2"])
+def test_help_is_in_words_of_the_command_line(command: str, call: Call) -> None:
+    code, out, _ = call(*command.split(), "--help")
+    assert (code, "nil" in out, "--server-key FILE" in out) == (0, False, True)
+
+
+def test_help_and_wrong_arguments_need_no_zeromq() -> None:
+    code = "import sys; from slipd_client.slipctl import main; main(sys.argv[1:])"
+    check = f"import atexit, sys; atexit.register(lambda: print('zmq' in sys.modules, file=sys.stderr)); {code}"
+    for arguments in (["--help"], ["grip", "set", "-1"]):
+        done = subprocess.run([sys.executable, "-c", check, *arguments], capture_output=True, text=True, check=False)
+        assert done.stderr.endswith("False\n")
+
+
+@pytest.mark.parametrize("command", [["status"], ["tare", "take", "left"], ["grip", "set", "5"]])
+def test_without_a_daemon_every_request_fails_with_a_clear_line(
+    requests: str, command: list[str], call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(GripClient.__init__.__kwdefaults__, "timeout_s", 0.05)
+    complaint = f"slipctl: nobody accepts requests at {requests}; nothing was sent. Is slipd running?\n"
+    assert call(*command, "--requests", requests) == (1, "", complaint)
+
+
+def test_a_refusal_names_what_to_type_for_the_request_that_it_names(daemon: Daemon, call: Call) -> None:
+    daemon.handlers["grip.set"] = refuse("not_active", "request gripper.activate first; see rig.toml")
+    typed = "slipctl: not_active: request `slipctl grip activate` first; see rig.toml\n"
+    assert call("--requests", daemon.endpoint, "grip", "set", "5") == (1, "", typed)
+    for command in COMMANDS.values():
+        assert call(*command.split(), "--help")[0] == 0
+    assert set(COMMANDS) <= set(OPS)
+
+
+def test_status_is_drawn_for_people(daemon: Daemon, call: Call) -> None:
+    long = "no reading " * 30 + "at all"
+    daemon.handlers["status"] = lambda _: {
+        "version": "0.1.0",
+        "fingers": {"left": {"level": "stable"}},
+        "streams": {"left.wrench": {"health": 3, "message": long}},
+    }
+    code, out, _ = call("--requests", daemon.endpoint, "status")
+    assert (code, max(map(len, out.splitlines())) <= 100) == (0, True)
+    text = " ".join(out.split())
+    assert text.startswith(f"1 to repair error stream-silent left.wrench: {long} slipctl status --json each is")
+    assert re.search("slipd 0.1.0 up – lease – left STABLE .*" + f"{long}$", text), "nothing of it is cut"
+
+
+def test_tare_waits_until_it_is_taken_and_takes_the_stream_that_is_named(daemon: Daemon, call: Call) -> None:
+    daemon.handlers["tare"] = lambda request: {"verified": True, "tare_ids": {"wrench": 0, "pad": 0}}
+    daemon.handlers["tare.get"] = lambda _: {"tare_id": 4, "busy": False}
+    taken = call("--requests", daemon.endpoint, "tare", "take", "left", "--seconds", "0.5")
+    assert taken == (0, "tare_id: 4\nbusy: false\nverified: true\n", "")
+    assert daemon.asked[0]["seconds"] == 0.5
+    _, out, _ = call("--requests", daemon.endpoint, "tare", "left", "all", "--json")
+    assert json.loads(out)["streams"]["pad"] == {"tare_id": 4, "busy": False}
+    assert [request.get("stream") for request in daemon.asked[2:]] == ["all", "wrench", "pad"]
+
+
+def test_friction_is_asked_for_without_the_lease_where_another_client_holds_it(daemon: Daemon, call: Call) -> None:
+    """A stricter value needs none; a more lenient one is refused by the daemon."""
+    daemon.handlers["lease.acquire"] = refuse("lease_held")
+    daemon.handlers["friction.set"] = lambda _: {"mu": 0.3}
+    setting = ("--requests", daemon.endpoint, "friction", "set", "left")
+    assert call(*setting, "0.3") == (0, "mu: 0.3\n", "")
+    assert daemon.asked_ops == ["lease.acquire", "friction.set"]
+    daemon.handlers["friction.set"] = refuse("no_lease", "acquire the lease first")
+    assert call(*setting, "0.9") == (1, "", "slipctl: no_lease: acquire the lease first\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "op", "fields"),
+    [
+        ("grip set 5.5", "grip.set", {"force_n": 5.5}),
+        ("grip set 0", "grip.set", {"force_n": 0.0}),
+        ("grip adjust -1.5", "grip.adjust", {"delta_n": -1.5}),
+        ("grip hold", "grip.hold", {}),
+        ("grip close 4", "gripper.close", {"force_n": 4.0}),
+        (
+            "grip close 4 --width-m 0.02 --speed-mps 0.1",
+            "gripper.close",
+            {"force_n": 4.0, "width_m": 0.02, "speed_mps": 0.1},
+        ),
+        ("grip open", "gripper.open", {}),
+        ("grip open --drop --width-m 0.08", "gripper.open", {"drop": True, "width_m": 0.08}),
+        ("grip activate --drop", "gripper.activate", {"drop": True}),
+        ("grip stop", "gripper.stop", {}),
+        ("grip ack", "fault.ack", {}),
+        ("tare get left --stream wrench", "tare.get", {"finger": "left", "stream": "wrench"}),
+        ("tare undo left pad", "tare.undo", {"finger": "left", "stream": "pad"}),
+        ("friction set left 0.5", "friction.set", {"finger": "left", "mu_s": 0.5}),
+        ("friction set left 0.5 0.4", "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
+        ("gravity left 0 0 -9.8", "gravity.set", {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.8]}),
+        ("object mug", "object.set", {"name": "mug"}),
+        ("object --none", "object.set", {"name": None}),
+        ("record start", "record.start", {}),
+        ("record stop", "record.stop", {}),
+    ],
+)
+def test_each_command_sends_its_op_and_prints_the_result(
+    daemon: Daemon, call: Call, arguments: str, op: str, fields: dict[str, Any]
+) -> None:
+    reply = {"tare_id": 3, "busy": False} if op.startswith("tare.") else {}
+    daemon.handlers[op] = lambda _: reply
+    code, out, _ = call(*arguments.split(), "--requests", daemon.endpoint)
+    assert (code, out) == (0, "tare_id: 3\nbusy: false\n" if reply else "done\n")
+    leased = op.startswith(("grip", "fault", "friction", "object", "tare.undo"))
+    assert daemon.asked_ops == (["lease.acquire", op, "lease.release"] if leased else [op])
+    asked = daemon.asked[1 if leased else 0]
+    assert {name: asked[name] for name in asked if name not in ENVELOPE} == fields
+    _, out, _ = call("--requests", daemon.endpoint, *arguments.split(), "--json")
+    assert json.loads(out) == reply
+
+
+@pytest.mark.usefixtures("often")
+def test_grip_keeps_its_lease_while_it_holds(daemon: Daemon, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    def wait(lease: Lease, seconds: float) -> None:
+        """Hold for as long as two renewals take, however busy the machine is."""
+        until(lambda: daemon.ops.count("lease.renew") >= 2)
+        lease.check()
+        assert seconds == 0.3
+
+    monkeypatch.setattr(Lease, "wait", wait)
+    assert call("--requests", daemon.endpoint, "grip", "set", "5", "--hold", "0.3")[0] == 0
+    assert daemon.asked_ops == ["lease.acquire", "grip.set", "lease.release"]
+
+
+def test_ctrl_c_while_holding_gives_the_lease_back(
+    daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]]
+) -> None:
+    daemon.handlers["grip.set"] = lambda _: {"force_n": 5.0}
+    process = slipctl("--requests", daemon.endpoint, "grip", "set", "5", "--hold", "60")
+    assert process.stdout.readline() == "force_n: 5.0\n"
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (130, "")
+    assert daemon.ops[-1] == "lease.release"
+
+
+def test_a_subscriber_loads_no_asyncio() -> None:
+    code = "import sys, slipd_client.subscriber, slipd_client.slipctl_parser; print('asyncio' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+def test_importing_the_whole_client_loads_nothing_heavy_and_nothing_of_the_daemon() -> None:
+    modules = [module.name for module in pkgutil.walk_packages(slipd_client.__path__, "slipd_client.")]
+    code = f"""
+import importlib, sys
+for name in {modules}:
+    importlib.import_module(name)
+print(sorted({{"numpy", "scipy", "numba", "pydantic", "slipd"}} & set(sys.modules)))
+"""
+    assert {"slipd_client.slipctl", "slipd_client.aio", "slipd_client.messages.codec"} <= set(modules)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

@@ -1,0 +1,248 @@
+"""``slipctl watch`` into a pipe and on a real pseudo-terminal, and the full screen that it draws on."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, nullcontext
+from typing import Any
+
+import pytest
+from client_peers import PATIENCE_S, Publisher
+from terminals import PseudoTerminal
+
+from slipd_client import watch as module
+from slipd_client.messages.codec import typed_message
+from slipd_client.messages.schema.topics import Message
+from slipd_client.watch import watch
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+class Heard:
+    """A subscriber that has heard these messages, and hears no more."""
+
+    def __init__(self, messages: list[Message]) -> None:
+        self._left = iter(messages)
+
+    def __iter__(self) -> Iterator[Message]:
+        return self._left
+
+    def receive(self, timeout_s: float) -> Message | None:
+        return next(self._left, None)
+
+
+def test_once_shows_the_last_message_of_every_topic(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bodies = [
+        ("slip.left", {"level": "stable"}),
+        ("wrench.left", {"force_n": [0.0, 0.0, 1.5]}),
+        ("slip.left", {"level": "caution", "mu": None}),
+        ("slip.right", {"finger": "right", "level": "unknown"}),
+    ]
+    head = {"v": 1, "boot": "b", "t_ns": 1, "finger": "left"}
+
+    messages = [typed_message(topic, head | {"seq": n} | body) for n, (topic, body) in enumerate(bodies)]
+    monkeypatch.setattr(module, "Subscriber", lambda *_, **__: nullcontext(Heard(messages)))
+    watch("", as_json=False, once=True)
+    assert re.search(r"^[^\x1b]*left +CAUTION[^\x1b]*right +UNKNOWN[^\x1b]*$", capsys.readouterr().out)
+    watch("", as_json=True, once=True)
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [(line["topic"], line.get("mu"), line.get("force_n")) for line in lines] == [
+        ("slip.left", None, None),
+        ("slip.right", None, None),
+        ("wrench.left", None, [0.0, 0.0, 1.5]),
+    ]
+
+
+def test_into_a_pipe_goes_each_change_and_ctrl_c_ends_it_cleanly(publisher: Publisher, slipctl: Start) -> None:
+    process = slipctl("--publish", publisher.endpoint, "watch")
+    publisher.wait_for(*(topic.encode() for topic in module.TOPICS))
+    publisher.send("slip.left", 1, level="stable", utilisation=0.25)
+    publisher.send_frames(b"warning", b"\xc1 no message")
+    publisher.send("warning", 1, previous="stable", level="warning", reasons=["tipping"])
+    publisher.send("warning", 4, previous="warning", level="slipping", reasons=[])
+    lines = [process.stdout.readline() for _ in range(3)]
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert "left stable λ 0.25" in lines[0]
+    assert lines[1].endswith("left stable → warning  (tipping)\n")
+    assert lines[2].endswith("left warning → slipping\n")
+    assert (process.returncode, errors) == (130, "slipctl: 2 messages of warning were missed\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "subscribed", "expected"),
+    [
+        (["--json"], b"", [("tactile.left", 1), ("status", 9), ("wrench.left", 2)]),
+        (["--topic", "wrench.left", "--topic", "tactile"], b"tactile", [("tactile.left", 1), ("wrench.left", 2)]),
+    ],
+)
+def test_json_is_every_message_of_every_topic_or_of_those_that_are_named(
+    publisher: Publisher, slipctl: Start, options: list[str], subscribed: bytes, expected: list[tuple[str, int]]
+) -> None:
+    process = slipctl("watch", "--publish", publisher.endpoint, *options)
+    publisher.wait_for(subscribed)
+    for topic, seq in (("tactile.left", 1), ("status", 9), ("wrench.left", 2)):
+        publisher.send(topic, seq)
+    lines = [json.loads(process.stdout.readline()) for _ in expected]
+    assert [(line["topic"], line["seq"]) for line in lines] == expected
+
+
+def test_a_closed_output_pipe_is_not_an_error(publisher: Publisher, slipctl: Start) -> None:
+    process = slipctl("--publish", publisher.endpoint, "watch", "--json")
+    publisher.wait_for()
+    process.stdout.close()
+    process.stdout = None
+    until_s = time.monotonic() + PATIENCE_S
+    while process.poll() is None and time.monotonic() < until_s:
+        publisher.send("status")
+        time.sleep(0.01)
+    assert (process.returncode, process.stderr.read()) == (0, "")
+
+
+LOADS = [0.0] * 64 + [0.2] * 32 + [0.5] * 32
+"""Of 8 × 16 taxels: nothing presses on the half at −Y."""
+
+
+def send_rig(publisher: Publisher) -> None:
+    """Publish the state of two fingers on a gripper, as a daemon does."""
+    contact = {"centroid_m": [0.0, 0.006], "pole_m": [0.0, -0.003], "utilisation": 0.8, "normal_n": 10.0}
+    for finger, level in (("left", "caution"), ("right", "slipping")):
+        publisher.send(f"slip.{finger}", finger=finger, level=level, reasons=["rotation"], **contact)
+        publisher.send(f"tactile.{finger}", finger=finger, rows=8, cols=16, pitch_m=0.0032, loads_n=LOADS)
+    publisher.send("gripper", width_m=0.0425, force_command_n=12.0)
+    streams = {f"{finger}.{kind}": {"health": 0} for finger in ("left", "right") for kind in ("wrench", "pad")}
+    fingers = {finger: {"level": "stable"} for finger in ("left", "right")}
+    publisher.send("status", version="1.2.3", fingers=fingers, streams=streams)
+
+
+@pytest.fixture
+def watched(publisher: Publisher, slipctl: Start) -> Iterator[Callable[..., tuple[PseudoTerminal, Any]]]:
+    """Starts ``slipctl watch`` on a terminal and waits until it listens."""
+    with ExitStack() as stack:
+
+        def start(term: str) -> tuple[PseudoTerminal, Any]:
+            terminal = stack.enter_context(PseudoTerminal(80, 24))
+            looks = ("NO_COLOR", "LC_ALL", "LC_CTYPE")
+            kept = {key: value for key, value in os.environ.items() if key not in looks}
+            environment = kept | {"LANG": "C.UTF-8", "TERM": term}
+            process = slipctl("--publish", publisher.endpoint, "watch", stdout=terminal.slave, env=environment)
+            os.close(terminal.slave)
+            publisher.wait_for()
+            return terminal, process
+
+        yield start
+
+
+def test_ctrl_c_gives_the_terminal_back_with_the_last_view(
+    watched: Callable[..., tuple[PseudoTerminal, Any]], publisher: Publisher
+) -> None:
+    terminal, process = watched("xterm-256color")
+    parts = {"slipd 1.2.3", "CAUTION", "SLIPPING", "width 42.5 mm", "normal 10.00 N"}
+    terminal.wait_for(lambda lines: all(part in "\n".join(lines) for part in parts), lambda: send_rig(publisher))
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) == 130
+    terminal.read_all()
+    _, _, after = terminal.sent.partition(b"\x1b[?1049l")
+    assert b"SLIPPING" in after
+    assert (terminal.cursor_hidden, process.stderr.read()) == (False, "")
+
+
+def test_a_dumb_terminal_gets_lines_without_escape_sequences(
+    watched: Callable[..., tuple[PseudoTerminal, Any]], publisher: Publisher
+) -> None:
+    terminal, process = watched("dumb")
+    terminal.wait_for(lambda lines: "\n".join(lines).count("left caution") >= 2, lambda: send_rig(publisher))
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) == 130
+    assert b"\x1b" not in terminal.sent
+
+
+Run = Callable[[str], "subprocess.Popen[bytes]"]
+
+LEFT = b"\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
+
+PROGRAM = """
+import os, sys, time
+from slipd_client.terminal import TerminalScreen
+
+def size():
+    return os.get_terminal_size(sys.stdout.fileno())
+
+with TerminalScreen(sys.stdout) as screen:
+    {body}
+"""
+FOREVER = """
+while True:
+    screen.draw(["one", str(size().columns)], size())
+    time.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def terminal() -> Iterator[PseudoTerminal]:
+    with PseudoTerminal(40, 6) as found:
+        yield found
+
+
+@pytest.fixture
+def run(terminal: PseudoTerminal) -> Iterator[Run]:
+    """Starts a program on the terminal, with these lines in the ``with`` statement of its screen."""
+    with ExitStack() as stack:
+
+        def start(body: str) -> subprocess.Popen[bytes]:
+            command = [sys.executable, "-c", PROGRAM.format(body=body.replace("\n", "\n    "))]
+            process = stack.enter_context(subprocess.Popen(command, stdout=terminal.slave, process_group=0))
+            stack.callback(process.kill)
+            os.close(terminal.slave)
+            return process
+
+        yield start
+
+
+def test_lines_are_drawn_over_those_before_and_only_what_changed_is_sent(terminal: PseudoTerminal, run: Run) -> None:
+    run(
+        """screen.draw(["same", "first", "third"], size())
+screen.draw(["same", "second"], size())
+time.sleep(60)"""
+    )
+    shown = terminal.wait_for(lambda lines: lines[1] == "second")
+    assert (shown[:3], terminal.sent.count(b"same")) == (["same", "second", ""], 1)
+    assert terminal.cursor_hidden
+
+
+def test_a_line_as_wide_as_the_terminal_neither_wraps_nor_loses_its_end(terminal: PseudoTerminal, run: Run) -> None:
+    run("""screen.draw(["x" * 39 + "!", "next"], size())\nscreen.draw(["x" * 60, "next"], size())\ntime.sleep(60)""")
+    shown = terminal.wait_for(lambda lines: lines[1] == "next" and terminal.sent.count(b"x" * 60))
+    assert shown[2] == ""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_end_gives_the_terminal_back(terminal: PseudoTerminal, run: Run, number: signal.Signals) -> None:
+    process = run(FOREVER)
+    terminal.wait_for(lambda lines: lines[0] == "one")
+    process.send_signal(number)
+    process.wait(PATIENCE_S)
+    terminal.read_all()
+    assert (terminal.sent[-len(LEFT) :], terminal.cursor_hidden) == (LEFT, False)
+
+
+def test_ctrl_z_gives_the_terminal_back_until_the_program_goes_on(terminal: PseudoTerminal, run: Run) -> None:
+    process = run(FOREVER)
+    for _ in range(2):
+        before = len(terminal.sent)
+        terminal.wait_for(lambda _, before=before: b"one" in terminal.sent[before:])
+        assert (b"\x1b[?1049h" in terminal.sent[before:], terminal.cursor_hidden) == (True, True)
+        process.send_signal(signal.SIGTSTP)
+        assert os.WIFSTOPPED(os.waitpid(process.pid, os.WUNTRACED)[1])
+        terminal.read_all()
+        assert terminal.sent.endswith(LEFT)
+        process.send_signal(signal.SIGCONT)
