@@ -161,3 +161,14 @@ def count(topic: str, least: int, most: int | None = None) -> Step:
         assert least <= len(run.published(topic)) <= (least if most is None else most)
 
     return step
+
+
+def during(steps: Sequence[Step], topic: str, least: int, most: int | None = None) -> Step:
+    """Check how many messages of a topic some steps cause."""
+
+    def step(run: Run) -> None:
+        before = len(run.published(topic))
+        follow(run, steps)
+        count(topic, before + least, before + (least if most is None else most))(run)
+
+    return step

@@ -6,7 +6,22 @@ import numpy as np
 import pytest
 from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
 from grasp_table import grasp_table
-from run_courses import Step, bring_up, follow, grip, gripper, image, newest, serve, skin, tick, wait, wrench, wrote
+from run_courses import (
+    Step,
+    bring_up,
+    during,
+    follow,
+    grip,
+    gripper,
+    image,
+    newest,
+    serve,
+    skin,
+    tick,
+    wait,
+    wrench,
+    wrote,
+)
 
 from slipd.events import Publish, Write
 
@@ -49,17 +64,6 @@ def takes_nothing(run: Run) -> None:
     run.engine._links["gripper"].session.execute = lambda *_: False
 
 
-def published(topic: str, *steps: Step, least: int, most: int) -> Step:
-    """Check how many messages of a topic some steps cause."""
-
-    def step(run: Run) -> None:
-        before = len(run.published(topic))
-        follow(run, steps)
-        assert least <= len(run.published(topic)) - before <= most
-
-    return step
-
-
 HELD: list[Step] = [bring_up, image(), grip(5.0), pull()]
 COURSES: dict[str, tuple[str, list[Step]]] = {
     "a warning raises the grip before it is published": (
@@ -93,7 +97,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     "the grasp is published at its rate and at each change of level": (
         f"[rates]\ngrasp_hz = 10.0\n{GRASP}",
         [
-            *HELD, published("grasp", *[pull(ms=4.0)] * 20, least=1, most=2), pull(NEAR_N),
+            *HELD, during([pull(ms=4.0)] * 20, "grasp", 1, 2), pull(NEAR_N),
             newest("grasp", level="warning", reasons=["translation"], frame="gripper", width_m=pytest.approx(0.085)),
         ],
     ),
@@ -103,7 +107,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     "a tick publishes that the fingers fell silent": (
         GRASP,
         [
-            *HELD, wait(100), published("grasp", tick, least=1, most=1),
+            *HELD, wait(100), during([tick], "grasp", 1),
             newest("grasp", level="unknown", reasons=["stale"]),
         ],
     ),
