@@ -26,7 +26,6 @@ from run_courses import (
     let_lease_be,
     level,
     newest,
-    no_image,
     serve,
     skin,
     sleep,
@@ -93,16 +92,6 @@ def told(event: Any) -> Step:
     return lambda run: run.feed(event)
 
 
-def stream(name: str, **expected: Any) -> Step:
-    """Check a stream of the arm's rig; a text must be part of the message."""
-
-    def step(run: ArmRun) -> None:
-        found = run.stream(name)
-        assert all(value in found[key] if key == "message" else found[key] == value for key, value in expected.items())
-
-    return step
-
-
 def clocked(moved_ns: int) -> Step:
     """The host sets its wall clock."""
     return lambda run: run.feed(Tick(wall_minus_monotonic_ns=WALL_NS + moved_ns))
@@ -124,7 +113,6 @@ FELT: list[Step] = [feel(5.0), serve(5)] * 20
 GONE: list[Step] = [feel(0.0), serve(5)] * 20
 LIFTED: list[Step] = [bring_up, grip(5.0), *FELT, states("held")]
 PADLESS = LEFT.partition("[finger.left.pad]")[0]
-NO_ARM = ARM_RIG.replace(ARM, "")
 COURSES: dict[str, tuple[str, list[Step]]] = {
     # levels
     **{
@@ -473,34 +461,6 @@ def test_L11_a_course_of_events(name: str) -> None:
     follow(run, steps)
 
 
-def test_D6_without_its_stream_the_weight_is_unknown_again_and_a_rig_without_an_arm_has_none() -> None:
-    known, unknown = stream("left.wrench", gravity="compensated"), stream("left.wrench", gravity="unknown_orientation")
-    hint = stream("left.wrench", message="an arm stream ([grasp.arm]) removes it")
-    run = ArmRun()
-    run.carry_for(1100)
-    silent = [wait(21), tick, stream("arm", health=Health.STALE), unknown, hint, ArmRun.carry, known]
-    follow(run, [wrench(0.0), known, *silent])
-    bare = ArmRun(NO_ARM)
-    follow(bare, [wrench(0.0), unknown])
-    assert "arm" not in bare.engine.links
-
-
-def test_a_reading_is_published_in_the_call_that_brings_its_bytes(run: Run) -> None:
-    run.image()
-    published = [output for output in run.wrench(10.0, (1.0, 0.0)) if isinstance(output, Publish)]
-    assert [message.topic for message in published] == ["warning", "slip.left", "wrench.left"]
-    assert {message.body["t_ns"] for message in published} == {run.t_ns}
-    lost = [output.topic for output in run.down("left.wrench") if isinstance(output, Publish)]
-    assert lost[0] == "warning"
-
-
-def test_a_command_is_written_in_the_call_that_brings_its_request(run: Run) -> None:
-    follow(run, [serve(100), ask("lease.acquire", ttl_ms=200), wait(6)])  # no poll is under way
-    envelope = {"v": 1, "id": "once", "boot": "b00t", "deadline_ns": run.t_ns + MS}
-    out = run.feed(Request(b"ann", envelope | {"op": "gripper.activate", "drop": True}))
-    assert [type(output).__name__ for output in out] == ["Reply", "Write"]
-
-
 def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(run: Run) -> None:
     """A WSG treats a connection that breaks as a fault, and stops."""
     assert run.engine.farewell() == [Write("left.wrench", bota.CONFIGURE)]
@@ -528,20 +488,6 @@ def test_the_largest_message_is_within_the_limits_of_a_client() -> None:
     assert len(body["loads_n"]) == decode(encode(body), MESSAGE_LIMITS)["active"] == 4096
 
 
-def test_the_engine_lists_the_links_to_open(run: Run) -> None:
-    assert {name: (spec.transport, spec.address) for name, spec in run.engine.links.items()} == {
-        "left.wrench": ("serial", "/dev/left-wrench"),
-        "left.pad": ("serial", "/dev/left-pad"),
-        "right.pad": ("websocket", "ws://127.0.0.1:5000"),
-        "gripper": ("serial", "/dev/gripper"),
-    }
-
-
-def test_a_reading_after_the_warm_up_gets_a_verdict(run: Run) -> None:
-    warm_up()
-    follow(run, [no_image, image(), wrench(10.0, (1.0, 0.0), 0.001), level("stable")])
-
-
 def test_C1_a_line_is_not_late_because_the_host_clock_is_slewed(run: Run) -> None:
     """NTP makes CLOCK_MONOTONIC run 8 % fast for a second."""
     begun_ns = run.t_ns
@@ -552,3 +498,42 @@ def test_C1_a_line_is_not_late_because_the_host_clock_is_slewed(run: Run) -> Non
         run.feed(Bytes("left.wrench", bota.encode_frame((0.0, 0.0, -k * 1e-6), (0.0, 0.0, 0.0), k * 1000)))
     status(streams={"left.wrench": {"clock": "locked"}})(run)
     assert run.published("slip.left")[-1]["age_s"] < 0.002
+
+
+def test_D6_without_its_stream_the_weight_is_unknown_again_and_a_rig_without_an_arm_has_none() -> None:
+    known, unknown = (
+        status(streams={"left.wrench": {"gravity": word}}) for word in ("compensated", "unknown_orientation")
+    )
+    silent = newest("status", streams={"arm": {"health": Health.STALE}})
+    run, bare = ArmRun(), ArmRun(ARM_RIG.replace(ARM, ""))
+    run.carry_for(1100)
+    follow(run, [wrench(0.0), known, wait(21), tick, unknown, wait(1000), tick, silent, ArmRun.carry, known])
+    follow(bare, [wrench(0.0), unknown])
+    assert "an arm stream ([grasp.arm]) removes it" in bare.stream("left.wrench")["message"]
+    assert "arm" not in bare.engine.links
+
+
+def test_a_command_is_written_in_the_call_that_brings_its_request_and_a_reading_is_published_in_its_own(
+    run: Run,
+) -> None:
+    follow(run, [serve(100), ask("lease.acquire", ttl_ms=200), wait(6)])  # no poll is under way
+    envelope = {"v": 1, "id": "once", "boot": "b00t", "deadline_ns": run.t_ns + MS}
+    out = run.feed(Request(b"ann", envelope | {"op": "gripper.activate", "drop": True}))
+    assert [type(output).__name__ for output in out] == ["Reply", "Write"]
+    run.image()
+    published = [output for output in run.wrench(10.0, (1.0, 0.0)) if isinstance(output, Publish)]
+    assert [message.topic for message in published] == ["warning", "slip.left", "wrench.left"]
+    assert {message.body["t_ns"] for message in published} == {run.t_ns}
+    lost = [output.topic for output in run.down("left.wrench") if isinstance(output, Publish)]
+    assert lost[0] == "warning"
+
+
+def test_the_engine_lists_the_links_to_open_and_gives_a_verdict_after_the_warm_up(run: Run) -> None:
+    assert {name: (spec.transport, spec.address) for name, spec in run.engine.links.items()} == {
+        "left.wrench": ("serial", "/dev/left-wrench"),
+        "left.pad": ("serial", "/dev/left-pad"),
+        "right.pad": ("websocket", "ws://127.0.0.1:5000"),
+        "gripper": ("serial", "/dev/gripper"),
+    }
+    warm_up()
+    follow(run, [image(), wrench(10.0, (1.0, 0.0), 0.001), level("stable")])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
 from grasp_table import grasp_table
+from run_courses import Step, bring_up, down, feel, follow, grip, gripper, image, newest, serve, tick, wait, wrench
 
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
@@ -63,24 +62,24 @@ def hold(
     return x_m
 
 
+FREE: list[Step] = [image(np.zeros((8, 16), dtype=int)), wrench(0.0)] * 3
+CLOSED: list[Step] = [bring_up, grip(5.0), gripper(position=120)]
+
+
 def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
     run, rng = Run(FINE), np.random.default_rng(1)
     run.up()
-    for _ in range(3):
-        run.image(np.zeros((8, 16), dtype=int))
-        run.wrench(0.0)
+    follow(run, FREE)
     hold(run, 2.5, 0.0, rng)
     assert slips(run) == []
     began_ns = run.t_ns
     x_m = hold(run, 3.0, 0.001, rng)
     found = slips(run)
-    assert found[0]["evidence"] == ["image_change"]
-    assert found[0]["t_ns"] - began_ns < 1000 * MS, "within a millimetre"
+    assert (found[0]["evidence"], found[0]["t_ns"] - began_ns < 1000 * MS) == (["image_change"], True), "within 1 mm"
     assert {body["level"] for body in run.published("slip.left") if body["t_ns"] > found[0]["t_ns"]} == {"slipping"}
     hold(run, 1.5, 0.0, rng, x_m)
+    newest("slip.left", level="warning", reasons=["translation"], mu_source="learned")(run)  # it ends with the motion
     after = run.published("slip.left")[-1]
-    assert (after["level"], after["reasons"]) == ("warning", ["translation"]), "a slip ends with the motion"
-    assert after["mu_source"] == "learned"
     assert 0.98 * after["mu_low"] < after["required_friction"] < after["mu_high"] < 0.5, "it slid under this load"
     hold(run, 1.0, 0.0, rng, x_m, across_n=0.8)
     assert run.level()[0] == "stable", "friction that was learned carries less"
@@ -90,13 +89,9 @@ def test_a_vibration_alone_is_no_motion() -> None:
     """A tool that shakes the finger in the plane of its pad only supports other evidence."""
     run, rng = Run(FINE), np.random.default_rng(1)
     run.up()
-    for _ in range(3):
-        run.image(np.zeros((8, 16), dtype=int))
-        run.wrench(0.0)
-    hold(run, 1.5, 0.0, rng)
-    for noise_n in (0.04, 0.06, 0.1):
-        hold(run, 0.3, 0.0, rng, noise_n=noise_n)
-        hold(run, 0.5, 0.0, rng)
+    follow(run, FREE)
+    for seconds, noise_n in ((1.5, 0.02), (0.3, 0.04), (0.5, 0.02), (0.3, 0.06), (0.5, 0.02), (0.3, 0.1), (0.5, 0.02)):
+        hold(run, seconds, 0.0, rng, noise_n=noise_n)
     assert slips(run) == []
 
 
@@ -104,39 +99,21 @@ def test_a_vibration_alone_is_no_motion() -> None:
 def test_jaws_that_move_by_themselves_are_a_slip_of_both_fingers(steps: int) -> None:
     run = Run(LEFT + RIGHT + GRIPPER)
     run.up()
-    run.bring_up()
-    run.grip(5.0)
-    run.gripper.position = 120
-    for moved in (0, steps):
-        run.gripper.position = 120 + moved
-        for k in range(120):
-            run.serve_gripper(20)
-            for _ in range(1 + k % 2):
-                run.feel(5.0)
+    held: list[Step] = [serve(20), feel(5.0), serve(20), feel(5.0), feel(5.0)] * 60
+    follow(run, [*CLOSED, *held, gripper(position=120 + steps), *held])
     for finger in ("left", "right"):
-        found = [body["evidence"] for body in slips(run, finger)]
-        assert found == [] if steps == 1 else found[0] == ["width"]
+        assert [body["evidence"] for body in slips(run, finger)][:1] == ([] if steps == 1 else [["width"]])
 
 
 def test_an_object_that_another_process_sees_move_is_a_slip() -> None:
     run, rng = Run(LEFT + RIGHT + OBSERVED), np.random.default_rng(2)
     run.up()
-    for _k in range(3):
-        run.image(np.zeros((4, 4), dtype=int))
-        run.wrench(0.0)
-        run.skin(0.0)
-    run.ask("tare", finger="left", seconds=0.01)
-    for _ in range(20):
-        run.wrench(0.0)
-    link = next(name for name in run.engine.links if name == "object")
 
     def see(seconds: float, speed_mps: float, *status: str) -> None:
         for k in range(round(seconds * 50)):
-            for _ in range(2):
-                run.feel(5.0)
-                run.wait(8)
+            follow(run, [feel(5.0), wait(8)] * 2)
             at_m = np.array((0.0, 0.0, 0.1 + speed_mps * k / 50)) + rng.normal(0.0, 3e-4, 3)
-            run.feed(Bytes(link, encode_reading("object", run.t_ns, object_pose={"xyz_m": at_m}, status=status)))
+            run.feed(Bytes("object", encode_reading("object", run.t_ns, object_pose={"xyz_m": at_m}, status=status)))
 
     see(3.0, 0.0)
     see(0.5, 0.02, "invalid")
@@ -144,9 +121,4 @@ def test_an_object_that_another_process_sees_move_is_a_slip() -> None:
     see(1.0, 0.02)
     for finger in ("left", "right"):
         assert slips(run, finger)[0]["evidence"] == ["external"]
-    run.wait(1100)
-    run.tick()
-    status = run.published("status")[-1]["streams"]["object"]
-    assert status["samples"] > 0
-    run.down(link)
-    assert math.isfinite(run.t_ns)
+    follow(run, [wait(1100), tick, newest("status", streams={"object": {"samples": 225}}), down("object")])
