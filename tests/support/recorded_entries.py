@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -12,9 +13,11 @@ import pytest
 from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.entry_walk import Entered, Published
 from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import Recording, open_recording
 from slipd_client import messages
 
 CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
+PATIENCE_S = 60.0
 WALL_NS = 1_700_000_000_000_000_000
 TWO_PADS = "".join(
     f"""
@@ -52,6 +55,26 @@ def _entry(n: int) -> Entry:
         RecordingChanged("slipd-1.mcap", "/state/slipd-1.mcap", "failed", "the disk is full", 3),
     ]
     return Entered(n, t_ns, events[n // 2 % len(events)])
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    """Wait until other threads have done something."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end_s, "waited in vain"
+        time.sleep(0.002)
+
+
+def contents(path: Path) -> tuple[Recording, list[Entry]]:
+    recording = open_recording(path)
+    return recording, list(recording.entries())
+
+
+def complete(path: Path) -> list[Entry]:
+    """Return the entries of a recording that lacks nothing."""
+    recording, found = contents(path)
+    assert recording.complete, recording.fault
+    return found
 
 
 @pytest.fixture

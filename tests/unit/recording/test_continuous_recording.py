@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
-import time
+from itertools import chain
 from pathlib import Path
 
+from recorded_entries import complete, wait_until
+
 from slipd.config import Continuous
-from slipd.events import LinkUp, Tick
+from slipd.events import LinkUp, RecordingChanged, Tick
 from slipd.recording.entry_walk import Entered
 from slipd.recording.reader import open_recording
 from slipd.recording.run_files import RETRY_NS, ContinuousRecording, run_name
@@ -16,13 +18,6 @@ from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
 OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)
-
-
-def wait_until(condition) -> None:
-    end_s = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < end_s, "waited in vain"
-        time.sleep(0.002)
 
 
 class Run:
@@ -55,13 +50,9 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
         run.recording.published("status", b"\x80", n * SECOND_NS // 10)
     run.recording.close()
     assert [path.name for path in run.files()] == [f"run-1970010{1}T00000{n}Z-b00t-000{n + 1}.mcap" for n in range(3)]
-    ticks = []
-    for path in run.files():
-        recording = open_recording(path)
-        entries = list(recording.entries())
-        assert recording.complete
-        assert entries[0].event == OPEN[0]
-        ticks += [one.event.suspended_ns for one in entries[1:] if isinstance(one, Entered)]
+    (up, *first), *others = map(complete, run.files())
+    assert {one.event for one in (up, *(entries.pop(0) for entries in others))} == set(OPEN)
+    ticks = [one.event.suspended_ns for one in (*first, *chain(*others)) if isinstance(one, Entered)]
     assert ticks == list(range(30))
 
 
@@ -84,9 +75,8 @@ def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried
     run = Run(tmp_path, about_run, prepare=full)
     run.poll(0)
     wait_until(lambda: run.poll(1) or run.changes)
-    assert [(change.name, change.state, change.reason) for change in run.changes] == [
-        ("", "limited", "the disk is full")
-    ]
+    (path,) = {change.path for change in run.changes}
+    assert run.changes == [RecordingChanged("", path, "limited", "the disk is full")]
     run.prepare = lambda: None
     run.poll(RETRY_NS // 2)
     assert run.files() == []

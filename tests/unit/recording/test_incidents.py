@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import logging
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
+from recorded_entries import complete
 
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
-from slipd.events import Bytes, IncidentsChanged, LinkDown, LinkUp
+from slipd.events import Bytes, IncidentsChanged
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
-from slipd.recording.entry_ring import EntryRing
-from slipd.recording.entry_walk import Entered
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.reader import open_recording
 from slipd.recording.run_files import RunFiles, run_name
 from slipd.types.clocks import WallClock
 
@@ -33,15 +29,11 @@ def incidents(tmp_path: Path, about_run):
             RunFiles(tmp_path, "b00t"),
             Limits(**limits),
             run_name("b00t", WallClock(0)),
-            partial(make_file, about_run),
+            lambda path, first: RecordingFile(path, first=first, **about_run),
             prepare,
         )
 
     return make
-
-
-def make_file(about_run: dict[str, Any], path: Path, first: int) -> RecordingFile:
-    return RecordingFile(path, first=first, **about_run)
 
 
 def called(number: int, second: int, what: str) -> str:
@@ -65,14 +57,9 @@ def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_t
             kept.note_warning(WARNING, t_ns)
     kept.close()
     assert files(tmp_path) == [called(k, n, "left-warning") for k, n in enumerate((5, 100, 199), 1)]
-    ends = []
-    for path in sorted(tmp_path.glob("*.mcap")):
-        recording = open_recording(path)
-        entries = list(recording.entries())
-        assert recording.complete
-        assert [entry.n for entry in entries] == list(range(len(entries)))
-        ends.append(entries[-1].t_ns // SECOND_NS)
-    assert ends == [7, 102, 199]
+    saved = [complete(tmp_path / name) for name in files(tmp_path)]
+    assert [[entry.n for entry in entries] for entries in saved] == [list(range(len(entries))) for entries in saved]
+    assert [entries[-1].t_ns // SECOND_NS for entries in saved] == [7, 102, 199]
     assert "2 incidents within 60 s of the last saved one" in caplog.text
     assert caplog.text.count("incidents within") == 1, "nothing is said where none was left out"
 
@@ -139,8 +126,7 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     change = kept.change(9 * SECOND_NS)
     assert change is not None
     assert 0 < change.dropped < 100
-    path = tmp_path / called(1, 2, "grasp-lost")
-    assert change == IncidentsChanged(1, 1, 1, change.dropped, str(path), "")
+    assert change == IncidentsChanged(1, 1, 1, change.dropped, str(tmp_path / called(1, 2, "grasp-lost")), "")
 
 
 def test_a_disk_without_room_or_that_fails_costs_the_file_only(
@@ -161,31 +147,3 @@ def test_a_disk_without_room_or_that_fails_costs_the_file_only(
         kept.close()
     assert "incident-000001-19700101T000000Z-b00t-left-warning.mcap: not saved: File too large" in caplog.text
     assert files(tmp_path) == []
-
-
-def written(ring: EntryRing, path: Path, about_run) -> list:
-    file = RecordingFile(path, **about_run, first=ring.first)
-    ring.write(file)
-    recording = open_recording(path)
-    entries = list(recording.entries())
-    assert recording.complete
-    return entries
-
-
-def test_a_ring_that_dropped_entries_begins_with_the_links_that_were_open(
-    tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 500)
-    ring = EntryRing(10 * SECOND_NS)
-    ring.event(LinkUp("left.wrench", "a"), 0)
-    ring.event(LinkUp("left.pad", "b"), 0)
-    ring.event(LinkUp("right.pad", "c"), 0)
-    ring.event(LinkDown("left.pad", "unplugged"), 1)
-    for n in range(100):
-        ring.event(Bytes("left.wrench", bytes(20)), n * SECOND_NS)
-    entries = written(ring, tmp_path / "ring.mcap", about_run)
-    assert [one.event for one in entries[:2]] == [LinkUp("left.wrench", "a"), LinkUp("right.pad", "c")]
-    assert entries[0].n == ring.first > 0
-    assert isinstance(entries[2], Entered)
-    assert 75 * SECOND_NS < entries[2].t_ns <= 89 * SECOND_NS
-    assert entries[-1].t_ns == 99 * SECOND_NS

@@ -7,14 +7,12 @@ import pytest
 from fuzz.extent import ROUNDS, SEED
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from recorded_entries import contents
 
 from slipd.errors import RecordingError
-from slipd.recording.reader import Recording, open_recording
+from slipd.recording.reader import GAP_S, EventGaps, Gap, Recording, open_recording
 
-
-def contents(path: Path) -> tuple[Recording, list]:
-    recording = open_recording(path)
-    return recording, list(recording.entries())
+BEGIN_NS = 5_000_000_000
 
 
 def about(recording: Recording) -> tuple[object, ...]:
@@ -104,3 +102,20 @@ def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -
     for path, text in ((tmp_path / "none.mcap", "No such file"), (tmp_path, "Is a directory")):
         with pytest.raises(RecordingError, match=text):
             open_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("begin_ns", "times_s", "gaps"),
+    [
+        ((BEGIN_NS,), [0.0, 0.005, 0.005 + 0.99 * GAP_S, 3.0, 3.005, 4.0], {3: Gap(0.104, 3.0), 5: Gap(3.005, 4.0)}),
+        ((), [0.0], {}),
+    ],
+    ids=["a longer time without an event", "a run does not begin with a gap"],
+)
+def test_a_gap_is_a_time_of_the_run_of_which_nothing_is_known(
+    begin_ns: tuple[int, ...], times_s: list[float], gaps: dict[int, Gap]
+) -> None:
+    found = EventGaps(*begin_ns)
+    told = [found.add(BEGIN_NS + round(t_s * 1e9)) for t_s in times_s]
+    assert [number for number, gap in enumerate(told) if gap] == list(gaps)
+    assert found.found == [pytest.approx(gap) for gap in gaps.values()]
