@@ -11,6 +11,7 @@ from known_zeros import known_finger
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
+from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.stream_health import finger_conditions
 from slipd.friction.learning import learn
 from slipd.fusion import torque_limit
@@ -36,10 +37,11 @@ def make_finger(text: str, parse: Parse, name: str = "left", *, zeros: bool = Tr
     return make(name, parse(text).finger[name], Levels())
 
 
-def read_force(finger: Finger, sample: WrenchSample, acquired_ns: int | None = None) -> FingerState:
+def read_force(
+    finger: Finger, sample: WrenchSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
+) -> FingerState:
     """Return the state of a finger after a reading, acquired when it was received unless ``acquired_ns`` differs."""
-    for _ in finger.decide((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,)):
-        pass
+    list(finger.decide((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,), arrival))
     return finger.state
 
 

@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import FULL, MS, T0, Image, NoisyFinger, Parse, Press, Wrench, make_finger, read_force
+from finger_bench import FULL, MS, T0, NoisyFinger, Parse, Press, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
+from slipd.finger.freshness import PROMPT, Arrival
+from slipd.types.samples import TactileSample
 
 
 @pytest.fixture
@@ -25,17 +27,30 @@ def untared(left: str, parse: Parse) -> Finger:
 
 
 @pytest.fixture
-def press(finger: Finger, wrench: Wrench, image: Image) -> Press:
+def make_press(wrench: Wrench) -> Callable[[Finger], Press]:
     """A reading on a fresh image, ``ms`` after the one before: ``press(normal, tangential, spin, centroid)``."""
-    now = [T0]
 
-    def press(*contact: float, ms: float = 10.0, counts: np.ndarray | None = FULL, **more: object) -> FingerState:
-        now[0] += round(ms * MS)
-        if counts is not None:
-            finger.update_image(image(now[0], counts))
-        return read_force(finger, wrench(now[0], *contact, **more))
+    def make(finger: Finger) -> Press:
+        now = [T0]
 
-    return press
+        def press(
+            *contact: float, ms: float = 10.0, counts: np.ndarray | None = FULL, image_status: tuple[str, ...] = (),
+            arrival: Arrival = PROMPT, **more: object,
+        ) -> FingerState:  # fmt: skip
+            now[0] += round(ms * MS)
+            if counts is not None:
+                finger.update_image(TactileSample(now[0], None, np.asarray(counts, dtype=float).ravel(), image_status))
+            return read_force(finger, wrench(now[0], *contact, **more), arrival=arrival)
+
+        return press
+
+    return make
+
+
+@pytest.fixture
+def press(finger: Finger, make_press: Callable[[Finger], Press]) -> Press:
+    """Presses that finger."""
+    return make_press(finger)
 
 
 @pytest.fixture
