@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from slipd.config import Levels, Slip
@@ -10,6 +12,11 @@ from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
 from slipd.types.arrays import Array
 
 MU = 0.6
+NORMAL_N, STD_N = 10.0, 0.02
+
+
+def watch(settings: Slip | None = None) -> ContactWatch:
+    return ContactWatch(Levels(), settings or Slip(), 0.001, 0.3)
 
 
 def contact_rows(
@@ -32,6 +39,27 @@ def contact_rows(
     return rows
 
 
+def readings(
+    load: Array, normal: Array | float = NORMAL_N, *, aside: Array | float = 0.0, hz: float = 1000.0,
+    t_s: Array | None = None, std_n: float = STD_N, mu: float = MU, seed: int = 0, noise: Array | None = None,
+) -> Rows:  # fmt: skip
+    """Return readings of a course of the load, N, with noise: at a rate, or at times."""
+    count = len(load)
+    noise = np.random.default_rng(seed).normal(0.0, std_n, (3, count)) if noise is None else noise
+    pulled, across, pressed = load + noise[0], aside + noise[1], normal + noise[2]
+    used = np.hypot(pulled, across) / pressed / (1.0 if math.isnan(mu) else mu)
+    times_s = 100.0 + (np.arange(count) / hz if t_s is None else t_s)
+    return contact_rows(count, pulled, pressed, used, times_s, aside_n=across)
+
+
+def assessed(rows: Rows, mu: float = MU, settings: Slip | None = None, std_n: float = STD_N, size: int = 0) -> Rows:
+    """Return the assessments of readings, which come together, or in reads of a size."""
+    contact = watch(settings)
+    for first in range(0, len(rows), size or len(rows)):
+        contact.assess(rows[first : first + (size or len(rows))], mu, Uncertainty(std_n), 0.0)
+    return rows["assessment"]
+
+
 def line(*parts: tuple[float, float, int]) -> Array:
     """Return lines one after another: from, to, readings."""
     return np.concatenate([np.linspace(a, b, n) for a, b, n in parts])
@@ -46,8 +74,8 @@ def slips_at(found: Rows) -> list[int]:
 class Watch:
     """A contact whose readings come one by one, at 1 kHz."""
 
-    def __init__(self, settings: Slip | None = None) -> None:
-        self.watch = ContactWatch(Levels(), settings or Slip(), 0.001, 0.3)
+    def __init__(self) -> None:
+        self.watch = watch()
         self.k = 0
 
     def take(self, load_n: float, normal_n: float, used: float, *, phase: int = TOUCHING) -> Assessment:

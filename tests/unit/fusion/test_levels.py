@@ -1,16 +1,22 @@
-"""Levels rise at once at their thresholds, and fall a hysteresis below them after a dwell: noise changes them once."""
+"""Levels rise at once at their thresholds, earlier where a load grows, and fall a hysteresis below them after a dwell.
+
+A reading counts as much as its noise allows: noise and vibration change a level at most once a minute.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from load_course import MU, Watch, contact_rows
+from load_course import MU, Watch, contact_rows, watch
 
 from slipd.fusion.levels import Uncertainty
-from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING
+from slipd.fusion.load_growth import GROWTH_S, GROWTH_STDS, grows
+from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
+from slipd.types.arrays import Array
 
 DWELL = 260
 """Readings at 1 kHz after which a level may be left."""
@@ -78,3 +84,141 @@ def test_a_level_is_never_below_that_of_the_load_nor_above_the_one_before(path: 
         bare = (used >= 0.70) + (used >= 0.85)
         assert bare <= step <= max(bare, before)
         before = step
+
+
+LIGHT_N = 0.5
+LEVER_M = 5e-4
+"""Of a contact on one taxel or two, by its friction."""
+NOISE = Uncertainty(0.0, 2e-4)
+
+
+def course(used: Array, period_s: float = 1e-3, noise_n: float = 0.02) -> Rows:
+    """Return the assessed readings of a load on a contact of 10 N, with noise."""
+    load = used * 10.0 * MU + np.random.default_rng(3).normal(0.0, noise_n, len(used))
+    rows = contact_rows(len(used), load, 10.0, load / 10.0 / MU, np.arange(len(used)) * period_s)
+    watch().assess(rows, MU, Uncertainty(min(noise_n, 0.02)), 0.0)
+    return rows
+
+
+def spun(spins: Array) -> Rows:
+    """Return the assessed readings of a light contact that bears these spin torques, N·m."""
+    used = np.abs(spins) / (MU * LIGHT_N * LEVER_M)
+    rows = contact_rows(len(spins), 0.0, LIGHT_N, used, np.arange(len(spins)) * 1e-3)
+    rows["contact"]["spin_nm"] = spins
+    rows["utilisation"]["twist"][:, 2] = np.sign(spins)
+    watch().assess(rows, MU, NOISE, 0.0)
+    return rows
+
+
+def first(rows: Rows, step: int) -> float:
+    """Return the mean utilisation about the first reading of a step."""
+    k = int(np.argmax(rows["assessment"]["friction_step"] == step))
+    return float(rows["utilisation"]["value"][max(k - 5, 0) : k + 5].mean())
+
+
+@pytest.mark.parametrize("period_s", [1e-3, 0.01, 0.025])
+@pytest.mark.parametrize("per_s", [0.3, 1.0])
+def test_a_load_that_grows_is_warned_of_a_hysteresis_earlier(per_s: float, period_s: float) -> None:
+    rows = course(np.arange(0.3, 0.95, per_s * period_s), period_s, 0.005)
+    assert first(rows, WARNING) == pytest.approx(0.80, abs=0.01 + 2.0 * per_s * period_s)
+
+
+def test_a_load_that_hardly_grows_is_warned_of_at_its_threshold() -> None:
+    rows = course(np.arange(0.70, 0.9, 0.05e-3))
+    assert first(rows, WARNING) == pytest.approx(0.845, abs=0.01)
+
+
+@pytest.mark.parametrize("from_used", [0.3, 0.6, 0.76])
+def test_a_load_that_jumps_and_stays_does_not_grow(from_used: float) -> None:
+    rows = course(np.where(np.arange(2000) < 1000, from_used, 0.82), noise_n=0.005)
+    assert rows["assessment"]["friction_step"].max() == CAUTION
+
+
+def test_readings_too_far_apart_show_no_growth() -> None:
+    rows = course(np.arange(0.3, 0.95, 0.02), 0.12, 0.0)
+    steps = rows["assessment"]["friction_step"]
+    assert rows["utilisation"]["value"][np.argmax(steps == WARNING)] >= 0.85
+
+
+def test_the_noise_of_a_light_grip_is_no_danger() -> None:
+    spins = np.random.default_rng(4).normal(0.0, NOISE.torque_std_nm, 100)
+    rows = spun(spins)
+    assert (rows["utilisation"]["value"] > 1.0).sum() > 20
+    assert rows["assessment"]["friction_step"].max() == STABLE
+
+
+@pytest.mark.parametrize("stds", [10.0, 60.0])
+def test_a_spin_beyond_the_noise_is_a_danger_at_once(stds: float) -> None:
+    rows = spun(np.array([0.0, stds * NOISE.torque_std_nm]))
+    assert rows["assessment"]["friction_step"].tolist() == [STABLE, WARNING]
+
+
+def test_a_spin_that_lasts_is_a_danger_soon_however_large_its_noise() -> None:
+    noise = np.random.default_rng(5).normal(0.0, NOISE.torque_std_nm, 2000)
+    steps = spun(5.0 * NOISE.torque_std_nm + noise)["assessment"]["friction_step"]
+    assert steps[0] == STABLE
+    assert steps[-1] == WARNING
+
+
+def test_a_load_that_no_friction_holds_is_a_danger_where_its_spin_is_beyond_the_noise() -> None:
+    for times, step in ((0.5, STABLE), (60.0, WARNING)):
+        spins = np.full(3, times * NOISE.torque_std_nm)
+        rows = contact_rows(3, 0.0, LIGHT_N, math.inf, np.arange(3) * 1e-3)
+        rows["contact"]["spin_nm"], rows["utilisation"]["twist"][:, 2] = spins, 1.0
+        watch().assess(rows, MU, NOISE, 0.0)
+        assert rows["assessment"]["friction_step"].max() == step
+
+
+def test_the_friction_ratio_alone_counts_as_its_noise_allows() -> None:
+    for std_n, step in ((0.2, STABLE), (0.005, WARNING)):
+        rows = contact_rows(3, 0.9 * MU * LIGHT_N, LIGHT_N, 0.0, np.arange(3) * 1e-3)
+        rows["utilisation"]["kind"] = -1
+        watch().assess(rows, MU, Uncertainty(std_n), 0.0)
+        assert rows["assessment"]["friction_step"].max() == step
+
+
+@pytest.mark.parametrize("kind", [0, -1])
+def test_an_unknown_load_is_no_noise_and_counts_fully(kind: int) -> None:
+    """A mean over readings makes noise smaller, and not what the unknown weight of the finger may add."""
+    load = 0.02 if kind == 0 else 0.9 * MU * 2.0
+    rows = contact_rows(3, load, 2.0, load / 2.0 / MU, np.arange(3) * 1e-3)
+    rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, 0] = kind, 1.0
+    rows["contact"]["friction_ratio_std"] = 0.5
+    watch().assess(rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.0)
+    assert rows["assessment"]["friction_step"].tolist() == [WARNING] * 3
+
+
+def test_a_growth_within_its_noise_does_not_count() -> None:
+    growing = watch()
+    load = np.arange(0.3, 0.81, 0.3e-3) * MU * 10.0
+    growing.assess(contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE, 0.0)
+    growth = 0.3 * GROWTH_S * MU
+    for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
+        growing.drop["rough"] = growth / stds
+        assert grows(growing.drop[0], growing.ring, MU, 0.75) is found
+    growing.drop["rough"] = 0.0
+    assert not grows(growing.drop[0], growing.ring, MU, 0.85), "its mean has not reached that"
+
+
+def test_a_new_contact_begins_without_the_mean_of_the_one_before() -> None:
+    watched = watch()
+    used = np.array([0.9, 0.0, 0.9])
+    rows = contact_rows(3, used * LIGHT_N * MU, LIGHT_N, used, np.arange(3) * 1e-3)
+    rows["phase"][1], rows["utilisation"]["twist"][:, 0] = FREE, 1.0
+    for k, std_n in enumerate((0.005, 0.005, 0.2)):
+        watched.assess(rows[k : k + 1], MU, Uncertainty(std_n), 0.0)
+    assert rows["assessment"]["friction_step"].tolist() == [WARNING, STABLE, STABLE]
+
+
+@pytest.mark.parametrize("share", [0.55, 0.60, 0.64, 0.67, 0.70, 0.75, 0.80, 0.84])
+@pytest.mark.parametrize(("std_n", "swing"), [(0.02, 0.0), (0.2, 0.0), (0.02, 0.08)])
+def test_F5_noise_and_vibration_change_the_level_of_a_steady_hold_at_most_once_a_minute(
+    share: float, std_n: float, swing: float
+) -> None:
+    found = course(share + swing * np.sin(2.0 * np.pi * 0.12 * np.arange(60_000)), noise_n=std_n)["assessment"]
+    assert np.count_nonzero(np.diff(found["level"][500:])) <= 1
+    assert not found["slips"].any()
+
+
+def test_a_slow_load_passes_each_level_once_on_its_way_up() -> None:
+    assert np.count_nonzero(np.diff(course(np.linspace(0.4, 0.99, 4000))["assessment"]["level"])) == 2
