@@ -1,12 +1,13 @@
 """Whether the tests notice a mistake: random mutants of the program, each against the tests of its room.
 
     PYTHONPATH=tests/support:benchmarks python -m mutate [--mutants N] [--seed N] [--room ROOM …] [--report FILE]
+    PYTHONPATH=tests/support:benchmarks python -m mutate --file daemon/slipd/gripper/lease.py [--mutants N]
     PYTHONPATH=tests/support:benchmarks python -m mutate --wire [DEVICE …] [--report FILE]
 
-A mutant changes one operator, constant or condition, or deletes one statement. The test file of the mutated file runs
-first, then the other tests of its room. A mutant that no test notices is either a hole of the tests or changes nothing
-that can be seen: `equivalent.txt` lists those with the reason, the report all others. The draw depends on the seed and
-the sources alone.
+A mutant changes one operator, constant or condition, or deletes one statement. The tests of its room that run the
+changed line are tried on it, those of the test file of the same name first. A mutant that no
+test notices is either a hole of the tests or changes nothing that can be seen: `equivalent.txt` lists those with the
+reason, the report all others. The draw depends on the seed and the sources alone.
 
 ``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
 tests of its device, and then of all devices.
@@ -20,21 +21,21 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import replace
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from queue import SimpleQueue
 
 from bench.commit import measured_on
+from mutate.covered import CoveredRoom, covered_room
 from mutate.forked import is_noticed
 from mutate.mutations import Mutation, mutate, mutations
-from mutate.trial import Copy, Outcome
 from mutate.wire import SHARED, wire_changes, wire_mutations
 
 PROJECT = Path(__file__).parents[2]
 KERNELS = ("signals", "fusion", "motion", "friction")
-"""Rooms with compiled code: a mutant is compiled in a copy of the project, so that no cache holds it."""
+"""Rooms with kernels: these are interpreted where a mutant of the room is tried."""
 
 DAEMON = (
     *KERNELS,
@@ -51,8 +52,23 @@ ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for nam
 EVERY_DEVICE = "test_every_*.py"
 """Tests that one table runs over all devices."""
 
-LIMIT_S = 300.0
-"""Longest run of the tests of one room, s; an endless loop is noticed."""
+LIMIT_S = 300
+"""Processor time after which a mutant is noticed: an endless loop, s."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a mutant.
+
+    Attributes:
+        path: Mutated file, relative to the project.
+        mutation: What was changed.
+        verdict: "killed" (or too slow), "survived" or "equal".
+    """
+
+    path: str
+    mutation: Mutation
+    verdict: str
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -61,6 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--mutants", type=int, default=300, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the draw (default: %(default)s)")
     parser.add_argument("--room", action="append", choices=ROOMS, help="only this room; may be repeated")
+    parser.add_argument("--file", action="append", metavar="FILE", help="only this source; may be repeated")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="mutants tried at a time (default: 2)")
     parser.add_argument("--report", type=Path, metavar="FILE", help="also write the report as Markdown")
     parser.add_argument("--wire", nargs="*", metavar="DEVICE", help="every number of these decoders (default: all)")
@@ -98,45 +115,34 @@ def _line(outcome: Outcome) -> str:
 
 
 def _random(options: argparse.Namespace) -> Iterator[Outcome]:
-    """Try random mutants: of compiled code each in a copy of the project, of the rest each in a fork."""
-    drawn = draw(options.room or list(ROOMS), options.mutants, options.seed)
-    with ProcessPoolExecutor(options.workers, get_context("fork")) as pool:
-        rooms = sorted({room for room, _, _ in drawn if room not in KERNELS})
-        for room, passed in zip(rooms, pool.map(_passes, rooms), strict=True):
-            if not passed:
-                raise SystemExit(f"mutate: {ROOMS[room][1]} must pass without a mutant")
-        yield from pool.map(_try_forked, [place for place in drawn if place[0] not in KERNELS])
-    compiled = [place for place in drawn if place[0] in KERNELS]
-    if not compiled:
-        return
-    with tempfile.TemporaryDirectory(prefix="slipd-mutants-") as name, ThreadPoolExecutor(options.workers) as threads:
-        free: SimpleQueue[Copy] = SimpleQueue()
-        for number in range(options.workers):
-            free.put(Copy(PROJECT, Path(name) / str(number)))
-
-        def attempt(place: tuple[str, str, Mutation]) -> Outcome:
-            room, path, mutation = place
-            copy = free.get()
-            try:
-                return copy.try_mutant(path, mutation, _tests(room, path), LIMIT_S)
-            finally:
-                free.put(copy)
-
-        yield from threads.map(attempt, compiled)
+    """Try random mutants, each in a fork."""
+    drawn = draw(options.room or list(ROOMS), options.mutants, options.seed, options.file)
+    with (
+        tempfile.TemporaryDirectory(prefix="slipd-mutants-") as scratch,
+        ProcessPoolExecutor(options.workers, get_context("fork")) as pool,
+    ):
+        names = sorted({room for room, _, _ in drawn})
+        rooms = dict(zip(names, pool.map(partial(_covered, Path(scratch)), names), strict=True))
+        yield from pool.map(_try, drawn, [_tests(place, rooms[place[0]]) for place in drawn])
 
 
-def _passes(room: str) -> bool:
-    """Whether the tests of a room pass without a mutant."""
-    path = PROJECT / ROOMS[room][0] / "__init__.py"
-    return not is_noticed(path.parents[1], path, path.read_text(encoding="utf-8"), [ROOMS[room][1]], int(LIMIT_S))
+def _covered(scratch: Path, room: str) -> CoveredRoom:
+    sources, tests = ROOMS[room]
+    return covered_room(PROJECT, PROJECT / sources, [tests], scratch / room, compiled=room not in KERNELS)
 
 
-def _try_forked(place: tuple[str, str, Mutation]) -> Outcome:
+def _tests(place: tuple[str, str, Mutation], room: CoveredRoom) -> list[str]:
+    _, name, mutation = place
+    return room.tests(name, (PROJECT / name).read_text(encoding="utf-8"), mutation)
+
+
+def _try(place: tuple[str, str, Mutation], tests: list[str]) -> Outcome:
     room, name, mutation = place
     path = PROJECT / name
-    root = PROJECT / Path(name).parts[0]
     mutant = mutate(path.read_text(encoding="utf-8"), mutation)
-    noticed = any(is_noticed(root, path, mutant, group, int(LIMIT_S)) for group in _tests(room, name))
+    files = sorted({test.partition("::")[0] for test in tests})
+    root, compiled = PROJECT / Path(name).parts[0], room not in KERNELS
+    noticed = bool(tests) and is_noticed(root, path, mutant, files, LIMIT_S, only=tests, compiled=compiled)
     return Outcome(name, mutation, "killed" if noticed else "survived")
 
 
@@ -154,19 +160,22 @@ def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
             groups.append([str(folder)] if folder.is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))])
             groups.append([*map(str, sorted(tests.glob(EVERY_DEVICE))), "-k", device])
         for group in filter(None, groups):
-            if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, int(LIMIT_S)):
+            if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, LIMIT_S):
                 raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
             sound.add(tuple(group))
-        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, int(LIMIT_S)) for group in groups if group)
+        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, LIMIT_S) for group in groups if group)
         yield Outcome(name, mutation, "killed" if noticed else "survived")
 
 
-def draw(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, str, Mutation]]:
-    """Return (room, path, mutation) of random mutants, without a repetition."""
+def draw(
+    rooms: Sequence[str], count: int, seed: int, files: Sequence[str] | None = None
+) -> list[tuple[str, str, Mutation]]:
+    """Return (room, path, mutation) of random mutants, without a repetition, of these files where any is named."""
     places = [
         (room, path.relative_to(PROJECT).as_posix(), mutation)
         for room in rooms
         for path in files_of(room)
+        if not files or path.relative_to(PROJECT).as_posix() in files
         for mutation in mutations(path.read_text(encoding="utf-8"))
     ]
     return random.Random(seed).sample(places, min(count, len(places)))
@@ -192,18 +201,6 @@ def wire_draw(devices: Sequence[str]) -> Iterator[tuple[str, str, Mutation]]:
                 users.setdefault(key, []).append(name)
     for (path, mutation), names in users.items():
         yield " ".join(names), path.relative_to(PROJECT).as_posix(), mutation
-
-
-def _tests(room: str, path: str) -> list[list[str]]:
-    """Return the tests of a file and then those of its room, relative to the project."""
-    sources, tests = ROOMS[room]
-    nearest = [
-        found.relative_to(PROJECT).as_posix() for found in (PROJECT / tests).rglob(f"test_{Path(path).stem}*.py")
-    ]
-    inner = Path(path).relative_to(sources).parent
-    folder = PROJECT / tests / inner
-    near = [[folder.relative_to(PROJECT).as_posix()]] if inner.parts and folder.is_dir() else []
-    return [group for group in ([nearest] if nearest else []) + near + [[tests]] if group]
 
 
 def _page(outcomes: Sequence[Outcome], noticed: int, seed: int | None) -> Iterator[str]:

@@ -1,17 +1,18 @@
-"""One mutant against tests in a fork of this process, which has imported all libraries: nothing is imported twice."""
+"""Tests in a fork of this process, which has imported all libraries: nothing is imported twice."""
 
 from __future__ import annotations
 
 import os
-import signal
+import resource
 import sys
+from collections.abc import Callable, Sequence
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import CodeType
 
 import hypothesis.strategies  # noqa: F401 - imported once, for all forks
-import numba  # noqa: F401
+import numba
 import numpy as np  # noqa: F401
 import pydantic  # noqa: F401
 import pytest
@@ -19,7 +20,7 @@ import scipy.optimize  # noqa: F401
 import zmq  # noqa: F401
 
 OPTIONS = (
-    *("-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not process"),
+    *("-q", "-p", "no:cacheprovider", "-m", "not long and not process"),
     *("-W", "ignore::pytest.PytestAssertRewriteWarning"),
 )
 
@@ -48,7 +49,54 @@ class _Finder:
         return spec_from_file_location(name, self._path, loader=loader)
 
 
-def is_noticed(root: Path, path: Path, source: str, tests: list[str], limit_s: int) -> bool:
+class _Only:
+    """A plugin of pytest that runs these tests alone, in this order."""
+
+    def __init__(self, tests: Sequence[str]) -> None:
+        self._places = {test: place for place, test in enumerate(tests)}
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = sorted((item for item in items if item.nodeid in self._places), key=self._place)
+
+    def _place(self, item: pytest.Item) -> int:
+        return self._places[item.nodeid]
+
+
+def in_fork(
+    run: Callable[[Callable[[list[str], list[object]], int]], int], limit_s: int | None = None, *, compiled: bool = True
+) -> int:
+    """Call ``run(pytest_main)`` in a fork without output; return its exit status, not 0 where it failed.
+
+    Args:
+        run: Given a function that runs pytest with arguments and plugins, and returns its exit code.
+        limit_s: Processor time after which the fork is killed, s; None: no limit.
+        compiled: Whether kernels are compiled; a compiled one is read from a cache that does not know a mutant of
+            another that it calls.
+    """
+    if (child := os.fork()) == 0:
+        if limit_s is not None:
+            resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+        numba.config.DISABLE_JIT = not compiled
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(1, 2)
+        code = 1
+        try:
+            code = run(lambda arguments, plugins: int(pytest.main([*OPTIONS, *arguments], plugins)))
+        finally:
+            os._exit(code)
+    return os.waitpid(child, 0)[1]
+
+
+def is_noticed(
+    root: Path,
+    path: Path,
+    source: str,
+    tests: list[str],
+    limit_s: int,
+    *,
+    only: Sequence[str] | None = None,
+    compiled: bool = True,
+) -> bool:
     """Return whether tests notice a mutant of a file, or take too long over it.
 
     Args:
@@ -56,13 +104,14 @@ def is_noticed(root: Path, path: Path, source: str, tests: list[str], limit_s: i
         path: The file.
         source: The mutant.
         tests: Arguments of pytest.
-        limit_s: Longest run of the tests, s.
+        limit_s: Longest processor time of the tests, s.
+        only: Node ids of the tests to run of these, in this order; None: all.
+        compiled: Whether kernels are compiled.
     """
     module = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
-    if (child := os.fork()) == 0:
-        signal.alarm(limit_s)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        os.dup2(1, 2)
+
+    def run(pytest_main: Callable[[list[str], list[object]], int]) -> int:
         sys.meta_path.insert(0, _Finder(module, path, source))
-        os._exit(int(pytest.main([*OPTIONS, *tests])))
-    return os.waitpid(child, 0)[1] != 0
+        return pytest_main(["-x", *tests], [] if only is None else [_Only(only)])
+
+    return in_fork(run, limit_s, compiled=compiled) != 0

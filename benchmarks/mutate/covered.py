@@ -1,0 +1,131 @@
+"""Which tests of a room run a line, and how long each takes: a mutant needs only these."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from coverage import Coverage
+from mutate.forked import in_fork
+from mutate.mutations import Mutation
+
+LONGEST_TEST_S = 10
+"""A test that takes longer without a mutant is left out, s."""
+
+ENOUGH_S = 30.0
+"""Tests that are tried on one mutant take at most this long without it, s."""
+
+
+class _Recorder:
+    """A plugin of pytest that attributes each line to the test that runs it, and each passed test its time."""
+
+    def __init__(self, coverage: Coverage) -> None:
+        self.seconds: dict[str, float] = {}
+        self._coverage = coverage
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        self._coverage.switch_context(nodeid)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        took = report.duration if report.passed else math.inf
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + took
+
+
+@dataclass(frozen=True)
+class CoveredRoom:
+    """Tests of a room, and the lines that each runs.
+
+    Attributes:
+        seconds: Node id of each test that passes → its time, s.
+        lines: File relative to the project → line → node ids of the tests that run it.
+    """
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[int, set[str]]]
+
+    def tests(self, path: str, source: str, mutation: Mutation) -> list[str]:
+        """Return the tests that a mutant must pass, those of the file of the same name first, then the quickest.
+
+        Of a statement that is run on import, these are all tests that run the file.
+        """
+        lines = self.lines.get(path, {})
+        found = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
+        if not found and not _is_in_function(source, mutation.line):
+            found = {test for tests in lines.values() for test in tests}
+        near = f"test_{Path(path).stem}"
+        ordered = sorted(found & self.seconds.keys(), key=lambda test: (near not in test, self.seconds[test], test))
+        return list(_at_most(ordered, self.seconds))
+
+
+def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path, *, compiled: bool) -> CoveredRoom:
+    """Run the tests of a room in a fork and return what each covers.
+
+    Args:
+        project: Folder of the project.
+        sources: Folder of the sources of the room, or one file.
+        tests: Folders and files of the tests, relative to the project.
+        scratch: File for what the fork found.
+        compiled: Whether kernels are compiled; the lines of a compiled one are not seen.
+
+    Raises:
+        SystemExit: No test passed.
+    """
+
+    def run(pytest_main: Callable[[list[str], list[object]], int]) -> int:
+        include = str(sources if sources.suffix else sources / "*")
+        coverage = Coverage(data_file=None, include=[include], config_file=False)
+        recorder = _Recorder(coverage)
+        coverage.start()
+        pytest_main([f"--timeout={LONGEST_TEST_S}", *tests], [recorder])
+        coverage.stop()
+        data = coverage.get_data()
+        lines = {
+            Path(name).relative_to(project).as_posix(): data.contexts_by_lineno(name) for name in data.measured_files()
+        }
+        scratch.write_text(json.dumps([recorder.seconds, lines]), encoding="utf-8")
+        return 0
+
+    in_fork(run, compiled=compiled)
+    seconds, lines = json.loads(scratch.read_text(encoding="utf-8"))
+    passed = {test: took for test, took in seconds.items() if took < LONGEST_TEST_S}
+    if not passed:
+        raise SystemExit(f"mutate: no test of {' '.join(tests)} passes without a mutant")
+    return CoveredRoom(
+        passed,
+        {path: {int(line): set(found) - {""} for line, found in by_line.items()} for path, by_line in lines.items()},
+    )
+
+
+def _statement(source: str, line: int) -> range:
+    """Return the lines of the innermost simple statement at a line; of a compound one, those of its header."""
+    best = range(line, line + 1)
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or node.lineno):
+            body = getattr(node, "body", None)
+            end = body[0].lineno - 1 if body else node.end_lineno or node.lineno
+            if line <= max(end, node.lineno):
+                best = range(node.lineno, max(end, node.lineno) + 1)
+    return best
+
+
+def _is_in_function(source: str, line: int) -> bool:
+    """Whether a line stands in the body of a function."""
+    return any(
+        node.body[0].lineno <= line <= (node.end_lineno or node.lineno)
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    )
+
+
+def _at_most(tests: list[str], seconds: dict[str, float]) -> Iterator[str]:
+    total = 0.0
+    for test in tests:
+        total += seconds[test]
+        if total > ENOUGH_S:
+            return
+        yield test
