@@ -234,7 +234,10 @@ PLACES = {
             {"peers": ["localhost", "robot", "10.0.0.7"], "multicast": ["false"], "index": ["auto"]},
         ),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, {"multicast": ["false"], "index": ["none"]}),
-        ({"ROS_LOCALHOST_ONLY": "1"}, {"peers": ["localhost"], "multicast": ["false"], "index": ["auto"], "interface": ["127.0.0.1"]}),
+        (
+            {"ROS_LOCALHOST_ONLY": "1"},
+            {"peers": ["localhost"], "multicast": ["false"], "index": ["auto"], "interface": ["127.0.0.1"]},
+        ),
     ],
 )
 def test_the_reach_of_discovery_is_that_of_ros(variables: dict[str, str], expected: dict[str, list[str]]) -> None:
