@@ -124,24 +124,6 @@ def test_xela_parses_no_character_more_than_twice(text: bytes, size: int, monkey
     assert counting.parsed <= 2 * size + zeros
 
 
-def test_xela_parses_numbers_without_a_leading_zero_twice() -> None:
-    (sample,) = xela.Decoder(calibrated=True).receive(XELA_NUMBERS, 0)
-    assert (sample.values == 0.5).all()
-
-
-@pytest.mark.parametrize("number", ["1" * 4000, "-1", str(1 << 63)])
-def test_xela_rejects_a_sequence_number_beyond_64_bits(number: str) -> None:
-    decoder = xela.Decoder()
-    decoder.receive(b'{"message":5}{"message":%s}' % number.encode(), 0)
-    assert (decoder.health.bad, decoder.health.lost) == (1, 0)
-
-
-def test_xela_counts_a_jump_beyond_the_longest_gap_as_a_restart() -> None:
-    decoder = xela.Decoder()
-    decoder.receive(b'{"message":5}{"message":9000000000000000000}', 0)
-    assert (decoder.health.lost, decoder.health.restarts) == (0, 1)
-
-
 class Sliding(rdt.RecordScanner):
     """A scanner that checks every place, one by one."""
 
