@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 from permits import move, set_force
 
@@ -15,7 +13,6 @@ from slipd.tools.sim import modbus_device as modbus_device_sim
 from slipd.types.samples import GripperSample
 
 ILLEGAL_FUNCTION = 1  # of Modbus exceptions
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000
 POLL = bytes.fromhex("09 04 07 D0 00 03 B1 CE")
 OLD_POLL = bytes.fromhex("09 03 07 D0 00 03 04 0E")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+
+from permits import move, set_force
 
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import Decoder, Session
@@ -13,7 +14,6 @@ from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import Gripper, make
 from slipd.types.samples import GripperSample
 
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000
 GO = (wire.SET_FORCE, wire.PREPOSITION, wire.GET_FORCE)
 
@@ -65,6 +65,18 @@ class Bench:
             while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
                 self.write(self.session.on_time(self.now_ns))
         return self
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float, seconds: float = 0.1) -> float | None:
+        """Ask for a move, and run; return the force that was accepted."""
+        accepted = move(self.session, width_m, speed_mps, force_n)
+        self.run(seconds)
+        return accepted
+
+    def set_force(self, force_n: float, seconds: float = 0.1) -> float | None:
+        """Ask for a force, and run; return the one that was accepted."""
+        accepted = set_force(self.session, force_n)
+        self.run(seconds)
+        return accepted
 
     @property
     def last(self) -> GripperSample:

@@ -7,10 +7,7 @@ import itertools
 import pytest
 
 from slipd.devices.robotiq_2f.robotiq_registers import is_activating, parse_status
-from slipd.devices.shared import modbus
-from slipd.tools.sim.emulated_robotiq_2f import Output, parse_output, status_registers, write_output
-
-TOLD = Output(activate=True, go=True, release=False, position=255, speed=128, force=60)
+from slipd.tools.sim.emulated_robotiq_2f import Output, status_registers
 
 
 def test_the_position_is_converted_to_a_width() -> None:
@@ -56,22 +53,3 @@ def test_status_words_describe_the_motion() -> None:
 
 def test_a_gripper_whose_activation_bit_is_clear_is_not_active() -> None:
     assert not parse_status((0x3000, 0, 0), 0, None).active
-
-
-def test_current_saturates() -> None:
-    registers = status_registers(TOLD, stage=3, found=2, fault=0, position=0, current_a=99)
-    assert parse_status(registers, 0, None).current_a == 2.55
-
-
-def test_output_words_are_read() -> None:
-    assert parse_output((0x0900, 0x00FF, 0x803C)) == TOLD
-    assert parse_output((0x1000, 0, 0)).release
-
-
-def test_writes_change_only_the_addressed_registers() -> None:
-    before = (0x0900, 200, 0x803C)
-    force = modbus.Request(9, modbus.WRITE, write_address=1002, registers=(0x805A,))
-    assert write_output(before, force) == (0x0900, 200, 0x805A)
-    for address, count in ((999, 1), (1003, 1), (1002, 2), (1000, 4)):
-        beside = modbus.Request(9, modbus.WRITE, write_address=address, registers=(0,) * count)
-        assert write_output(before, beside) is None

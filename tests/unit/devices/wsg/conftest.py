@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from permits import move
 from wsg_bench import Bench
 
 
@@ -18,8 +17,7 @@ def bench() -> Bench:
 @pytest.fixture
 def holding(bench: Bench) -> Bench:
     bench.gripper.part_mm = 40.0
-    assert move(bench.session, 0.0, 0.2, 10.0) == 10.0
-    bench.run(0.5)
+    assert bench.move(0.0, 0.2, 10.0, 0.5) == 10.0
     assert (bench.last.object, bench.last.moving) == ("contact_closing", False)
     bench.sent.clear()
     return bench

@@ -1,4 +1,4 @@
-"""The WSG session with its emulator, and with answers that the emulator never gives."""
+"""The WSG session with its emulator: what it asks and reads, its ranges, and the force on one pad."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ import random
 from itertools import permutations
 
 import pytest
-from permits import activate, halt, move, set_force
 from wsg_bench import GO, Bench, updates
 
 from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_commands import ANSWER_NS
 from slipd.tools.sim import emulated_wsg as sim
 from slipd.types.samples import GripperSample
 
@@ -35,6 +33,13 @@ def test_updates_arrive_at_the_period_in_complete_rounds(bench: Bench) -> None:
     assert (bench.last.echo_ok, bench.last.current_a) == (None, None)
 
 
+def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
+    bench.gripper.words |= {"temperature_warning", "script_running"}
+    bench.run(0.1)
+    assert bench.session.state == "active (temperature_warning, script_running)"
+    assert bench.last.fault == ""
+
+
 def test_the_ranges_are_those_of_the_gripper_on_one_pad(bench: Bench) -> None:
     session = bench.session
     assert session.width_range_m == (0.0, pytest.approx(0.110))
@@ -42,41 +47,32 @@ def test_the_ranges_are_those_of_the_gripper_on_one_pad(bench: Bench) -> None:
     assert session.force_range_n == (2.5, 40.0), "up to the nominal force, not the overdrive"
     assert not bench.gripper.overdrive
     session.stop()
-    assert (session.width_range_m, session.speed_range_mps, session.force_range_n) == (
-        (0.0, math.inf),
-        None,
-        (0.0, math.inf),
-    )
-
-
-def test_the_force_on_one_pad_is_half_of_what_the_gripper_receives_and_sends(holding: Bench) -> None:
-    assert holding.gripper.limit == 20.0
-    assert holding.last.force_n == 10.0
-    assert set_force(holding.session, 15.0) == 15.0
-    holding.run(0.1)
-    assert holding.sent[0] == Packet(wire.SET_FORCE, wire.set_force(30.0)[6:-2])
-    assert (holding.gripper.limit, holding.last.force_n) == (30.0, 15.0)
-
-
-def test_a_move_sets_the_force_before_it_goes_and_reads_it_back(bench: Bench) -> None:
-    assert move(bench.session, 0.02, None, 10.0) == 10.0
-    bench.run(0.5)
-    assert bench.commands() == list(GO)
-    assert sim.parse_goal(bench.sent[1].payload) == (0, 20.0, 210.0)
-    assert (bench.last.width_m, bench.last.object, bench.last.echo_ok) == (pytest.approx(0.02), "none", True)
+    ranges = session.width_range_m, session.speed_range_mps, session.force_range_n
+    assert ranges == ((0.0, math.inf), None, (0.0, math.inf))
 
 
 def test_forces_above_the_nominal_one_need_the_option_and_the_command() -> None:
     bench = Bench(Session(overdrive=True)).start()
     assert (bench.session.force_range_n, bench.session.state) == ((2.5, 60.0), "active (overdrive)")
-    assert move(bench.session, 0.02, None, 55.0) == 55.0
-    bench.run(0.1)
-    assert bench.gripper.limit == 110.0
+    assert (bench.move(0.02, None, 55.0), bench.gripper.limit) == (55.0, 110.0)
+
+
+def test_a_move_sets_the_force_before_it_goes_and_reads_it_back(bench: Bench) -> None:
+    assert bench.move(0.02, None, 10.0, 0.5) == 10.0
+    assert bench.commands() == list(GO)
+    assert sim.parse_goal(bench.sent[1].payload) == (0, 20.0, 210.0)
+    assert (bench.last.width_m, bench.last.object, bench.last.echo_ok) == (pytest.approx(0.02), "none", True)
+
+
+def test_the_force_on_one_pad_is_half_of_what_the_gripper_receives_and_sends(holding: Bench) -> None:
+    assert (holding.gripper.limit, holding.last.force_n) == (20.0, 10.0)
+    assert holding.set_force(15.0) == 15.0
+    assert holding.sent[0] == Packet(wire.SET_FORCE, wire.set_force(30.0)[6:-2])
+    assert (holding.gripper.limit, holding.last.force_n) == (30.0, 15.0)
 
 
 def test_a_force_while_holding_clamps_again_with_the_goal_that_made_the_grip(holding: Bench) -> None:
-    set_force(holding.session, 12.0)
-    holding.run(0.3)
+    holding.set_force(12.0, 0.3)
     assert holding.commands() == list(GO)
     assert sim.parse_goal(holding.sent[1].payload) == (0, 0.0, 200.0)
     assert (holding.last.width_m, holding.last.object) == (0.04, "contact_closing")
@@ -86,104 +82,30 @@ def test_a_force_after_a_restart_of_the_daemon_sets_the_limit_alone(holding: Ben
     holding.write(holding.session.stop())
     holding.start()
     holding.sent.clear()
-    assert (holding.session.force_sent_n, set_force(holding.session, 12.0)) == (None, 12.0)
-    holding.run(0.3)
+    assert (holding.session.force_sent_n, holding.set_force(12.0, 0.3)) == (None, 12.0)
     assert holding.commands() == [wire.SET_FORCE, wire.GET_FORCE]
     assert (holding.last.width_m, holding.last.force_n) == (0.04, 12.0)
 
 
-def test_a_force_while_nothing_is_held_and_no_goal_is_known_moves_nothing(bench: Bench) -> None:
-    assert set_force(bench.session, 12.0) == 12.0
-    bench.run(0.3)
-    assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
-    assert bench.last.width_m == 0.06
-
-
-def test_nothing_is_accepted_before_the_first_reading() -> None:
-    session = Session()
-    for _ in range(2):
-        assert (activate(session), halt(session), session.drop(), session.activating) == (False, False, False, False)
-        assert (move(session, 0.05, None, 5.0), set_force(session, 5.0)) == (None, None)
-        session.start(0)
-    session.on_time(0)
-    assert not session.command_lost
-
-
-def test_nothing_is_sent_before_it_is_due(bench: Bench) -> None:
-    bench.swallow = lambda _: True
-    set_force(bench.session, 10.0)
-    bench.run(0.001)
-    assert bench.session.next_deadline() == bench.now_ns + ANSWER_NS
-    assert bench.session.on_time(bench.now_ns + ANSWER_NS - 1) == b""
-
-
-def test_stop_does_not_wait_for_an_answer(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    set_force(bench.session, 20.0)
-    bench.run(0.002)
-    halt(bench.session)
-    bench.run(0.001)
-    assert bench.commands() == [wire.SET_FORCE, wire.STOP]
-
-
-@pytest.mark.parametrize("fault", wire.FAULTS)
-def test_D4_a_fault_is_named_and_nothing_is_tried_against_it(holding: Bench, fault: str) -> None:
-    holding.gripper.words.add(fault)
-    holding.run(0.5)
-    assert (holding.last.fault, holding.last.active, holding.commands()) == (fault, True, [])
-    assert holding.session.state == fault
-    assert (move(holding.session, 0.0, None, 5.0), set_force(holding.session, 5.0)) == (None, None)
-    holding.session.acknowledge()
-    holding.session.acknowledge()
-    holding.run(0.1)
-    assert (holding.commands(), holding.last.fault) == ([wire.ACKNOWLEDGE], "")
-    assert set_force(holding.session, 12.0)
-
-
-def test_a_connection_that_broke_is_a_fault_of_the_gripper(holding: Bench) -> None:
-    holding.start()
-    assert (holding.last.fault, move(holding.session, 0.0, None, 5.0)) == ("fast_stop", None)
-
-
 def test_D5_a_force_limit_that_is_read_back_differently_is_reported_while_it_lasts(bench: Bench) -> None:
-    set_force(bench.session, 10.0)
-    bench.run(0.1)
+    bench.set_force(10.0)
     assert bench.last.echo_ok is True
     bench.swallow = lambda packet: packet.id == wire.SET_FORCE and not bench.deliver([sim.encode_reply(wire.SET_FORCE)])
-    set_force(bench.session, 20.0)
     bench.samples.clear()
-    bench.run(1.0)
+    bench.set_force(20.0, 1.0)
     assert [sample.echo_ok for sample in bench.samples[1:]] == [False] * (len(bench.samples) - 1)
     bench.swallow = lambda _: False
-    set_force(bench.session, 20.0)
-    bench.run(0.1)
+    bench.set_force(20.0)
     assert bench.last.echo_ok is True
 
 
 def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(bench: Bench) -> None:
     bench.swallow = lambda packet: packet.id == wire.GET_FORCE
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    set_force(bench.session, 20.0)
+    bench.set_force(10.0, 0.01)
+    bench.set_force(20.0, 0.0)
     bench.deliver([sim.encode_number(wire.GET_FORCE, 20.0)])
     bench.run(0.03)
     assert bench.last.echo_ok is True
-
-
-@pytest.mark.parametrize(("status", "lost"), [(0, False), (19, False), (29, False), (7, True), (18, True)])
-def test_the_end_of_a_motion_may_come_at_any_time(bench: Bench, status: int, lost: bool) -> None:
-    for reply_id, name, also_lost in ((wire.PREPOSITION, "pre-position", False), (wire.HOME, "homing", status > 7)):
-        bench.session.acknowledge()
-        bench.deliver([sim.encode_reply(reply_id, status)])
-        assert bench.session.command_lost is (lost or also_lost)
-        assert not bench.session.command_lost or bench.session.state.startswith(f"command lost: {name}: ")
-
-
-def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
-    bench.gripper.words |= {"temperature_warning", "script_running"}
-    bench.run(0.1)
-    assert bench.session.state == "active (temperature_warning, script_running)"
-    assert bench.last.fault == ""
 
 
 def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> None:
@@ -191,8 +113,7 @@ def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> Non
     rng = random.Random(5)
     decoder, numbers = Decoder(), []
     for number in range(500):
-        parts = updates(float(number), 2.0 * number)
-        rng.shuffle(parts)
+        parts = rng.sample(updates(float(number), 2.0 * number), 4)
         numbers += [(1e3 * sample.width_m, sample.force_n) for sample in decoder.receive(b"".join(parts), 0)]
     assert len(numbers) >= 499  # the first state may come before its updates
     for number, (width_mm, force_n) in enumerate(numbers, start=500 - len(numbers)):
@@ -203,19 +124,17 @@ def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> Non
 def test_an_update_that_is_missing_costs_no_reading_and_a_missing_state_only_its_own() -> None:
     for order in permutations(range(4)):
         for missing in order:
-            decoder = Decoder()
             parts = updates()
             whole = b"".join(parts[at] for at in order)
             torn = b"".join(parts[at] for at in order if at != missing)
-            samples = decoder.receive(2 * whole + torn + 3 * whole, 0)
+            samples = Decoder().receive(2 * whole + torn + 3 * whole, 0)
             joined_late = order[-1] != 3  # the first state arrived before the other updates
             assert len(samples) == 6 - joined_late - (missing == 3), (order, missing)
 
 
 def test_an_update_that_is_missing_for_two_periods_gives_no_reading() -> None:
     first, second = updates(40.0), updates(41.0)
-    decoder = Decoder()
-    samples = decoder.receive(b"".join([*first, *2 * second[1:], *second]), 0)
+    samples = Decoder().receive(b"".join([*first, *2 * second[1:], *second]), 0)
     assert [sample.width_m for sample in samples] == [pytest.approx(width) for width in (0.040, 0.040, 0.041)]
 
 
@@ -232,13 +151,3 @@ def test_D4_the_state_bits_determine_the_sample() -> None:
     for word in wire.STATE_BITS.values():
         assert read(word).fault == (word if word in wire.FAULTS else "")
     assert (read().force_n, read().width_m, read().t_ns, read().echo_ok) == (10.0, pytest.approx(0.04), 5, None)
-
-
-def test_a_fault_that_is_acknowledged_while_the_gripper_is_silent_sends_and_loses_nothing(bench: Bench) -> None:
-    bench.gripper.words.add("fast_stop")
-    bench.run(0.1)
-    bench.mute = True
-    bench.run(1.5)
-    bench.session.acknowledge()
-    bench.run(0.1)
-    assert (bench.commands(), bench.session.command_lost) == ([], False)

@@ -1,10 +1,12 @@
-"""Activation of a Robotiq: its two steps, its end, and how it is cancelled."""
+"""Commands to a Robotiq: activation, and commands that are dropped, replaced, repeated or lost."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from permits import activate, forget, halt
-from robotiq_bench import ACTIVATE, CLEAR, MS, Bench
+from robotiq_bench import ACTIVATE, CLEAR, GO, MS, Bench
 
 
 def test_activation_clears_then_activates_and_waits_until_the_gripper_reports_it() -> None:
@@ -28,18 +30,6 @@ def test_activation_asked_for_while_a_poll_is_out_is_not_undone_by_its_reply(act
     assert active.commands() == [CLEAR, ACTIVATE]
 
 
-def test_half_an_activation_is_cancelled_by_a_halt_though_the_first_half_is_unanswered() -> None:
-    bench = Bench().start()
-    activate(bench.session, bench.now_ns)
-    bench.gripper.mute = True
-    bench.steps(1)
-    assert halt(bench.session)
-    assert halt(bench.session) is False
-    bench.gripper.mute = False
-    bench.steps(5)
-    assert (bench.commands(), bench.gripper.stage) == ([CLEAR], 0)
-
-
 def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: Bench) -> None:
     active.now_ns += 20 * MS
     poll = active.session.on_time(active.now_ns)
@@ -47,9 +37,7 @@ def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: 
     active.gripper.stage = 0
     active.session.receive(active.gripper.respond(poll), active.now_ns)
     active.steps(5)
-    assert active.commands() == []
-    assert active.session.command_lost
-    assert active.session.state == "command lost"
+    assert (active.commands(), active.session.command_lost, active.session.state) == ([], True, "command lost")
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
@@ -62,3 +50,42 @@ def test_a_status_received_during_a_queued_activation_counts_after_its_cancellat
     assert (bench.session.state, bench.session.activating) == ("activating", True)
     assert forget(bench.session, how)
     assert (bench.session.state, bench.session.activating) == ("active", False)
+
+
+def test_a_move_that_was_lost_before_it_was_sent_is_not_a_goal(active: Bench) -> None:
+    active.gripper.mute = True
+    active.steps(3)
+    active.move(200, 128, 60)
+    active.steps(1)
+    assert (active.commands(), active.session.command_lost, active.session.force_sent_n) == ([], True, None)
+    active.gripper.mute = False
+    active.steps(4)
+    active.set_force(90)
+    halt(active.session)
+    active.steps(2)
+    assert active.gripper.output[2] & 0xFF == 90
+
+
+def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(active: Bench) -> None:
+    active.gripper.mute = True
+    active.move(200, 128, 60)
+    active.steps(3)
+    assert active.session.state == "active"
+    active.steps(4)
+    assert active.commands() == [GO] * 3
+    assert (active.session.state, active.session.command_lost, active.session.health.lost) == ("no reply", True, 6)
+    times = [time for time, _ in active.sent]
+    assert all(later - earlier == 100 * MS for earlier, later in pairwise(times))
+
+
+def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_new_status(active: Bench) -> None:
+    active.gripper.mute = True
+    active.steps(5)
+    assert active.session.state == "no reply"
+    assert active.move(1, 2, 3) is None
+    active.gripper.mute = False
+    active.steps(2)
+    assert active.session.state == "active"
+    assert active.move(200, 128, 60)
+    active.steps(1)
+    assert (active.commands(), active.session.command_lost) == ([GO], False)
