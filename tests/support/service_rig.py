@@ -14,6 +14,7 @@ from typing import Any
 
 from daemon_peers import PATIENCE_S, Client, Device, until
 from known_zeros import keep_zeros
+from rig_parts import endpoints_of
 
 from slipd import config, service
 from slipd.service_run import Endpoints
@@ -115,6 +116,4 @@ def start(
 
 def client_of(process: subprocess.Popen[str]) -> Client:
     """Return a client of a daemon that has just been started."""
-    assert process.stdout is not None
-    lines = [process.stdout.readline().strip() for _ in range(2)]
-    return Client(Endpoints(*(line.partition(": ")[2] for line in lines)))
+    return Client(endpoints_of(process))

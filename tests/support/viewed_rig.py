@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,20 +16,16 @@ from grasp_table import grasp_table
 from gripper_table import external_gripper_table
 from known_zeros import keep_zeros
 from pushed_sensors import PADS, Contact, Sensors
-from rig_parts import first_line, part
+from rig_parts import endpoints_of, first_line, part, wait_for
 
 from slipd import config as configs
-from slipd.signals.pad import PadGeometry
-from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys, create, load
 from slipd_client.subscriber import Subscriber
 
-PATIENCE_S = 60.0
-
 FINGER = """
 [finger.{name}]
-{mu}
+mu = 0.5
 min_normal_n = 0.4
 
 [finger.{name}.wrench]
@@ -88,7 +83,6 @@ class ViewedRig:
         self.messages: dict[tuple[str, int], dict[str, Any]] = {}
         self.url = ""
         self._folder = folder
-        self._publish, self._requests = f"ipc://{folder}/run/publish", f"ipc://{folder}/run/requests"
         self._without_mu = without_mu
         self._bus = _make_keys(folder) if keyed else ""
         self._ended, self._adding = threading.Event(), threading.Lock()
@@ -117,23 +111,19 @@ class ViewedRig:
     @contextlib.contextmanager
     def start_daemon(self) -> Iterator[subprocess.Popen[str]]:
         """Start a daemon, which serves once this returns."""
-        fingers = [
-            FINGER.format(name=name, folder=self._folder, mu=self._mu(name), **_layout(pad))
-            for name, pad in PADS.items()
-        ]
         config = self._folder / "rig.toml"
         gripper = external_gripper_table(self._folder, step_n=5.0) + grasp_table(0.1)
-        config.write_text("".join(fingers) + gripper + self._bus, encoding="utf-8")
+        text = finger_tables(self._folder, without_mu=self._without_mu) + gripper + self._bus
+        config.write_text(text, encoding="utf-8")
         keep_zeros(configs.load(config))
         with part(self._folder, "slipd", "run", "--config", str(config)) as process:
-            self._publish = first_line(process).partition(": ")[2]
-            self._requests = process.stdout.readline().strip().partition(": ")[2]
+            self._endpoints = endpoints_of(process)
             yield process
 
     @contextlib.contextmanager
     def view(self, key: str) -> Iterator[str]:
         """Serve the live view to the holder of a key, and return its address."""
-        endpoints = ("--publish", self._publish, "--requests", self._requests)
+        endpoints = ("--publish", self._endpoints.publish, "--requests", self._endpoints.requests)
         keys = self._folder / "keys"
         secret = ("--key", f"{keys}/{key}.key_secret", "--server-key", f"{keys}/daemon.key") if self._bus else ()
         view = ("slipd_client.slipctl", *endpoints, *secret, "view", "--listen", "127.0.0.1:0")
@@ -142,10 +132,7 @@ class ViewedRig:
 
     def client(self) -> GripClient:
         """Return a client for requests."""
-        return GripClient(self._requests, keys=self._keys(), timeout_s=5.0)
-
-    def _mu(self, finger: str) -> str:
-        return "" if finger == self._without_mu else "mu = 0.5"
+        return GripClient(self._endpoints.requests, keys=self._keys(), timeout_s=5.0)
 
     def _keys(self) -> Keys | None:
         keys = self._folder / "keys"
@@ -154,8 +141,8 @@ class ViewedRig:
     def grip(self, force_n: float, contacts: dict[str, Contact | None]) -> None:
         """Close the gripper onto an object, which then presses on the fingers."""
         with self.client() as client:
-            self.wait(lambda: _with_lease(client, client.gripper_close, force_n))
-            self.wait(lambda: (client.status()["gripper"]["object"] or "").startswith("contact"))
+            wait_for(lambda: leased(client, lambda: client.gripper_close(force_n)))
+            wait_for(lambda: (client.status()["gripper"]["object"] or "").startswith("contact"))
         self.sensors.contacts = contacts
 
     def heard(self, topic: str) -> list[dict[str, Any]]:
@@ -163,21 +150,8 @@ class ViewedRig:
         with self._adding:
             return [body for (name, _), body in self.messages.items() if name == topic]
 
-    def wait(self, condition: Callable[[], Any]) -> Any:
-        """Wait until a condition holds, and return its value; a request that fails is tried again."""
-        until_s = time.monotonic() + PATIENCE_S
-        while True:
-            error: Exception | None = None
-            try:
-                if found := condition():
-                    return found
-            except ClientError as failed:
-                error = failed
-            assert time.monotonic() < until_s, f"the condition never held: {error}"
-            time.sleep(0.02)
-
     def _listen(self) -> None:
-        with Subscriber(self._publish, ("",), keys=self._keys()) as subscriber:
+        with Subscriber(self._endpoints.publish, ("",), keys=self._keys()) as subscriber:
             while not self._ended.is_set():
                 message = subscriber.receive(0.1)
                 if message is not None:
@@ -196,12 +170,20 @@ def _make_keys(folder: Path) -> str:
     return BUS.format(keys=keys)
 
 
-def _layout(pad: PadGeometry) -> dict[str, Any]:
-    flags = {"swap_xy": pad.swap_xy, "flip_x": pad.flip_x}
-    return {"rows": pad.rows, "cols": pad.cols} | {key: str(flag).lower() for key, flag in flags.items()}
+def finger_tables(folder: Path, *, without_mu: str = "") -> str:
+    """The tables of both fingers, whose sensors push their readings to a socket in a folder."""
+    tables = ""
+    for name, pad in PADS.items():
+        flags = {"swap_xy": str(pad.swap_xy).lower(), "flip_x": str(pad.flip_x).lower()}
+        table = FINGER.format(name=name, folder=folder, rows=pad.rows, cols=pad.cols, **flags)
+        tables += table.replace("mu = 0.5\n", "") if name == without_mu else table
+    return tables
 
 
-def _with_lease(client: GripClient, request: Callable[..., Any], *arguments: Any) -> bool:
+def leased(client: GripClient, request: Callable[[], object]) -> bool:
+    """Send a request with a lease; a WSG whose host died is in a fast stop, which is acknowledged first."""
     with client.lease():
-        request(*arguments)
+        if client.status()["gripper"]["latched_fault"]:
+            client.fault_ack()
+        request()
     return True

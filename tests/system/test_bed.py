@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -14,13 +11,13 @@ from typing import Any
 import pytest
 from bed.rig import RIGS, Place, config_text, make_rig, plan_text
 from project import MODULES
+from rig_parts import PATIENCE_S, endpoints_of, first_line, part
 
 from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
 
 pytestmark = pytest.mark.process
 
-PATIENCE_S = 60.0
 KEEPS_UP_S = 30.0
 """A machine on which streams are still late after so long cannot keep up with all devices."""
 
@@ -36,42 +33,23 @@ class Bed:
     """A daemon and its devices, each a process."""
 
     def __init__(self, folder: Path, places: list[Place]) -> None:
-        self.places = places
-        self._folder = folder
-        self._environment = os.environ | {
-            "SLIPD_RUNTIME_DIR": str(folder / "run"),
-            "PYTHONPATH": os.pathsep.join((MODULES, os.environ.get("PYTHONPATH", ""))),
-        }
+        self._folder, self.places = folder, places
 
     @contextmanager
     def devices(self) -> Iterator[None]:
-        with self._process("bed.devices", plan_text(self.places)) as process:
-            for place in self.places:
-                told = process.stdout.readline().strip() if process.stdout is not None else ""
-                assert told == place.address, "the devices do not start"
+        with part(self._folder, "bed.devices", plan_text(self.places), PYTHONPATH=MODULES) as process:
+            assert [first_line(process) for _ in self.places] == [place.address for place in self.places]
             yield
 
     @contextmanager
     def daemon(self) -> Iterator[GripClient]:
         config = self._folder / "rig.toml"
         config.write_text(config_text(self.places))
-        with self._process("slipd", "run", "--config", str(config)) as process:
-            endpoints = [process.stdout.readline() for _ in range(2)] if process.stdout is not None else []
-            assert endpoints[1].startswith("requests: "), "the daemon does not start"
-            with GripClient(endpoints[1].removeprefix("requests: ").strip()) as requester:
-                yield requester
-
-    @contextmanager
-    def _process(self, module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-        command = [sys.executable, "-m", module, *arguments]
-        with subprocess.Popen(
-            command, env=self._environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        ) as process:
-            try:
-                yield process
-            finally:
-                process.terminate()
-                process.wait(PATIENCE_S)
+        with (
+            part(self._folder, "slipd", "run", "--config", str(config)) as process,
+            GripClient(endpoints_of(process).requests) as requester,
+        ):
+            yield requester
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,6 @@ The sensors are silent, so that no force may be raised, and nothing opened.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,7 +15,8 @@ import pytest
 from grip_goals import GoalError, Joint, Outcome
 from grip_motion import carry_out
 from gripper_table import external_gripper_table
-from service_rig import Rig, client_of, start
+from rig_parts import PATIENCE_S, endpoints_of, part
+from service_rig import Rig
 
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
@@ -25,7 +24,6 @@ from slipd_client.subscriber import Subscriber
 
 pytestmark = pytest.mark.process
 
-PATIENCE_S = 60.0
 JOINT = Joint("jaw")
 PART_M = 0.04
 """Width of the part between the jaws of the emulated gripper."""
@@ -51,28 +49,16 @@ class Hand:
 
 @pytest.fixture
 def hand(rig: Rig, tmp_path: Path) -> Iterator[Hand]:
-    rig.file.write_text(
-        rig.file.read_text(encoding="utf-8") + external_gripper_table(tmp_path, step_n=5.0), encoding="utf-8"
-    )
-    emulate = [
-        sys.executable,
-        "-m",
-        "slipd.tools.sim.emulate",
-        "external_gripper",
-        "--at",
-        f"unix://{tmp_path}/gripper",
-    ]
-    with start(rig.file) as daemon, subprocess.Popen(emulate, stdout=subprocess.DEVNULL) as emulator:
-        peer = client_of(daemon)
-        peer.close()
+    gripper = external_gripper_table(tmp_path, step_n=5.0)
+    rig.file.write_text(rig.file.read_text(encoding="utf-8") + gripper, encoding="utf-8")
+    emulate = ("slipd.tools.sim.emulate", "external_gripper", "--at", f"unix://{tmp_path}/gripper")
+    with part(tmp_path, "slipd", "run", str(rig.file)) as daemon, part(tmp_path, *emulate):
+        endpoints = endpoints_of(daemon)
         with (
-            GripClient(peer.endpoints.requests, timeout_s=PATIENCE_S) as client,
-            Subscriber(peer.endpoints.publish, ("gripper",)) as messages,
+            GripClient(endpoints.requests, timeout_s=PATIENCE_S) as client,
+            Subscriber(endpoints.publish, ("gripper",)) as messages,
         ):
-            try:
-                yield Hand(client, messages)
-            finally:
-                emulator.terminate()
+            yield Hand(client, messages)
 
 
 def tried(work: Callable[[], Any], refusal: str = "nothing") -> Any:

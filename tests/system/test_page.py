@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from browser import MISSING, Browser
 from pushed_sensors import HELD, PADS, held
+from rig_parts import wait_for
 from viewed_rig import ViewedRig
 
 from slipd_client.errors import ClientError
@@ -57,7 +58,7 @@ def test_the_numbers_of_a_finger_are_those_of_the_message(parts: Parts) -> None:
                 texts: Object.fromEntries(names.map((name) => [name, field(name)]))}};
         }})()"""
     )
-    message = rig.wait(lambda: rig.messages.get(("slip.left", page["seq"])))
+    message = wait_for(lambda: rig.messages.get(("slip.left", page["seq"])))
     texts = page["texts"]
     assert page["level"] == shown(message["level"])
     for field, factor, digits in (
@@ -105,8 +106,8 @@ def test_centroid_pole_and_circles_are_drawn_where_the_numbers_say(parts: Parts)
                 centroidPixel: pixel(pad.centroid), polePixel: pixel(pad.pole.middle) }};
         }})()"""
     )
-    slip = rig.wait(lambda: rig.messages.get(("slip.left", drawn["slip"])))
-    tactile = rig.wait(lambda: rig.messages.get(("tactile.left", drawn["tactile"])))
+    slip = wait_for(lambda: rig.messages.get(("slip.left", drawn["slip"])))
+    tactile = wait_for(lambda: rig.messages.get(("tactile.left", drawn["tactile"])))
     scale, (left, top) = drawn["scale"], drawn["origin"]
     x_m, y_m = slip["centroid_m"]
     assert drawn["centroid"] == pytest.approx([left + scale * x_m, top - scale * y_m], abs=0.01)
@@ -151,9 +152,9 @@ def test_a_refused_request_shows_the_words_of_the_daemon(parts: Parts) -> None:
 def test_a_change_of_the_grip_force_reaches_the_gripper(parts: Parts) -> None:
     rig, browser = parts
     with rig.client() as client:
-        before_n = rig.wait(lambda: client.status()["gripper"]["force_command_n"])
+        before_n = wait_for(lambda: client.status()["gripper"]["force_command_n"])
         browser.press("#more", "grip force +1 N: the gripper was sent ")
-        rig.wait(lambda: client.status()["gripper"]["force_command_n"] > before_n + 0.5)
+        wait_for(lambda: client.status()["gripper"]["force_command_n"] > before_n + 0.5)
 
 
 def test_another_client_that_holds_the_lease_is_named_as_the_reason(parts: Parts) -> None:
@@ -191,7 +192,7 @@ def test_a_change_of_level_appears_in_the_list_as_it_was_published(parts: Parts)
     finally:
         rig.sensors.contacts = HELD
     for text in texts:
-        assert rig.wait(lambda text=text: any(change in text for change in published(rig))), text
+        assert wait_for(lambda text=text: any(change in text for change in published(rig))), text
 
 
 def published(rig: ViewedRig) -> set[str]:

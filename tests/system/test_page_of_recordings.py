@@ -24,15 +24,20 @@ ENDED = "slipd.source.ended && slipd.state.fingers().length > 0"
 
 
 @contextmanager
-def page_of(recording: Path) -> Iterator[str]:
-    """Serve the page of a recording; its address."""
-    command = [sys.executable, "-m", "slipd", "view", str(recording), "--listen", "127.0.0.1:0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) as process:
-        try:
-            assert process.stdout is not None
-            yield process.stdout.readline().strip().partition(": ")[2]
-        finally:
-            process.kill()
+def shown(browser: Browser, recording: Path) -> Iterator[None]:
+    """Serve the page of a recording, and open it until what it shows has been read to its end."""
+    with part(recording.parent, "slipd", "view", str(recording), "--listen", "127.0.0.1:0") as view:
+        browser.open(first_line(view).partition(": ")[2])
+        browser.until("slipd.source.ended && slipd.state.fingers().length > 0")
+        yield
+    assert browser.problems == []
+
+
+def play(browser: Browser) -> None:
+    """Play the recording to its end."""
+    browser.do(lambda page: page.select_option("#speed", "10"))
+    browser.click("#play")
+    browser.until("document.getElementById('play').textContent === 'Play'")
 
 
 def levels(browser: Browser) -> dict[str, str]:

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from browser import MISSING, PATIENCE_S, Browser
 from pushed_sensors import HELD, PADS
+from rig_parts import wait_for
 from viewed_rig import ViewedRig
 
 from slipd_client.messages.names import REASONS
@@ -103,7 +104,7 @@ def test_a_masked_taxel_is_crossed_out_and_counted(parts: Parts) -> None:
             return { ink, middles: card.drawn.pad.taxels.map(middle) };
         })()"""
     )
-    rig.wait(lambda: [HOT_TAXEL] in masked(rig))
+    wait_for(lambda: [HOT_TAXEL] in masked(rig))
     ink = bytes.fromhex(crossed["ink"].removeprefix("#"))
     marked = [max(abs(a - b) for a, b in zip(pixel, ink, strict=False)) < 60 for pixel in crossed["middles"]]
     assert [index for index, found in enumerate(marked) if found] == [HOT_TAXEL]
@@ -131,7 +132,7 @@ def test_a_finger_without_a_friction_coefficient_is_unknown_and_shows_what_is_kn
                 bar: card.drawn.bar.value };
         })()"""
     )
-    message = rig.wait(lambda: rig.messages.get(("slip.right", page["seq"])))
+    message = wait_for(lambda: rig.messages.get(("slip.right", page["seq"])))
     assert (message["mu"], message["mu_source"], message["utilisation"]) == (None, "none", None)
     assert page["level"] == message["level"].upper().replace("_", " ")
     assert REASONS[message["reasons"][0]] in page["why"]

@@ -1,145 +1,184 @@
-"""After a daemon dies or reads another config, the grip stays and the lease is gone; a recording lacks only its end."""
+"""A daemon is killed while each kind of gripper holds an object, and started again as systemd would do it."""
 
 from __future__ import annotations
 
-import os
+import asyncio
 import signal
 import subprocess
-import sys
-import tempfile
-import time
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import pytest
+from gripper_table import external_gripper_table, gripper_table
+from own_address import free_port, own_host
+from pushed_sensors import HELD, PADS, Sensors
+from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
+from viewed_rig import finger_tables, leased
 
-from slipd import config
-from slipd.recording.reader import open_recording
-from slipd.recording.replay import replay
+from slipd.service_run import Endpoints
+from slipd.tools.sim.emulate import emulated, emulator_for
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
-from slipd_client.messages import encode
+from slipd_client.health.repairs import repairs
+from slipd_client.messages.typed import Slip
 from slipd_client.subscriber import Subscriber
 
-T = TypeVar("T")
+pytestmark = pytest.mark.process
 
-PATIENCE_S = 60.0
-GRIP_N = 22.0
-"""Enough for every load of the scene, however long the second start takes."""
-
-
-@contextmanager
-def part(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    with (folder / "errors.log").open("a") as errors:
-        process = subprocess.Popen(
-            [sys.executable, "-m", *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            env=os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")},
-            text=True,
-        )
-    with process:
-        try:
-            yield process
-        finally:
-            process.terminate()
+GRIP_N = 10.0
+KINDS = ("robotiq_2f", "wsg", "external_gripper")
+WSG = '[gripper]\ndevice = "wsg"\nport = "{}"\nrate_hz = 50.0\nmax_force_n = 30.0\n'
 
 
-def line(process: subprocess.Popen[str]) -> str:
-    assert process.stdout is not None
-    return process.stdout.readline().strip()
+class Hardware(threading.Thread):
+    """An emulated gripper on its line, in this process.
+
+    Attributes:
+        forces_n: Every force of the grip so far.
+    """
+
+    def __init__(self, device: str, address: str) -> None:
+        super().__init__(daemon=True)
+        self._device, self._address = device, address
+        self.gripper: Any = emulator_for(device, address)
+        self.gripper.set_part(0.04)
+        self.forces_n: list[float] = []
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        async with emulated([(self._device, self.gripper, self._address)], self._look) as emulation:
+            running = asyncio.create_task(emulation.run())
+            await asyncio.to_thread(self._ended.wait)
+            running.cancel()
+
+    def _look(self, _: int) -> None:
+        self.forces_n.append(self.gripper.grip_n)
+
+    def end(self) -> None:
+        self._ended.set()
+        self.join(PATIENCE_S)
 
 
-def endpoints(daemon: subprocess.Popen[str]) -> tuple[str, str]:
-    publish, requests = line(daemon), line(daemon)
-    return publish.removeprefix("publish: "), requests.removeprefix("requests: ")
+class Place:
+    """A rig of one gripper and two fingers in a folder, and the daemons that are started on it."""
+
+    def __init__(self, kind: str, folder: Path) -> None:
+        self._folder = folder
+        wsg = f"tcp://{own_host()}:{free_port()}"
+        address, table = {
+            "robotiq_2f": (f"{folder}/gripper", gripper_table(f"{folder}/gripper")),
+            "wsg": (wsg, WSG.format(wsg)),
+            "external_gripper": (f"unix://{folder}/gripper", external_gripper_table(folder)),
+        }[kind]
+        self.file = folder / "rig.toml"
+        self.file.write_text(finger_tables(folder) + table, encoding="utf-8")
+        self.hardware = Hardware(kind, address)
+        self.sensors = Sensors(f"ipc://{folder}/readings")
+
+    @contextmanager
+    def daemon(self, state: str) -> Iterator[tuple[subprocess.Popen[str], Endpoints]]:
+        """Run a daemon with a state folder, and kill it."""
+        (self._folder / state).mkdir(mode=0o700, exist_ok=True)
+        folder = str(self._folder / state)
+        with part(self._folder, "slipd", "run", "--config", str(self.file), SLIPD_STATE_DIR=folder) as process:
+            yield process, endpoints_of(process)
+            process.send_signal(signal.SIGKILL)
+            process.wait(PATIENCE_S)
+
+    def is_kept(self) -> bool:
+        """The run kept a grip of which the gripper reports the contact."""
+        texts = (path.read_text() for path in (self._folder / "state").rglob("*") if path.is_file())
+        return any('"grip":{' in text and '"object":"contact_closing"' in text for text in texts)
 
 
-def insist(request: Callable[[], T]) -> T:
-    """Repeat a request until it is granted, and return the reply: on a loaded machine requests come too late."""
-    until_s = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            return request()
-        except ClientError:
-            if time.monotonic() > until_s:
-                raise
-        time.sleep(0.05)
-
-
-def move(client: GripClient, op: str, **fields: object) -> None:
-    """Send a request under a lease until it is granted: leases run out on a loaded machine."""
-    insist(lambda: (client.request("lease.acquire", ttl_ms=200), client.request(op, **fields)))
-
-
-def wait_for_grip(publish: str) -> float:
-    """Wait until the gripper reports that it holds something at rest; return the width, m."""
-    until_s = time.monotonic() + PATIENCE_S
-    with Subscriber(publish, topics=("gripper",)) as messages:
-        while True:
-            message = messages.receive(PATIENCE_S)
-            assert message is not None
-            found = message.raw
-            if found["object"] == "contact_closing" and found["active"] and not found["moving"]:
-                return float(found["width_m"])
-            assert time.monotonic() < until_s, str(found)
-
-
-def wait_for_event_after(t_ns: int, path: Path) -> None:
-    """Wait until a recording that is being written holds an event after a time."""
-    until_s = time.monotonic() + PATIENCE_S
-    while list(open_recording(path).events())[-1][0] < t_ns:
-        assert time.monotonic() < until_s
-        time.sleep(0.1)
-
-
-@pytest.mark.process
-def test_a_daemon_that_aborts_and_is_started_again_finds_the_grip_and_leaves_a_whole_recording() -> None:
+@pytest.fixture(params=KINDS)
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
+    """A gripper that held an object when its daemon was killed."""
+    place = Place(request.param, tmp_path)
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        rig, first = folder / "demo.toml", folder / "first.mcap"
-        text = config.shipped("demo.toml").read_text(encoding="utf-8")
-        rig.write_text(text.replace('"virtual/', f'"{folder}/'), encoding="utf-8")
-        line(stack.enter_context(part(folder, "slipd.tools.sim.virtual_gripper", "--dir", str(folder))))
+        for thread, end in ((place.hardware, place.hardware.end), (place.sensors, place.sensors.stop)):
+            thread.start()
+            stack.callback(end)
+        with place.daemon("state") as (_, endpoints), GripClient(endpoints.requests) as client:
+            wait_for(lambda: client.status()["gripper"]["width_m"] is not None)
+            for finger in PADS:
+                wait_for(lambda finger=finger: client.tare(finger, 0.2))
+            wait_for(lambda: leased(client, lambda: client.gripper_activate(drop=True)))
+            wait_for(lambda: client.status()["gripper"]["active"])
+            wait_for(lambda: leased(client, lambda: client.gripper_close(GRIP_N)))
+            wait_for(lambda: place.hardware.gripper.grip_n)
+            place.sensors.contacts.update(HELD)
+            wait_for(lambda: client.status()["fingers"]["left"]["level"] == "stable")
+            wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
+            wait_for(place.is_kept)
+            place.hardware.forces_n = [place.hardware.gripper.grip_n]
+        yield place
 
-        with part(folder, "slipd", "run", "--config", str(rig), "--record", str(first)) as daemon:
-            publish, requests = endpoints(daemon)
-            with GripClient(requests) as client:
-                move(client, "gripper.activate", drop=True)
-                move(client, "gripper.close", force_n=GRIP_N)
-            width_m = wait_for_grip(publish)
-            gripped_ns = time.monotonic_ns()
-            wait_for_event_after(gripped_ns, first)
-            aborted_ns = time.monotonic_ns()
-            daemon.send_signal(signal.SIGABRT)
-            assert daemon.wait(PATIENCE_S) == -signal.SIGABRT
 
-        with part(folder, "slipd", "run", "--config", str(rig)) as daemon:
-            publish, requests = endpoints(daemon)
-            serves_ns = time.monotonic_ns()
-            assert wait_for_grip(publish) == pytest.approx(width_m, abs=0.002)
-            with GripClient(requests) as client:
-                assert not insist(client.status)["lease"]["held"]
-                boot = insist(client.hello)["boot"]
-                insist(lambda: client.request("lease.acquire", ttl_ms=200))
+def first_verdicts(publish: str) -> set[tuple[str, tuple[str, ...], str | None]]:
+    """Return level, reasons and origin of the zero of the first verdict on each finger whose readings are fresh."""
+    found: dict[str, Slip] = {}
+    with Subscriber(publish, topics=("slip",), silence_s=PATIENCE_S) as messages:
+        for message in messages:
+            if isinstance(message, Slip) and "stale" not in message.reasons:
+                found.setdefault(message.finger, message)
+            if len(found) == len(PADS):
+                break
+    return {(str(each.level), each.reasons, each.tare_origin) for each in found.values()}
 
-            rig.write_text(rig.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
-            daemon.send_signal(signal.SIGHUP)  # P4: a reload is a new run, and moves nothing either
-            publish, requests = endpoints(daemon)
-            assert wait_for_grip(publish) == pytest.approx(width_m, abs=0.002)
-            with GripClient(requests) as client:
-                after = insist(client.status)
-                assert insist(client.hello)["boot"] != boot
-            assert not after["lease"]["held"]
-        recording = open_recording(first)
-        events = list(recording.events())
-        assert "ends without an end record" in (recording.fault or "")
-        assert recording.lost == 0
-        live = list(open_recording(first).messages())
-        replayed = [(topic, encode(body)) for topic, body in replay(open_recording(first))]
-        print(f"serves {(serves_ns - aborted_ns) * 1e-9:.2f} s after, lost {(aborted_ns - events[-1][0]) * 1e-9:.3f} s")
-        assert events[-1][0] >= gripped_ns
-        assert replayed[: len(live)] == live
+
+def test_A10_F6_P2_P4_what_is_held_is_known_again_and_can_be_raised_and_a_reload_moves_nothing(place: Place) -> None:
+    held_n = place.hardware.forces_n[0]
+    with place.daemon("state") as (daemon, endpoints):
+        verdicts = first_verdicts(endpoints.publish)
+        with GripClient(endpoints.requests) as client:
+            assert not wait_for(client.status)["lease"]["held"]
+            wait_for(lambda: leased(client, lambda: client.grip_adjust(0.5)))
+            wait_for(lambda: place.hardware.gripper.grip_n > held_n + 0.3)
+            advised = [repair.id for repair in repairs(client.status())]
+            boot = wait_for(client.hello)["boot"]
+        place.file.write_text(place.file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+        daemon.send_signal(signal.SIGHUP)
+        with GripClient(endpoints_of(daemon).requests) as client:
+            assert wait_for(client.hello)["boot"] != boot
+            assert not wait_for(client.status)["lease"]["held"]
+            wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
+    assert {(level, origin) for level, _, origin in verdicts} <= {("stable", "stored"), ("caution", "stored")}
+    assert "gripper-force-unknown" not in advised
+    assert min(place.hardware.forces_n) == held_n, "nothing opened or lowered it"
+    assert max(place.hardware.forces_n) <= held_n + 0.6
+
+
+@pytest.mark.parametrize("place", ["robotiq_2f"], indirect=True)
+def test_A10_F6_where_nothing_is_known_nothing_moves_and_status_says_so_first(place: Place) -> None:
+    """Without the kept state no zero is known, so that the fingers measure nothing, and a Robotiq reports no force."""
+    with place.daemon("empty") as (_, endpoints), GripClient(endpoints.requests) as client:
+        wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
+        requests_for_force = (
+            lambda: client.grip_adjust(0.5),
+            lambda: client.gripper_close(3.0),
+            lambda: client.gripper_close(GRIP_N),
+        )
+        codes = [wait_for(lambda request=request: code(client, request)) for request in requests_for_force]
+        status = wait_for(client.status)
+        assert first_verdicts(endpoints.publish) == {("unknown", ("not_tared",), None)}
+    assert codes == ["not_ready"] * len(codes)
+    first = repairs(status)[0]
+    assert (first.id, first.command) == ("gripper-force-unknown", "slipctl grip open --drop")
+    assert set(place.hardware.forces_n) == {place.hardware.forces_n[0]}
+
+
+def code(client: GripClient, request: Callable[[], object]) -> str:
+    """Code of a refusal, once the request was judged in time."""
+    try:
+        leased(client, request)
+    except ClientError as error:
+        refusal = getattr(error, "code", "")
+        return "" if refusal in ("deadline_passed", "no_lease", "lease_held", "busy") else refusal
+    return "granted"

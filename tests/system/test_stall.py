@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
@@ -17,6 +15,7 @@ from typing import Any
 import pytest
 from bed.rig import config_text, make_rig, plan_text
 from project import MODULES
+from rig_parts import endpoints_of, first_line, part, wait_for
 
 from slipd.events import Bytes, Tick
 from slipd.finger.freshness import LATE_NS, LEAST_CATCH_UP_NS
@@ -32,6 +31,7 @@ from slipd_client.subscriber import Subscriber
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(400)]
 
+Process = subprocess.Popen[str]
 MS = 1_000_000
 PATIENCE_S = 180.0
 STALLS_MS = [5, 12, 20, 35, 60, 120, 250, 500]
@@ -51,49 +51,20 @@ class Bed:
         devices: Process of the devices of each finger.
     """
 
-    def __init__(
-        self, daemon: subprocess.Popen[str], devices: dict[str, subprocess.Popen[str]], verdicts: Subscriber
-    ) -> None:
+    def __init__(self, daemon: Process, devices: dict[str, Process], verdicts: Subscriber) -> None:
         self.daemon, self.devices = daemon, devices
         self._verdicts = verdicts
-        self._newest: dict[str, tuple[str, tuple[str, ...]]] = {}
 
-    def until_known(self, *fingers: str) -> None:
-        """Wait until the level of these fingers is known."""
-        self._until(lambda: all(self._newest.get(finger, ("unknown",))[0] != "unknown" for finger in fingers))
-
-    def until_stale(self, finger: str) -> None:
-        """Wait until a finger is stale."""
-        self._until(lambda: self._newest.get(finger) == ("unknown", ("stale",)))
-
-    def _until(self, condition: Callable[[], bool]) -> None:
-        until_s = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < until_s, self._newest
+    def until(self, finger: str, *, known: bool) -> None:
+        """Wait until a finger has a level, or is stale."""
+        until_s, message = time.monotonic() + PATIENCE_S, None
+        while not (
+            isinstance(message, Slip)
+            and message.finger == finger
+            and (message.level != "unknown" if known else message.reasons == ("stale",))
+        ):
+            assert time.monotonic() < until_s, message
             message = self._verdicts.receive(0.5)
-            if isinstance(message, Slip):
-                self._newest[message.finger] = str(message.level), message.reasons
-
-
-@contextmanager
-def process(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    environment = os.environ | {
-        "SLIPD_RUNTIME_DIR": str(folder / "run"),
-        "PYTHONPATH": os.pathsep.join((MODULES, os.environ.get("PYTHONPATH", ""))),
-    }
-    with subprocess.Popen(
-        [sys.executable, "-m", *arguments], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as running:
-        try:
-            yield running
-        finally:
-            running.send_signal(signal.SIGCONT)
-            running.terminate()
-            running.wait(PATIENCE_S)
-
-
-def first_lines(running: subprocess.Popen[str], count: int) -> list[str]:
-    return [] if running.stdout is None else [running.stdout.readline().strip() for _ in range(count)]
 
 
 def tared(client: GripClient, pads: GripClient) -> bool:
@@ -126,17 +97,14 @@ def bed_in(folder: Path) -> Iterator[Bed]:
         devices = {}
         for finger in LINES:
             own = [place for place in places if place.stream.startswith(finger)]
-            devices[finger] = stack.enter_context(process(folder, "bed.devices", plan_text(own)))
-            assert first_lines(devices[finger], len(own)) == [place.address for place in own]
-        arguments = ("run", "--config", str(settings), "--record", str(folder / "run.mcap"))
-        daemon = stack.enter_context(process(folder, "slipd", *arguments))
-        publish, requests = (line.partition(": ")[2] for line in first_lines(daemon, 2))
-        with GripClient(requests, timeout_s=PATIENCE_S) as client, GripClient(requests, timeout_s=PATIENCE_S) as pads:
-            until_s = time.monotonic() + PATIENCE_S
-            while not tared(client, pads):
-                assert time.monotonic() < until_s, client.status()["streams"]
-                time.sleep(0.2)
-        yield Bed(daemon, devices, stack.enter_context(Subscriber(publish, ("slip",))))
+            devices[finger] = stack.enter_context(part(folder, "bed.devices", plan_text(own), PYTHONPATH=MODULES))
+            assert [first_line(devices[finger]) for _ in own] == [place.address for place in own]
+        record = ("--record", str(folder / "run.mcap"))
+        daemon = stack.enter_context(part(folder, "slipd", "run", "--config", str(settings), *record))
+        ends = endpoints_of(daemon)
+        clients = [stack.enter_context(GripClient(ends.requests, timeout_s=PATIENCE_S)) for _ in range(2)]
+        wait_for(lambda: tared(*clients), PATIENCE_S)
+        yield Bed(daemon, devices, stack.enter_context(Subscriber(ends.publish, ("slip",))))
 
 
 def false_alarms(recording: Recording) -> list[dict[str, Any]]:
@@ -169,7 +137,8 @@ def false_alarms(recording: Recording) -> list[dict[str, Any]]:
 
 def test_C4_P2_a_daemon_that_was_stopped_calls_no_sensor_silent_that_went_on(tmp_path: Path) -> None:
     with bed_in(tmp_path) as bed:
-        bed.until_known(*LINES)
+        for finger in LINES:
+            bed.until(finger, known=True)
         for ms in STALLS_MS:
             bed.daemon.send_signal(signal.SIGSTOP)
             time.sleep(ms / 1000)
@@ -186,11 +155,12 @@ def test_C4_P2_a_daemon_that_was_stopped_calls_no_sensor_silent_that_went_on(tmp
 
 def test_C4_F1_devices_that_stopped_meanwhile_are_stale_once_the_daemon_runs_again(tmp_path: Path) -> None:
     with bed_in(tmp_path) as bed:
-        bed.until_known(*LINES)
+        for finger in LINES:
+            bed.until(finger, known=True)
         bed.daemon.send_signal(signal.SIGSTOP)
         time.sleep(0.1)
         bed.devices["f01x"].send_signal(signal.SIGSTOP)
         time.sleep(0.1)
         bed.daemon.send_signal(signal.SIGCONT)
-        bed.until_stale("f01x")
-        bed.until_known("f00x")
+        bed.until("f01x", known=False)
+        bed.until("f00x", known=True)

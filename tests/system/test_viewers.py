@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from foxglove_client import FoxgloveClient, Received
-from project import ROOT
+from project import CONFIG
+from rig_parts import endpoints_of, first_line, part
 
 pytestmark = pytest.mark.process
-
-PATIENCE_S = 60.0
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
@@ -32,38 +27,14 @@ TOPICS = {
 }
 
 
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Starts a module as a process with a runtime directory of the test."""
-    environment = os.environ | {"SLIPD_RUNTIME_DIR": str(tmp_path / "run")}
+def test_a_client_that_is_not_ours_decodes_every_topic_of_the_running_daemon(tmp_path: Path) -> None:
+    serve = ("serve", "foxglove", "--listen", "127.0.0.1:0", "--config", str(CONFIG / "demo.toml"))
     with ExitStack() as stack:
-
-        def run(*command: str) -> subprocess.Popen[str]:
-            process = stack.enter_context(
-                subprocess.Popen(
-                    [sys.executable, "-m", *command], env=environment, stdout=subprocess.PIPE, encoding="utf-8"
-                )
-            )
-            stack.callback(process.terminate)
-            return process
-
-        yield run
-
-
-def test_a_client_that_is_not_ours_decodes_every_topic_of_the_running_daemon(
-    start: Callable[..., subprocess.Popen[str]],
-) -> None:
-    daemon = start("slipd", "demo", "--headless")
-    assert daemon.stdout is not None
-    while not daemon.stdout.readline().startswith("requests: "):
-        assert daemon.poll() is None, "the daemon does not start"
-    config = str(ROOT / "config" / "demo.toml")
-    viewers = start("slipd_client.slipctl", "serve", "foxglove", "--listen", "127.0.0.1:0", "--config", config)
-    assert viewers.stdout is not None
-    url = viewers.stdout.readline().removeprefix("foxglove: ").strip()
-    found: dict[str, Received] = {}
-    with FoxgloveClient(url) as client:
+        endpoints_of(stack.enter_context(part(tmp_path, "slipd", "demo", "--headless")))
+        viewers = stack.enter_context(part(tmp_path, "slipd_client.slipctl", *serve))
+        client = stack.enter_context(FoxgloveClient(first_line(viewers).removeprefix("foxglove: ")))
         client.subscribe(*TOPICS)
+        found: dict[str, Received] = {}
         while set(found) != set(TOPICS):
             received = client.receive()
             found[received.topic] = received
