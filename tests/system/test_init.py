@@ -13,7 +13,6 @@ from rig_parts import first_line, part
 pytestmark = pytest.mark.process
 
 
-
 def slipd(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "slipd", *arguments]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

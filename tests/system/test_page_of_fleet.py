@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import json
-import subprocess
-import sys
 import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,6 +17,7 @@ from browser import MISSING, Browser
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
+from rig_parts import first_line, part
 from zenoh_peers import free_endpoint, session
 
 from slipd_client.fleet.robot_bridge import BridgePublisher
@@ -25,6 +25,7 @@ from slipd_client.messages import encode
 
 pytestmark = pytest.mark.process
 
+Fleet = tuple[str, "dict[str, Robot]"]
 needs_browser = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 
 
@@ -57,15 +58,12 @@ class Robot:
 
 
 @pytest.fixture
-def fleet() -> Iterator[tuple[str, dict[str, Robot]]]:
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
     """The address of the page, and two robots."""
     endpoint = free_endpoint()
-    command = [sys.executable, "-m", "slipd_client.slipctl", "fleet", "--fleet", "plant", "--listen", endpoint]
-    command += ["--page", "127.0.0.1:0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process, contextlib.ExitStack() as stack:
-        stack.callback(process.kill)
-        assert process.stdout is not None
-        url = process.stdout.readline().strip().removeprefix("fleet: ")
+    fleet = ("fleet", "--fleet", "plant", "--listen", endpoint, "--page", "127.0.0.1:0")
+    with part(tmp_path, "slipd_client.slipctl", *fleet) as process, contextlib.ExitStack() as stack:
+        url = first_line(process).removeprefix("fleet: ")
         robots = {name: Robot(endpoint, name) for name in ("arm1", "arm2")}
         for robot in robots.values():
             stack.callback(robot.leaves)
@@ -81,7 +79,7 @@ def fetched(url: str, token: str | None) -> dict[str, Any]:
         return found
 
 
-def test_the_data_of_the_page_need_its_token(fleet: tuple[str, dict[str, Robot]]) -> None:
+def test_the_data_of_the_page_need_its_token(fleet: Fleet) -> None:
     url, _ = fleet
     for token in (None, "wrong"):
         with pytest.raises(urllib.error.HTTPError, match="401"):
@@ -96,9 +94,7 @@ def shows(*rows: list[Any]) -> str:
 
 
 @needs_browser
-def test_the_page_shows_levels_and_robots_that_vanish_the_most_urgent_first(
-    fleet: tuple[str, dict[str, Robot]], browser: Browser
-) -> None:
+def test_the_page_shows_levels_and_robots_that_vanish_the_most_urgent_first(fleet: Fleet, browser: Browser) -> None:
     url, robots = fleet
     browser.open(url)
     calm = ["live", "STABLE", "WARN"]
@@ -113,9 +109,7 @@ def test_the_page_shows_levels_and_robots_that_vanish_the_most_urgent_first(
 
 
 @needs_browser
-def test_the_page_says_that_two_robots_have_one_name_and_what_to_do(
-    fleet: tuple[str, dict[str, Robot]], browser: Browser
-) -> None:
+def test_the_page_says_that_two_robots_have_one_name_and_what_to_do(fleet: Fleet, browser: Browser) -> None:
     url, robots = fleet
     browser.open(url)
     calm = ["live", "STABLE", "WARN"]
@@ -133,9 +127,7 @@ def test_the_page_says_that_two_robots_have_one_name_and_what_to_do(
 
 
 @needs_browser
-def test_Z9_a_robot_that_the_view_no_longer_lists_leaves_the_page(
-    fleet: tuple[str, dict[str, Robot]], browser: Browser
-) -> None:
+def test_Z9_a_robot_that_the_view_no_longer_lists_leaves_the_page(fleet: Fleet, browser: Browser) -> None:
     """As where another displaced it: a row that stays would show its last level for ever."""
     browser.open(fleet[0])
     browser.until("slipd.rows.size === 2")

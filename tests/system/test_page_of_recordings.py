@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,15 +9,13 @@ from pathlib import Path
 import pytest
 from browser import MISSING, Browser
 from lossy_recording import lossy
-from project import DATA
+from replays import RECORDINGS
+from rig_parts import first_line, part
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 
 pytestmark = [pytest.mark.process, pytest.mark.skipif(bool(MISSING), reason=MISSING)]
-
-REPLAYS = DATA / "replays"
-ENDED = "slipd.source.ended && slipd.state.fingers().length > 0"
 
 
 @contextmanager
@@ -33,11 +28,17 @@ def shown(browser: Browser, recording: Path) -> Iterator[None]:
     assert browser.problems == []
 
 
-def play(browser: Browser) -> None:
-    """Play the recording to its end."""
+def played(browser: Browser) -> None:
+    """Play what is left of the recording as fast as the page can."""
     browser.do(lambda page: page.select_option("#speed", "10"))
-    browser.click("#play")
     browser.until("document.getElementById('play').textContent === 'Play'")
+
+
+def sought(browser: Browser) -> float:
+    """Wait until the page is where it was told to go, and return the time in the recording, s."""
+    browser.until("slipd.source.seeking === null")
+    position_s: float = browser.value("slipd.source.position")
+    return position_s
 
 
 def levels(browser: Browser) -> dict[str, str]:
@@ -65,64 +66,49 @@ def test_no_level_is_shown_through_lost_entries(browser: Browser, tmp_path: Path
         }})()"""
         return bool(browser.value(pixel))
 
-    with page_of(lossy(REPLAYS / "demo.mcap", tmp_path)) as url:
-        browser.open(url)
-        browser.until(ENDED)
+    with shown(browser, lossy(RECORDINGS / "demo.mcap", tmp_path)):
         pause(browser)
         browser.do(lambda page: page.fill("#position", "1.9"))
         browser.until("slipd.source.position === 1.9 && slipd.source.seeking === null")
         browser.until("[...document.querySelectorAll('.level')].every((level) => level.textContent === 'UNKNOWN')")
         assert [drawn(t_s) for t_s in (0.9, 1.1, 1.5, 1.85)] == [False, True, True, True]
-    assert browser.problems == []
 
 
 def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
-    messages = list(replay(open_recording(REPLAYS / "demo.mcap")))
+    messages = list(replay(open_recording(RECORDINGS / "demo.mcap")))
     begin_ns = messages[0][1]["t_ns"]
-    warnings = [
-        body
-        for topic, body in messages
-        if topic == "warning" and body["rising"] and body["level"] in ("warning", "slipping")
-    ]
-    with page_of(REPLAYS / "demo.mcap") as url:
-        browser.open(url)
-        browser.until(ENDED)
+    changes = [(body, (body["t_ns"] - begin_ns) * 1e-9) for topic, body in messages if topic == "warning"]
+    alarms = [each for each in changes if each[0]["rising"] and each[0]["level"] in ("warning", "slipping")]
+    first, first_s = alarms[0]
+    later_s = [t_s for _, t_s in alarms if t_s > first_s + 0.5]
+    with shown(browser, RECORDINGS / "demo.mcap"):
         pause(browser)
         browser.do(lambda page: page.fill("#position", "0"))
         browser.until("slipd.source.position === 0 && slipd.source.seeking === null")
         browser.click("#next")
-        browser.until("slipd.source.position > 0 && slipd.source.seeking === null")
-        first_s = (warnings[0]["t_ns"] - begin_ns) * 1e-9
-        assert browser.value("slipd.source.position") == pytest.approx(first_s, abs=0.1)
+        browser.until("slipd.source.position > 0")
+        assert sought(browser) == pytest.approx(first_s, abs=0.1)
         browser.drawn()
-        assert levels(browser)[warnings[0]["finger"]] == "WARNING"
+        assert levels(browser)[first["finger"]] == "WARNING"
         assert not browser.value("slipd.state.stale('status')")
-        shown = browser.value("document.querySelectorAll('#change-list li').length")
-        assert shown >= len(
-            [1 for topic, body in messages if topic == "warning" and body["t_ns"] <= warnings[0]["t_ns"]]
-        )
-        later = [each for each in warnings if (each["t_ns"] - begin_ns) * 1e-9 > first_s + 0.5]
-        for _ in range(len(warnings)):
+        listed = browser.value("document.querySelectorAll('#change-list li').length")
+        assert listed >= sum(t_s <= first_s for _, t_s in changes)
+        for _ in alarms:
             browser.click("#next")
-            browser.until("slipd.source.seeking === null")
-        assert browser.value("slipd.source.position") == pytest.approx((later[-1]["t_ns"] - begin_ns) * 1e-9, abs=0.1)
+            sought(browser)
+        assert sought(browser) == pytest.approx(later_s[-1], abs=0.1)
         browser.click("#previous")
-        browser.until("slipd.source.seeking === null")
-        assert browser.value("slipd.source.position") < (later[0]["t_ns"] - begin_ns) * 1e-9
-        browser.do(lambda page: page.select_option("#speed", "10"))
+        assert sought(browser) < later_s[0]
         browser.click("#play")
-        browser.until("document.getElementById('play').textContent === 'Play'")  # it has ended
-        assert browser.value("slipd.source.position") == pytest.approx(browser.value("slipd.source.seconds"))
-    assert browser.problems == []
+        played(browser)
+        assert sought(browser) == pytest.approx(browser.value("slipd.source.seconds"))
 
 
 def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_known(browser: Browser) -> None:
-    last = dict(replay(open_recording(REPLAYS / "bota.mcap")))
-    with page_of(REPLAYS / "bota.mcap") as url:
-        browser.open(url)
-        browser.until(ENDED)
-        browser.do(lambda page: page.select_option("#speed", "10"))
-        browser.until("document.getElementById('play').textContent === 'Play'")
+    last = dict(replay(open_recording(RECORDINGS / "bota.mcap")))
+    (topic,) = (topic for topic in last if topic.startswith("slip."))
+    with shown(browser, RECORDINGS / "bota.mcap"):
+        played(browser)
         browser.drawn()
         texts = browser.value(
             """Object.fromEntries([...document.querySelectorAll("[data-field]")].map(
@@ -131,11 +117,9 @@ def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_k
         assert len(levels(browser)) == 1
         assert browser.value("document.getElementById('grasp').hidden") is True
         assert "no image of the pad" in browser.value("document.querySelector('figcaption').textContent")
-        (topic,) = [topic for topic in last if topic.startswith("slip.")]
         unknown = {field for field, value in last[topic].items() if value is None} & texts.keys()
         assert {"pole_m", "tipping_margin_m", "required_friction"} <= unknown
         assert {field: texts[field] for field in unknown} == dict.fromkeys(unknown, "unknown")
-    assert browser.problems == []
 
 
 def test_odd_words_are_shown_and_a_message_that_cannot_be_drawn_is_never_shown_as_live(browser: Browser) -> None:
@@ -146,11 +130,8 @@ def test_odd_words_are_shown_and_a_message_that_cannot_be_drawn_is_never_shown_a
         slipd.source.handlers.onFrame({ now_ns: slip.t_ns, topics: { [`${part}.${finger}`]: body }, changes: [] });
     }"""
     taxel = {"rows": 1, "cols": 1, "pitch_m": 0.001, "rows_along": "+y", "cols_along": "+x", "loads_n": 5}
-    with page_of(REPLAYS / "bota.mcap") as url:
-        browser.open(url)
-        browser.until(ENDED)
-        browser.do(lambda page: page.select_option("#speed", "10"))
-        browser.until("document.getElementById('play').textContent === 'Play'")
+    with shown(browser, RECORDINGS / "bota.mcap"):
+        played(browser)
         browser.do(lambda page: page.evaluate(send, ["slip", {"level": "stable", "reasons": ["constructor"]}]))
         browser.until("document.querySelector('.why').textContent.startsWith('constructor')")
         assert set(levels(browser).values()) == {"STABLE"}
@@ -158,17 +139,16 @@ def test_odd_words_are_shown_and_a_message_that_cannot_be_drawn_is_never_shown_a
         browser.do(lambda page: page.evaluate(send, ["tactile", taxel]))
         browser.until("document.getElementById('connection').dataset.state === 'stale'")
         assert set(levels(browser).values()) == {"UNKNOWN"}
-    browser.problems.clear()
+        browser.problems.clear()
 
 
 def test_a_fetch_that_fails_is_repeated_and_the_page_recovers(browser: Browser) -> None:
     fails = True
-    with page_of(REPLAYS / "demo.mcap") as url:
-        browser.do(lambda page: page.route("**/data/block/4", lambda way: way.abort() if fails else way.continue_()))
-        browser.open(url)
-        browser.until("slipd.source.ended && document.getElementById('connection').dataset.state === 'stale'")
+    browser.do(lambda page: page.route("**/data/block/4", lambda way: way.abort() if fails else way.continue_()))
+    with shown(browser, RECORDINGS / "demo.mcap"):
+        browser.until("document.getElementById('connection').dataset.state === 'stale'")
         fails = False
         browser.until("document.getElementById('connection').dataset.state === 'recording'")
         browser.until("slipd.source.position > 4 && slipd.state.fresh('slip.left') !== null")
         browser.do(lambda page: page.unroute("**/data/block/4"))
-    browser.problems.clear()  # the failed requests
+        browser.problems.clear()  # the failed requests

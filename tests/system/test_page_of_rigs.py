@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
+import re
 import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import MISSING, PATIENCE_S, Browser
+from browser import MISSING, Browser
 from pushed_sensors import HELD, PADS
-from rig_parts import wait_for
+from rig_parts import PATIENCE_S, part, wait_for
 from viewed_rig import ViewedRig
 
 from slipd_client.messages.names import REASONS
@@ -27,38 +24,36 @@ HOT_TAXEL = 13
 
 
 def test_the_demo_leads_a_browser_to_its_page_and_shows_the_virtual_gripper(tmp_path: Path, browser: Browser) -> None:
-    """The file that the demo opens is followed by a real browser."""
-    copy, opener = tmp_path / "copy.html", tmp_path / "opener"
-    opener.write_text(f'#!/bin/sh\ncp "${{1#file://}}" {copy}.new && mv {copy}.new {copy}\n', encoding="utf-8")
+    """The file that the demo opens is followed by a real browser; only its user may read it, and no argument tells."""
+    copy, told, opener = tmp_path / "copy.html", tmp_path / "told", tmp_path / "opener"
+    opener.write_text(
+        f'#!/bin/sh\ncp -p "${{1#file://}}" {copy} && echo "$1" >{told}.new && mv {told}.new {told}\n', encoding="utf-8"
+    )
     opener.chmod(0o700)
-    environment = os.environ | {
-        "SLIPD_RUNTIME_DIR": str(tmp_path / "run"),
-        "DISPLAY": ":99",
-        "BROWSER": f"{opener} %s",
-    }
-    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "120"]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as demo:
-        try:
-            until_s = time.monotonic() + PATIENCE_S
-            while not copy.exists():
-                assert time.monotonic() < until_s
-                time.sleep(0.05)
-            browser.do(lambda page: (page.goto(copy.as_uri()), page.wait_for_url("http://127.0.0.1:*/**")))
-            browser.until("window.slipd?.cards.size === 2")
-            browser.until("[...slipd.cards.values()].every((card) => card.drawn.pad?.taxels.length === 128)")
-            browser.until("slipd.grasp.drawn.now !== null")
-            width = "document.querySelector('[data-field=\"grasp.width_m\"]').textContent"
-            browser.until(f"/^[0-9.]+ mm$/.test({width})")
-            rows = browser.until(
-                """((rows) => rows.length > 0 && rows.map((row) => row.dataset.stream))(
-                    [...document.querySelectorAll("#stream-rows tr")])"""
-            )
-            assert sorted(rows) == ["gripper", "left.pad", "left.wrench", "right.pad", "right.wrench"]
-            assert browser.problems == []
-            browser.forget()  # before its server ends
-        finally:
-            demo.send_signal(signal.SIGINT)
-            demo.wait(PATIENCE_S)
+    with part(tmp_path, "slipd", "demo", "--seconds", "120", DISPLAY=":99", BROWSER=f"{opener} %s") as demo:
+        wait_for(told.exists)
+        browser.do(lambda page: (page.goto(copy.as_uri()), page.wait_for_url("http://127.0.0.1:*/**")))
+        browser.until("window.slipd?.cards.size === 2")
+        browser.until("[...slipd.cards.values()].every((card) => card.drawn.pad?.taxels.length === 128)")
+        browser.until("slipd.grasp.drawn.now !== null")
+        width = "document.querySelector('[data-field=\"grasp.width_m\"]').textContent"
+        browser.until(f"/^[0-9.]+ mm$/.test({width})")
+        rows = browser.until(
+            """((rows) => rows.length > 0 && rows.map((row) => row.dataset.stream))(
+                [...document.querySelectorAll("#stream-rows tr")])"""
+        )
+        assert sorted(rows) == ["gripper", "left.pad", "left.wrench", "right.pad", "right.wrench"]
+        assert browser.problems == []
+        browser.forget()  # before its server ends
+        demo.send_signal(signal.SIGTERM)
+        out, _ = demo.communicate(timeout=PATIENCE_S)
+        assert demo.returncode == 0
+    (url,) = re.findall(r"^view: (http://127\.0\.0\.1:\d+/#\S{20,})$", out, re.MULTILINE)
+    assert f'content="0; url={url}"' in copy.read_text()
+    assert copy.stat().st_mode & 0o077 == 0
+    opened = told.read_text().strip()
+    assert url.partition("#")[2] not in opened, "every user can read the arguments of a process"
+    assert not Path(opened.removeprefix("file://")).exists(), "it is removed with the demo"
 
 
 @pytest.fixture(scope="module")
