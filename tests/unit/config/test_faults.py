@@ -320,6 +320,7 @@ def test_G3_a_value_that_does_not_fit_is_refused_with_its_line(old: str, new: st
         ("[levels]", f'[bus]\nrequests = "tcp://10.0.0.7:*"\n{SECRET}{REQUESTERS}[levels]'),
         ("[levels]", f'[bus]\npublish = "tcp://*:*"\nrequests = "tcp://*:*"\n{SECRET}{READERS}{REQUESTERS}[levels]'),
         ("[levels]", "[realtime]\npoll = true\n[levels]"),
+        ("[levels]", "[recording.continuous]\nkeep_bytes = 400_000_000\n[levels]"),  # room for two files
         ("rate_hz = 800", "rate_hz = 1000"),  # clocks run fast, and some sensors send more than their data sheet says
         ('port = "ws://127.0.0.1:5000"', 'port = "ws://pads"'),
         ("mu = 0.5", "mu = 0.5\nmu_max = 0.5"),
@@ -335,25 +336,16 @@ def test_a_value_at_a_limit_or_beyond_a_data_sheet_is_accepted(old: str, new: st
 
 
 def test_all_values_that_do_not_fit_are_reported_at_once() -> None:
-    text = GOOD
-    for old, new in [
-        ("caution = 0.6", "caution = 0.9"),
-        ('port = "/dev/left-pad"', 'port = "/dev/left-wrench"'),
-        ("[finger.right]", "[finger.right]\n"),
-        ("max_force_n = 25.0", "max_force_n = 99.0"),
-        ("axis_scale = [0.001, 0.001, -0.001]", "axis_scale = [0.001]"),
-    ]:
-        text = text.replace(old, new)
+    text = GOOD.replace("caution = 0.6", "caution = 0.9").replace("max_force_n = 25.0", "max_force_n = 99.0")
+    text = text.replace('"/dev/left-pad"', '"/dev/left-wrench"').replace("[0.001, 0.001, -0.001]", "[0.001]")
     paths = {"levels.caution", "finger.left.pad.port", "finger.right.pad.axis_scale", "gripper.max_force_n"}
     assert {path for path, _, _ in faults(text)} == paths
 
 
-@pytest.mark.parametrize("name", ["Left", "left_pad", 33 * "x", "link\u0073\u00e9", '"left hand"'])
+@pytest.mark.parametrize("name", ["Left", "left_pad", 33 * "x", "links\u00e9", "left hand"])
 def test_a_finger_has_a_plain_name(name: str) -> None:
-    quoted = name if name.startswith('"') or name.isascii() else f'"{name}"'
-    [(_, at, message)] = faults(GOOD.replace("finger.left", f"finger.{quoted}"))
-    plain = name.strip('"')
-    assert message == f"a finger name must consist of 1 to 32 characters a-z and 0-9, got {plain!r}"
+    [(_, at, message)] = faults(GOOD.replace("finger.left", f'finger."{name}"'))
+    assert message == f"a finger name must consist of 1 to 32 characters a-z and 0-9, got {name!r}"
     assert at in (line("[finger.left]"), None)
 
 
@@ -394,26 +386,15 @@ def test_a_finger_has_a_stream_and_a_pad_that_measures_no_shear_needs_a_force_se
 
 def test_pad_positions_in_millimetres_are_refused() -> None:
     text = config.shipped("demo").read_text(encoding="utf-8").replace("[0.085, 0.0, 0.0425, 0.0]", "[85, 0, 42, 0]")
-    [(path, at, message)] = faults(text)
-    assert (path, message) == (
-        "grasp.pads.left.positions",
-        "must be from 0 to 1 m, got 85: did you mean 85 mm? write 0.085",
-    )
-    assert at is not None
-    assert "85, 0, 42, 0" in text.splitlines()[at - 1]
-
-
-def test_room_for_two_files_is_enough() -> None:
-    text = GOOD.replace("[levels]", "[recording.continuous]\nkeep_bytes = 400_000_000\n[levels]")
-    assert config.parse(text, "rig.toml").recording.continuous.keep_bytes == 400_000_000
+    at = next(n for n, row in enumerate(text.splitlines(), start=1) if "85, 0, 42, 0" in row)
+    fault = "must be from 0 to 1 m, got 85: did you mean 85 mm? write 0.085"
+    assert faults(text) == [("grasp.pads.left.positions", at, fault)]
 
 
 def test_the_decoder_of_a_scanned_pad_gets_its_size() -> None:
     rig = config.parse(GOOD, "rig.toml")
-    left, right = rig.finger["left"].pad, rig.finger["right"].pad
-    assert left is not None
-    assert right is not None
-    assert (config.device_options(left), config.device_options(right)) == ({"rows": 8, "cols": 16}, {})
+    pads = [finger.pad for finger in rig.finger.values() if finger.pad is not None]
+    assert [config.device_options(pad) for pad in pads] == [{"rows": 8, "cols": 16}, {}]
 
 
 PADS = [
@@ -444,10 +425,8 @@ def test_a_pad_must_have_the_taxels_and_a_sensor_of_its_device(
         text = text.replace(old, new)
     if path:
         [(found, _, message)] = faults(text)
-        assert found == path
-        assert expected in message
+        assert (found, message[: len(expected)]) == (path, expected)
     else:
         assert config.parse(text, "rig.toml").finger["right"].pad is not None
     [(found, _, message)] = faults(text.replace('sensor = "1"', 'sensor = "2"'))
-    assert found == "finger.right.pad.sensor"
-    assert message == f'must be "0" or "1", the sensors of {device}, got \'2\''
+    assert (found, message) == ("finger.right.pad.sensor", f'must be "0" or "1", the sensors of {device}, got \'2\'')

@@ -23,9 +23,8 @@ SOMEBODY = 54321
 @pytest.fixture
 def rig(tmp_path: Path) -> Path:
     """A valid config in a folder of its own."""
-    folder = tmp_path / "etc"
-    folder.mkdir(mode=0o755)
-    file = folder / "rig.toml"
+    file = tmp_path / "etc" / "rig.toml"
+    file.parent.mkdir(mode=0o755)
     file.write_text((CONFIG / "demo.toml").read_text(encoding="utf-8"), encoding="utf-8")
     file.chmod(0o644)
     return file
@@ -82,12 +81,11 @@ def test_only_a_group_without_other_members_may_write(rig: Path, monkeypatch: py
 def test_owner_folder_and_target_of_a_file_and_of_a_link_are_checked(
     rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    links = rig.parent.parent / "links"
-    links.mkdir(mode=0o755)
-    link = links / "rig.toml"
+    link = rig.parent.parent / "links" / "rig.toml"
+    link.parent.mkdir(mode=0o755)
     link.symlink_to("../etc/rig.toml")
     assert config.load(link).finger
-    for folder in (links, rig.parent):
+    for folder in (link.parent, rig.parent):
         folder.chmod(0o777)
         assert f"the folder {folder} on its path" in refusal(link), "there the link can be turned elsewhere"
         folder.chmod(0o755)
@@ -99,9 +97,8 @@ def test_owner_folder_and_target_of_a_file_and_of_a_link_are_checked(
 
 @pytest.mark.parametrize(("name", "target"), [("gone", "nothing"), ("circle", "circle")])
 def test_a_broken_or_circular_link_is_refused(name: str, target: str, rig: Path) -> None:
-    link = rig.parent / name
-    link.symlink_to(target)
-    assert f"{link}: cannot be read: " in refusal(link)
+    (rig.parent / name).symlink_to(target)
+    assert f"{rig.parent / name}: cannot be read: " in refusal(rig.parent / name)
 
 
 def test_an_own_pipe_is_accepted(rig: Path) -> None:

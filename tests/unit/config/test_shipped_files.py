@@ -42,13 +42,11 @@ def test_a_page_is_found_by_every_way_to_write_it(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "../../etc/passwd", "/etc/passwd", "zzzzzz", "\0"])
-def test_an_unknown_name_is_refused_with_the_known_ones(name: str) -> None:
-    with pytest.raises(SlipdError, match=re.escape(f"there is no config {name!r}; known: bota_xela, demo, ")):
-        config_file(name)
-    with pytest.raises(SlipdError, match=re.escape(f"there is no page {name!r}; known: README, ")):
-        page_file(name)
-
-
-def test_a_misspelt_name_is_refused_with_the_nearest_one() -> None:
-    with pytest.raises(SlipdError, match=r"there is no config 'netft_wst'; did you mean 'netft_wts'\?"):
-        config_file("netft_wst")
+def test_an_unknown_name_is_refused_with_the_known_ones_and_a_misspelt_one_with_the_nearest(name: str) -> None:
+    for find, wrong, told in (
+        (config_file, name, f"there is no config {name!r}; known: bota_xela, demo, "),
+        (page_file, name, f"there is no page {name!r}; known: README, "),
+        (config_file, "netft_wst", "there is no config 'netft_wst'; did you mean 'netft_wts'?"),
+    ):
+        with pytest.raises(SlipdError, match=re.escape(told)):
+            find(wrong)

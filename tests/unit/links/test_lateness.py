@@ -65,16 +65,13 @@ def test_C4_P3_each_of_several_stalls_excuses_silence_within_its_own_bound() -> 
     assert waited.count(15 * MS) > 3, "each begins anew where the bound of the one before was reached"
 
 
-def test_the_worst_stall_is_reported_for_a_second() -> None:
+def test_the_worst_stall_is_reported_for_a_second_and_nothing_is_late_before_the_first_tick() -> None:
+    untouched = Lateness()
+    untouched.update(READ, 10**12)
+    assert untouched.late_ns == 0
     lateness = ticked(100)
     assert (lateness.worst_ns(100 * MS), lateness.first_ns, lateness.paused_ns) == (0, 0, 5 * MS)
     lateness.update(Tick(), 300 * MS)
     lateness.update(Tick(), 400 * MS)
     assert lateness.worst_ns(400 * MS) == 200 * MS
     assert lateness.worst_ns(301 * MS + SHOWN_NS) == 0
-
-
-def test_nothing_is_late_before_the_first_tick() -> None:
-    lateness = Lateness()
-    lateness.update(READ, 10**12)
-    assert lateness.late_ns == 0

@@ -17,26 +17,29 @@ def test_the_health_of_a_link_follows_it_from_opening_to_loss(links: dict[str, D
     link = links["left.wrench"]
     assert health(link, T0) == (Health.ERROR, "not opened yet")
     link.open("/dev/ttyUSB0", T0)
-    assert link.guard.opened == "/dev/ttyUSB0"
+    assert (link.guard.opened, status(link, T0)["samples"]) == ("/dev/ttyUSB0", 0)
     assert health(link, T0) == (Health.STALE, "open, but no reading yet")
-    assert status(link, T0)["samples"] == 0
     link.receive(frame(T0), T0)
-    now = status(link, T0)
-    assert (now["samples"], now["good"], now["reconnects"]) == (1, 1, 0)
-    assert status(link, T0 + 15 * MS)["age_s"] == pytest.approx(0.015)
+    now = status(link, T0 + 15 * MS)
+    assert (now["samples"], now["good"], now["reconnects"], now["age_s"]) == (1, 1, 0, pytest.approx(0.015))
     assert health(link, T0 + 20 * MS) == (Health.OK, "")
     assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
     link.close("unplugged")
-    assert health(link, T0 + 21 * MS) == (Health.ERROR, "unplugged")
-    assert status(link, T0)["clock"] == "settling"
+    assert (health(link, T0 + 21 * MS), status(link, T0)["clock"]) == ((Health.ERROR, "unplugged"), "settling")
     link.open("/dev/ttyUSB0", T0)
-    assert status(link, T0)["clock"] == "none", "another device may answer"
-    assert (status(link, T0)["reconnects"], status(link, T0)["hardware_id"]) == (1, "/dev/ttyUSB0")
+    now = status(link, T0)
+    assert now["clock"] == "none", "another device may answer"
+    assert (now["reconnects"], now["hardware_id"]) == (1, "/dev/ttyUSB0")
+
+
+@pytest.fixture
+def wrench(links: dict[str, DeviceLink]) -> DeviceLink:
+    links["left.wrench"].open("port", T0)
+    return links["left.wrench"]
 
 
 def feed(link: DeviceLink, hz: float, seconds: float, start_ns: int) -> int:
-    count = round(hz * seconds)
-    for k in range(count):
+    for k in range(round(hz * seconds)):
         t_ns = start_ns + round(k * 1e9 / hz)
         link.receive(frame(t_ns), t_ns)
     return start_ns + round(seconds * 1e9)
@@ -45,54 +48,46 @@ def feed(link: DeviceLink, hz: float, seconds: float, start_ns: int) -> int:
 @pytest.mark.parametrize(
     ("hz", "well"), [(1000.0, True), (850.0, True), (1150.0, True), (750.0, False), (1300.0, False)]
 )
-def test_a_rate_that_deviates_from_the_config_is_reported(links: dict[str, DeviceLink], hz: float, well: bool) -> None:
-    link = links["left.wrench"]
-    link.open("port", T0)
-    now = feed(link, hz, 0.1, T0)
-    health(link, now)
-    assert status(link, now)["rate_hz"] is None, "a tenth of a second counts jitter"
-    now = feed(link, hz, 1.0, now)
+def test_a_rate_that_deviates_from_the_config_is_reported(wrench: DeviceLink, hz: float, well: bool) -> None:
+    now = feed(wrench, hz, 0.1, T0)
+    health(wrench, now)
+    assert status(wrench, now)["rate_hz"] is None, "a tenth of a second counts jitter"
+    now = feed(wrench, hz, 1.0, now)
     expected = (Health.OK, "") if well else (Health.WARN, f"{hz:.0f} Hz instead of 1000 Hz")
-    assert health(link, now) == expected
-    assert status(link, now)["rate_hz"] == pytest.approx(hz, rel=0.01)
-    link.streams[""].rate_hint = DEVICES["netft"].rate_hint
-    assert ("comm.htm" in health(link, now)[1]) != well
-    link.session.health.warning = "the sensor did not take the rate"
-    assert health(link, now)[1].endswith("the sensor did not take the rate")
+    assert health(wrench, now) == expected
+    assert status(wrench, now)["rate_hz"] == pytest.approx(hz, rel=0.01)
+    wrench.streams[""].rate_hint = DEVICES["netft"].rate_hint
+    assert ("comm.htm" in health(wrench, now)[1]) != well
+    wrench.session.health.warning = "the sensor did not take the rate"
+    assert health(wrench, now)[1].endswith("the sensor did not take the rate")
 
 
-def test_damaged_frames_are_reported_only_while_they_last(links: dict[str, DeviceLink]) -> None:
-    link = links["left.wrench"]
-    link.open("port", T0)
-    link.receive(b"\xff" * 500, T0)  # before the first reading: a device that boots
-    now = feed(link, 1000.0, 0.1, T0)
-    assert health(link, now) == (Health.OK, "")
-    now = feed(link, 1000.0, 1.0, now)
-    assert health(link, now) == (Health.OK, "")
-    link.receive(b"\xff" * 300, now)
-    now = feed(link, 1000.0, 1.0, now)
-    level, message = health(link, now)
-    assert level == Health.WARN
-    assert message == "300 recent bytes belong to no frame"
-    now = feed(link, 1000.0, 1.0, now)
-    assert health(link, now) == (Health.OK, "")
-    assert status(link, now)["bad_bytes"] == 800
+def test_damaged_frames_are_reported_only_while_they_last(wrench: DeviceLink) -> None:
+    wrench.receive(b"\xff" * 500, T0)  # before the first reading: a device that boots
+    now = feed(wrench, 1000.0, 0.1, T0)
+    assert health(wrench, now) == (Health.OK, "")
+    now = feed(wrench, 1000.0, 1.0, now)
+    assert health(wrench, now) == (Health.OK, "")
+    wrench.receive(b"\xff" * 300, now)
+    now = feed(wrench, 1000.0, 1.0, now)
+    assert health(wrench, now) == (Health.WARN, "300 recent bytes belong to no frame")
+    now = feed(wrench, 1000.0, 1.0, now)
+    assert health(wrench, now) == (Health.OK, "")
+    assert status(wrench, now)["bad_bytes"] == 800
 
 
-def test_L9_a_flood_drops_the_oldest_readings_and_is_reported(links: dict[str, DeviceLink]) -> None:
-    link = links["left.wrench"]
-    link.open("port", T0)
+def test_L9_a_flood_drops_the_oldest_readings_and_is_reported(wrench: DeviceLink) -> None:
     flood = b"".join(frame(n * 1000) for n in range(1500))
-    ((_, samples, times_ns, _),) = link.receive(flood, T0)
+    ((_, samples, times_ns, _),) = wrench.receive(flood, T0)
     assert len(samples) == len(times_ns) == 1000, "a second of readings may have waited"
     assert samples[-1].device_time_ns == 1499 * 1000
-    assert (status(link, T0)["dropped"], status(link, T0)["good"]) == (500, 1500)
-    assert health(link, T0) == (Health.WARN, "sends more than 4 times its rate: the oldest readings are dropped")
-    ((_, samples, _, _),) = link.receive(flood, T0 + 10 * MS)
+    assert (status(wrench, T0)["dropped"], status(wrench, T0)["good"]) == (500, 1500)
+    assert health(wrench, T0) == (Health.WARN, "sends more than 4 times its rate: the oldest readings are dropped")
+    ((_, samples, _, _),) = wrench.receive(flood, T0 + 10 * MS)
     assert len(samples) == 40, "four times 1000 Hz for 10 ms"
-    now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
-    assert health(link, now) == (Health.OK, "")
-    assert status(link, now)["dropped"] == 500 + 1460
+    now = feed(wrench, 1000.0, 1.5, T0 + 11 * MS)
+    assert health(wrench, now) == (Health.OK, "")
+    assert status(wrench, now)["dropped"] == 500 + 1460
 
 
 def test_L9_a_slow_stream_may_bring_32_readings_at_once() -> None:
@@ -137,37 +132,21 @@ def test_L9_both_arrays_of_a_tsf85_in_each_of_1000_packets_a_second_are_no_flood
 LATER = T0 + 2 * S
 
 
-def silent(link: DeviceLink, t_ns: int = LATER, source: str = "") -> str:
-    level, message = health(link, t_ns, source)
-    assert level is Health.STALE
-    return message
+def test_a_stream_that_is_silent_reports_why_after_a_while_by_recent_bytes_alone(wrench: DeviceLink) -> None:
+    assert health(wrench, T0 + S) == (Health.STALE, "open, but no reading yet"), "right after opening"
+    now = feed(wrench, 1000.0, 1.0, T0 + S)
+    health(wrench, now)
+    assert health(wrench, now + S // 2) == (Health.STALE, "no reading for 0.50 s")
+    why = "no reading for 2.00 s: open, but no bytes arrive: is it powered? is it connected to this port?"
+    assert health(wrench, now + 2 * S) == (Health.STALE, why)
+    wrench.receive(b"\xaa" * 500, now + 3 * S)
+    assert "none is a Bota frame" in health(wrench, now + 3 * S)[1]
 
 
-def test_silence_right_after_opening_is_not_explained_yet(links: dict[str, DeviceLink]) -> None:
-    link = links["left.wrench"]
-    link.open("port", T0)
-    assert silent(link, T0 + S) == "open, but no reading yet"
-
-
-def test_a_stream_that_falls_silent_reports_why_by_recent_bytes_alone(links: dict[str, DeviceLink]) -> None:
-    link = links["left.wrench"]
-    link.open("port", T0)
-    now = feed(link, 1000.0, 1.0, T0)
-    health(link, now)
-    assert silent(link, now + S // 2) == "no reading for 0.50 s"
-    assert silent(link, now + 2 * S) == (
-        "no reading for 2.00 s: open, but no bytes arrive: is it powered? is it connected to this port?"
-    )
-    link.receive(b"\xaa" * 500, now + 3 * S)
-    assert "none is a Bota frame" in silent(link, now + 3 * S)
-
-
-def test_the_note_of_a_decoder_is_reported_with_and_without_readings(links: dict[str, DeviceLink]) -> None:
-    link = links["left.wrench"]
-    link.open("port", T0)
-    link._decoder.health.note = "press a pad"
-    assert silent(link) == "press a pad"
-    link.receive(frame(LATER), LATER)
-    assert health(link, LATER) == (Health.OK, "press a pad")
-    link._decoder.health.warning = "a monitor condition is latched"
-    assert health(link, LATER) == (Health.WARN, "a monitor condition is latched")
+def test_the_note_of_a_decoder_is_reported_with_and_without_readings(wrench: DeviceLink) -> None:
+    wrench._decoder.health.note = "press a pad"
+    assert health(wrench, LATER) == (Health.STALE, "press a pad")
+    wrench.receive(frame(LATER), LATER)
+    assert health(wrench, LATER) == (Health.OK, "press a pad")
+    wrench._decoder.health.warning = "a monitor condition is latched"
+    assert health(wrench, LATER) == (Health.WARN, "a monitor condition is latched")

@@ -23,10 +23,8 @@ Parse = Callable[[str], Config]
 def date(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:
     """Time at which a single reading was acquired; None where it does not fit the stream."""
     read = stream.update([sample], Arrival(late_ns, late_ns=late_ns))
-    if read is None:
-        return None
-    assert read.samples == [sample]
-    return read.times_ns[0]
+    assert read is None or read.samples == [sample]
+    return None if read is None else read.times_ns[0]
 
 
 def condition(stream: StreamMeter, t_ns: int) -> Condition:
@@ -37,9 +35,13 @@ def reading(t_ns: int, device_ns: int | None) -> WrenchSample:
     return WrenchSample(t_ns, device_ns, np.zeros(3), np.zeros(3))
 
 
+def made(parse: Parse, text: str, name: str = "left.wrench") -> StreamMeter:
+    return make_stream(name, parse(text).streams()[name])
+
+
 @pytest.fixture
 def stream(left: str, parse: Parse) -> StreamMeter:
-    return make_stream("left.wrench", parse(left).streams()["left.wrench"])
+    return made(parse, left)
 
 
 def test_L12_readings_that_arrive_in_bunches_get_times_of_their_own(stream: StreamMeter) -> None:
@@ -62,8 +64,7 @@ def test_C4_readings_that_waited_are_dated_by_a_clock_that_is_locked_or_the_host
         assert locked is not None
         assert locked.arrival.dated == stream.clock.locked
     assert locked.arrival == waited
-    external = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
-    pushed = external.update([reading(T0, T0)], waited)
+    pushed = made(parse, EXTERNAL).update([reading(T0, T0)], waited)
     assert pushed is not None
     assert pushed.arrival.dated
 
@@ -72,14 +73,12 @@ def test_without_a_device_clock_the_time_is_the_receipt_less_the_wait(stream: St
     assert date(stream, reading(T0, None)) == T0
     assert date(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
     assert date(stream, reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
-    assert stream.clock.state == "none"
-    assert stream.clock.uncertainty_ns is None
+    assert (stream.clock.state, stream.clock.uncertainty_ns) == ("none", None)
 
 
 def test_a_configured_delay_is_subtracted(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndelay_s = 0.002')
-    stream = make_stream("left.wrench", parse(text).streams()["left.wrench"])
-    assert date(stream, reading(T0, None)) == T0 - 2 * MS
+    assert date(made(parse, text), reading(T0, None)) == T0 - 2 * MS
 
 
 def test_an_unusable_clock_is_reported(stream: StreamMeter) -> None:
@@ -102,10 +101,9 @@ def test_F1_readings_that_come_later_than_before_make_the_stream_stale(stream: S
 
 
 def test_the_clock_of_a_scan_is_read_at_its_end(left: str, parse: Parse) -> None:
-    stream = make_stream("left.pad", parse(left).streams()["left.pad"])
+    stream = made(parse, left, "left.pad")
     for k in range(400):
-        image = TactileSample(T0 + k * 10 * MS, k * 10 * MS, np.zeros(16), dwell_ns=100_000)
-        acquired = date(stream, image)
+        acquired = date(stream, TactileSample(T0 + k * 10 * MS, k * 10 * MS, np.zeros(16), dwell_ns=100_000))
     assert acquired == pytest.approx(T0 + k * 10 * MS, abs=0.1 * MS)
     assert date(stream, TactileSample(T0, 0, np.zeros(9))) is None
     assert condition(stream, T0) == (
@@ -125,7 +123,7 @@ rate_hz = 1000.0
 
 
 def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(parse: Parse) -> None:
-    stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
+    stream = made(parse, EXTERNAL)
     assert date(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
     assert stream.host_clock
     assert condition(stream, T0) == (Health.OK, "")
@@ -139,13 +137,13 @@ def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(
 
 
 def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse) -> None:
-    stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
+    stream = made(parse, EXTERNAL)
     assert date(stream, TactileSample(T0, T0, np.zeros(16))) is None
     assert condition(stream, T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
     pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
     pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
-    pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
+    pad = made(parse, pads.replace('"left.pad"', '"p"'), "left.pad")
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
     assert pad.update(mixed) == ("left.pad", [mixed[0], mixed[2]], [T0, T0], PROMPT), "those that fit are kept"
@@ -156,7 +154,7 @@ def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse
 
 
 def test_the_stream_of_an_arm_takes_its_motion_alone(parse: Parse) -> None:
-    arm = make_stream("arm", parse(RIG).streams()["arm"])
+    arm = made(parse, RIG, "arm")
     assert date(arm, ArmSample(T0, T0 - MS, DOWN, STILL)) == T0 - MS
     assert date(arm, reading(T0, None)) is None
     assert "readings of kind WrenchSample" in condition(arm, T0)[1]

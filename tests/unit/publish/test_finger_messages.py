@@ -37,9 +37,14 @@ Wrench = Callable[..., WrenchSample]
 Image = Callable[..., TactileSample]
 
 
+def made(parse: Callable[[str], Config], text: str) -> Finger:
+    ((name, settings),) = parse(text).finger.items()
+    return known_finger(name, settings, Levels())
+
+
 @pytest.fixture
 def finger(left: str, parse: Callable[[str], Config]) -> Finger:
-    return known_finger("left", parse(left).finger["left"], Levels())
+    return made(parse, left)
 
 
 def nil(body: dict[str, Any]) -> set[str]:
@@ -144,8 +149,7 @@ def test_the_grip_needed_allows_for_the_noise_of_the_reading(
 ) -> None:
     needed = []
     for noise_n in (0.0, 0.1):
-        text = left.replace("force_std_n = 0.0", f"force_std_n = {noise_n}")
-        finger = known_finger("left", parse(text).finger["left"], Levels())
+        finger = made(parse, left.replace("force_std_n = 0.0", f"force_std_n = {noise_n}"))
         finger.update_image(image(T0 - MS, FULL))
         read_force(finger, wrench(T0, 10.0, (3.0, 0.0)))
         needed.append(slip_body(finger, finger.state)["grip_needed_n"])
@@ -163,12 +167,22 @@ def test_the_torque_limit_is_in_the_sense_of_the_spin(finger: Finger, wrench: Wr
     assert limits[0] != pytest.approx(limits[1], rel=1e-3)
 
 
-def test_the_source_of_mu_is_none_without_mu(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
-    finger = known_finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
-    read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
+@pytest.mark.parametrize("mu", [0.5, None])
+def test_without_a_coefficient_a_load_is_compared_with_what_was_carried(
+    left: str, parse: Callable[[str], Config], wrench: Wrench, image: Image, mu: float | None
+) -> None:
+    """A load of 3 N after one of 2 N was carried for 0.4 s, both at 10 N."""
+    finger = made(parse, left if mu else left.replace("mu = 0.5\n", ""))
+    for k in range(41):
+        t_ns = T0 + 10 * k * MS
+        finger.update_image(image(t_ns, FULL))
+        read_force(finger, wrench(t_ns, 10.0, (2.0 if k < 40 else 3.0, 0.001 * (k % 3))))
     body = slip_body(finger, finger.state)
-    assert (body["mu"], body["mu_source"]) == (None, "none")
-    assert body["friction_ratio"] == pytest.approx(0.1)
+    assert (body["mu"], body["mu_source"]) == ((mu, "config") if mu else (None, "none"))
+    assert (body["utilisation"], body["reasons"]) == ((pytest.approx(0.6, rel=1e-3), []) if mu else (None, ["no_mu"]))
+    assert body["required_friction"] == pytest.approx(0.3, rel=1e-3)
+    assert body["carried_friction"] == pytest.approx(0.2, rel=1e-2)
+    assert body["relative_utilisation"] == pytest.approx(1.5, rel=1e-2)
 
 
 def test_wrench_is_in_the_frame_of_the_pad_and_nil_where_a_component_is_not_finite(
@@ -254,15 +268,16 @@ def test_only_calibrated_forces_are_in_newtons(
         (papillarray.replace("[0.001, 0.001, -0.001]", "[1.0, -1.0, -1.0]"), "N", "N"),
         (papillarray, "uncalibrated", "uncalibrated"),
     ):
-        (name, settings), *_ = parse(text).finger.items()
-        finger = known_finger(name, settings, Levels())
-        assert finger.image is not None
-        assert slip_body(finger, finger.state)["force_unit"] == unit
-        assert wrench_body(finger, finger.state.force_reading)["force_unit"] == unit
-        assert tactile_body(finger, finger.image)["force_unit"] == image_unit
+        assert units(made(parse, text)) == [unit, unit, image_unit]
+
+
+def units(finger: Finger) -> list[str]:
+    """Return the units of the messages about a finger."""
+    assert finger.image is not None
+    bodies = slip_body(finger, finger.state), wrench_body(finger, finger.state.force_reading)
+    return [body["force_unit"] for body in (*bodies, tactile_body(finger, finger.image))]
 
 
 def test_raw_values_of_a_sensor_are_not_in_newtons(finger: Finger, wrench: Wrench) -> None:
     read_force(finger, wrench(T0, 10.0, status=("raw",)))
-    assert slip_body(finger, finger.state)["force_unit"] == "uncalibrated"
-    assert wrench_body(finger, finger.state.force_reading)["force_unit"] == "uncalibrated"
+    assert units(finger)[:2] == ["uncalibrated"] * 2

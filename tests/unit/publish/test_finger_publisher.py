@@ -39,6 +39,10 @@ def batch(finger: Finger, wrench: Wrench) -> VerdictBatch:
     return batch
 
 
+def publisher(finger: Finger, rates: Rates) -> FingerPublisher:
+    return FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), rates)
+
+
 def published(out: Sequence[Output]) -> list[tuple[str, int]]:
     """Topic and time of each message, ms since the first reading."""
     return [(one.topic, (one.body["t_ns"] - T0) // MS) for one in out if isinstance(one, Publish)]
@@ -53,31 +57,29 @@ def test_a_batch_is_published_like_its_readings_one_by_one(
     finger: Finger, batch: VerdictBatch, slip_hz: float, wrench_hz: float
 ) -> None:
     rates = Rates(slip_hz=slip_hz, wrench_hz=wrench_hz)
-    outs: list[list[Output]] = [[], []]
-    FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), rates).publish_batch(batch, outs[0])
-    singly = FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), rates)
+    at_once: list[Output] = []
+    one_by_one: list[Output] = []
+    publisher(finger, rates).publish_batch(batch, at_once)
+    singly = publisher(finger, rates)
     for state in batch:
-        singly.publish_state(state, outs[1])
-    assert outs[0] == outs[1]
-    assert len(times(outs[0], "warning")) == 3
+        singly.publish_state(state, one_by_one)
+    assert at_once == one_by_one
+    assert len(times(at_once, "warning")) == 3
 
 
 def test_each_topic_keeps_its_own_rate_and_a_change_is_published_beside_it(finger: Finger, batch: VerdictBatch) -> None:
     out: list[Output] = []
-    FingerPublisher(
-        finger, MessageSequencer("b00t", "rig", WallClock(0)), Rates(slip_hz=250.0, wrench_hz=500.0)
-    ).publish_batch(batch, out)
-    changes = times(out, "warning")
-    assert changes == [0, 3, 4], "stable, caution, warning"
+    publisher(finger, Rates(slip_hz=250.0, wrench_hz=500.0)).publish_batch(batch, out)
+    assert times(out, "warning") == [0, 3, 4], "stable, caution, warning"
     assert times(out, "slip.left") == [0, 3, 4, 8]
     assert times(out, "wrench.left") == [0, 2, 3, 4, 6, 8, 10]
     assert published(out) == sorted(published(out), key=lambda one: one[1])
 
 
 def test_an_image_is_published_at_its_rate_and_at_once_where_it_became_unusable(finger: Finger) -> None:
-    publisher = FingerPublisher(finger, MessageSequencer("b00t", "rig", WallClock(0)), Rates(tactile_hz=1.0))
+    images = publisher(finger, Rates(tactile_hz=1.0))
     out: list[Output] = []
     for k, status in enumerate(((), (), ("overload",), ("overload",), ())):
         finger.update_image(TactileSample(T0 + 10 * k * MS, None, np.full(16, 100.0 + k), status))
-        publisher.publish_image(T0 + 10 * k * MS, out)
+        images.publish_image(T0 + 10 * k * MS, out)
     assert times(out, "tactile.left") == [0, 20, 40]

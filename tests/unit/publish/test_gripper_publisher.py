@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
@@ -31,10 +31,6 @@ def control(left: str, gripper: str, parse: Callable[[str], Config]) -> GripperC
     return GripperControl(config, cast("GripperSession", make_session(**device_options(config))), {})
 
 
-def known(body: dict[str, Any]) -> set[str]:
-    return {name for name, value in body.items() if value is not None}
-
-
 def test_a_gripper_at_rest_is_published_with_everything_that_it_reports(control: GripperControl) -> None:
     control.update(reading())
     assert gripper_body(control, T0 + 5 * MS) == {
@@ -58,16 +54,24 @@ def test_a_gripper_at_rest_is_published_with_everything_that_it_reports(control:
 def test_of_a_lost_gripper_only_limit_fault_and_lease_are_known(control: GripperControl) -> None:
     control.update(reading())
     control.lose()
-    assert known(gripper_body(control, T0)) == {"force_limit_n", "latched_fault", "lease"}
+    body = gripper_body(control, T0)
+    assert {name for name, value in body.items() if value is not None} == {"force_limit_n", "latched_fault", "lease"}
 
 
-def test_what_a_gripper_measures_is_published_unless_it_is_not_finite(control: GripperControl) -> None:
-    control.update(reading(None, current_a=0.1, force_n=7.5))
+@pytest.mark.parametrize(
+    ("width_m", "current_a", "force_n", "published"),
+    [(None, 0.1, 7.5, (None, 0.1, 7.5)), (math.nan, math.inf, math.nan, (None, None, None))],
+)
+def test_what_a_gripper_measures_is_published_unless_it_is_not_finite(
+    control: GripperControl,
+    width_m: float | None,
+    current_a: float,
+    force_n: float,
+    published: tuple[float | None, ...],
+) -> None:
+    control.update(reading(width_m, current_a=current_a, force_n=force_n))
     body = gripper_body(control, T0)
-    assert (body["width_m"], body["current_a"], body["force_n"]) == (None, 0.1, 7.5)
-    control.update(reading(math.nan, current_a=math.inf, force_n=math.nan))
-    body = gripper_body(control, T0)
-    assert (body["width_m"], body["current_a"], body["force_n"]) == (None, None, None)
+    assert (body["width_m"], body["current_a"], body["force_n"]) == published
 
 
 def test_the_lease_is_published_with_the_time_until_it_ends(control: GripperControl) -> None:
