@@ -89,43 +89,46 @@ def test_a_change_in_another_file_of_the_folder_is_seen_in_spite_of_the_cache(tm
     assert ask(package, cache, "FrictionField") == (0.666667, 0), "a renamed type of a cached signature is no fault"
 
 
+NOWHERE = "getattr(c, 'CacheImpl', getattr(c, '_CacheImpl', None))._locator_classes = []"
+"""No place to write; no permission stops a test that runs as root."""
+ELSEWHERE = """
+kept = c.Cache.__init__
+def elsewhere(self, function):
+    kept(self, function)
+    self._file = self.__dict__.pop('_cache_file')
+c.Cache.__init__ = elsewhere
+"""
+"""A Numba that keeps its cache in another way: nobody can tell whether a cached kernel is stale."""
+
+
 @pytest.mark.process
-def test_a_cache_that_cannot_be_written_is_a_warning_and_no_crash() -> None:
-    """Numba looks for a place when it decorates; no permission stops a test that runs as root, so none is offered."""
-    code = (
-        "import numba.core.caching as c\n"
-        "getattr(c, 'CacheImpl', getattr(c, '_CacheImpl', None))._locator_classes = []\n"
-        "import warnings\n"
-        "with warnings.catch_warnings(record=True) as told:\n"
-        "    warnings.simplefilter('always')\n"
-        "    from slipd.fusion.slide import surprise_of\n"
-        "(warning,) = told\n"
-        "assert 'set NUMBA_CACHE_DIR to a writable directory' in str(warning.message), warning\n"
-        "assert round(surprise_of(2.0), 3) == 3.612\n"
-    )
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [(NOWHERE, "set NUMBA_CACHE_DIR to a writable directory"), (ELSEWHERE, "cannot be cached")],
+)
+def test_a_cache_that_cannot_be_used_is_a_warning_and_no_crash(changed: str, told: str) -> None:
+    """Numba looks for a place when it decorates."""
+    code = f"""
+import numba.core.caching as c
+{changed}
+import warnings
+with warnings.catch_warnings(record=True) as told:
+    warnings.simplefilter('always')
+    from slipd.fusion.slide import surprise_of
+assert any({told!r} in str(each.message) for each in told), told
+assert round(surprise_of(2.0), 3) == 3.612
+"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.process
-def test_a_numba_that_keeps_its_cache_in_another_way_is_used_without_a_cache() -> None:
-    """Then nobody can tell whether a cached kernel is stale."""
-    code = (
-        "import numba.core.caching as c\n"
-        "kept = c.Cache.__init__\n"
-        "def elsewhere(self, function):\n"
-        "    kept(self, function)\n"
-        "    self._file = self.__dict__.pop('_cache_file')\n"
-        "c.Cache.__init__ = elsewhere\n"
-        "import warnings\n"
-        "with warnings.catch_warnings(record=True) as told:\n"
-        "    warnings.simplefilter('always')\n"
-        "    from slipd.fusion.slide import surprise_of\n"
-        "assert any('cannot be cached' in str(w.message) for w in told), told\n"
-        "assert round(surprise_of(2.0), 3) == 3.612\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+PLAIN = {
+    "limit_surface": ("closed_form", "bad_data", "duplicate", "no_load"),
+    "limit_passes": ("follow",),
+    "levels": ("reached", "left", "mu_changes", "nor_above"),
+    "contact": ("gives_it_back", "follow", "any_size", "not_measured"),
+}
+"""Words of the tests that are run without compilation, by file."""
 
 
 @pytest.mark.process
@@ -133,17 +136,10 @@ def test_kernels_give_the_same_without_compilation() -> None:
     """The plain run is also what lets coverage see the kernels' lines."""
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         pytest.skip("this is the run without compilation")
-    here = Path(__file__).parent
-    run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here / "test_limit_surface.py")]
-    run += [str(here / name) for name in ("test_limit_passes.py", "test_levels.py", "test_contact.py")]
+    chosen = " or ".join(f"(test_{name} and ({' or '.join(words)}))" for name, words in PLAIN.items())
+    files = [str(Path(__file__).parent / f"test_{name}.py") for name in PLAIN]
+    run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *files, "-k", chosen]
     run += ["-W", "ignore::RuntimeWarning"]  # plain NumPy warns of inf · 0, which the result shows
-    words = "ring or points or obtuse or collinear or one_taxel or bad_data or duplicate or no_load or follow or moved"
-    done = subprocess.run(
-        [*run, "-k", f"{words} or level or slip"],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(run, env=environment, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stdout[-3000:]

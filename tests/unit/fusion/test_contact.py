@@ -75,13 +75,6 @@ def test_lift_off_pull_and_bad_data_are_no_contact_and_no_number(force, torque) 
     assert math.isnan(contact.friction_ratio)
 
 
-def test_a_bad_call_raises() -> None:
-    with pytest.raises(ValueError, match=r"shape \(3,\)"):
-        contact_from_wrench((0, 0), (0, 0, 0))
-    with pytest.raises(ValueError, match="min_normal_n"):
-        contact_from_wrench((0, 0, -1), (0, 0, 0), min_normal_n=0.0)
-
-
 READINGS = st.lists(
     st.tuples(
         st.sampled_from((PENDING, PENDING, PENDING, UNTRUSTED, LATE)),

@@ -64,8 +64,3 @@ def test_the_margins_of_many_points_are_those_of_each(seed: int, taxels: int) ->
 )
 def test_points_and_segments_have_no_inside_and_nothing_to_stand_on_is_no_number(x, y, point, margin) -> None:
     assert tipping_margin(x, y, point) == pytest.approx(margin, nan_ok=True)
-
-
-def test_a_bad_call_raises() -> None:
-    with pytest.raises(ValueError, match="shape"):
-        tipping_margin([0, 1], [0], (0, 0))

@@ -105,14 +105,3 @@ def test_one_taxel_takes_the_whole_load_and_the_residual_is_its_distance() -> No
     found = matched_loads([0.01], [0.0], [5.0], 2.0, (0.013, 0.004))
     assert found.loads == pytest.approx([2.0])
     assert found.centroid_residual_m == pytest.approx(0.005)
-
-
-def test_a_bad_call_raises() -> None:
-    with pytest.raises(ValueError, match="finite"):
-        grey_loads([1.0, math.nan], 1.0)
-    with pytest.raises(ValueError, match="normal_n"):
-        grey_loads([1.0], -1.0)
-    with pytest.raises(ValueError, match="shape"):
-        binary_loads([0, 1], [0], 1.0, (0, 0))
-    with pytest.raises(ValueError, match="shape of x"):
-        matched_loads([0, 1], [0, 1], [1], 1.0, (0, 0))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import math
 import subprocess
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -83,6 +85,16 @@ WRONG: list[tuple[Any, tuple[Any, ...], str]] = [
     (torque_limits, (X, Y, [LOADS.loads], MU, [FORCE], {}), "about must be numbers, got dict"),
     (utilisations, (X, Y, [LOADS.loads], "rubber", [FORCE], [SPIN], ABOUT), "mu must be numbers, got str"),
     (contact_shape, (X, Y, "image", 0.003), "pressure must be numbers, got str"),
+    (contact_shape, (X, Y, np.zeros(20), 0.003), "rows, cols"),
+    (contact_from_wrench, ((0, 0), (0, 0, 0)), r"shape \(3,\)"),
+    (partial(contact_from_wrench, min_normal_n=0.0), ((0, 0, -1), (0, 0, 0)), "min_normal_n"),
+    (grey_loads, ([1.0, math.nan], 1.0), "finite"),
+    (grey_loads, ([1.0], -1.0), "normal_n"),
+    (binary_loads, ([0, 1], [0], 1.0, (0, 0)), "shape"),
+    (matched_loads, ([0, 1], [0, 1], [1], 1.0, (0, 0)), "shape of x"),
+    (tipping_margin, ([0, 1], [0], (0, 0)), "shape"),
+    (partial(grip_needed_n, safety=0.5), (X, Y, LOADS.loads, MU, (0, 0), 0.0, (0, 0)), "safety"),
+    (partial(grip_needed_n, growth=-1.0), (X, Y, LOADS.loads, MU, (0, 0), 0.0, (0, 0)), "growth"),
 ]
 
 

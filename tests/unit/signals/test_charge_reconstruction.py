@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import lfilter
 
@@ -60,17 +58,13 @@ def rested(taxels: int = 1, tau_s: float = TAU_S) -> ChargeReconstruction:
 def test_a_press_held_for_five_leak_times_is_still_measured_and_followed_while_it_changes() -> None:
     force = press(1000.0, 5 * TAU_S)
     assert amplifiers(force, offset=0.0)[-1] < 10.0
-    assert reconstruct(force)[-1] == pytest.approx(1000.0, rel=0.005)
+    for offset in (37.0, -30_000.0, 30_000.0):
+        assert reconstruct(force, amplifiers(force, offset=offset))[-1] == pytest.approx(1000.0, rel=0.005)
+    unknown = np.where(np.arange(force.size) < 100, 0.0, 1.0)  # a moment of unknown contact ends no integration
+    assert reconstruct(unknown, amplifiers(force))[-1] == pytest.approx(1000.0, rel=0.005)
     t_s = np.arange(0.0, 5.0, STEP_S)
     moving = np.concatenate((np.zeros(200), 500.0 * np.minimum(t_s, 1.0) + 100.0 * np.sin(3.0 * t_s)))
     assert_allclose(reconstruct(moving), moving, atol=2.0)
-
-
-@pytest.mark.no_cover
-@given(offset=st.floats(-30000.0, 30000.0), n=st.floats(10.0, 30000.0))
-def test_an_offset_seen_without_contact_does_not_become_a_drift(offset: float, n: float) -> None:
-    force = press(n, 2.0)
-    assert reconstruct(force, amplifiers(force, offset=offset))[-1] == pytest.approx(n, rel=0.005)
 
 
 def test_without_contact_the_force_is_zero_and_the_offset_is_learned_slowly_but_followed() -> None:
@@ -110,13 +104,6 @@ def test_charge_that_was_not_seen_is_unknown_until_the_next_rest_and_spoils_noth
     assert reconstruct(press(600.0, 3.0), charge=asleep, begin_s=force.size * STEP_S)[-1] == pytest.approx(
         600.0, rel=0.02
     )
-
-
-def test_a_moment_of_unknown_contact_does_not_end_the_integration() -> None:
-    """Only a force sensor that reads no contact may end it: a held load must not become an offset."""
-    force = press(1000.0, 3.0)
-    unknown = np.where(np.arange(force.size) < 100, 0.0, 1.0)
-    assert reconstruct(unknown, amplifiers(force))[-1] == pytest.approx(1000.0, rel=0.005)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

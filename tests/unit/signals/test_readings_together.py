@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from watched_wrench import MS
 
 from slipd.signals.frozen import WrenchWatch, any_finding, compare
 from slipd.types.arrays import Array
 
+MS = 1_000_000
 ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))
 READS = st.lists(st.lists(st.tuples(ROWS, st.sampled_from((0, 1, 1, 1, 7, 21))), min_size=1, max_size=8), max_size=8)
 """What each reading of a read is, and how long after the one before it came, ms."""

@@ -1,17 +1,19 @@
-"""A tare is explicit, readable and reversible, and uses all the readings of its duration."""
+"""A tare is explicit, readable and reversible, and uses all the readings of its duration but those that are none."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import repeat
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from slipd.signals.averaging import MOVING_FACTOR
+from slipd.signals.averaging import LARGEST_READING, MOVING_FACTOR, Average, flushed, most_std
 from slipd.signals.tare import MIN_READINGS, Offset, Tare
 
 MS = 1_000_000
@@ -122,7 +124,7 @@ def test_a_tare_records_when_by_whom_from_what_with_which_noise_and_gravity() ->
     assert_array_equal(found.value, kept.value, "a returned offset is not changed by the next tare")
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e13])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e13, -2 * LARGEST_READING])
 def test_N1_N3_a_reading_that_no_device_can_send_is_no_part_of_an_offset(value: float) -> None:
     tare = Tare(np.zeros(2))
     tare.begin(0, 0.019)
@@ -178,3 +180,32 @@ def test_F4_an_aborted_tare_gives_its_reason() -> None:
     tare.begin(0, 1.0)
     assert tare.undo()
     assert (tare.aborted_reason, tare.aborted_text) == ("undone", "undone before it was taken")
+
+
+def average(readings: np.ndarray) -> Average:
+    found = Average(readings.shape[1:])
+    for reading in readings:
+        found.add(reading)
+    return found
+
+
+@given(arrays(np.float64, (20, 3), elements=st.floats(-100.0, 100.0)))
+def test_mean_and_spread_are_those_of_numpy(readings: np.ndarray) -> None:
+    found = average(readings)
+    assert_allclose(
+        average(1e9 + np.array([[0.0], [1.0], [2.0]])).std, (1.0,), err_msg="a small spread beside an offset"
+    )
+    assert found.count == 20
+    assert_allclose(found.mean, readings.mean(axis=0), atol=1e-9)
+    assert_allclose(found.std, readings.std(axis=0, ddof=1), atol=1e-6)
+
+
+def test_N4_a_mean_is_never_denormal() -> None:
+    found = average(np.fromiter(repeat(5e-324, 10), dtype=float).reshape(10, 1))
+    assert_array_equal(found.mean, (0.0,))
+    assert_array_equal(found.std, (0.0,))
+    assert_array_equal(flushed(np.array((5e-324, -1e-300, 1e-20, -2.0))), (0.0, 0.0, 1e-20, -2.0))
+
+
+def test_noise_that_is_not_stated_sets_no_limit() -> None:
+    assert_allclose(most_std(np.array((0.0, 0.02))), (math.inf, 0.1))
