@@ -14,6 +14,7 @@ import zmq
 from slipd_client.client_base import GripClientBase
 from slipd_client.errors import ClientError
 from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper, check_held
+from slipd_client.link import Link
 from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.topics import Message
 from slipd_client.motion import MotionAdvisorBase
@@ -65,19 +66,36 @@ class Waker:
 
 
 T = TypeVar("T")
+InLoop = TypeVar("InLoop", bound="_InLoop")
 
 AT_ONCE = 64
 """Messages returned one after another before the loop's other tasks get a turn: some milliseconds."""
 
 
-class AsyncSubscriber(SubscriberBase):
+class _InLoop:
+    """What owns a connection in the loop that runs when its ``async with`` begins."""
+
+    _link: Link
+    _waker: Waker
+
+    async def __aenter__(self: InLoop) -> InLoop:
+        self._waker = Waker(self._link.socket)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._waker.stop()
+        self._link.close()
+
+
+class AsyncSubscriber(_InLoop, SubscriberBase):
     """Receives messages in an asyncio loop, for an ``async with``. Arguments: `SubscriberBase`.
 
     A message is taken from the connection in the same step that returns it. So a cancelled ``receive``, a timeout
     around it, and an iteration that is left and begun again lose nothing.
     """
 
-    _waker: Waker
     _in_a_row = 0
 
     async def receive(self, timeout_s: float | None = None) -> Message | None:
@@ -107,7 +125,7 @@ class AsyncSubscriber(SubscriberBase):
                 await asyncio.sleep(0)
             frames = self._link.take()
             if frames is not None:
-                message = self._tracker.accept(frames)
+                message = self._accept(frames)
                 if message is not None:
                     return message
                 if by_silence:
@@ -117,16 +135,6 @@ class AsyncSubscriber(SubscriberBase):
             else:
                 self._in_a_row = 0
                 await self._waker.wait(zmq.POLLIN, until)
-
-    async def __aenter__(self) -> AsyncSubscriber:
-        self._waker = Waker(self._link.socket)
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._waker.stop()
-        self._link.close()
 
 
 class AsyncLease(LeaseKeeper):
@@ -152,7 +160,7 @@ class AsyncLease(LeaseKeeper):
         self._ended.set()
 
 
-class AsyncGripClient(GripClientBase):
+class AsyncGripClient(_InLoop, GripClientBase):
     """The asyncio client, for an ``async with``; methods and arguments are those of `GripClientBase`, to be awaited.
 
     One request at a time: several tasks may share it and wait for each other, but only the one that acquired the lease,
@@ -160,7 +168,6 @@ class AsyncGripClient(GripClientBase):
     carried out.
     """
 
-    _waker: Waker
     _turn: asyncio.Lock
 
     @contextlib.asynccontextmanager
@@ -179,47 +186,32 @@ class AsyncGripClient(GripClientBase):
         try:
             await self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
             lease.note_renewal(self._protocol.lease_asked_ns)
-            async with self._renewed(lease):
+            renewer = asyncio.create_task(self._renew(lease), name="slipd-lease")
+            lease.enter()
+            try:
                 yield lease
+            finally:
+                lease.leave()
+                renewer.cancel()
+                await asyncio.wait([renewer])
+                if not lease.lost:
+                    with contextlib.suppress(ClientError):
+                        await self._run(self._protocol.lease("lease.release", {}))
         finally:
             self._unclaim()
 
-    @contextlib.asynccontextmanager
-    async def _renewed(self, lease: AsyncLease) -> AsyncIterator[None]:
-        renewer = asyncio.create_task(self._renew(lease), name="slipd-lease")
-        lease.enter()
-        try:
-            yield
-        finally:
-            lease.leave()
-            renewer.cancel()
-            await asyncio.wait([renewer])
-            if not lease.lost:
-                with contextlib.suppress(ClientError):
-                    await self._run(self._protocol.lease("lease.release", {}))
-
     async def _renew(self, lease: AsyncLease) -> None:
-        while True:
-            await asyncio.sleep(lease.period_s)
-            if lease.lost:
-                return
+        await asyncio.sleep(lease.period_s)
+        while not lease.lost:
             try:
                 await self._run(self._renewal(lease))
             except ClientError as error:
                 lease.note_failure(error)
-            else:
-                lease.note_renewal(self._protocol.lease_asked_ns)
+            await asyncio.sleep(lease.period_s)
 
     async def __aenter__(self) -> AsyncGripClient:
-        self._waker = Waker(self._link.socket)
         self._turn = asyncio.Lock()
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._waker.stop()
-        self._link.close()
+        return await super().__aenter__()
 
     async def _run(self, steps: Steps[T]) -> T:
         try:

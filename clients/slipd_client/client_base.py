@@ -149,8 +149,10 @@ class GripClientBase:
         self._lease = None
         self._lease_slot.release()
 
-    def _renewal(self, lease: LeaseKeeper) -> Steps[Reply]:
-        return self._protocol.lease("lease.renew", {}, max(0.0, lease.left_s))
+    def _renewal(self, lease: LeaseKeeper) -> Steps[None]:
+        """Renew the lease once."""
+        yield from self._protocol.lease("lease.renew", {}, max(0.0, lease.left_s))
+        lease.note_renewal(self._protocol.lease_asked_ns)
 
     @operation
     def request(self, op: str, /, **fields: Any) -> Steps[Any]:

@@ -63,7 +63,15 @@ class FrictionNotMeasured(ClientError):  # noqa: N818 - it names what happened
     """The friction of a finger could not be measured; the text says why."""
 
 
-class RequestRefused(ClientError):  # noqa: N818 - it names what happened
+class _CodedError(SlipdClientError):
+    """A fault with a code, what would be right, and the field at fault ("" where no single one is)."""
+
+    def __init__(self, code: str, message: str, field: str = "") -> None:
+        self.code, self.message, self.field = code, message, field
+        super().__init__(fault_text(code, message, field))
+
+
+class RequestRefused(_CodedError, ClientError):  # noqa: N818 - it names what happened
     """The daemon answered, and did not carry out the request.
 
     Attributes:
@@ -71,12 +79,6 @@ class RequestRefused(ClientError):  # noqa: N818 - it names what happened
         message: What was wrong and what would be right.
         field: The field of the request at fault; "" where no single field is.
     """
-
-    def __init__(self, code: str, message: str, field: str = "") -> None:
-        self.code = code
-        self.message = message
-        self.field = field
-        super().__init__(fault_text(code, message, field))
 
 
 class TareGivenUp(RequestRefused):
@@ -97,7 +99,7 @@ class CallError(SlipdClientError, ValueError):
     """The arguments of a call are wrong; the text names the argument, the rule and the value."""
 
 
-class MessageError(SlipdClientError, ValueError):
+class MessageError(_CodedError, ValueError):
     """Bytes or values that are no acceptable message.
 
     Attributes:
@@ -106,11 +108,7 @@ class MessageError(SlipdClientError, ValueError):
         field: Dotted path of the field at fault; "" where no single field is.
     """
 
-    def __init__(self, code: ErrorCode, message: str, field: str = "") -> None:
-        self.code: ErrorCode = code
-        self.message = message
-        self.field = field
-        super().__init__(fault_text(code, message, field))
+    code: ErrorCode
 
 
 class KeyFileError(SlipdClientError, ValueError):

@@ -7,6 +7,7 @@ at which it stays while the object slides. Knows no clock, socket or terminal: m
 from __future__ import annotations
 
 import itertools
+import operator
 import statistics
 from collections import deque
 from dataclasses import dataclass
@@ -113,6 +114,9 @@ class _Reading(NamedTuple):
     ratio: float
     ratio_std: float
     normal_n: float
+
+
+_required = operator.attrgetter("required")
 
 
 class PullWatch:
@@ -234,7 +238,7 @@ class PullWatch:
         """Return the sample of the pull that ended, or the reason why it gives none."""
         before = [reading for reading in self._readings if reading.t_s <= peak.t_s]
         around = [reading.normal_n for reading in self._readings if abs(reading.t_s - peak.t_s) <= SUDDEN_S]
-        half = next((reading for reading in reversed(before) if _required(reading) <= 0.5 * peak.required), None)
+        half = next((reading for reading in reversed(before) if reading.required <= 0.5 * peak.required), None)
         if peak.ratio_std > NOISY * peak.ratio:
             return PullRejected(f"{peak.normal_n:.1f} N is too light for the noise of the sensor: squeeze harder")
         if max(around) - min(around) > SUDDEN * peak.normal_n:
@@ -273,7 +277,3 @@ def _obstacle(slip: Slip) -> str:
     if slip.required_friction is None:
         return "slipd does not know the friction that the load requires: it needs an image of the pad"
     return ""
-
-
-def _required(reading: _Reading) -> float:
-    return reading.required

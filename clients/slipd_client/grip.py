@@ -68,27 +68,22 @@ class GripClient(GripClientBase):
         try:
             self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
             lease.note_renewal(self._protocol.lease_asked_ns)
-            with self._renewed(lease):
+            ended = threading.Event()
+            work = (lease, ended, threading.current_thread())
+            renewer = threading.Thread(target=self._renew, args=work, name="slipd-lease", daemon=True)
+            renewer.start()
+            lease.enter()
+            try:
                 yield lease
+            finally:
+                lease.leave()
+                ended.set()
+                renewer.join()
+                if not lease.lost:
+                    with contextlib.suppress(ClientError):
+                        self._run(self._protocol.lease("lease.release", {}))
         finally:
             self._unclaim()
-
-    @contextlib.contextmanager
-    def _renewed(self, lease: Lease) -> Iterator[None]:
-        ended = threading.Event()
-        work = (lease, ended, threading.current_thread())
-        renewer = threading.Thread(target=self._renew, args=work, name="slipd-lease", daemon=True)
-        renewer.start()
-        lease.enter()
-        try:
-            yield
-        finally:
-            lease.leave()
-            ended.set()
-            renewer.join()
-            if not lease.lost:
-                with contextlib.suppress(ClientError):
-                    self._run(self._protocol.lease("lease.release", {}))
 
     def _renew(self, lease: Lease, ended: threading.Event, owner: threading.Thread) -> None:
         while not ended.wait(lease.period_s) and owner.is_alive() and not lease.lost:
@@ -96,8 +91,6 @@ class GripClient(GripClientBase):
                 self._run(self._renewal(lease))
             except ClientError as error:
                 lease.note_failure(error)
-            else:
-                lease.note_renewal(self._protocol.lease_asked_ns)
 
     def disconnect(self) -> None:
         """Close the connection; a second call does nothing. A lease ends with it, and the gripper keeps its force."""

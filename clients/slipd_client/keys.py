@@ -108,16 +108,9 @@ def load_allowed(directory: str | os.PathLike[str]) -> frozenset[bytes]:
         KeyFileError: The directory cannot be read, one of its files holds no public key, or the directory or one of
             them belongs to another user (except root) or may be written by others, who could then admit themselves.
     """
-    folder = Path(directory)
-    try:
-        found = folder.stat()
-        files = sorted(folder.iterdir())
-    except OSError as error:
-        raise KeyFileError(
-            f"{folder}: must be a readable directory of {PUBLIC_SUFFIX} files: {error.strerror}"
-        ) from None
-    _check_own(folder, found)
-    return frozenset(_allowed(file) for file in files if file.suffix == PUBLIC_SUFFIX)
+    files = _files(Path(directory))
+    _check_own(Path(directory), Path(directory).stat())
+    return frozenset(map(_allowed, files))
 
 
 def _allowed(file: Path) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib
 import json
 
 from slipd_client import keys
@@ -12,8 +13,14 @@ from slipd_client.grip import GripClient
 from slipd_client.messages.schema.ops import lease_rule
 from slipd_client.messages.schema.replies import Reply
 
-SERVING = ("view", "serve foxglove", "serve ros2", "serve fleet", "fleet")
-"""Commands that end by Ctrl-C."""
+SERVING = {
+    "view": ("websockets", "websockets", "page.view_command"),
+    "serve foxglove": ("foxglove", "foxglove-sdk", "viewers.viewers_command"),
+    "serve ros2": ("cyclonedds", "cyclonedds", "ros2.ros2_command"),
+    "serve fleet": ("zenoh", "eclipse-zenoh", "fleet.robot_bridge"),
+    "fleet": ("zenoh", "eclipse-zenoh", "fleet.fleet_command"),
+}
+"""Commands that end by Ctrl-C → module and package of others that each needs, and the module that carries it out."""
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -28,7 +35,9 @@ def run(chosen: argparse.Namespace) -> None:
     if command.startswith("keys "):
         keys.run(chosen)
     elif command in SERVING:
-        _serve(chosen, _keys(chosen))
+        needed, package, name = SERVING[command]
+        require(needed, package, f"slipctl {command}")
+        importlib.import_module(f"slipd_client.{name}").run(chosen, _keys(chosen))
     elif command == "watch":
         from slipd_client.watch import watch  # here, as below: a command loads only what it needs
 
@@ -42,35 +51,6 @@ def run(chosen: argparse.Namespace) -> None:
     else:
         with GripClient(chosen.requests, keys=_keys(chosen)) as client:
             _ask(client, chosen)
-
-
-def _serve(chosen: argparse.Namespace, given: keys.Keys | None) -> None:
-    """Serve other programs, or show a fleet, until interrupted."""
-    if chosen.command == "view":
-        require("websockets", "websockets", "slipctl view")
-        from slipd_client.page import view_command
-
-        view_command.run(chosen, given)
-    elif chosen.command == "serve foxglove":
-        from slipd_client.viewers import viewers_command
-
-        viewers_command.run(chosen, given)
-    elif chosen.command == "serve ros2":
-        require("cyclonedds", "cyclonedds", "slipctl serve ros2")
-        from slipd_client.ros2 import ros2_command
-
-        ros2_command.run(chosen, given)
-    elif chosen.command == "serve fleet":
-        require("zenoh", "eclipse-zenoh", "slipctl serve fleet")
-
-        from slipd_client.fleet import robot_bridge
-
-        robot_bridge.run(chosen, given)
-    else:
-        require("zenoh", "eclipse-zenoh", "slipctl fleet")
-        from slipd_client.fleet import fleet_command
-
-        fleet_command.run(chosen)
 
 
 def _ask(client: GripClient, chosen: argparse.Namespace) -> None:

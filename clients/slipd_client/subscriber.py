@@ -32,27 +32,38 @@ _DRAINED = 5000
 """Most messages that one call of `Subscriber.newest` takes, however fast they arrive."""
 
 
-class MessageTracker:
-    """Orders each message among those before it.
+class SubscriberBase:
+    """What the blocking and the asyncio subscriber share: the connection and the order of the messages.
 
     ``status`` is always received, as the daemon's sign of life where all else is quiet, but returned only to a
     subscriber that asked for it.
 
     Args:
-        topics: Beginnings of the topics to return.
-        silence_s: After so long without any message `stale` is true and `silent_at` has passed; None: never.
+        endpoint: Where the daemon publishes; its default endpoint when None.
+        topics: Beginnings of the topics to receive: ``slip`` is every finger's verdict, ``slip.left`` that of one, ""
+            is everything, also what a newer daemon adds.
+        keys: Keys of this client, for a daemon across a network; None on this machine.
+        silence_s: Iteration raises Silence after so long without any message; None waits for ever. The daemon's
+            ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon. Within
+            the block of a lease, iteration raises LeaseLost as soon as that lease may have ended.
 
     Attributes:
-        bad: Messages dropped because they could not be read.
-        bad_reason: Why the last of them could not be read.
-        prefixes: Beginnings of the topics to subscribe to.
+        bad: Messages dropped because they could not be read; the next readable one counts them as missed.
+        bad_reason: Why the last of them could not be read; "" where all could be read.
 
     Raises:
-        CallError: ``topics`` is not a sequence of strings, one of them begins no topic, or ``silence_s`` is not a
-            positive time.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, another user could listen there, ``topics`` is not a sequence
+            of strings, one of them begins no topic that this client knows, or ``silence_s`` is not a positive time.
     """
 
-    def __init__(self, topics: Sequence[str], silence_s: float | None) -> None:
+    def __init__(
+        self,
+        endpoint: str | None = None,
+        topics: Sequence[str] = ("slip",),
+        *,
+        keys: Keys | None = None,
+        silence_s: float | None = SILENCE_S,
+    ) -> None:
         strings = isinstance(topics, Sequence) and all(isinstance(each, str) for each in topics)
         if not strings or isinstance(topics, str):
             raise CallError(f'topics must be a sequence of strings, e.g. ("slip",), got {topics!r:.60}')
@@ -60,41 +71,55 @@ class MessageTracker:
             _check_beginning(each)
         if silence_s is not None:
             check_seconds("silence_s", silence_s, SILENCE_S)
-        self.silence_s = silence_s
         self.bad = 0
         self.bad_reason = ""
+        self._silence_s = silence_s
         self._topics = tuple(topics)
-        self.prefixes = self._topics if STATUS_TOPIC.startswith(self._topics) else (*self._topics, STATUS_TOPIC)
         self._boot = ""
         self._seq: dict[str, int] = {}
         self._known: set[tuple[str, str]] = set()  # topics and fingers of the messages so far
         self._last_s: float | None = None
         self._restart_pending = False
         self._since_s = time.monotonic()
+        self._link = Link(zmq.SUB, publish_endpoint() if endpoint is None else endpoint, keys)
+        for prefix in self._topics if STATUS_TOPIC.startswith(self._topics) else (*self._topics, STATUS_TOPIC):
+            self._link.socket.setsockopt(zmq.SUBSCRIBE, prefix.encode())
+
+    @property
+    def endpoint(self) -> str:
+        """Where the messages come from."""
+        return self._link.endpoint
 
     @property
     def age_s(self) -> float | None:
-        """Seconds since the last message of any topic; None before the first."""
+        """Seconds since the last message, ``status`` included; None before the first."""
         return None if self._last_s is None else time.monotonic() - self._last_s
 
     @property
     def stale(self) -> bool:
         """No message for ``silence_s``, or none ever: what was received last no longer describes the present."""
         age_s = self.age_s
-        return age_s is None or (self.silence_s is not None and age_s > self.silence_s)
+        return age_s is None or (self._silence_s is not None and age_s > self._silence_s)
 
-    @property
-    def silent_at(self) -> float:
-        """When the silence will have lasted too long, on ``time.monotonic``; infinity: never."""
-        return math.inf if self.silence_s is None else max(self._since_s, self._last_s or 0.0) + self.silence_s
-
-    def silence(self, endpoint: str) -> Silence:
-        """Return the error of a silence that lasted too long, and restart the count."""
+    def check_silence(self) -> None:
+        """Raise Silence where no message came for ``silence_s``."""
+        if time.monotonic() < self._silent_at():
+            return
         self._since_s = time.monotonic()
         unreadable = f"; {self.bad} could not be read, the last: {self.bad_reason}" if self.bad else ""
-        return Silence(f"no message from {endpoint} for {self.silence_s:g} s{unreadable}. {hint_for(endpoint)}")
+        where = self.endpoint
+        raise Silence(f"no message from {where} for {self._silence_s:g} s{unreadable}. {hint_for(where)}")
 
-    def accept(self, frames: list[bytes]) -> Message | None:
+    def _silent_at(self) -> float:
+        """Return when the silence will have lasted too long, on ``time.monotonic``; infinity: never."""
+        return math.inf if self._silence_s is None else max(self._since_s, self._last_s or 0.0) + self._silence_s
+
+    def _patient_until(self) -> float | None:
+        """Return when an iteration must check whether it may go on, on ``time.monotonic``; None: never."""
+        until = min(self._silent_at(), held_until())
+        return None if until == math.inf else until
+
+    def _accept(self, frames: list[bytes]) -> Message | None:
         """Return the message in these frames; None for one that is unreadable, a repeat, or not asked for."""
         try:
             topic, raw = read(frames)
@@ -123,72 +148,6 @@ class MessageTracker:
         return message if wanted else None
 
 
-class SubscriberBase:
-    """What the blocking and the asyncio subscriber share: the connection and the order of the messages.
-
-    Args:
-        endpoint: Where the daemon publishes; its default endpoint when None.
-        topics: Beginnings of the topics to receive: ``slip`` is every finger's verdict, ``slip.left`` that of one, ""
-            is everything, also what a newer daemon adds.
-        keys: Keys of this client, for a daemon across a network; None on this machine.
-        silence_s: Iteration raises Silence after so long without any message; None waits for ever. The daemon's
-            ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon. Within
-            the block of a lease, iteration raises LeaseLost as soon as that lease may have ended.
-
-    Raises:
-        CallError: ``endpoint`` is not a ZeroMQ endpoint, another user could listen there, ``topics`` is not a sequence
-            of strings, one of them begins no topic that this client knows, or ``silence_s`` is not a positive time.
-    """
-
-    def __init__(
-        self,
-        endpoint: str | None = None,
-        topics: Sequence[str] = ("slip",),
-        *,
-        keys: Keys | None = None,
-        silence_s: float | None = SILENCE_S,
-    ) -> None:
-        self._tracker = MessageTracker(topics, silence_s)
-        self._link = Link(zmq.SUB, publish_endpoint() if endpoint is None else endpoint, keys)
-        for prefix in self._tracker.prefixes:
-            self._link.socket.setsockopt(zmq.SUBSCRIBE, prefix.encode())
-
-    @property
-    def endpoint(self) -> str:
-        """Where the messages come from."""
-        return self._link.endpoint
-
-    @property
-    def age_s(self) -> float | None:
-        """Seconds since the last message, ``status`` included; None before the first."""
-        return self._tracker.age_s
-
-    @property
-    def stale(self) -> bool:
-        """No message for ``silence_s``, or none ever: what was received last no longer describes the present."""
-        return self._tracker.stale
-
-    def _patient_until(self) -> float | None:
-        """Return when an iteration must check whether it may go on, on ``time.monotonic``; None: never."""
-        until = min(self._tracker.silent_at, held_until())
-        return None if until == math.inf else until
-
-    def check_silence(self) -> None:
-        """Raise Silence where no message came for ``silence_s``."""
-        if time.monotonic() >= self._tracker.silent_at:
-            raise self._tracker.silence(self.endpoint)
-
-    @property
-    def bad(self) -> int:
-        """Messages dropped because they could not be read; the next readable one counts them as missed."""
-        return self._tracker.bad
-
-    @property
-    def bad_reason(self) -> str:
-        """Why the last of them could not be read; "" where all could be read."""
-        return self._tracker.bad_reason
-
-
 class Subscriber(SubscriberBase):
     """Receives messages; blocking, for one thread, best used in a ``with`` statement. Arguments: `SubscriberBase`."""
 
@@ -201,7 +160,7 @@ class Subscriber(SubscriberBase):
 
         For a display: what it has no time to show is not decoded. The next message of its topic counts it as missed.
         """
-        accepted = map(self._tracker.accept, self._link.newest(_DRAINED))
+        accepted = map(self._accept, self._link.newest(_DRAINED))
         return [message for message in accepted if message is not None]
 
     def __iter__(self) -> Iterator[Message]:
@@ -222,7 +181,7 @@ class Subscriber(SubscriberBase):
     def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
         """Return the next message before ``until``; ``by_silence``: any message moves ``until`` on."""
         while (frames := self._link.receive(until)) is not None:
-            message = self._tracker.accept(frames)
+            message = self._accept(frames)
             if message is not None:
                 return message
             if by_silence:

@@ -247,7 +247,7 @@ DEFAULT_SIZE = os.terminal_size((80, 24))
 
 def is_screen(stream: TextIO) -> bool:
     """Return whether a stream is a terminal with a movable cursor."""
-    return stream.isatty() and not _dumb()
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def terminal_of(stream: TextIO, columns: int, lines: int) -> Terminal:
@@ -274,8 +274,3 @@ def ascii_only(stream: TextIO) -> bool:
     by_hand = os.environ.get("LC_CTYPE", "").replace("C.UTF-8", "")
     locale = os.environ.get("LC_ALL") or by_hand or os.environ.get("LANG") or "C"
     return "utf8" not in locale.lower().replace("-", "")
-
-
-def _dumb() -> bool:
-    """Return whether the terminal knows no escape sequences, by TERM."""
-    return os.environ.get("TERM") == "dumb"

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from slipd_client.errors import require
 from slipd_client.fleet.fleet_listener import FleetListener
@@ -31,6 +30,9 @@ from slipd_client.terminal import (
     spelled,
     terminal_of,
 )
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
 
 NAME_CELLS = 16
 
@@ -138,85 +140,66 @@ REDRAW_S = 0.2
 LINE_S = 1.0
 
 
-def run(chosen: argparse.Namespace) -> None:
-    """Carry out the command.
+def run(chosen: argparse.Namespace, _: Keys | None) -> None:
+    """Carry out the command; a fleet has no keys of ZeroMQ.
 
     Raises:
         CallError: An argument is wrong, or Zenoh or the page cannot start.
         ClientError: With ``--once``, there was no router for ``ROUTER_S``.
     """
-    with _listening(chosen) as listener:
+    reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
+    wait_s = ROUTER_S if chosen.once else math.inf
+    with opened(configuration(reach, "router"), described(reach), wait_s) as session:
+        listener = FleetListener(session, chosen.fleet, chosen.robots)
         if chosen.page is not None:
-            _serve_page(chosen, listener)
-        elif chosen.once:
-            _take(listener, GATHER_S)
-            _print_once(chosen, listener)
-        elif chosen.json:
-            while True:
-                _take(listener, LINE_S)
-                print(json.dumps(fleet_map(chosen.fleet, _rows(listener), _unread(listener))), flush=True)
+            require("websockets", "websockets", "slipctl fleet --page")
+            from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
+
+            fleet_page.serve(chosen.fleet, listener, chosen.page)
+        elif chosen.once or chosen.json:
+            _print(chosen, listener)
         elif is_screen(sys.stdout):
             _redraw(chosen.fleet, listener)
         else:
             _print_changes(listener)
 
 
-@contextlib.contextmanager
-def _listening(chosen: argparse.Namespace) -> Iterator[FleetListener]:
-    """Listen to the fleet while the block runs."""
-    reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
-    wait_s = ROUTER_S if chosen.once else math.inf
-    with opened(configuration(reach, "router"), described(reach), wait_s) as session:
-        yield FleetListener(session, chosen.fleet, chosen.robots)
-
-
-def _take(listener: FleetListener, seconds: float) -> None:
-    """Take what arrives within some seconds."""
+def _rows(listener: FleetListener, seconds: float = 0.0) -> list[RobotRow]:
+    """Take what arrives within some seconds, and return the robots."""
     until_s = time.monotonic() + seconds
     while (left_s := until_s - time.monotonic()) > 0:
         listener.take(left_s)
+    return listener.state.rows(time.monotonic())
 
 
-def _print_once(chosen: argparse.Namespace, listener: FleetListener) -> None:
-    rows = _rows(listener)
-    if chosen.json:
-        print(json.dumps(fleet_map(chosen.fleet, rows, _unread(listener))))
-        return
-    terminal = terminal_of(sys.stdout, size_of(sys.stdout).columns, UNCUT)
-    for line in fleet_lines(chosen.fleet, rows, _unread(listener), terminal):
-        print(line)
+def _print(chosen: argparse.Namespace, listener: FleetListener) -> None:
+    """Print the fleet once a second as JSON, or once after a while."""
+    while True:
+        rows, unread = _rows(listener, GATHER_S if chosen.once else LINE_S), listener.state.unread
+        if chosen.json:
+            print(json.dumps(fleet_map(chosen.fleet, rows, unread)), flush=True)
+        else:
+            terminal = terminal_of(sys.stdout, size_of(sys.stdout).columns, UNCUT)
+            print("\n".join(fleet_lines(chosen.fleet, rows, unread, terminal)))
+        if chosen.once:
+            return
 
 
 def _redraw(fleet: str, listener: FleetListener) -> None:
     with TerminalScreen(sys.stdout) as screen:
+        rows = _rows(listener)
         while True:
             size = size_of(sys.stdout)
             terminal = terminal_of(sys.stdout, *size)
-            screen.draw(fleet_lines(fleet, _rows(listener), _unread(listener), terminal), size)
-            _take(listener, REDRAW_S)
+            screen.draw(fleet_lines(fleet, rows, listener.state.unread, terminal), size)
+            rows = _rows(listener, REDRAW_S)
 
 
 def _print_changes(listener: FleetListener) -> None:
     """Print a line for each change of a robot."""
     before: dict[str, RobotRow] = {}
     while True:
-        _take(listener, REDRAW_S)
-        for row in _rows(listener):
+        for row in _rows(listener, REDRAW_S):
             if text := change_text(before.get(row.robot), row):
                 print(spelled(f"{clock_time(time.time())}  {text}", ascii_only=ascii_only(sys.stdout)), flush=True)
             before[row.robot] = row
-
-
-def _rows(listener: FleetListener) -> list[RobotRow]:
-    return listener.state.rows(time.monotonic())
-
-
-def _unread(listener: FleetListener) -> int:
-    return listener.state.unread
-
-
-def _serve_page(chosen: argparse.Namespace, listener: FleetListener) -> None:
-    require("websockets", "websockets", "slipctl fleet --page")
-    from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
-
-    fleet_page.serve(chosen.fleet, listener, chosen.page)

@@ -31,7 +31,7 @@ def check_name(what: str, name: str) -> str:
 
 
 def message_key(fleet: str, robot: str, topic: str) -> str:
-    """Return the key of the messages of a topic, e.g. ``plant/arm3/slip.left``.
+    """Return the key of the messages of a topic, e.g. ``plant/arm3/slip.left``, or of a liveliness token.
 
     Raises:
         CallError: The topic is not one of the daemon, or does not fit into one part of a key.
@@ -39,11 +39,6 @@ def message_key(fleet: str, robot: str, topic: str) -> str:
     if not _TOPIC.fullmatch(topic):
         raise CallError(f"topic must be a word, or two joined by a dot, got {topic!r:.80}")
     return f"{fleet}/{robot}/{topic}"
-
-
-def token_key(fleet: str, robot: str, what: str) -> str:
-    """Return the key of a liveliness token of a robot."""
-    return f"{fleet}/{robot}/{what}"
 
 
 def split_key(key: str, fleet: str) -> tuple[str, str] | None:

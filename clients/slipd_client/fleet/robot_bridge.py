@@ -21,7 +21,7 @@ import zmq
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from slipd_client.errors import CallError, ConnectionClosed
-from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, message_key, token_key
+from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, message_key
 from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
@@ -59,7 +59,7 @@ class BridgePublisher:
         self._names = fleet, robot
         self._lock = threading.Lock()
         self._publishers: dict[str, AdvancedPublisher] = {WARNING_TOPIC: self._declared(WARNING_TOPIC)}
-        self._bridge = session.liveliness().declare_token(token_key(fleet, robot, BRIDGE))
+        self._bridge = session.liveliness().declare_token(message_key(fleet, robot, BRIDGE))
         self._daemon: zenoh.LivelinessToken | None = None
 
     def put(self, topic: str, payload: bytes) -> None:
@@ -83,7 +83,7 @@ class BridgePublisher:
     def set_daemon_alive(self, alive: bool) -> None:
         """Declare or take back the token of the daemon."""
         if alive and self._daemon is None:
-            self._daemon = self._session.liveliness().declare_token(token_key(*self._names, DAEMON))
+            self._daemon = self._session.liveliness().declare_token(message_key(*self._names, DAEMON))
         elif not alive and self._daemon is not None:
             self._daemon.undeclare()
             self._daemon = None

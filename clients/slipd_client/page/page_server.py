@@ -55,6 +55,17 @@ _HEADS = {
 """The page loads nothing from elsewhere, and no other site may embed it or read it."""
 
 
+_WORDS = {
+    "levels": LEVELS,
+    "level_meanings": LEVEL_MEANINGS,
+    "reasons": REASONS,
+    "evidence": EVIDENCE,
+    "image_reasons": IMAGE_REASONS,
+    "health": HEALTH,
+}
+"""Every word of the wire that the page explains."""
+
+
 def answer(
     status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8", encoding: str | None = None
 ) -> Response:
@@ -91,7 +102,7 @@ class Site:
         }
         self._answers["/"] = self._answers[f"/{start}"]
         self._answers["/commission"] = self._answers["/commission.html"]
-        self._settings = settings | {"words": _words()}
+        self._settings = settings | {"words": _WORDS}
 
     def settings(self) -> Response:
         """Return the settings with the words of the wire; they name the source, so they need the token."""
@@ -101,18 +112,6 @@ class Site:
         """Return the file of a path; None if the page has no such file."""
         found = self._answers.get(path)
         return None if found is None else answer(HTTPStatus.OK, *found)
-
-
-def _words() -> dict[str, object]:
-    """Return every word of the wire that the page explains."""
-    return {
-        "levels": LEVELS,
-        "level_meanings": LEVEL_MEANINGS,
-        "reasons": REASONS,
-        "evidence": EVIDENCE,
-        "image_reasons": IMAGE_REASONS,
-        "health": HEALTH,
-    }
 
 
 _TEXT = """\
@@ -214,7 +213,8 @@ class PageServer:
                 logger=_LOG,
             )
         except OSError as error:
-            raise CallError(_listen_error(host, port, error)) from error
+            hint = f"; --listen {host}:0 takes any free port" if port else ""
+            raise CallError(f"the page cannot be served on {host}:{port}: {error.strerror or error}{hint}") from error
         async with server:
             opened = next(iter(server.sockets)).getsockname()[1]
             yield f"{self._address.url(opened)}#{self.token}"
@@ -257,8 +257,3 @@ class PageServer:
             await on_viewer(connection)
         else:
             await connection.close(WRONG_TOKEN, "the token must be that of the address that was printed")
-
-
-def _listen_error(host: str, port: int, error: OSError) -> str:
-    hint = f"; --listen {host}:0 takes any free port" if port else ""
-    return f"the page cannot be served on {host}:{port}: {error.strerror or error}{hint}"

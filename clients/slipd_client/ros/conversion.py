@@ -96,11 +96,6 @@ _IN_STATUS = ("health", "message", "hardware_id")
 Entry = dict[str, Any]
 
 
-def diagnostics(header: Mapping[str, Any], body: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the ``DiagnosticArray`` of one message of ``status``."""
-    return {"header": header, "status": list(_entries(body))}
-
-
 def stale_diagnostics(last: Mapping[str, Any], header: Mapping[str, Any], why: str) -> dict[str, Any]:
     """Return a ``DiagnosticArray`` in which every entry of an earlier one is stale, because of ``why``."""
     entries = [{**each, "level": int(Health.STALE), "message": why} for each in last["status"]]
@@ -194,14 +189,19 @@ def ros_messages(topic: str, body: Body, pads: PadFrames | None = None) -> Itera
     place = f"{NAMESPACE}/{finger}" if finger else NAMESPACE
     header = _header(body)
     if cls is Status:
-        yield RosMessage(DIAGNOSTICS_TOPIC, "diagnostic_msgs/DiagnosticArray", diagnostics(header, body))
+        yield RosMessage(
+            DIAGNOSTICS_TOPIC, "diagnostic_msgs/DiagnosticArray", {"header": header, "status": list(_entries(body))}
+        )
         return
     name = "wrench_reading" if cls is Wrench else head
     yield RosMessage(f"{place}/{name}", f"{PACKAGE}/{NAMES[cls]}", {"header": header, **CONVERTERS[cls](body)})
     if cls is Wrench:
-        yield RosMessage(f"{place}/wrench", "geometry_msgs/WrenchStamped", _wrench(header, body))
+        wrench = {"force": _vector(body.get("force_n")), "torque": _vector(body.get("torque_nm"))}
+        yield RosMessage(f"{place}/wrench", "geometry_msgs/WrenchStamped", {"header": header, "wrench": wrench})
     elif cls is Slip:
-        yield RosMessage(f"{place}/contact", "geometry_msgs/PointStamped", _contact(header, body))
+        centroid_m = body.get("centroid_m")  # in the plane of the pad
+        point = _vector(None if centroid_m is None else [*centroid_m, 0.0])
+        yield RosMessage(f"{place}/contact", "geometry_msgs/PointStamped", {"header": header, "point": point})
     elif cls is Tactile:
         yield RosMessage(f"{place}/image", "sensor_msgs/Image", _image(header, body))
     elif cls is Grasp and pads is not None:
@@ -241,19 +241,6 @@ def _header(body: Body) -> dict[str, Any]:
 def _vector(values: list[float] | None) -> dict[str, float]:
     x, y, z = values or (math.nan, math.nan, math.nan)
     return {"x": x, "y": y, "z": z}
-
-
-def _wrench(header: dict[str, Any], body: Body) -> dict[str, Any]:
-    return {
-        "header": header,
-        "wrench": {"force": _vector(body.get("force_n")), "torque": _vector(body.get("torque_nm"))},
-    }
-
-
-def _contact(header: dict[str, Any], body: Body) -> dict[str, Any]:
-    """Return the contact centroid, in the plane of the pad."""
-    centroid_m = body.get("centroid_m")
-    return {"header": header, "point": _vector(None if centroid_m is None else [*centroid_m, 0.0])}
 
 
 def _image(header: dict[str, Any], body: Body) -> dict[str, Any]:

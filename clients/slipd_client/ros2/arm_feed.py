@@ -6,12 +6,11 @@ import itertools
 import math
 import time
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Union
 
 import zmq
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.sub import DataReader
 from cyclonedds.util import duration
 
 from slipd_client.errors import CallError
@@ -74,29 +73,18 @@ def arm_port(config: Mapping[str, Any], span_s: float) -> ArmPort | None:
     return port
 
 
-class MotionSource(Protocol):
-    """Where the motion comes from.
-
-    Attributes:
-        reader: Receives its messages.
-        trouble: Why the newest of them gave no motion; "" if it did.
-    """
-
-    reader: DataReader[Any]
-    trouble: str
-
-    def take(self, now_s: float) -> Iterator[tuple[int, ArmReading | None]]:
-        """Yield the stamp of each usable message that has arrived, ns, and the motion if it gave one."""
-
-
 class TransformMotion:
-    """The motion by ``/tf`` and ``/tf_static``; a `MotionSource`.
+    """The motion by ``/tf`` and ``/tf_static``.
 
     Args:
         participant: Of the domain.
         topic: Topic of the transforms; that of the static ones has ``_static`` appended.
         base: Frame that stands still and whose Z points up.
         hand: Frame of the robot that is the gripper's frame.
+
+    Attributes:
+        reader: Receives the messages that move.
+        trouble: Why the newest of them gave no motion; "" if it did.
     """
 
     def __init__(self, participant: DomainParticipant, topic: str, base: str, hand: str) -> None:
@@ -123,13 +111,17 @@ class TransformMotion:
 
 
 class ImuReadings:
-    """The motion by an IMU on the gripper; a `MotionSource`.
+    """The motion by an IMU on the gripper.
 
     Args:
         participant: Of the domain.
         topic: Topic of the IMU.
         mount: Orientation of the IMU in the gripper frame.
         place_m: Its place in the gripper frame, m.
+
+    Attributes:
+        reader: Receives its messages.
+        trouble: Why the newest of them gave no motion; "" if it did.
     """
 
     def __init__(self, participant: DomainParticipant, topic: str, mount: Quaternion, place_m: Vector) -> None:
@@ -148,6 +140,10 @@ class ImuReadings:
             else:
                 self.trouble = self._slow
                 yield stamp_of(message), motion
+
+
+MotionSource = Union[TransformMotion, ImuReadings]
+"""Where the motion comes from."""
 
 
 def _slow(topic: str, span_s: float, cure: str) -> str:

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Union
 
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.qos import Policy, Qos
@@ -32,17 +32,6 @@ DEPTH = 100
 """Longest queue of received messages."""
 
 
-class OrientationSource(Protocol):
-    """Where the orientation comes from."""
-
-    def orientation(self, now_s: float) -> Quaternion:
-        """Return the orientation of the gripper's frame in a frame whose Z points up.
-
-        Raises:
-            OrientationUnknown: It is not known.
-        """
-
-
 class TransformSource:
     """The orientation by ``/tf`` and ``/tf_static``.
 
@@ -63,7 +52,11 @@ class TransformSource:
         )
 
     def orientation(self, now_s: float) -> Quaternion:
-        """Return it, by the transforms that have arrived."""
+        """Return the orientation of the gripper's frame in a frame whose Z points up, by what has arrived.
+
+        Raises:
+            OrientationUnknown: It is not known.
+        """
         refused: OrientationUnknown | None = None
         for reader, static in self._readers:
             for message in taken(reader):
@@ -96,6 +89,10 @@ class ImuSource:
         for message in taken(self._reader)[-1:]:
             self._imu.add(message, now_s)
         return self._imu.orientation(now_s)
+
+
+OrientationSource = Union[TransformSource, ImuSource]
+"""Where the orientation comes from."""
 
 
 class RosFeed(threading.Thread):

@@ -12,9 +12,11 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from slipd_client.errors import CallError, Silence, require
+import foxglove
+
+from slipd_client.errors import CallError, Silence
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
     TYPES,
@@ -40,11 +42,6 @@ _SILENCE = "silence"
 """Id of the status that reports a silent daemon."""
 
 
-class _Last(NamedTuple):
-    log_ns: int
-    message: RosMessage
-
-
 class ViewerServer:
     """A server, from its creation until `stop`. A slow client loses messages; it delays nobody.
 
@@ -56,22 +53,18 @@ class ViewerServer:
         pads: Places of the pads; None: they are not known, and ``/tf`` is not published.
 
     Raises:
-        CallError: foxglove-sdk is not installed, or the address cannot be used.
+        CallError: The address cannot be used.
     """
 
     def __init__(self, host: str, port: int, pads: PadFrames | None = None) -> None:
-        require("foxglove", "foxglove-sdk", "slipctl serve foxglove")
-        import foxglove  # here: only this command needs the extra `viewers`
-
-        self._foxglove = foxglove
         self._pads = pads
         self._lock = threading.Lock()  # subscriptions arrive on threads of the library
         self._channels: dict[str, Any] = {}
-        self._last: dict[str, _Last] = {}
+        self._last: dict[str, tuple[int, RosMessage]] = {}
         self._context = foxglove.Context()
         listener: Any = _Listener(self)
         try:
-            self._server = foxglove.start_server(
+            self._server: Any = foxglove.start_server(
                 name=NAME, host=host, port=port, context=self._context, server_listener=listener
             )
         except RuntimeError as error:
@@ -103,14 +96,13 @@ class ViewerServer:
 
         Nobody gets a last message any more: it no longer describes the present.
         """
-        level = self._foxglove.websocket.StatusLevel.Warning
-        self._server.publish_status(why, level, _SILENCE)
+        self._server.publish_status(why, foxglove.websocket.StatusLevel.Warning, _SILENCE)
         last = self._last.get(DIAGNOSTICS_TOPIC)
         self.restart()
         if last is not None:
             log_ns = time.time_ns()
             header = {"stamp": time_of(log_ns), "frame_id": ""}
-            self._log(log_ns, last.message._replace(value=stale_diagnostics(last.message.value, header, why)))
+            self._log(log_ns, last[1]._replace(value=stale_diagnostics(last[1].value, header, why)))
 
     def alive(self) -> None:
         """Take back the report of `silent`."""
@@ -123,22 +115,22 @@ class ViewerServer:
     def send_last(self, client: int, topic: str) -> None:
         """Send the last message of a ROS topic to one client."""
         with self._lock:
-            last = self._last.get(topic)
-            if last is not None:
-                self._channels[topic].log(encode(last.message), log_time=last.log_ns, sink_id=client)
+            if topic in self._last:
+                log_ns, message = self._last[topic]
+                self._channels[topic].log(encode(message), log_time=log_ns, sink_id=client)
 
     def _log(self, log_ns: int, message: RosMessage) -> None:
         channel = self._channels.get(message.topic) or self._open(message)
         with self._lock:
-            self._last[message.topic] = _Last(log_ns, message)
+            self._last[message.topic] = log_ns, message
             if channel.has_sinks():
                 channel.log(encode(message), log_time=log_ns)
 
     def _open(self, message: RosMessage) -> Any:
-        text = self._foxglove.Schema(
+        text = foxglove.Schema(
             name=TYPES[message.type].full_name, encoding="ros2msg", data=schema(message.type).encode()
         )
-        channel = self._foxglove.Channel(message.topic, schema=text, message_encoding="cdr", context=self._context)
+        channel = foxglove.Channel(message.topic, schema=text, message_encoding="cdr", context=self._context)
         self._channels[message.topic] = channel
         return channel
 
@@ -160,7 +152,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     """Carry out the command.
 
     Raises:
-        CallError: An argument is wrong, a file cannot be read or written, or foxglove-sdk is not installed.
+        CallError: An argument is wrong, or a file cannot be read or written.
     """
     if chosen.write_layouts is not None:
         for path in layouts.write(chosen.write_layouts, chosen.fingers, levels_of(chosen.config)):
@@ -185,14 +177,13 @@ def _serve(subscriber: Subscriber, server: ViewerServer) -> None:
         if isinstance(arrived, Silence):
             if not silent:
                 server.silent(str(arrived))
-            silent = True
-            continue
-        if silent:
-            server.alive()
-        silent = False
-        if arrived.restarted:
-            server.restart()
-        server.publish(arrived.topic, arrived.raw)
+        else:
+            if silent:
+                server.alive()
+            if arrived.restarted:
+                server.restart()
+            server.publish(arrived.topic, arrived.raw)
+        silent = isinstance(arrived, Silence)
 
 
 def levels_of(path: Path | None) -> Levels:

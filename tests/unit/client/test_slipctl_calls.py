@@ -69,22 +69,6 @@ def test_a_wrong_call_exits_with_2_and_says_why(arguments: list[str], complaint:
 
 
 @pytest.mark.parametrize(
-    ("former", "now"),
-    [
-        ("viewers --listen 127.0.0.1:0", "slipctl serve foxglove"),
-        ("relay", "slipctl serve foxglove"),
-        ("ros2 --config rig.toml", "slipctl serve ros2"),
-        ("bridge --connect tcp/10.0.0.1:7447", "slipctl serve fleet"),
-        ("commission rig.toml", "slipd commission FILE"),
-        ("friction left 0.5", "slipctl friction measure [FINGER], or slipctl friction set FINGER MU_S [MU_D]"),
-        ("--publish ipc:///x friction left", "slipctl friction measure [FINGER]"),
-    ],
-)
-def test_a_command_of_an_earlier_version_prints_what_to_type(former: str, now: str, call: Call) -> None:
-    test_a_wrong_call_exits_with_2_and_says_why(former.split(), now, call)
-
-
-@pytest.mark.parametrize(
     ("command", "module", "package"),
     [
         ("view", "websockets", "websockets"),

@@ -130,7 +130,7 @@ def test_a_message_makes_it_fresh_until_its_age_passes_the_limit(publisher: Publ
         publisher.send("slip.left", 1)
         assert 0.0 <= heard(subscriber).age_s < 60.0
         for limit_s, stale in ((60.0, False), (0.0, True), (None, False)):
-            subscriber._tracker.silence_s = limit_s
+            subscriber._silence_s = limit_s
             assert subscriber.stale is stale
 
 

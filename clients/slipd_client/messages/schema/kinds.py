@@ -74,19 +74,13 @@ def _number(value: Any) -> float:
     raise wrong_kind("a number", value)
 
 
-def _exactly(wanted: type[Any], phrase: str) -> Callable[[Any], Any]:
+def _exactly(phrase: str, *wanted: type[Any]) -> Callable[[Any], Any]:
     def read(value: Any) -> Any:
-        if type(value) is not wanted:
+        if type(value) not in wanted:
             raise wrong_kind(phrase, value)
         return value
 
     return read
-
-
-def _text_or_integer(value: Any) -> Any:
-    if type(value) not in (str, int):
-        raise wrong_kind("a string or an integer", value)
-    return value
 
 
 def _vector(count: int, phrase: str) -> Callable[[Any], tuple[float, ...]]:
@@ -132,12 +126,6 @@ def list_of(inner: Kind) -> Kind:
     return Kind(f"list of {inner.plural}", f"a list of {inner.plural}", "lists", read, inner=inner)
 
 
-def _rows(value: Any) -> tuple[Any, ...]:
-    if type(value) is not list:
-        raise wrong_kind("a list of rows", value)
-    return tuple(value)
-
-
 def map_of(inner: Kind) -> Kind:
     """Return the kind of a map with any keys."""
 
@@ -156,14 +144,16 @@ def map_of(inner: Kind) -> Kind:
 
 
 NUMBER = Kind("number", "a number", "numbers", _number)
-INTEGER = Kind("integer", "an integer", "integers", _exactly(int, "an integer"))
-TEXT = Kind("string", "a string", "strings", _exactly(str, "a string"))
-FLAG = Kind("boolean", "true or false", "booleans", _exactly(bool, "true or false"))
-TEXT_OR_INTEGER = Kind("string or integer", "a string or an integer", "strings or integers", _text_or_integer)
+INTEGER = Kind("integer", "an integer", "integers", _exactly("an integer", int))
+TEXT = Kind("string", "a string", "strings", _exactly("a string", str))
+FLAG = Kind("boolean", "true or false", "booleans", _exactly("true or false", bool))
+TEXT_OR_INTEGER = Kind(
+    "string or integer", "a string or an integer", "strings or integers", _exactly("a string or an integer", str, int)
+)
 PAIR = Kind("[2]", "a list of two numbers", "[2]", _vector(2, "a list of two numbers"))
 TRIPLE = Kind("[3]", "a list of three numbers", "[3]", _vector(3, "a list of three numbers"))
 SEXTUPLE = Kind("[6]", "a list of six numbers", "[6]", _vector(6, "a list of six numbers"))
-ROWS = Kind("rows", "a list of rows", "lists of rows", _rows)
+ROWS = Kind("rows", "a list of rows", "lists of rows", _exactly("a list of rows", list))
 """Rows of numbers; who uses them checks what is in each, so that thousands are read at once."""
 LEVEL = Kind("string", "a level", "strings", _word({level.value: level for level in SlipLevel}))
 HEALTH = Kind("integer", "a health code", "integers", _word({int(health): health for health in Health}))

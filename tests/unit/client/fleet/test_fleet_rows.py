@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_command import change_text, fleet_lines, fleet_map
-from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, check_name, message_key, split_key, token_key
+from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, check_name, message_key, split_key
 from slipd_client.fleet.fleet_state import MOST_RUNS, SILENT_AFTER_S, FleetState, RobotRow
 from slipd_client.fleet.robot_bridge import TopicLimit
 from slipd_client.messages import Health, encode
@@ -307,7 +307,7 @@ def test_json_has_every_field() -> None:
 def test_a_name_of_letters_digits_and_joints_is_a_part_of_a_key(name: str) -> None:
     assert check_name("--robot", name) == name
     assert split_key(message_key("plant", name, "slip.left"), "plant") == (name, "slip.left")
-    assert split_key(token_key("plant", name, "daemon"), "plant") == (name, "daemon")
+    assert split_key(message_key("plant", name, "daemon"), "plant") == (name, "daemon")
 
 
 @pytest.mark.parametrize("name", ["", "a*", "$b", "c#", "d?", "e/f", "@adv", ".g", "-h", "ä", "a b", "a\n", "x" * 65])

@@ -81,39 +81,33 @@ def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper
         assert pad.apply(request["gravity_mps2"]) == pytest.approx(np.array([0.0, 0.0, -9.80665]), abs=1e-9)
 
         frames = reader(participant, "/tf_static", "tf2_msgs/TFMessage", latched=True)
-        found: set[tuple[str, str]] = set()
 
         def joined_to_the_gripper() -> bool:
-            for sample in frames.take(5):
-                (each,) = _decoded(sample, "tf2_msgs/msg/TFMessage").transforms
-                found.add((each.header.frame_id, each.child_frame_id))
-            return ("tool0", "gripper") in found
+            found = [each.transforms[0] for each in arrived(frames, "tf2_msgs/msg/TFMessage")]
+            return ("tool0", "gripper") in [(each.header.frame_id, each.child_frame_id) for each in found]
 
         until(joined_to_the_gripper)
 
         diagnostics = reader(participant, "/diagnostics", "diagnostic_msgs/DiagnosticArray", latched=False)
-        publisher.wait_for()
-        heard: list[dict[str, int]] = []
+        levels: dict[str, int] = {}
 
-        def health_of_the_daemon() -> int | None:
-            for sample in diagnostics.take(50):
-                array = _decoded(sample, "diagnostic_msgs/msg/DiagnosticArray")
-                heard.append({each.name: each.level for each in array.status})
-            return heard[-1]["slipd: daemon"] if heard else None
+        def daemon_is(level: int) -> bool:
+            for array in arrived(diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
+                levels.update({each.name: each.level for each in array.status})
+            return levels.get("slipd: daemon") == level
 
-        until(lambda: health_of_the_daemon() == 0, lambda: publisher.send("status", 1, **HEADER))
-        assert "slipd: orientation from ROS" in heard[-1]
-        until(lambda: health_of_the_daemon() == 3)
-    why = f"no message from {publisher.endpoint} for 3 s. Is slipd running?"
-    shown = [process.stderr.readline()]
+        until(lambda: daemon_is(0), lambda: publisher.send("status", 1, **HEADER))
+        assert "slipd: orientation from ROS" in levels
+        until(lambda: daemon_is(3))
+    shown = process.stderr.readline()
     process.send_signal(signal.SIGINT)
     rest, errors = process.communicate(timeout=PATIENCE_S)
-    assert f"slipctl: {why}\n" in [*shown, *errors.splitlines(keepends=True)]
+    assert f"slipctl: no message from {publisher.endpoint} for 3 s. Is slipd running?\n" in shown + errors
     assert (process.returncode, rest, "Traceback" in errors) == (130, "", False)
 
 
-def _decoded(sample: Any, name: str) -> Any:
-    return STORE.deserialize_cdr(sample.data, name)
+def arrived(readings: Any, name: str) -> list[Any]:
+    return [STORE.deserialize_cdr(sample.data, name) for sample in readings.take(50)]
 
 
 @pytest.mark.parametrize(
