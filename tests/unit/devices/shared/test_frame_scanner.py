@@ -16,13 +16,14 @@ def frame(value: int) -> bytes:
     return SYNC + bytes((value, value ^ 0xFF))
 
 
-def holds(buffer: bytes, at: int) -> bool:
-    return buffer[at + 2] ^ buffer[at + 3] == 0xFF
+def scanner(health: DecoderHealth, text: bytes = b"") -> FixedLengthScanner:
+    return FixedLengthScanner(SYNC, 4, lambda buffer, at: buffer[at + 2] ^ buffer[at + 3] == 0xFF, health, text=text)
 
 
 def scan(stream: bytes, size: int, text: bytes = b"") -> tuple[list[tuple[int, bool]], DecoderHealth]:
+    """Return the values of the frames, each with whether it is in sync, and the health."""
     health = DecoderHealth()
-    frames = FixedLengthScanner(SYNC, 4, holds, health, text=text)
+    frames = scanner(health, text)
     values = []
     for start in range(0, len(stream), size):
         buffer, found = frames.receive(stream[start : start + size])
@@ -30,43 +31,48 @@ def scan(stream: bytes, size: int, text: bytes = b"") -> tuple[list[tuple[int, b
     return values, health
 
 
-def test_frames_back_to_back_are_found_in_sync() -> None:
-    values, health = scan(frame(1) + frame(2) + frame(3), 12)
-    assert values == [(1, True), (2, True), (3, True)]
-    assert health == DecoderHealth()
+STREAMS = {
+    "frames back to back are in sync": (frame(1) + frame(2) + frame(3), [(1, True), (2, True), (3, True)], 0, 0),
+    "garbage counts as the frames that it stands for": (
+        frame(1) + bytes(8) + frame(2) + b"\0" + frame(3),
+        [(1, True), (2, False), (3, False)],
+        9,
+        3,
+    ),
+    **{
+        f"{size} bytes of damage are {bad} frames": (
+            frame(1) + bytes(size) + frame(2),
+            [(1, True), (2, False)],
+            size,
+            bad,
+        )
+        for size, bad in ((1, 1), (4, 1), (5, 1), (6, 2), (9, 2), (10, 3))
+    },
+    "text between frames is no damage, but after garbage it is": (
+        frame(1) + b"ok" + frame(2) + b"\0ok" + frame(3),
+        [(1, True), (2, True), (3, False)],
+        3,
+        1,
+    ),
+    "a frame after a false start is kept": (SYNC + SYNC[:1] + frame(7), [(7, False)], 3, 1),
+    "a payload that looks like the sync does not hide the frames": (
+        frame(0xAB)[2:] + frame(0xAB) * 3,
+        [(0xAB, False), (0xAB, True), (0xAB, True)],
+        2,
+        1,
+    ),
+}
 
 
-def test_garbage_counts_as_bytes_and_as_the_frames_it_stands_for() -> None:
-    values, health = scan(frame(1) + bytes(8) + frame(2) + b"\0" + frame(3), 99)
-    assert values == [(1, True), (2, False), (3, False)]
-    assert (health.bad_bytes, health.bad) == (9, 3)
+@pytest.mark.parametrize("size", [1, 3, 99])
+@pytest.mark.parametrize("name", STREAMS)
+def test_a_stream_has_these_frames_and_this_damage(name: str, size: int) -> None:
+    stream, values, bad_bytes, bad = STREAMS[name]
+    assert scan(stream, size, text=b"ok") == (values, DecoderHealth(bad=bad, bad_bytes=bad_bytes))
 
 
-@pytest.mark.parametrize(("garbage", "bad"), [(1, 1), (4, 1), (5, 1), (6, 2), (9, 2), (10, 3)])
-def test_damage_is_rounded_to_whole_frames(garbage: int, bad: int) -> None:
-    _, health = scan(frame(1) + bytes(garbage) + frame(2), 3)
-    assert (health.bad_bytes, health.bad) == (garbage, bad)
-
-
-def test_text_between_frames_is_not_damage_but_text_after_garbage_is() -> None:
-    values, health = scan(frame(1) + b"ok" + frame(2) + b"\0ok" + frame(3), 99, text=b"ok")
-    assert values == [(1, True), (2, True), (3, False)]
-    assert (health.bad_bytes, health.bad) == (3, 1)
-
-
-def test_a_frame_after_a_false_start_is_kept() -> None:
-    values, health = scan(SYNC + SYNC[:1] + frame(7), 99)
-    assert values == [(7, False)]
-    assert health.bad_bytes == 3
-
-
-def test_a_payload_that_looks_like_the_sync_does_not_hide_the_frames() -> None:
-    values, _ = scan(frame(0xAB)[2:] + frame(0xAB) * 3, 99)
-    assert [value for value, _ in values] == [0xAB] * 3
-
-
-@pytest.mark.parametrize("size", [1, 2, 3, 5, 1000])
-def test_every_split_finds_the_same_frames_and_counts_the_same(size: int) -> None:
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_L1_every_split_finds_the_same_frames_and_counts_the_same(size: int) -> None:
     rng = random.Random(1)
     parts = [frame(rng.randrange(256)) if rng.random() < 0.6 else rng.randbytes(3) + SYNC for _ in range(300)]
     stream = b"".join(parts)
@@ -76,7 +82,7 @@ def test_every_split_finds_the_same_frames_and_counts_the_same(size: int) -> Non
 @pytest.mark.parametrize(("late_ns", "found"), [(PAUSE_NS, 1), (PAUSE_NS + 1, 0)])
 def test_the_rest_of_a_frame_after_a_pause_does_not_count(late_ns: int, found: int) -> None:
     health = DecoderHealth()
-    frames = FixedLengthScanner(SYNC, 4, holds, health)
+    frames = scanner(health)
     assert frames.receive(frame(1) + frame(2)[:1], 10)[1] == [(0, True)]
     assert frames.receive(frame(2)[1:3], 11)[1] == []
     assert len(frames.receive(frame(2)[3:] + frame(3), 11 + late_ns)[1]) == 1 + found
@@ -84,8 +90,8 @@ def test_the_rest_of_a_frame_after_a_pause_does_not_count(late_ns: int, found: i
 
 
 @pytest.mark.parametrize("junk", [b"\xab", b"\xab\xcd", b"\xab\xcd\x01", b"\x00"])
-def test_endless_garbage_is_not_kept(junk: bytes) -> None:
-    frames = FixedLengthScanner(SYNC, 4, holds, DecoderHealth())
+def test_L3_endless_garbage_is_not_kept(junk: bytes) -> None:
+    frames = scanner(DecoderHealth())
     for _ in range(1000):
         frames.receive(junk * 100)
         assert len(frames._tail) < 4

@@ -12,6 +12,7 @@ from slipd.devices.shared.msgpack_messages import (
     ValueEnd,
     arrived,
     map_end,
+    message_length,
     text_end,
 )
 
@@ -28,14 +29,11 @@ def bounds(buffer: bytes, at: int = 0) -> tuple[int, set[bytes]]:
     return map_end(buffer, at, range(1, 3), KNOWN)
 
 
-def test_a_map_has_an_end_and_keys() -> None:
+def test_a_map_has_an_end_and_keys_and_is_incomplete_before() -> None:
     assert bounds(b"-" + MAP + b"-", 1) == (1 + len(MAP), {b"force_n", b"width_m"})
-
-
-@pytest.mark.parametrize("size", range(len(MAP)))
-def test_a_map_that_is_cut_anywhere_is_incomplete(size: int) -> None:
-    with pytest.raises(Incomplete):
-        bounds(MAP[:size])
+    for size in range(len(MAP)):
+        with pytest.raises(Incomplete):
+            bounds(MAP[:size])
 
 
 @pytest.mark.parametrize(
@@ -80,3 +78,19 @@ def test_a_text_of_another_length_or_another_type_is_malformed(value: object) ->
 def test_the_length_of_every_number_is_that_of_msgpack(number: float) -> None:
     packed = msgpack.packb(number)
     assert NUMBER_LENGTHS[packed[0]] == len(packed)
+
+
+@pytest.mark.parametrize(
+    ("buffer", "most", "length"),
+    [
+        (b"", 9, 0),
+        (MAP[:-1], 19, 0),
+        (MAP, 19, 19),
+        (MAP + b"-", 19, 19),
+        (MAP, 18, -1),
+        (MAP[:-1], 18, -1),
+        (b"\x80", 9, -1),
+    ],
+)
+def test_a_message_has_a_length_or_is_incomplete_malformed_or_too_long(buffer: bytes, most: int, length: int) -> None:
+    assert message_length(lambda found, at: bounds(found, at)[0], b"--" + buffer, 2, most) == length

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
 from slipd.devices.shared.sensor_session import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS, StartupSequence, Step
 
 STEPS = [
@@ -10,28 +15,93 @@ STEPS = [
     Step("rate", b"r"),
     Step("go", b"g", "none"),
 ]
+BOOT = [Step("boot", b"b", pause_ns=30, attempts=2)]
+S, R = SILENCE_NS, RETRY_PAUSE_NS
+LOST = 3 * ANSWER_NS
+Course = list[tuple[str, int, bytes, str, int | None, str]]
+"""What happens, when, what is then sent, the state, when more is due, and the request whose answer is awaited."""
+
+COURSES: dict[str, tuple[list[Step], dict[str, Any], Course]] = {
+    "requests are sent in order and a reading makes it run": (
+        STEPS,
+        {},
+        [
+            ("time", 0, b"h", "waiting", 20, ""),
+            ("time", 19, b"", "waiting", 20, ""),
+            ("time", 20, b"n", "waiting", 20 + ANSWER_NS, "name"),
+            ("answer", 30, b"r", "configuring", 30 + ANSWER_NS, "rate"),
+            ("answer", 40, b"g", "configuring", 40 + S, ""),
+            ("reading", 50, b"", "running", 50 + S, ""),
+        ],
+    ),
+    "an unanswered required request is named and the sequence restarts": (
+        STEPS[2:],
+        {},
+        [
+            *(("time", n * ANSWER_NS, b"r", "waiting", (n + 1) * ANSWER_NS, "rate") for n in range(3)),
+            ("time", LOST, b"", "no answer to rate", LOST + R, ""),
+            ("time", LOST + R, b"r", "no answer to rate", LOST + R + ANSWER_NS, "rate"),
+        ],
+    ),
+    "a refusal is named and the request repeated after a pause": (
+        STEPS[2:],
+        {},
+        [
+            ("time", 0, b"r", "waiting", ANSWER_NS, "rate"),
+            ("refusal", 7, b"", "too fast", 7 + R, ""),
+            ("time", 7 + R, b"r", "too fast", 7 + R + ANSWER_NS, "rate"),
+        ],
+    ),
+    "after a repeated request a second answer is ignored": (
+        STEPS[2:],
+        {},
+        [
+            ("time", 0, b"r", "waiting", ANSWER_NS, "rate"),
+            ("time", ANSWER_NS, b"r", "waiting", 2 * ANSWER_NS, "rate"),
+            ("answer", ANSWER_NS + 5, b"", "configuring", 2 * ANSWER_NS + 5, ""),
+        ],
+    ),
+    "a request may have its own timeout and a sequence may restart at once": (
+        BOOT,
+        {"rest_ns": 0},
+        [
+            ("time", 0, b"b", "waiting", 30, "boot"),
+            ("time", 29, b"", "waiting", 30, "boot"),
+            ("time", 30, b"b", "waiting", 60, "boot"),
+            ("time", 59, b"", "waiting", 60, "boot"),
+            ("time", 60, b"b", "no answer to boot", 90, "boot"),
+        ],
+    ),
+    "silence after the last request restarts the sequence and is named if nothing was received": (
+        STEPS[3:],
+        {},
+        [
+            ("time", 0, b"g", "waiting", S, ""),
+            ("time", S - 1, b"", "waiting", S, ""),
+            ("time", S, b"g", "no answer to go", 2 * S, ""),
+            ("reading", S + 5, b"", "running", 2 * S + 5, ""),
+            ("time", 2 * S + 5, b"g", "waiting", 3 * S + 5, ""),
+            ("time", 3 * S + 5, b"g", "no answer to go", 4 * S + 5, ""),
+        ],
+    ),
+}
+HAPPENS: dict[str, Callable[[StartupSequence, int], None]] = {
+    "time": lambda startup, now_ns: None,
+    "answer": lambda startup, now_ns: startup.handle_answer(now_ns),
+    "refusal": lambda startup, now_ns: startup.handle_answer(now_ns, "too fast"),
+    "reading": lambda startup, now_ns: startup.reading_received(now_ns),
+}
 
 
-def started(steps: list[Step] = STEPS) -> StartupSequence:
-    startup = StartupSequence(steps)
+@pytest.mark.parametrize("name", COURSES)
+def test_a_course_of_answers_gives_these_requests_and_states(name: str) -> None:
+    steps, options, course = COURSES[name]
+    startup = StartupSequence(steps, **options)
     startup.start(0)
-    return startup
-
-
-def test_requests_are_sent_in_order_and_a_reading_makes_it_run() -> None:
-    startup = started()
-    assert (startup.state, startup.due_ns, startup.awaited) == ("waiting", 0, "")
-    assert startup.on_time(0) == b"h"
-    assert startup.on_time(19) == b""
-    assert startup.on_time(20) == b"n"
-    assert startup.awaited == "name"
-    startup.handle_answer(30)
-    assert (startup.state, startup.awaited) == ("configuring", "")
-    assert startup.on_time(30) == b"r"
-    startup.handle_answer(40)
-    assert startup.on_time(40) == b"g"
-    startup.reading_received(50)
-    assert (startup.state, startup.due_ns) == ("running", 50 + SILENCE_NS)
+    for what, now_ns, sent, state, due_ns, awaited in course:
+        HAPPENS[what](startup, now_ns)
+        asked = startup.on_time(now_ns)
+        assert (asked, startup.state, startup.due_ns, startup.awaited) == (sent, state, due_ns, awaited), now_ns
 
 
 def test_a_closed_sequence_sends_nothing_and_has_no_deadline() -> None:
@@ -43,51 +113,3 @@ def test_a_closed_sequence_sends_nothing_and_has_no_deadline() -> None:
     startup.on_time(20)
     startup.stop()
     assert (startup.state, startup.due_ns, startup.awaited, startup.on_time(10**12)) == ("closed", None, "", b"")
-
-
-def test_an_unanswered_required_request_is_named_and_the_sequence_restarts() -> None:
-    startup = started(STEPS[2:])
-    for attempt in range(3):
-        assert startup.on_time(attempt * ANSWER_NS) == b"r"
-    assert startup.on_time(3 * ANSWER_NS) == b""
-    assert startup.state == "no answer to rate"
-    assert startup.due_ns == 3 * ANSWER_NS + RETRY_PAUSE_NS
-    assert startup.on_time(startup.due_ns) == b"r"
-    assert startup.state == "no answer to rate"
-
-
-def test_a_refusal_is_named_and_the_request_repeated_after_a_pause() -> None:
-    startup = started(STEPS[2:])
-    startup.on_time(0)
-    startup.handle_answer(7, "refused rate: too fast")
-    assert (startup.state, startup.due_ns) == ("refused rate: too fast", 7 + RETRY_PAUSE_NS)
-    assert startup.on_time(7 + RETRY_PAUSE_NS) == b"r"
-
-
-def test_after_a_repeated_request_a_second_answer_is_ignored() -> None:
-    startup = started(STEPS[2:])
-    startup.on_time(0)
-    startup.on_time(ANSWER_NS)
-    startup.handle_answer(ANSWER_NS + 5)
-    assert (startup.awaited, startup.due_ns) == ("", 2 * ANSWER_NS + 5)
-
-
-def test_a_request_may_have_its_own_timeout_and_a_sequence_may_restart_at_once() -> None:
-    startup = StartupSequence([Step("boot", b"b", pause_ns=30, attempts=2)], rest_ns=0)
-    startup.start(0)
-    assert [startup.on_time(now_ns) for now_ns in (0, 29, 30, 59, 60)] == [b"b", b"", b"b", b"", b"b"]
-    assert (startup.state, startup.due_ns) == ("no answer to boot", 90)
-
-
-def test_silence_after_the_last_request_restarts_the_sequence_and_is_named_if_nothing_was_received() -> None:
-    startup = started(STEPS[3:])
-    assert startup.on_time(0) == b"g"
-    assert startup.on_time(SILENCE_NS - 1) == b""
-    assert startup.on_time(SILENCE_NS) == b"g"
-    assert startup.state == "no answer to go"
-    startup.reading_received(SILENCE_NS + 5)
-    assert startup.state == "running"
-    assert startup.on_time(2 * SILENCE_NS + 5) == b"g"
-    assert startup.state == "waiting"
-    assert startup.on_time(3 * SILENCE_NS + 5) == b"g"
-    assert startup.state == "no answer to go"
