@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import random
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,7 +13,7 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ExceptionResponse
 from pymodbus.pdu import register_message as peer
 
-from slipd.devices.shared import checksums, modbus
+from slipd.devices.shared import modbus
 from slipd.devices.shared.modbus import Request
 from slipd.tools.sim import modbus_device as sim
 
@@ -66,124 +67,83 @@ def test_worked_requests_are_written_and_read(request_: Request, worked: str) ->
 
 
 def test_worked_replies_are_found() -> None:
-    write, poll = WORKED[0][0], POLL
-    assert sim.encode_reply(write) == bytes.fromhex("09 10 03 E8 00 03 01 30")
-    assert modbus.find_reply(bytes.fromhex("09 10 03 E8 00 03 01 30"), write) == modbus.Reply((), 0, 8)
-    status = bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A")
-    assert modbus.find_reply(status, poll) == modbus.Reply((0xB900, 0x00FF, 0xBD00), 0, 11)
-    assert sim.encode_reply(poll, (0xB900, 0x00FF, 0xBD00)) == status
+    written, status = bytes.fromhex("09 10 03 E8 00 03 01 30"), bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A")
+    assert modbus.find_reply(written, WORKED[0][0]) == modbus.Reply((), 0, 8)
+    assert modbus.find_reply(status, POLL) == modbus.Reply((0xB900, 0x00FF, 0xBD00), 0, 11)
 
 
 @given(requests)
 def test_the_peer_reads_every_request_as_intended(request_: Request) -> None:
     frame = modbus.encode_request(request_)
     used, pdu = FramerRTU(DecodePDU(True)).handleFrame(frame, request_.unit, 0)
-    assert used == len(frame)
     assert pdu is not None
-    assert pdu.function_code == request_.function
+    assert (used, pdu.function_code) == (len(frame), request_.function)
+    wrote = request_.write_address, request_.registers
     if request_.function == modbus.READ_WRITE:
         assert (pdu.read_address, pdu.read_count) == (request_.read_address, request_.read_count)
-        assert (pdu.write_address, tuple(pdu.write_registers)) == (request_.write_address, request_.registers)
+        assert (pdu.write_address, tuple(pdu.write_registers)) == wrote
     elif request_.function == modbus.WRITE:
-        assert (pdu.address, tuple(pdu.registers)) == (request_.write_address, request_.registers)
+        assert (pdu.address, tuple(pdu.registers)) == wrote
     else:
         assert (pdu.address, pdu.count) == (request_.read_address, request_.read_count)
 
 
-@given(requests, st.data())
-def test_replies_agree_with_the_peer_both_ways(request_: Request, data: st.DataObject) -> None:
+MAKERS: dict[int, Callable[[Request, list[int]], Any]] = {
+    modbus.READ_HOLDING: lambda asked, words: peer.ReadHoldingRegistersResponse(dev_id=asked.unit, registers=words),
+    modbus.READ_INPUT: lambda asked, words: peer.ReadInputRegistersResponse(dev_id=asked.unit, registers=words),
+    modbus.READ_WRITE: lambda asked, words: peer.ReadWriteMultipleRegistersResponse(dev_id=asked.unit, registers=words),
+    modbus.WRITE: lambda asked, _: peer.WriteMultipleRegistersResponse(
+        dev_id=asked.unit, address=asked.write_address, count=len(asked.registers)
+    ),
+}
+
+
+@given(requests, st.data(), st.integers(1, 11))
+def test_replies_and_refusals_agree_with_the_peer_both_ways(request_: Request, data: st.DataObject, code: int) -> None:
     count = request_.read_count
     registers = tuple(data.draw(st.lists(words, min_size=count, max_size=count)))
-    makers = {
-        modbus.READ_HOLDING: peer.ReadHoldingRegistersResponse,
-        modbus.READ_INPUT: peer.ReadInputRegistersResponse,
-        modbus.READ_WRITE: peer.ReadWriteMultipleRegistersResponse,
-    }
-    if request_.function == modbus.WRITE:
-        answer = peer.WriteMultipleRegistersResponse(
-            dev_id=request_.unit, address=request_.write_address, count=len(request_.registers)
-        )
-    else:
-        answer = makers[request_.function](dev_id=request_.unit, registers=list(registers))
-    frame = FramerRTU(DecodePDU(False)).buildFrame(answer)
+    frame = FramerRTU(DecodePDU(False)).buildFrame(MAKERS[request_.function](request_, list(registers)))
     assert sim.encode_reply(request_, registers) == frame
     assert modbus.find_reply(frame, request_) == modbus.Reply(registers, 0, len(frame))
-
-
-@given(requests, st.integers(1, 11))
-def test_refusals_agree_with_the_peer(request_: Request, code: int) -> None:
-    answer = ExceptionResponse(request_.function, code)
-    answer.dev_id = request_.unit
-    frame = FramerRTU(DecodePDU(False)).buildFrame(answer)
+    refusal = ExceptionResponse(request_.function, code)
+    refusal.dev_id = request_.unit
+    frame = FramerRTU(DecodePDU(False)).buildFrame(refusal)
     assert sim.encode_exception(request_, code) == frame
     assert modbus.find_reply(frame, request_) == modbus.Reply((), code, 5)
 
 
-@given(st.lists(requests, max_size=4), st.integers(1, 40))
-def test_a_device_reads_its_requests_from_any_split(sent: list[Request], size: int) -> None:
+OTHER_UNIT = modbus.encode_request(Request(10, modbus.READ_INPUT, 2000, 3))
+
+
+@given(st.lists(requests, max_size=4), st.integers(1, 40), st.sampled_from((b"", b"\x00\x09\x63", OTHER_UNIT)))
+def test_a_device_reads_its_requests_from_any_split_and_skips_all_else(
+    sent: list[Request], size: int, between: bytes
+) -> None:
     mine = [replace(request, unit=9) for request in sent]
-    stream = b"".join(modbus.encode_request(request) for request in mine)
+    stream = b"".join(between + modbus.encode_request(request) for request in mine)
     received, found = b"", []
     for start in range(0, len(stream), size):
         requests_, received = sim.parse_requests(received + stream[start : start + size], 9)
         found += requests_
-    assert found == mine
-    assert received == b""
-
-
-def test_requests_to_other_units_and_noise_are_skipped() -> None:
-    other = modbus.encode_request(Request(10, modbus.READ_INPUT, 2000, 3))
-    stream = b"\x00\x09\x63" + other + modbus.encode_request(POLL) + b"\xff" + modbus.encode_request(WORKED[1][0])
-    assert sim.parse_requests(stream, 9) == ([POLL, WORKED[1][0]], b"")
-
-
-@pytest.mark.parametrize("cut", range(1, 8))
-def test_the_beginning_of_a_torn_request_does_not_hide_the_next(cut: int) -> None:
-    frame = modbus.encode_request(POLL)
-    assert sim.parse_requests(frame[:cut] + frame, 9) == ([POLL], b"")
+    assert (found, received) == (mine, b"")
 
 
 def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
     reply = sim.encode_reply(POLL, (1, 2, 3))
     assert modbus.find_reply(b"\x09\x04\x06" + reply + b"\x09", POLL) == modbus.Reply((1, 2, 3), 0, 11)
-    assert modbus.find_reply(reply, Request(8, modbus.READ_INPUT, 2000, 3)) is None
-    assert modbus.find_reply(reply, Request(9, modbus.READ_HOLDING, 2000, 3)) is None
-    assert modbus.find_reply(reply, Request(9, modbus.READ_INPUT, 2000, 2)) is None
+    force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
+    assert modbus.find_reply(sim.encode_reply(force), WORKED[0][0]) is None
+    for other in (
+        Request(8, modbus.READ_INPUT, 2000, 3),
+        Request(9, modbus.READ_HOLDING, 2000, 3),
+        Request(9, modbus.READ_INPUT, 2000, 2),
+    ):
+        assert modbus.find_reply(reply, other) is None
     for at in range(len(reply)):
         assert modbus.find_reply(reply[:at], POLL) is None
         for bit in range(8):
-            damaged = bytearray(reply)
-            damaged[at] ^= 1 << bit
-            assert modbus.find_reply(bytes(damaged), POLL) is None
-
-
-def test_the_reply_to_another_write_is_not_an_acknowledgement() -> None:
-    force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
-    assert modbus.find_reply(sim.encode_reply(force), WORKED[0][0]) is None
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        "09 10 03 E8 00 02 06 00 00 00 00 00 00",  # two registers announced, three sent
-        "09 10 03 E8 00 00 00",  # none at all
-        "09 04 07 D0 00 00",
-        "09 04 07 D0 00 7E",
-    ],
-)
-def test_a_request_that_contradicts_itself_is_skipped(body: str) -> None:
-    contradiction = bytes.fromhex(body)
-    stream = contradiction + checksums.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
-    assert sim.parse_requests(stream, 9) == ([POLL], b"")
-
-
-def test_a_device_keeps_a_bounded_amount_of_noise() -> None:
-    rng = random.Random(1)
-    received = b""
-    for _ in range(500):
-        found, received = sim.parse_requests(received + rng.randbytes(200), 9)
-        assert found == []
-        assert len(received) <= 300
+            damaged = reply[:at] + bytes((reply[at] ^ 1 << bit,)) + reply[at + 1 :]
+            assert modbus.find_reply(damaged, POLL) is None
 
 
 @pytest.mark.parametrize(
@@ -202,8 +162,3 @@ def test_a_device_keeps_a_bounded_amount_of_noise() -> None:
 def test_a_request_that_fits_no_frame_is_refused(fields: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="function"):
         Request(9, **fields)
-
-
-def test_a_reply_with_another_number_of_registers_is_refused() -> None:
-    with pytest.raises(ValueError, match="the 3 requested ones, got 2"):
-        sim.encode_reply(POLL, (1, 2))

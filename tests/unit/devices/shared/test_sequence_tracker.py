@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -12,10 +13,10 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sequence_tracker import FURTHEST_GAP, LATE_WITHIN, SHORT_GAP, SequenceTracker
 
 
-def watch(span: int, *numbers: int, first: int = 0) -> tuple[list[int], DecoderHealth]:
+def watch(span: int, *numbers: int, **options: Any) -> tuple[list[int], DecoderHealth]:
     """Return the accepted numbers, and the health."""
     health = DecoderHealth()
-    tracker = SequenceTracker(span, health, first=first)
+    tracker = SequenceTracker(span, health, **options)
     return [number for number in numbers if tracker.accept(number)], health
 
 
@@ -85,34 +86,67 @@ def test_D3_every_fault_of_a_sequence_is_counted_as_what_it_is(
 def test_D3_a_wrap_is_neither_gap_nor_restart_and_a_gap_across_it_is_a_gap(span: int, begin: int, missing: int) -> None:
     across = [number % span for number in range(span - 4 + begin, span + 4 + begin)]
     assert watch(span, *across) == (across, DecoderHealth())
-    gap = [span - 1, missing]
     assert counted(watch(span, span - 1 - SHORT_GAP + 1, 0)[1]) == (SHORT_GAP - 1, 0, 0)
-    assert counted(watch(span, *gap)[1]) == (missing, 0, 0)
+    assert counted(watch(span, span - 1, missing)[1]) == (missing, 0, 0)
 
 
-@pytest.mark.parametrize("span", [1 << 32, 1 << 64])
-@pytest.mark.parametrize("newest", [5, 33, 10**6, 3 * 10**9])
-def test_D3_a_number_that_jumps_back_to_the_first_is_a_restart(span: int, newest: int) -> None:
-    assert counted(watch(span, newest, 0, 1, 2)[1]) == (0, 0, 1)
-    assert counted(watch(span, newest, 1, 2, 3, first=1)[1]) == (0, 0, 1)
+NUMBERS: dict[str, tuple[int, dict[str, Any], list[int], list[int], tuple[int, int, int]]] = {
+    **{
+        f"a number that jumps back from {newest} to {first} of {span} is a restart": (
+            span,
+            {"first": first},
+            [newest, first, first + 1, first + 2],
+            [newest, first, first + 1, first + 2],
+            (0, 0, 1),
+        )
+        for span in (1 << 32, 1 << 64)
+        for newest in (5, 33, 10**6, 3 * 10**9)
+        for first in (0, 1)
+    },
+    **{
+        f"a restart from {newest} whose first numbers were lost is no gap": (
+            1 << 32,
+            {},
+            [newest, 7, 8],
+            [newest, 7, 8],
+            (0, 0, 1),
+        )
+        for newest in (1000, 10**6, (1 << 31) - 1, (1 << 31) + 10, 3 * 10**9)
+    },
+    "a late reading is dropped and the next one is not": (
+        1 << 16,
+        {},
+        [100, 102, 101, 103, 103, 99, 104],
+        [100, 102, 103, 104],
+        (1, 3, 0),
+    ),
+    "the longest gap": (1 << 32, {}, [9, 9 + FURTHEST_GAP], [9, 9 + FURTHEST_GAP], (FURTHEST_GAP - 1, 0, 0)),
+    "beyond it is a restart": (1 << 32, {}, [9, 10 + FURTHEST_GAP], [9, 10 + FURTHEST_GAP], (0, 0, 1)),
+    "half of the numbers are a gap": (256, {}, [200, 72], [200, 72], (127, 0, 0)),
+    "more than half of them are a restart": (256, {}, [200, 73], [200, 73], (0, 0, 1)),
+    "a false number on a line that keeps order costs one reading": (
+        256,
+        {"in_order": True},
+        [5, 21, 7, 8, 9, 10],
+        [5, 21, 8, 9, 10],
+        (15, 1, 0),
+    ),
+    "on another line what follows is late": (256, {}, [5, 21, 7, 8, 9], [5, 21], (15, 3, 0)),
+    "a reading that is sent twice stays old on a line that keeps order": (
+        256,
+        {"in_order": True},
+        [5, 5, 6, 6, 7, 7],
+        [5, 6, 7],
+        (0, 3, 0),
+    ),
+}
 
 
-def test_D3_a_restart_whose_first_numbers_were_lost_is_not_a_gap() -> None:
-    for newest in (1000, 10**6, (1 << 31) - 1, (1 << 31) + 10, 3 * 10**9):
-        assert counted(watch(1 << 32, newest, 7, 8)[1]) == (0, 0, 1), newest
-
-
-def test_D3_a_late_reading_is_dropped_and_the_next_one_is_not() -> None:
-    handed_on, health = watch(1 << 16, 100, 102, 101, 103, 103, 99, 104)
-    assert handed_on == [100, 102, 103, 104]
-    assert counted(health) == (1, 3, 0)
-
-
-def test_D3_the_longest_gap_is_distinguished_from_a_restart() -> None:
-    assert counted(watch(1 << 32, 9, 9 + FURTHEST_GAP)[1]) == (FURTHEST_GAP - 1, 0, 0)
-    assert counted(watch(1 << 32, 9, 10 + FURTHEST_GAP)[1]) == (0, 0, 1)
-    assert counted(watch(256, 200, 200 + 128 - 256)[1]) == (127, 0, 0)
-    assert counted(watch(256, 200, 200 + 129 - 256)[1]) == (0, 0, 1)
+@pytest.mark.parametrize("name", NUMBERS)
+def test_D3_of_these_numbers_these_are_new(name: str) -> None:
+    span, options, numbers, new, counts = NUMBERS[name]
+    accepted, health = watch(span, *numbers, **options)
+    assert (accepted, counted(health)) == (new, counts)
 
 
 @given(
@@ -161,17 +195,3 @@ def test_after_forgetting_any_number_is_the_next() -> None:
     tracker.forget()
     assert tracker.accept(7)
     assert counted(health) == (0, 0, 0)
-
-
-def test_a_false_number_on_a_line_that_keeps_order_costs_one_reading() -> None:
-    health = DecoderHealth()
-    tracker = SequenceTracker(256, health, in_order=True)
-    assert [tracker.accept(number) for number in (5, 21, 7, 8, 9, 10)] == [True, True, False, True, True, True]
-    assert (health.duplicates, health.lost) == (1, 15)
-    overtaken = SequenceTracker(256, DecoderHealth())
-    assert [overtaken.accept(number) for number in (5, 21, 7, 8, 9)] == [True, True, False, False, False]
-
-
-def test_a_reading_that_is_sent_twice_stays_old_on_a_line_that_keeps_order() -> None:
-    tracker = SequenceTracker(256, DecoderHealth(), in_order=True)
-    assert [tracker.accept(number) for number in (5, 5, 6, 6, 7, 7)] == [True, False, True, False, True, False]
