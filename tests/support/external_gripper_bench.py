@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
+from permits import set_force
 
 from slipd.devices.external_gripper import Session
 from slipd.tools.sim.emulated_external_gripper import Driver
@@ -48,6 +49,12 @@ class Bench:
         unpacker.feed(data)
         self.sent += unpacker
         self.deliver(self.driver.receive(data, self.now_ns))
+
+    def set_force(self, force_n: float, seconds: float = 0.1) -> float | None:
+        """Ask for a force, and run; return the one that was accepted."""
+        accepted = set_force(self.session, force_n)
+        self.run(seconds)
+        return accepted
 
     @property
     def last(self) -> GripperSample:

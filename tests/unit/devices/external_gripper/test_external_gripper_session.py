@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import msgpack
 import pytest
 from external_gripper_bench import Bench
 from permits import activate, halt, move, set_force
-from project import DOCS
 
 from slipd.devices.external_gripper import ANSWER_MS, SILENCE_NS, Session
 from slipd.devices.external_gripper.external_gripper_message import (
@@ -20,21 +20,18 @@ from slipd.devices.external_gripper.external_gripper_message import (
 from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.tools.sim.emulated_external_gripper import DRIVER
 
-MS = 1_000_000
-PATIENCE_S = 30.0
-DOCUMENT = DOCS / "devices.md"
+
+def ranges(session: Session) -> tuple[Any, ...]:
+    return session.width_range_m, session.force_range_n, session.speed_range_mps
 
 
 def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
     bench = Bench()
     assert (bench.session.state, bench.session.next_deadline()) == ("closed", None)
-    assert (bench.session.width_range_m, bench.session.speed_range_mps) == ((0.0, math.inf), None)
-    assert bench.session.force_range_n == (0.0, math.inf)
+    assert ranges(bench.session) == ((0.0, math.inf), (0.0, math.inf), None)
     bench.start().run(1.0)
-    assert bench.operations() == []
-    assert bench.session.identity == "emulated driver"
-    ranges = bench.session.width_range_m, bench.session.force_range_n, bench.session.speed_range_mps
-    assert ranges == (DRIVER.width_range_m, DRIVER.force_range_n, DRIVER.speed_range_mps)
+    assert (bench.operations(), bench.session.identity) == ([], "emulated driver")
+    assert ranges(bench.session) == (DRIVER.width_range_m, DRIVER.force_range_n, DRIVER.speed_range_mps)
     assert (bench.last.width_m, bench.last.active, bench.last.echo_ok) == (0.08, True, None)
     assert len(bench.samples) == pytest.approx(55, abs=1)
     assert bench.session.stop() == b""
@@ -43,8 +40,7 @@ def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
 
 def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Bench) -> None:
     assert (holding.last.force_n, holding.last.echo_ok) == (10.0, True)
-    assert set_force(holding.session, 12.0) == 12.0
-    holding.run(0.1)
+    assert holding.set_force(12.0) == 12.0
     assert holding.sent == [{"v": 1, "id": 2, "op": "force", "force_n": 12.0}]
     assert (holding.last.force_n, holding.last.width_m, holding.session.command_lost) == (12.0, 0.04, False)
 
@@ -55,8 +51,7 @@ def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -
     bench.run(0.5)
     assert {sample.echo_ok for sample in bench.samples[-20:]} == {False}
     bench.driver.excess = -0.01
-    set_force(bench.session, 10.0)
-    bench.run(0.1)
+    bench.set_force(10.0)
     assert bench.last.echo_ok is True
 
 
@@ -72,54 +67,49 @@ def test_D5_a_force_without_a_request_is_too_high() -> None:
 
 def test_A6_an_unanswered_set_point_is_sent_again_with_its_id_and_then_lost(bench: Bench) -> None:
     bench.driver.mute = True
-    set_force(bench.session, 10.0)
-    bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
+    bench.set_force(10.0, ANSWER_MS * ATTEMPTS / 1000 + 0.1)
     assert [(body["op"], body["id"]) for body in bench.sent] == [("force", 1)] * ATTEMPTS
-    assert bench.session.command_lost
+    assert (bench.session.command_lost, bench.session.health.lost) == (True, ATTEMPTS)
     assert bench.session.state == "command lost: no answer to force"
-    assert bench.session.health.lost == ATTEMPTS
     bench.driver.mute = False
-    set_force(bench.session, 11.0)
-    bench.run(0.1)
+    bench.set_force(11.0)
     assert not bench.session.command_lost
 
 
-def test_A6_a_driver_that_refuses_is_not_asked_again(bench: Bench) -> None:
+@pytest.fixture
+def unanswered(bench: Bench) -> Bench:
+    """Return a session whose driver does not answer to a force."""
     bench.driver.mute = True
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    bench.deliver([encode_report(Report(0.05, id=1, error="finger guard is open"))])
-    bench.run(0.3)
-    assert (bench.operations(), bench.session.state) == (["force"], "command lost: force: finger guard is open")
+    bench.set_force(10.0, 0.01)
+    return bench
 
 
-def test_an_answer_to_no_set_point_is_a_report_and_a_duplicate(bench: Bench) -> None:
+def test_A6_a_driver_that_refuses_is_not_asked_again(unanswered: Bench) -> None:
+    unanswered.deliver([encode_report(Report(0.05, id=1, error="finger guard is open"))])
+    unanswered.run(0.3)
+    assert unanswered.operations() == ["force"]
+    assert unanswered.session.state == "command lost: force: finger guard is open"
+
+
+@pytest.mark.parametrize("name", ["bench", "unanswered"])
+def test_an_answer_to_no_set_point_is_a_report_and_a_duplicate(name: str, request: pytest.FixtureRequest) -> None:
+    bench = request.getfixturevalue(name)
     bench.deliver([encode_report(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.width_m, bench.last.echo_ok, bench.session.health.duplicates) == (0.07, None, 1)
-    bench.driver.mute = True
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    bench.deliver([encode_report(Report(0.07, id=99, applied_n=50.0))])
-    assert (bench.last.echo_ok, bench.session.health.duplicates) == (None, 2)
 
 
 @pytest.mark.parametrize("lie", [Report(0.2), Report(0.05, id=1)])
-def test_a_implausible_report_is_counted_and_not_accepted(bench: Bench, lie: Report) -> None:
-    bench.driver.mute = True
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    seen = len(bench.samples)
-    bench.deliver([encode_report(lie)])
-    assert (len(bench.samples), bench.session.health.bad) == (seen, 1)
-    assert bench.session._queue.outstanding is not None
+def test_an_implausible_report_is_counted_and_not_accepted(unanswered: Bench, lie: Report) -> None:
+    seen = len(unanswered.samples)
+    unanswered.deliver([encode_report(lie)])
+    assert (len(unanswered.samples), unanswered.session.health.bad) == (seen, 1)
+    assert unanswered.session._queue.outstanding is not None
 
 
 def test_a_driver_that_falls_silent_receives_nothing_more(bench: Bench) -> None:
-    bench.deaf = True
-    bench.driver.mute = True
+    bench.deaf = bench.driver.mute = True
     bench.run(0.45)
-    set_force(bench.session, 10.0)
-    bench.run(SILENCE_NS * 1e-9)
+    bench.set_force(10.0, SILENCE_NS * 1e-9)
     assert (bench.session.state, bench.session.command_lost) == ("no reply", True)
     assert (set_force(bench.session, 10.0), halt(bench.session)) == (None, False)
     activate(bench.session, bench.now_ns)
@@ -167,15 +157,13 @@ def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
 @pytest.mark.parametrize("sent", [False, True])
 def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again(bench: Bench, sent: bool) -> None:
     bench.driver.mute = True
-    set_force(bench.session, 10.0)
-    bench.run(0.01 * sent)
+    bench.set_force(10.0, 0.01 * sent)
     bench.deliver([encode_registration(DRIVER)])
     assert bench.session.command_lost
     bench.run(1.0)
     assert (bench.operations(), bench.session.state) == (["force"] * sent, "command lost: the driver registered again")
     bench.driver.mute = False
-    set_force(bench.session, 11.0)
-    bench.run(0.1)
+    bench.set_force(11.0)
     assert bench.session.state == "active"
 
 
