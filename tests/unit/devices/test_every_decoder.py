@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import inspect
+from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
 from random import Random
@@ -13,10 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slipd.devices import DEVICES
+from slipd.devices import DEVICES, Device
 from slipd.tools.sim.emulators import make_emulator
 
 MS = 1_000_000
+READINGS = 5
 ROUNDS = 16
 """Pieces of traffic that give readings, one after another."""
 
@@ -46,30 +48,40 @@ def decode(name: str, pieces: list[bytes]) -> tuple[list[tuple[Any, ...]], Any]:
     return [plain(sample) for piece in pieces for sample in decoder.receive(piece, 0)], decoder.health
 
 
+def listener_to(device: Device) -> Any:
+    return (device.session or device.decoder)(**make_emulator(device.name).options)
+
+
+def new_link(device: Device, listener: Any, seed: int = 0) -> Iterator[tuple[bytes, int]]:
+    """Start again, and yield the data of the device with their times; the caller has processed all earlier data."""
+    emulator: Any = make_emulator(device.name, seed)
+    emulator.opened(0)
+    session = listener if device.session is not None else None
+    output = emulator.receive(session.start(0), 0) if session else listener.forget() or []
+    if device.inquiry is not None and (inquiry := device.inquiry(**emulator.options)) is not None:
+        yield emulator.inquire(inquiry.request), 0
+    for now_ns in range(MS, 20_000 * MS, MS):
+        for data in output + emulator.advance(now_ns):
+            yield data, now_ns
+        output = []
+        while session and (due := session.next_deadline()) is not None and due <= now_ns:
+            output += emulator.receive(session.on_time(now_ns), now_ns)
+    raise AssertionError(f"{device.name} says too little")
+
+
 @cache
 def rounds(name: str) -> list[bytes]:
     """Return the traffic of a device that runs, in pieces that end with a reading."""
-    device, emulator = DEVICES[name], make_emulator(name, 5)
-    session: Any = device.session(**emulator.options) if device.session is not None else None
-    decoder, begun, found = decoder_of(name), b"", []
-    emulator.opened(0)
-    said = emulator.receive(session.start(0), 0) if session else []
-    if device.inquiry is not None:
-        session.receive(emulator.inquire(device.inquiry(**emulator.options).request), 0)  # type: ignore[attr-defined, union-attr]
-    for now_ns in range(MS, 20_000 * MS, MS):
-        for data in said + emulator.advance(now_ns):
-            begun += data
-            if session:
-                session.receive(data, now_ns)
-            if decoder.receive(data, now_ns):
-                found.append(begun)
-                begun = b""
-        said = []
-        while session and (due := session.next_deadline()) is not None and due <= now_ns:
-            said += emulator.receive(session.on_time(now_ns), now_ns)
+    listener, decoder, begun, found = listener_to(DEVICES[name]), decoder_of(name), b"", []
+    for data, now_ns in new_link(DEVICES[name], listener, 5):
+        listener.receive(data, now_ns)
+        begun += data
+        if decoder.receive(data, now_ns):
+            found.append(begun)
+            begun = b""
         if len(found) > ROUNDS:
-            return found[1:]
-    raise AssertionError(f"{name} sends too little")
+            break
+    return found[1:]
 
 
 @every
@@ -131,3 +143,35 @@ def test_L4_nothing_raises_and_readings_after_anything_are_read(name: str, parts
     found, _ = decode(name, before + traffic[6:])
     last = decode(name, traffic[6:])[0][-1]
     assert last in found
+
+
+def counted(health: Any) -> tuple[int, int, int]:
+    return health.lost, health.duplicates, health.restarts
+
+
+def first_readings(device: Device, listener: Any) -> tuple[list[Any], int]:
+    """Return the first readings of a new link, and the number of pieces before the last."""
+    readings: list[Any] = []
+    before = 0
+    for data, now_ns in new_link(device, listener):
+        readings += [plain(sample) for sample in listener.receive(data, now_ns)]
+        if len(readings) >= READINGS:
+            break
+        before += 1
+    return readings, before
+
+
+@every
+def test_L5_a_frame_that_an_unplug_tore_is_not_completed_by_what_comes_after(name: str) -> None:
+    device = DEVICES[name]
+    expected, last = first_readings(device, listener_to(device))
+    listener = listener_to(device)
+    for at, (data, now_ns) in enumerate(new_link(device, listener)):
+        if at == last:
+            break
+        listener.receive(data, now_ns)
+    listener.receive(data[: len(data) // 2], now_ns)
+    next(new_link(device, listener), None)  # the link is opened again
+    assert list(listener.receive(data[len(data) // 2 :], now_ns)) == []
+    before = counted(listener.health)
+    assert (first_readings(device, listener)[0], counted(listener.health)) == (expected, before)

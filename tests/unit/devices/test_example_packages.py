@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 import slipd_anyskin
 import slipd_paxini
+from readings import Case, fields
 from slipd_paxini import POLL_NS, REPLY_TIMEOUT_NS
-
-SplitCheck = Callable[..., list[tuple[Any, ...]]]
 
 EFLESH_UT = np.array(
     (604.800048828125, 158.40000915527344, 9439.935546875, 1531.2000732421875, -357.6000061035156, 11302.3681640625,
@@ -53,21 +50,25 @@ def test_paxini_the_request_is_that_of_the_makers_program() -> None:
     assert slipd_paxini.encode_request(2) == bytes.fromhex("55AA09000300FBF003000003 00 04")
 
 
-def test_paxini_x_and_y_are_signed_and_z_is_not(same_for_every_split: SplitCheck) -> None:
-    for end in (b"", b"\x42"):
-        (sample,) = slipd_paxini.Decoder().receive(reply(-3, 20, 200, end), 0)
-        assert sample.force_n == pytest.approx((-0.3, 2.0, 20.0))
-        assert (sample.torque_nm, sample.status) == (None, ())
-        same_for_every_split(slipd_paxini.Decoder, b"\x00" + 3 * reply(-3, 20, 200, end))
-    for full in ((127, 0, 0), (0, -128, 0), (0, 0, 255)):
-        (sample,) = slipd_paxini.Decoder().receive(reply(*full), 0)
-        assert sample.status == ("overload",)
-
-
-def test_paxini_one_byte_may_follow_a_reply_and_other_bytes_are_counted() -> None:
-    decoder = slipd_paxini.Decoder()
-    decoder.receive(reply(1, 1, 1, b"\x42") + reply(1, 1, 1, b"\x42\x43") + reply(1, 1, 1), 0)
-    assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (3, 1, 1)
+@pytest.mark.parametrize(
+    "case",
+    [
+        *(
+            Case(
+                b"\x00" + 3 * reply(-3, 20, 200, end),
+                [{"force_n": [-0.3, 2.0, 20.0], "torque_nm": None, "status": ()}] * 3,
+                {"bad": 1, "bad_bytes": 1},
+            )
+            for end in (b"", b"\x42")
+        ),
+        Case(reply(127, 0, 0) + reply(0, -128, 0) + reply(0, 0, 255), fields("status", [("overload",)] * 3)),
+        Case(
+            reply(1, 1, 1, b"\x42") + reply(1, 1, 1, b"\x42\x43") + reply(1, 1, 1), [{}] * 3, {"bad": 1, "bad_bytes": 1}
+        ),
+    ],
+)
+def test_paxini_x_and_y_are_signed_z_is_not_and_one_byte_may_follow(case: Case) -> None:
+    case.check(slipd_paxini.Decoder)
 
 
 def test_paxini_one_poll_is_outstanding_in_its_period_and_a_lost_one_is_repeated() -> None:
