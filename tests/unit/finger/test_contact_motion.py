@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force
+from finger_bench import MS, T0, Parse, Wrench, make_finger, read_force
 
 from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger import Finger
@@ -42,35 +42,6 @@ def test_the_sensors_decide_what_can_be_seen(left: str, parse: Parse) -> None:
     assert set(motion_of(make_finger(blind, parse)).looks_per_hour) == {"vibration"}
 
 
-def test_a_loud_band_is_evidence_until_it_is_taken(finger: Finger, feel: Feel) -> None:
-    motion = motion_of(finger)
-    feel(finger, 30)
-    assert motion.take() == []
-    feel(finger, 3, loud=4.0)
-    found = motion.take()
-    assert {evidence.kind for evidence in found} == {"vibration"}
-    assert motion.take() == []
-
-
-def test_a_contact_that_ends_is_forgotten(finger: Finger, feel: Feel) -> None:
-    motion = motion_of(finger)
-    feel(finger, 30)
-    feel(finger, 3, loud=4.0)
-    assert motion.found
-    feel(finger, 1, normal_n=0.0)
-    assert motion.found == []
-    feel(finger, 8, loud=4.0)
-    assert motion.found == [], "the background of another contact is not that of this one"
-
-
-def test_an_image_that_cannot_be_used_is_forgotten(finger: Finger, feel: Feel, image: Image) -> None:
-    feel(finger, 1)
-    for k in range(3):
-        finger.update_image(image(T0 + (40 + k) * MS))
-    finger.update_image(image(T0 + 50 * MS, np.full((4, 4), np.nan)))
-    assert motion_of(finger).take() == []
-
-
 def test_a_finger_without_images_has_no_evidence_of_them(left: str, parse: Parse, finger: Finger) -> None:
     blind = motion_of(make_finger(left.split("[finger.left.pad]")[0], parse))
     with pytest.raises(ValueError, match="without images"):
@@ -96,3 +67,18 @@ def test_evidence_from_elsewhere_is_a_slip_only_of_a_finger_that_touches_and_is_
         assert (state is not None) == slips
     assert state is not None
     assert (state.verdict.level, state.verdict.reasons[0]) == ("slipping", "slip_detected")
+
+
+def test_a_loud_band_is_evidence_until_it_is_taken_or_its_contact_ends(finger: Finger, feel: Feel) -> None:
+    motion = motion_of(finger)
+    feel(finger, 30)
+    assert motion.take() == []
+    feel(finger, 3, loud=4.0)
+    assert {evidence.kind for evidence in motion.take()} == {"vibration"}
+    assert motion.take() == []
+    feel(finger, 3, loud=8.0)
+    assert motion.found
+    feel(finger, 1, normal_n=0.0)
+    assert motion.found == []
+    feel(finger, 8, loud=4.0)
+    assert motion.found == [], "the background of another contact is not that of this one"

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from finger_bench import FULL, MS, T0, Image, Parse, make_finger, read_force
+from finger_bench import FULL, MS, T0, Image, Parse, Wrench, make_finger, read_force
 
+from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
+from slipd.finger.force_image_check import ForceHistory
 from slipd.finger.stream_health import force_conditions
 from slipd.fusion.rows import CONDITIONS, new_rows
 from slipd.fusion.streaming import move_to_pad, wrench_at
@@ -164,3 +166,13 @@ def test_N1_reading_that_is_not_finite_changes_no_state(left: str, parse: Parse,
     bad[place] = wrong
     assert not np.isfinite(read(force, bad, untouched=True)).all()
     assert read(force, [0.1] * 6, untouched=True) == well
+
+
+def test_the_mean_is_that_of_the_readings_between_two_times(finger: Finger, wrench: Wrench) -> None:
+    history = ForceHistory(0.02)
+    samples = [wrench(T0 + k * MS, 8.0 + k, (1.0, 0.0)) for k in range(6)]
+    for batch in finger.decide(samples, [sample.t_ns for sample in samples]):
+        history.update(batch.readings.rows, batch.readings.times_ns, batch.phases)
+    assert history.mean_wrench(T0 + MS, T0 + 4 * MS)[2] == pytest.approx(-11.0), "of the third to the fifth"
+    assert history.mean_wrench(T0 + 5 * MS, T0 + 9 * MS) == history.wrench_at(T0 + 9 * MS), "there is none between"
+    assert history.mean_wrench(0, T0) == history.wrench_at(T0)

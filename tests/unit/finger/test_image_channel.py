@@ -8,70 +8,68 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, FULL, MS, T0, Image, NoisyFinger, Parse, Press, make_finger, taxel_faults, verdict
+from finger_bench import EMPTY, MS, T0, Image, NoisyFinger, Parse, Press, make_finger, taxel_faults, verdict
 from known_zeros import known_finger
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger
-from slipd.finger.finger_state import FingerState
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import Contact, contact_from_wrench
 from slipd.types.samples import TactileSample
 
+MakePress = Callable[[Finger], Press]
+UNSEEN = ("unknown", ("rotation_unobserved",))
 
-class TestChargePad:
-    """A pad whose charge leaks away, beside a force sensor that shows when there is contact."""
 
-    @pytest.fixture
-    def finger(self, left: str, parse: Parse) -> Finger:
-        return make_finger(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse)
+@pytest.fixture
+def charged(left: str, parse: Parse) -> Finger:
+    """A finger with a pad whose charge leaks away, beside a force sensor that shows when there is contact."""
+    return make_finger(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse)
 
-    def hold(self, press: Press, seconds: float) -> FingerState:
-        """Hold a press after a light touch; the output of the amplifiers decays with 2 s."""
-        for _ in range(20):
-            press(0.0, counts=EMPTY)
-        state = press(0.6, counts=EMPTY)
-        for k in range(round(seconds / 0.01)):
-            state = press(10.0, (1.0, 0.0), counts=np.round(1000 * np.exp(-k * 0.01 / 2.0) * np.ones((4, 4))))
-        return state
 
-    def test_held_contact_keeps_its_image(self, finger: Finger, press: Press) -> None:
-        state = self.hold(press, 6.0)
-        assert state.verdict.level == "stable"
-        assert finger.image is not None
-        assert finger.image.pressure == pytest.approx(np.full(16, 10.0), rel=0.02)
+def leaked(seconds: float) -> np.ndarray:
+    """Return what is left over of a press of 10 N on each taxel."""
+    return np.full((4, 4), np.round(1000 * np.exp(-seconds / 2.0)))
 
-    def test_image_survives_a_short_silence_of_the_force_sensor(self, finger: Finger, press: Press) -> None:
-        self.hold(press, 3.0)
-        assert finger.check_silence(T0 + 10_000 * MS) is not None
-        assert finger.image is not None
-        left_over = np.round(1000 * np.exp(-3.0 / 2.0) * np.ones((4, 4)))
-        assert press(10.0, counts=left_over).verdict.level == "stable"
-        assert finger.image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)
 
-    def test_contact_that_began_unseen_has_no_image(self, press: Press) -> None:
-        for _ in range(5):
-            assert verdict(press(10.0, counts=FULL)) == ("unknown", ("rotation_unobserved",))
+def hold(press: Press, seconds: float) -> None:
+    """Hold a press after a light touch; the output of the amplifiers decays with 2 s."""
+    for _ in range(20):
+        press(0.0, counts=EMPTY)
+    press(0.6, counts=EMPTY)
+    for k in range(round(seconds / 0.01)):
+        assert press(10.0, (1.0, 0.0), counts=leaked(0.01 * k)).verdict.level == "stable"
 
-    def test_end_of_stream_drops_the_image(self, finger: Finger, press: Press) -> None:
-        self.hold(press, 1.0)
-        finger.disconnect_image()
-        for _ in range(5):
-            assert verdict(press(10.0, counts=FULL)) == ("unknown", ("rotation_unobserved",))
 
-    def test_another_zero_during_a_contact_changes_no_load(self, finger: Finger, press: Press) -> None:
-        self.hold(press, 1.0)
-        image = finger.image
-        assert image is not None
-        counts = np.round(1000 * np.exp(-1.0 / 2.0) * np.ones((4, 4)))
-        by_config = image.tare.current
-        image.tare.restore(replace(by_config, id=1, value=by_config.value + 200.0, origin="stored"))
-        press(10.0, counts=counts)
-        assert image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)
-        image.tare.reject("the normal force is clearly negative")
-        assert image.tare.current is by_config
-        press(10.0, counts=counts)
-        assert image.pressure == pytest.approx(np.full(16, 10.0), rel=0.03)
+def test_held_contact_keeps_its_image_also_through_a_short_silence_of_the_force_sensor_and_another_zero(
+    charged: Finger, make_press: MakePress
+) -> None:
+    press, image = make_press(charged), charged.image
+    hold(press, 3.0)
+    whole = pytest.approx(np.full(16, 10.0), rel=0.03)
+    assert image.pressure == whole
+    assert charged.check_silence(T0 + 10_000 * MS) is not None
+    by_config = image.tare.current
+    for change in (
+        lambda: None,
+        lambda: image.tare.restore(replace(by_config, id=1, value=by_config.value + 200.0, origin="stored")),
+        lambda: image.tare.reject("the normal force is clearly negative"),
+    ):
+        change()
+        assert press(10.0, counts=leaked(3.0)).verdict.level == "stable"
+        assert image.pressure == whole
+    assert image.tare.current is by_config
+
+
+@pytest.mark.parametrize("held_s", [0.0, 1.0])
+def test_contact_that_began_unseen_or_lost_its_stream_has_no_image(
+    charged: Finger, make_press: MakePress, held_s: float
+) -> None:
+    press = make_press(charged)
+    if held_s:
+        hold(press, held_s)
+        charged.disconnect_image()
+    assert {verdict(press(10.0)) for _ in range(5)} == {UNSEEN}
 
 
 def test_T1_masked_three_axis_taxels_are_replaced_by_their_neighbours(right: str, parse: Parse) -> None:
@@ -202,17 +200,14 @@ def test_three_axis_taxels_give_a_wrench_that_is_turned_with_the_pad(
     assert sorted(pad.pressure) == pytest.approx([0.0, 0.0, 0.0, 3.0])
 
 
-def test_contact_shape_is_in_the_pad_frame(make: Callable[..., ImageChannel], image: Image) -> None:
-    counts = np.zeros((4, 4))
-    counts[0, :] = 100.0  # the first row of the scan
-    centres = {}
-    for more in ("", "flip_y = true\n", "swap_xy = true\n"):
-        pad = make(more=more)
-        pad.update(image(T0, counts))
-        shape = pad.shape()
-        assert shape is not None
-        assert shape.active == 4
-        centres[more] = tuple(shape.centroid_m)
-    assert centres[""] == pytest.approx((0.0, -0.006))
-    assert centres["flip_y = true\n"] == pytest.approx((0.0, 0.006))
-    assert centres["swap_xy = true\n"] == pytest.approx((-0.006, 0.0))
+@pytest.mark.parametrize(
+    ("more", "centre_m"),
+    [("", (0.0, -0.006)), ("flip_y = true\n", (0.0, 0.006)), ("swap_xy = true\n", (-0.006, 0.0))],
+)
+def test_contact_shape_is_in_the_pad_frame(
+    make: Callable[..., ImageChannel], image: Image, more: str, centre_m: tuple[float, float]
+) -> None:
+    pad = make(more=more)
+    pad.update(image(T0, np.where(np.arange(16) < 4, 100.0, 0.0)))  # the first row of the scan
+    shape = pad.shape()
+    assert (shape.active, tuple(shape.centroid_m)) == (4, pytest.approx(centre_m))

@@ -1,4 +1,4 @@
-"""Mass and centre of mass from the load on both pads: what is known of them, and how well."""
+"""Mass and centre of mass from the load on both pads, and the motion of the arm at any time, on which they rest."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slipd.grasp import object_estimate
+from slipd.grasp.motion_history import KEPT_NS, MOST_GAP_NS, MotionHistory
 from slipd.grasp.object_estimate import Felt, ObjectEstimate
+from slipd.types.samples import ArmSample
 
 NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)
 STILL = np.zeros(3)
@@ -98,3 +100,47 @@ def test_without_a_torque_only_the_mass_is_known() -> None:
     assert (found.mass_kg, found.com_m) == (pytest.approx(0.5, rel=0.05), None)
     assert found.unknown == object_estimate.NO_WIDTH
     assert np.isnan(estimate.residual[3:]).all()
+
+
+MS = 1_000_000
+PERIOD_NS = 4 * MS
+
+
+def filled(turning: tuple[float, ...] | None = None, readings: int = 51) -> MotionHistory:
+    """Return a history of γ = (t, 0, 9.81) and ω = (0, 0, 2 t), t in ms, from 1 s on."""
+    history = MotionHistory()
+    for k in range(readings):
+        t_ms = 4.0 * k
+        sample = ArmSample(0, None, (t_ms, 0.0, 9.81), (0.0, 0.0, 2.0 * t_ms), turning)
+        history.add(sample, 1000 * MS + k * PERIOD_NS)
+    return history
+
+
+@pytest.mark.parametrize(("turning", "expected"), [(None, (0.0, 0.0, 2000.0)), ((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))])
+def test_motion_is_interpolated_and_its_turn_differentiated_where_it_is_not_reported(
+    turning: tuple[float, ...] | None, expected: tuple[float, ...]
+) -> None:
+    felt = filled(turning).felt(1101 * MS)
+    assert felt is not None
+    assert felt.gravity_mps2 == pytest.approx((101.0, 0.0, 9.81))
+    assert felt.velocity_radps == pytest.approx((0.0, 0.0, 202.0))
+    assert felt.acceleration_radps2 == pytest.approx(expected)
+    assert felt.std_mps2 == pytest.approx(4.0), "an error of 4 ms"
+
+
+def test_motion_is_unknown_outside_and_in_gaps() -> None:
+    history = filled()
+    assert history.newest_ns == 1200 * MS
+    assert (history.gravity(999 * MS), history.gravity(1201 * MS), history.felt(1190 * MS)) == (None, None, None)
+    assert history.gravity(1200 * MS) == pytest.approx((200.0, 0.0, 9.81))
+    history.add(ArmSample(0, None, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)), 1200 * MS + MOST_GAP_NS + 1)
+    assert history.gravity(1210 * MS) is None
+
+
+def test_history_is_short_and_begins_anew_when_time_goes_back() -> None:
+    history = filled(readings=200)
+    assert history.gravity(history.newest_ns - KEPT_NS - PERIOD_NS) is None
+    history.add(ArmSample(0, None, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 1000 * MS)
+    assert history.newest_ns == 1000 * MS
+    assert np.all(history.gravity(1000 * MS) == (1.0, 0.0, 0.0))
+    assert MotionHistory().newest_ns == 0
