@@ -178,9 +178,10 @@ def test_a_grasp_is_what_both_fingers_make_of_it(make_hand: MakeHand, name: str)
 def test_pads_move_with_the_width(hand: Hand) -> None:
     """1 N along the gripper's X: its lever along Z is where the pads are at this width."""
     hand.press("left", 10.0, (0.0, -0.5))
-    hand.press("right", 10.0, (0.0, 0.5))
+    hand.press("right", 10.0, (0.0, 0.5), t_ns=T0 + 4 * MS)
     for width_m, lever_m in ((0.0, 0.16), (0.04, 0.15), (0.05, 0.145), (0.08, 0.13)):
-        body = hand.body(width_m=width_m)
+        body = hand.body(T0 + 5 * MS, width_m)
+        assert body["age_s"] == pytest.approx(0.005), "of the older reading"
         assert body["external_force_n"] == pytest.approx([1.0, 0.0, 0.0])
         assert body["external_torque_nm"] == pytest.approx([0.0, lever_m, 0.0])
     for width_m in (-0.001, 0.081, None, math.nan):
@@ -206,17 +207,21 @@ def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None
 
 
 @pytest.mark.parametrize("name", ["left", "right"])
-@pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "never"])
-def test_grasp_is_unknown_where_one_finger_is(hand: Hand, name: str, what: str) -> None:
-    other = "right" if name == "left" else "left"
-    hand.press(other, 10.0, (1.2, 0.0))
+@pytest.mark.parametrize(
+    ("what", "contact", "more"),
+    [
+        ("stale", (10.0, (1.2, 0.0)), {}), ("overload", (10.0, (1.2, 0.0)), {"status": ("overload",)}),
+        ("not_finite", (math.nan,), {}), ("never", (), {}),
+    ],
+)  # fmt: skip
+def test_grasp_is_unknown_where_one_finger_is(
+    hand: Hand, name: str, what: str, contact: tuple[Any, ...], more: dict[str, Any]
+) -> None:
+    hand.press("right" if name == "left" else "left", 10.0, (1.2, 0.0))
+    if contact:
+        hand.press(name, *contact, **more)
     if what == "stale":
-        hand.press(name, 10.0, (1.2, 0.0))
         hand.fingers[name].disconnect(T0)
-    elif what == "overload":
-        hand.press(name, 10.0, (1.2, 0.0), status=("overload",))
-    elif what == "not_finite":
-        hand.press(name, math.nan)
     body = hand.body()
     assert nil(body) == (set(body) - ALWAYS) | ({"age_s"} if what == "never" else set())
     assert body["level"] == "unknown", "one finger that holds makes no grasp"
@@ -276,12 +281,6 @@ def test_three_axis_pads_make_a_grasp(left: str, right: str, parse: Parse, wrenc
     assert body["internal_n"] == pytest.approx(10.0)
     assert body["external_force_n"] == pytest.approx([0.0, 0.0, 2.4], abs=1e-9)
     assert body["utilisation"] == pytest.approx(0.24, rel=1e-4)
-
-
-def test_age_is_that_of_the_older_reading(hand: Hand) -> None:
-    hand.press("left", 10.0)
-    hand.press("right", 10.0, t_ns=T0 + 4 * MS)
-    assert hand.body(T0 + 5 * MS)["age_s"] == pytest.approx(0.005)
 
 
 def test_the_reflex_lowers_only_to_what_the_stated_friction_needs(hand: Hand) -> None:

@@ -144,31 +144,9 @@ def test_gravity_is_followed_from_rest_or_from_now_and_without_it_there_is_no_ti
     assert advised.check(gentle).time_scale == 1.0, "nothing is to be slowed down"
 
 
-def change(finger: str, **fields: Any) -> Callable[[Advised], None]:
+def has(finger: str, **fields: Any) -> Callable[[Advised], None]:
     """Return a change of the state of a finger."""
-
-    def apply(advised: Advised) -> None:
-        state = advised.fingers[finger].state
-        for name, value in fields.items():
-            setattr(state, name, value)
-
-    return apply
-
-
-def without_force(advised: Advised) -> None:
-    advised.fingers["right"].force = None
-
-
-def weighing(advised: Advised) -> None:
-    advised.fingers["left"].force.gravity.state = lambda t_ns: "unknown_orientation"
-
-
-def unknown_object(advised: Advised) -> None:
-    advised.view.object = NOTHING_HELD
-
-
-def silent_arm(advised: Advised) -> None:
-    advised.arm.is_used = lambda t_ns: False
+    return lambda advised: vars(advised.fingers[finger]).update(state=replace(advised.fingers[finger].state, **fields))
 
 
 def jump(advised: Advised) -> None:
@@ -179,16 +157,19 @@ def jump(advised: Advised) -> None:
 @pytest.mark.parametrize(
     ("make", "why"),
     [
-        (without_force, "finger right has no force sensor"),
-        (change("left", verdict=STREAM_STALE), "finger left: stale"),
-        (change("right", contact=None), "finger right: stable"),
-        (change("right", contact=contact_of((0.0,) * 6, 0.1)), "finger right touches nothing"),
-        (change("right", verdict=Verdict("slipping", ("slip_detected",))), "finger right slips"),
-        (change("left", load_distribution=None), "rotation_unobserved"),
-        (change("left", friction=FrictionState()), "finger left: no friction is known"),
-        (weighing, "finger left: its own weight"),
-        (unknown_object, "nothing is held"),
-        (silent_arm, ARM_SILENT),
+        (lambda advised: setattr(advised.fingers["right"], "force", None), "finger right has no force sensor"),
+        (has("left", verdict=STREAM_STALE), "finger left: stale"),
+        (has("right", contact=None), "finger right: stable"),
+        (has("right", contact=contact_of((0.0,) * 6, 0.1)), "finger right touches nothing"),
+        (has("right", verdict=Verdict("slipping", ("slip_detected",))), "finger right slips"),
+        (has("left", load_distribution=None), "rotation_unobserved"),
+        (has("left", friction=FrictionState()), "finger left: no friction is known"),
+        (
+            lambda advised: setattr(advised.fingers["left"].force.gravity, "state", lambda _: "unknown_orientation"),
+            "finger left: its own weight",
+        ),
+        (lambda advised: setattr(advised.view, "object", NOTHING_HELD), "nothing is held"),
+        (lambda advised: setattr(advised.arm, "is_used", lambda _: False), ARM_SILENT),
         (jump, NO_GRAVITY),
     ],
 )
