@@ -40,8 +40,7 @@ def vectors(daemon: Daemon) -> list[list[float]]:
 def test_the_orientation_of_the_pad_gives_gravity_in_its_frame(
     quaternion: tuple[float, ...], gravity: tuple[float, ...]
 ) -> None:
-    expected = [9.80665 * component for component in gravity]
-    assert gravity_of(quaternion) == pytest.approx(expected, abs=1e-12)
+    assert gravity_of(quaternion) == pytest.approx([9.80665 * component for component in gravity], abs=1e-12)
 
 
 def test_one_orientation_is_sent_once_or_repeated(daemon: Daemon, call: Call, stepped: Callable[[Any], None]) -> None:

@@ -75,8 +75,7 @@ def test_a_stream_that_is_not_well_is_to_be_looked_at(changes: dict[str, Any], n
 
 @pytest.mark.parametrize("reason", FINGER_REPAIRS)
 def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
-    status = WELL | {"fingers": {"left": {"level": "unknown", "reasons": [reason]}}}
-    [repair] = repairs(status)
+    [repair] = repairs(WELL | {"fingers": {"left": {"level": "unknown", "reasons": [reason]}}})
     assert repair.problem == REASONS[reason]
     parser().parse_args(repair.command.removeprefix("slipctl ").removesuffix(" --help").split())
 
@@ -121,8 +120,7 @@ def test_the_status_of_a_real_engine_becomes_repairs() -> None:
     run.tick()
     run.feed(HostNotice("config", "kept"))
     run.feed(RecordingChanged("", "/r.mcap", "failed", "disk full"))
-    found = ids(repairs(run.published("status")[-1]))
-    assert {"stream-missing", "config-kept", "recording-failed"} <= set(found)
+    assert {"stream-missing", "config-kept", "recording-failed"} <= set(ids(repairs(run.published("status")[-1])))
 
 
 def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,8 +30,7 @@ def test_a_secret_is_for_its_user_alone_and_the_public_key_for_all_whatever_the_
         public, secret = create("robot-1", tmp_path / "deep" / "keys")
     finally:
         os.umask(before)
-    modes = [stat.S_IMODE(path.stat().st_mode) for path in (secret, public, secret.parent)]
-    assert modes == [0o600, 0o644, 0o700]
+    assert [stat.S_IMODE(path.stat().st_mode) for path in (secret, public, secret.parent)] == [0o600, 0o644, 0o700]
     assert "secret-key" not in public.read_text()
 
 
@@ -99,8 +98,7 @@ def test_a_file_that_holds_no_key_is_refused(text: bytes, wrong: str, tmp_path: 
 
 
 def test_a_pair_that_does_not_belong_together_is_refused(made: tuple[Path, Path]) -> None:
-    text = made[1].read_text()
-    made[1].write_text(text.replace(load_public(made[0]).decode(), zmq.curve_keypair()[0].decode()))
+    made[1].write_text(made[1].read_text().replace(load_public(made[0]).decode(), zmq.curve_keypair()[0].decode()))
     with pytest.raises(KeyFileError, match="must be that of the secret key"):
         load_secret(made[1])
 

@@ -129,8 +129,7 @@ def test_a_nest_of_large_headers_takes_little_memory(header: bytes, limits: Limi
 @pytest.mark.parametrize("leaf", [b"\x01", b"\x90", b"\x80", b"\xa0", b"\x81\xa0\x01"])
 def test_a_bush_of_short_lists_is_not_read_to_its_end(leaf: bytes) -> None:
     """Of entries that are few in each list and many in all: some 7 ms of a daemon's loop otherwise."""
-    twig = b"\xdc\x00\x14" + leaf * 20
-    bush = b"\x81\xa1a\xdc\x00\x28" + (b"\x95" + twig * 5) * 40
+    bush = b"\x81\xa1a\xdc\x00\x28" + (b"\x95" + (b"\xdc\x00\x14" + leaf * 20) * 5) * 40
     assert len(bush) <= REQUEST_LIMITS.data_bytes
     with pytest.raises(MessageError, match="at most 256 entries"):
         decode(bush)

@@ -143,8 +143,7 @@ class Robot(threading.Thread):
                 self.sliders += struct.unpack(">d", payload[5:])
 
     def _next(self, stream: Any) -> tuple[bytes, bytes]:
-        header = stream.read(3)
-        size, kind = struct.unpack(">Hc", header or b"\x00\x03-")  # the program has ended
+        size, kind = struct.unpack(">Hc", stream.read(3) or b"\x00\x03-")  # the program has ended
         return kind, stream.read(size - 3)
 
     def _send(self, stream: Any, kind: bytes, payload: bytes) -> None:

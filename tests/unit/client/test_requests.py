@@ -428,10 +428,8 @@ def test_every_op_has_a_method_that_returns_its_reply(op: str) -> None:
     if op.startswith("lease."):
         assert callable(GripClient.lease)
         return
-    method = getattr(GripClient, op.replace(".", "_"))
-    returned = typing.get_type_hints(method, vars(client_base))["return"]
-    wanted = TareResult if op == "tare" else OPS[op].reply
-    assert returned == Steps[wanted]
+    returned = typing.get_type_hints(getattr(GripClient, op.replace(".", "_")), vars(client_base))["return"]
+    assert returned == Steps[TareResult if op == "tare" else OPS[op].reply]
 
 
 @pytest.mark.parametrize("module", [parts, replies, topics])

@@ -252,5 +252,4 @@ for name in {modules}:
 print(sorted({{"numpy", "scipy", "numba", "pydantic", "slipd"}} & set(sys.modules)))
 """
     assert {"slipd_client.slipctl", "slipd_client.aio", "slipd_client.messages.codec"} <= set(modules)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -109,8 +109,7 @@ def test_a_silent_daemon_and_a_bridge_that_dies_are_told_apart(
         listener = FleetListener(here, "plant")
         wait_for_state(listener, "live", publisher)
         wait_for_state(listener, "silent")
-        why = f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?"
-        assert why in bridge.stderr.readline()
+        assert f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?" in bridge.stderr.readline()
         wait_for_state(listener, "live", publisher)
         bridge.kill()
         wait_for_state(listener, "gone")

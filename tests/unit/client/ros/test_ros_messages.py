@@ -62,8 +62,7 @@ def test_the_bytes_of_any_message_are_those_of_rosbags(name: str) -> None:
     @settings(max_examples=25)
     @given(messages(TYPES[name]))
     def check(value: dict[str, Any]) -> None:
-        expected = bytes(STORE.serialize_cdr(built(STORE, name, value), TYPES[name].full_name))
-        assert encoder.encode(value) == expected
+        assert encoder.encode(value) == bytes(STORE.serialize_cdr(built(STORE, name, value), TYPES[name].full_name))
 
     check()
 

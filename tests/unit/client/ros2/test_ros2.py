@@ -151,8 +151,7 @@ def test_topics_have_the_prefix_except_those_that_every_node_shares() -> None:
         forwarder.forward(topic, {**HEADER, "rows": 1, "cols": 1, "width_m": 0.1})
     own = {f"/arm/slip/{name}" for name in ("warning", "grasp", "gripper")}
     fingers = {f"/arm/slip/left/{name}" for name in ("slip", "contact", "wrench", "wrench_reading", "tactile", "image")}
-    topics = {message.topic for message in sent}
-    assert topics == own | fingers | {"/diagnostics", "/arm/tf"}
+    assert {message.topic for message in sent} == own | fingers | {"/diagnostics", "/arm/tf"}
 
 
 def test_a_wrench_rate_leaves_out_readings_and_keeps_the_mean_rate() -> None:
