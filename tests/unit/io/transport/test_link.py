@@ -98,6 +98,8 @@ async def test_a_link_that_opens_and_dies_is_logged_once_until_bytes_arrive(capl
     events = await play([*silent, b"alive", *silent])
     once = ["left.wrench: open (what was opened)", "left.wrench: pulled"]
     assert caplog.messages == [*once, once[1], once[0]]
+    faults = [getattr(record, "slipd_fault", None) for record in caplog.records]
+    assert faults == [None, "stream-missing", "stream-fault", None]
     assert downs(events) == ["pulled"] * 41
 
 
@@ -162,6 +164,25 @@ async def test_a_write_reaches_an_open_connection_alone_and_a_refused_one_is_log
     assert (answers, link.refused_writes) == ([], 5)
     line = "left.wrench (somewhere) does not read: a command was dropped"
     assert [message for message in caplog.messages if "does not read" in message] == [line] * 2
+
+
+async def test_bytes_are_unread_if_they_wait_at_two_looks_and_none_came_in_between() -> None:
+    class Waiting(Connection):
+        def unread(self) -> bool:
+            return True
+
+        async def until_lost(self) -> str:
+            looks.extend([link.unread(), link.unread()])
+            self._on_bytes(b"x")
+            looks.extend([link.unread(), link.unread()])
+            return "pulled"
+
+    looks: list[bool] = []
+    link = Link(SPEC, opener([b""], Waiting), print)
+    assert not link.unread()
+    with pytest.raises(asyncio.CancelledError):
+        await link.run()
+    assert looks == [False, True, False, True]
 
 
 @pytest.mark.parametrize(

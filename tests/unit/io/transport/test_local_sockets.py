@@ -12,7 +12,7 @@ from pathlib import Path
 import msgpack
 import pytest
 import zmq
-from link_ends import downs, pieces, serving, ups
+from link_ends import pieces, serving
 from loop_waits import PATIENCE_S, eventually
 
 from slipd.errors import LinkError
@@ -45,8 +45,8 @@ def pusher(spec: LinkSpec) -> Iterator[Pusher]:
 async def test_each_message_is_delivered_as_one_piece_and_nothing_is_written(spec: LinkSpec, pusher: Pusher) -> None:
     """Of a message in many parts no more than two are judged, and one that is too long is refused."""
     sent = [*(bytes([n % 256]) * n for n in range(500)), bytes(MAX_MESSAGE_BYTES)]
+    first = pusher()  # it waits for the daemon
     async with serving(spec) as (links, events):
-        first = pusher()
         for data in sent:
             first.send(data)
         first.send_multipart([b"part"] * 1000)
@@ -58,14 +58,6 @@ async def test_each_message_is_delivered_as_one_piece_and_nothing_is_written(spe
     assert links.refused_writes == {"left.wrench": 1}
     assert events[0] == LinkUp("left.wrench", spec.address)
     assert pieces(events) == [*sent, b"part", b"part", b"of another"]
-
-
-async def test_a_pusher_that_waits_for_the_daemon_is_read_when_it_comes(spec: LinkSpec, pusher: Pusher) -> None:
-    pusher().send(b"early")
-    for _ in range(2):
-        async with serving(spec) as (_, events):
-            await eventually(lambda: pieces(events))
-        pusher().send(b"between two runs")
 
 
 async def test_a_failing_consumer_of_readings_gets_no_more_of_them(spec: LinkSpec, pusher: Pusher) -> None:
@@ -83,13 +75,6 @@ async def test_a_failing_consumer_of_readings_gets_no_more_of_them(spec: LinkSpe
         await connection.until_lost()
     await connection.close()
     assert got == [b"1"]
-
-
-async def test_a_missing_directory_is_reported(tmp_path: Path) -> None:
-    async with serving(LinkSpec("left.wrench", "external", f"ipc://{tmp_path}/none/readings")) as (_, events):
-        assert f"there is no directory {tmp_path}/none" in downs(events)[0]
-        (tmp_path / "none").mkdir()
-        await eventually(lambda: ups(events))
 
 
 def connect(path: Path) -> socket.socket:

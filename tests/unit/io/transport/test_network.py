@@ -20,10 +20,8 @@ from slipd.io.transport.network import MAX_DATAGRAM_BYTES, MAX_REPLY_BYTES, inqu
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
-TCP = pytest.mark.parametrize("far", ["tcp"], indirect=True)
 
-
-@TCP
+@pytest.mark.parametrize("far", ["tcp"], indirect=True)
 async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice) -> None:
     connection = await network.open_tcp(far.spec, print)
     opened = connection._opened
@@ -39,16 +37,6 @@ async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice)
     assert idle_s + probe_s * probes <= 3
     assert unsent_ms <= 3000
     await connection.close()
-
-
-@TCP
-async def test_a_reset_is_an_ordinary_loss(far: TcpDevice) -> None:
-    async with serving(far) as (_, events):
-        with socket.socket(fileno=far.fd) as reset:
-            reset.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
-        far.fd = -1
-        await eventually(lambda: downs(events))
-    assert "reset" in downs(events)[0]
 
 
 async def test_a_device_that_does_not_answer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -211,14 +211,6 @@ async def test_C4_a_stall_of_the_daemon_is_no_silence_of_a_server_that_answers_p
         assert kinds(events) == [LinkUp]
 
 
-async def test_a_proxy_of_the_environment_is_not_asked(monkeypatch: pytest.MonkeyPatch, unused_tcp_port: int) -> None:
-    for name in ("http_proxy", "all_proxy", "socks_proxy"):
-        monkeypatch.setenv(name, f"http://127.0.0.1:{unused_tcp_port}")
-    monkeypatch.delenv("no_proxy", raising=False)
-    async with sensor_server(saying("direct")) as spec, serving(spec) as (_, events):
-        await eventually(lambda: received(events) == b"direct")
-
-
 async def test_a_connection_that_the_server_ends_meanwhile_is_closed_all_the_same() -> None:
     """Its last message is delivered in pieces, and its close frame waits after them."""
     message = b"\x82\x7e" + (30_000).to_bytes(2, "big") + bytes(30_000)
