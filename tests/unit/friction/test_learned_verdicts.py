@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Parse, Wrench, make_finger
+from finger_bench import MS, T0, Parse, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
@@ -40,8 +40,7 @@ class Grasp:
             self.finger.update_image(TactileSample(self.t_ns, None, counts))
         noise = self._rng.normal(0.0, 0.005, 3)
         sample = self._wrench(self.t_ns, normal_n + noise[2], (q * normal_n + noise[0], noise[1]))
-        for batch in self.finger.decide((sample,), (sample.t_ns,)):
-            self.states += list(batch)
+        self.states.append(read_force(self.finger, sample))
 
     def load(self, begin: float, end: float, seconds: float) -> list[FingerState]:
         """Load or unload evenly; return the states."""

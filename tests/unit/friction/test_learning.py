@@ -1,4 +1,4 @@
-"""Friction learned in one contact, from rows of readings."""
+"""Friction learned in one contact, from rows of readings, and friction against rotation."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import math
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from learning_hand import STEP_S, Hand, Q, carry, slip
 
+from slipd.friction.friction_state import LEAST_SHARE, ONSET_S, FrictionState, RotationFriction
 from slipd.fusion.rows import UNTRUSTED
 
 pytestmark = pytest.mark.usefixtures("both_ways")
@@ -85,16 +88,26 @@ def test_a_gap_in_the_readings_is_not_carried_but_ten_a_second_are_enough(
     assert state.carried == (None if carried is None else pytest.approx(carried))
 
 
-def test_noise_lowers_the_bound_less_than_few_taxels() -> None:
-    exact, noisy, spinning = (
-        Hand().feel(carry(0.6), **how) for how in ({}, {"noise": 0.06}, {"ratio": 0.2, "shape": 0.1})
-    )
-    assert spinning.mu < noisy.mu < exact.mu
-    assert noisy.carried == pytest.approx(0.6), "what was carried is a mean, no bound"
+SHOCK: list[Q] = [(1.4, NAN, NAN, True), *[(0.2, NAN, NAN, True)] * 5]
+"""Motion that is seen during a shock."""
 
 
-def test_a_slip_inside_the_interval_of_the_prior_is_combined_with_it(hand: Hand) -> None:
-    assert Hand(None).feel(slip(0.47, 0.4)).mu < hand.feel(slip(0.47, 0.4)).mu < 0.47
+def test_courses_are_ordered_by_what_they_show_of_friction() -> None:
+    def mu(course: list[Q], stated: float | None = 0.5, **how: float) -> Any:
+        return Hand(stated).feel(course, **how).mu
+
+    # noise lowers the bound less than few taxels do
+    assert mu(carry(0.6), ratio=0.2, shape=0.1) < mu(carry(0.6), noise=0.06) < mu(carry(0.6))
+    assert Hand().feel(carry(0.6), noise=0.06).carried == pytest.approx(0.6), "what was carried is a mean, no bound"
+    # a slip inside the interval of the prior is combined with it
+    assert mu(slip(0.47, 0.4), None) < mu(slip(0.47, 0.4)) < 0.47
+    # a slip forgets what was carried before it for the bound, but not for the trend
+    state = Hand().feel([*carry(0.6), *slip(0.6, 0.4)])
+    assert (state.carried, state.mu < 0.57) == (pytest.approx(0.6), True)
+    # a shock raises no friction beyond what lasted
+    assert mu([*carry(0.2), *SHOCK]) <= 0.5
+    assert mu([*carry(0.2), *SHOCK], None) <= 0.2
+    assert mu(SHOCK, None) is None, "nothing lasted"
 
 
 def test_slips_that_agree_narrow_the_interval_and_newer_ones_weigh_more() -> None:
@@ -121,12 +134,6 @@ def test_what_was_carried_overrides_only_the_slips_that_it_disproves() -> None:
     assert found.source == "learned"
 
 
-def test_a_slip_forgets_what_was_carried_before_it_for_the_bound_but_not_for_the_trend(hand: Hand) -> None:
-    state = hand.feel([*carry(0.6), *slip(0.6, 0.4)])
-    assert state.carried == pytest.approx(0.6)
-    assert state.mu < 0.57
-
-
 def test_one_slip_gives_one_sample_however_long_it_lasts() -> None:
     once, hand = Hand(None).feel(slip(0.5, 0.4)), Hand(None)
     hand.feel(slip(0.5, 0.4))
@@ -139,12 +146,9 @@ def test_one_slip_gives_one_sample_however_long_it_lasts() -> None:
 
 def test_the_end_of_the_contact_starts_anew(hand: Hand) -> None:
     fresh = hand.estimate.state
-    hand.feel([*carry(0.6), *slip(0.4, 0.3)])
-    assert hand.let_go() == fresh
-    hand.feel([*carry(0.6), *slip(0.4, 0.3)])
-    assert hand.let_go() == fresh
-    hand.feel(carry(0.6))
-    assert hand.let_go() == fresh
+    for course in ([*carry(0.6), *slip(0.4, 0.3)], [*carry(0.6), *slip(0.4, 0.3)], carry(0.6)):
+        hand.feel(course)
+        assert hand.let_go() == fresh
     assert hand.feel(carry(0.6, 0.09)).carried is None, "one part of a dwell"
     hand.feel([*carry(0.6), *slip(0.4, 0.3)])
     hand.estimate.end_contact()
@@ -182,15 +186,6 @@ def test_what_was_learned_counts_from_the_next_step_of_time(hand: Hand) -> None:
     assert hand.estimate.begin_step([1_050_000_000, 1_059_000_000], 0) == 2
 
 
-def test_motion_seen_during_a_shock_raises_no_friction_beyond_what_lasted(hand: Hand) -> None:
-    shock = [(1.4, math.nan, math.nan, True), *[(0.2, math.nan, math.nan, True)] * 5]
-    state = hand.feel([*carry(0.2), *shock])
-    assert state.mu <= 0.5
-    unstated = Hand(None).feel([*carry(0.2), *shock])
-    assert unstated.mu <= 0.2
-    assert Hand(None).feel(shock).mu is None, "nothing lasted"
-
-
 def test_a_long_time_without_trusted_readings_ends_what_was_learned(hand: Hand) -> None:
     """Another object may be in the grip by then."""
     fresh = hand.estimate.state
@@ -205,3 +200,80 @@ def test_dynamic_friction_is_never_above_the_interval_of_static_friction(hand: H
     hand.estimate.set(0.6, 0.55, "ann", None)
     state = hand.feel([*carry(0.2), (0.25, 0.3, math.nan, True)])
     assert state.mu_d <= state.mu_high < 0.4
+
+
+STATED = 0.08
+REPORTED_S = 0.3
+
+
+def turn(rotation: RotationFriction, t_s: float, required: float) -> None:
+    """Turn the object at a spin that has just sunk to half."""
+    rotation.carry(t_s - 0.1, required)
+    rotation.carry(t_s, 0.5 * required)
+    rotation.slip(t_s + REPORTED_S)
+
+
+@pytest.mark.parametrize(
+    ("turns", "learned"),
+    [
+        ([], None),
+        ([(1.0, 0.06)], 0.06),
+        ([(1.0, 0.06), (1.2, 0.07), (1.4, 0.05)], 0.07),  # a turn that goes on is one sample
+        ([(1.0, 0.10), (5.0, 0.05)], (0.05 * 0.10**0.6) ** (1 / 1.6)),  # the newest weighs most
+        ([(1.0, 0.99 * LEAST_SHARE * STATED)], None),  # a slip with little spin is a translation
+        ([(1.0, 0.99 * LEAST_SHARE * STATED), (1.2, 0.06)], 0.06),
+    ],
+)
+def test_the_largest_spin_before_a_turn_was_the_limit(turns: list[tuple[float, float]], learned: float | None) -> None:
+    rotation, calibrated = RotationFriction(STATED), RotationFriction(None)
+    for each in (rotation, calibrated):
+        each.slip(0.1)
+        each.carry(1.0 - ONSET_S - 0.11, 0.2)  # too long before
+        for t_s, required in turns:
+            turn(each, t_s, required)
+    assert rotation.learned == (None if learned is None else pytest.approx(learned))
+    assert calibrated.learned is None, "calibrated taxels learn nothing here"
+    rotation.forget()
+    rotation.slip(9.0)
+    assert rotation.learned is None, "the grasp ended"
+
+
+def test_a_spin_uses_more_friction_than_mu_says_and_never_less() -> None:
+    assert FrictionState(0.32).spin_scale == 1.0
+    assert FrictionState(None, mu_rotation=0.08).spin_scale == 1.0
+    assert FrictionState(0.32, mu_rotation=0.08).spin_scale == pytest.approx(4.0)
+    assert FrictionState(0.32, mu_rotation=0.40).spin_scale == 1.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    parts=st.lists(st.tuples(st.floats(0.05, 1.5), st.sampled_from(("carry", "slip", "creep", "lost"))), max_size=8),
+    mu=st.one_of(st.none(), st.floats(0.1, 1.0)),
+    sizes=st.lists(st.integers(1, 40), min_size=1, max_size=4),
+)
+def test_whatever_comes_the_bound_is_explained_by_evidence_and_does_not_depend_on_the_reads(
+    parts: list[tuple[float, str]], mu: float | None, sizes: list[int]
+) -> None:
+    readings: list[Q] = []
+    for q, what in parts:
+        if what == "carry":
+            readings += carry(q)
+        elif what == "slip":
+            readings += slip(q, 0.7 * q)
+        else:
+            readings += [(q if what == "creep" else math.nan, math.nan, math.nan, what == "creep")] * 20
+    whole, split = Hand(mu), Hand(mu)
+    state = whole.feel(readings) if readings else whole.estimate.state
+    at = 0
+    while at < len(readings):
+        split.feel(readings[at : at + sizes[0]], pauses=False)
+        at, sizes = at + sizes[0], [*sizes[1:], sizes[0]]
+    split.pause()
+    assert split.estimate.state == state
+    evidence = [q for q, what in parts if what != "lost"] + ([mu] if mu is not None else [])
+    if state.mu is not None:
+        assert state.mu <= min(max(evidence), 1.0) * (1.0 + 1e-12)
+        assert state.mu_high is None or state.mu_low <= state.mu_high
+    assert (state.mu is None) == (state.source == "none")
+    if state.carried is not None:
+        assert state.carried <= max(evidence) * (1.0 + 1e-12)

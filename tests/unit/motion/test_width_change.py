@@ -37,9 +37,19 @@ def test_a_hold_whose_width_changes_is_found(step_m: float, moved_m: float) -> N
     assert found[-1].kind == "width"
 
 
-def test_one_step_of_a_coarse_gripper_is_none() -> None:
-    flicker = 0.03 + STEP_M * (np.arange(2000) // 37 % 2)
-    assert watch(steps(flicker), STEP_M) == []
+T_S = np.arange(3000) * 0.02
+
+
+@pytest.mark.parametrize(
+    ("widths_m", "step_m"),
+    [
+        (steps(0.03 + STEP_M * (np.arange(2000) // 37 % 2)), STEP_M),  # one step of a coarse gripper
+        (0.03 + 1e-3 * np.sin(2.0 * math.pi * 2.0 * T_S[:1000]) * (T_S[:1000] > 1.0), 0.0),  # it is shaken
+        (0.03 - 2e-4 * np.log1p(T_S), 0.0),  # the pads creep
+    ],
+)
+def test_what_flickers_swings_back_or_creeps_is_none(widths_m: np.ndarray, step_m: float) -> None:
+    assert watch(widths_m, step_m) == []
 
 
 @pytest.mark.parametrize("std_m", [1e-5, 2e-4, 1e-3])
@@ -69,16 +79,6 @@ def test_a_jump_is_as_surprising_after_an_hour_as_after_ten_seconds(std_m: float
         surprises.append(max(evidence.surprise for evidence in watch(widths, change=change)))
     assert min(surprises) > CERTAIN
     assert max(surprises) < 1.5 * min(surprises)
-
-
-def test_a_shaken_gripper_swings_back() -> None:
-    t = np.arange(1000) * 0.02
-    assert watch(0.03 + 1e-3 * np.sin(2.0 * math.pi * 2.0 * t) * (t > 1.0)) == []
-
-
-def test_creep_of_the_pads_is_followed() -> None:
-    t = np.arange(3000) * 0.02
-    assert watch(0.03 - 2e-4 * np.log1p(t)) == []
 
 
 def test_a_jump_without_noise_is_as_surprising_as_the_least_variance_says() -> None:
