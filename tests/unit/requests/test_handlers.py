@@ -59,9 +59,3 @@ def test_A2_a_repeated_request_gets_the_same_reply_and_is_carried_out_once(run: 
         ask("record.start", ("replayed", ""), by=b"ben", **once),
     ]
     follow(run, [*others, status(recording={"running": True}), wait(300), *late])
-
-
-def test_too_many_requests_are_refused_until_their_deadlines_have_passed(run: Run) -> None:
-    found = {run.refusal("tare.get", finger="left") for _ in range(100)}
-    assert found == {None, ("busy", "")}
-    follow(run, [wait(101), ask("tare.get", finger="left")])

@@ -97,16 +97,20 @@ def test_only_who_floods_is_refused_and_a_full_cache_drops_nothing() -> None:
     assert sum(seen(once, ANN, body(k, 101), T0 + 100 * MS) == REPLY for k in range(PER_CLIENT)) == PER_CLIENT // 2
 
 
-def test_beyond_the_largest_number_of_clients_only_new_ones_are_refused_but_not_what_is_urgent() -> None:
-    once, renewal = IdempotencyCache(), body("renewal", op="lease.renew")
-    for k in range(MOST_CLIENTS):
-        once.keep(b"%d" % k, body(k), REPLY, T0)
-    assert seen(once, ANN, renewal, T0) == ("busy", "")
-    assert seen(once, b"0", body(-1), T0) is None
-    assert seen(once, ANN, body(-1, 200), T0 + 100 * MS) is None
+def full() -> IdempotencyCache:
+    """A cache that has heard of as many clients as it may."""
     once = IdempotencyCache()
     for k in range(MOST_CLIENTS):
         once.keep(b"%d" % k, body(k), REPLY, T0)
+    return once
+
+
+def test_beyond_the_largest_number_of_clients_only_new_ones_are_refused_but_not_what_is_urgent() -> None:
+    once, renewal = full(), body("renewal", op="lease.renew")
+    assert seen(once, ANN, renewal, T0) == ("busy", "")
+    assert seen(once, b"0", body(-1), T0) is None
+    assert seen(once, ANN, body(-1, 200), T0 + 100 * MS) is None
+    once = full()
     assert seen(once, ANN, renewal, T0, urgent=True) is None
     once.keep(ANN, renewal, REPLY, T0)
     assert seen(once, ANN, renewal, T0, urgent=True) == REPLY

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+from engine_rig import GRIPPER, LEFT, RIGHT, Run
 from grasp_table import grasp_table
+from run_courses import ask, count, follow, newest, tick
 
 from slipd_client.messages import CHECK_LIMITS, MessageError, decode, encode, request_limits
 
-Run = Any
 ROW = [0.0, 0.0, 0.0, -9.8, *[0.0] * 6]
 
 
@@ -39,26 +39,17 @@ CASES: list[tuple[dict[str, Any], str, str]] = [
 ]
 
 
-def test_a_wrong_motion_is_refused_and_its_first_wrong_row_is_named(rig: str, make_run: Callable[[str], Run]) -> None:
-    run = make_run(rig + grasp_table())
+def test_a_wrong_motion_is_refused_and_its_first_wrong_row_is_named() -> None:
+    run, bare = Run(LEFT + RIGHT + GRIPPER + grasp_table()), Run(LEFT + RIGHT + GRIPPER)
     for fields, code, field in CASES:
         error = run.ask("motion.check", **fields)["error"]
         assert (error["code"], error["field"]) == (code, field), (fields, error)
         assert field != "points.3" or "row 3" in error["message"]
-    assert run.ask("motion.check", points=rows(2000))["result"]["unknown"].startswith(
-        "the motion of the arm is not known"
-    )
-    assert run.published("motion") == [], "nothing happened meanwhile"
-    run.tick()
-    assert run.published("motion")[-1]["unknown"].startswith("the motion of the arm is not known")
-
-
-def test_without_a_grasp_there_is_no_motion_to_check(rig: str, make_run: Callable[[str], Run]) -> None:
-    run = make_run(rig)
-    error = run.ask("motion.check", acceleration_mps2=[0.0, 0.0, 1.0])["error"]
-    assert (error["code"], error["field"]) == ("not_ready", "")
-    run.tick()
-    assert run.published("motion") == []
+    known = run.ask("motion.check", points=rows(2000))["result"]["unknown"]
+    assert known.startswith("the motion of the arm is not known")
+    follow(run, [count("motion", 0), tick, newest("motion", unknown=known)])
+    without_grasp = ask("motion.check", ("not_ready", ""), acceleration_mps2=[0.0, 0.0, 1.0])
+    follow(bare, [without_grasp, tick, count("motion", 0)])
 
 
 def test_only_a_request_of_this_op_may_be_large() -> None:

@@ -29,6 +29,11 @@ def state(name: str | None, state: str, **more: Any) -> dict[str, Any]:
     return {"name": name, "path": path, "state": state, "running": running, "failure": None, "lost": 0} | more
 
 
+def start(run: Run) -> dict[str, Any]:
+    """A request whose answer waits for the disk."""
+    return {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+
+
 def replies(outputs: list[Output]) -> list[Reply]:
     return [output for output in outputs if isinstance(output, Reply)]
 
@@ -65,20 +70,18 @@ def test_K1_a_failing_disk_ends_the_recording_and_is_published(run: Run) -> None
 def test_the_reply_waits_for_the_disk_and_reports_its_error(run: Run) -> None:
     for state_of, code in (("failed", "record_failed"), ("limited", "no_room")):
         run.disk = lambda name, state=state_of: RecordingChanged(name, f"/state/{name}", state, "why")
-        reply = run.ask("record.start")
-        assert (reply["error"]["code"], reply["error"]["message"]) == (code, "why")
-        assert (shown(run)["state"], shown(run)["running"], shown(run)["failure"]) == (state_of, False, "why")
+        assert run.ask("record.start")["error"] == {"code": code, "message": "why", "field": ""}
+        assert shown(run) == state(shown(run)["name"], state_of, failure="why")
     assert run.refusal("record.stop") == ("not_ready", "")
 
 
 def test_a_copy_of_a_waiting_request_is_neither_carried_out_nor_answered_twice(run: Run) -> None:
-    body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+    body = start(run)
     assert replies(run.feed(Request(b"ann", dict(body)))) == []
     assert replies(run.feed(Request(b"ann", dict(body)))) == []
-    (refused,) = replies(run.feed(Request(b"ben", dict(body))))
-    assert refused.body["error"]["code"] == "replayed"
-    (refused,) = replies(run.feed(Request(b"ben", body | {"id": "d"})))
-    assert refused.body["error"]["code"] == "not_ready"
+    for again, code in ({}, "replayed"), ({"id": "d"}, "not_ready"):
+        (refused,) = replies(run.feed(Request(b"ben", body | again)))
+        assert refused.body["error"]["code"] == code
     (answer,) = replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running")))
     assert (answer.client, answer.body["id"], answer.body["ok"]) == (b"ann", "c", True)
     assert replies(run.feed(Request(b"ann", dict(body)))) == [answer]
@@ -88,8 +91,7 @@ def test_a_copy_of_a_waiting_request_is_neither_carried_out_nor_answered_twice(r
 
 
 def test_a_recording_stopped_before_its_file_is_created_is_answered(run: Run) -> None:
-    body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
-    run.feed(Request(b"ann", body))
+    run.feed(Request(b"ann", start(run)))
     assert run.ask("record.stop")["result"] == {"name": NAME, "path": None}
     (answer,) = replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running")))
     assert answer.body["result"]["path"] == f"/state/{NAME}"
@@ -110,14 +112,14 @@ def test_the_recording_of_the_whole_run_is_published_beside_the_one_on_request(r
     assert shown(run, "run_recording") is None
     run.feed(RecordingChanged("", "/data/run.mcap", "running"))
     assert shown(run, "run_recording") == state(None, "running", path="/data/run.mcap")
-    run.feed(RecordingChanged("", "/data/run.mcap", "failed", "No space left on device", 7))
-    failed = {"failure": "No space left on device", "lost": 7, "path": "/data/run.mcap"}
-    assert shown(run, "run_recording") == state(None, "failed", **failed)
+    run.feed(RecordingChanged("", "/data/run.mcap", "failed", "No space left", 7))
+    failed = state(None, "failed", failure="No space left", lost=7, path="/data/run.mcap")
+    assert shown(run, "run_recording") == failed
     assert shown(run) == state(NAME, "running")
 
 
 def test_a_recording_without_events_of_the_disk_replays(run: Run) -> None:
-    body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+    body = start(run)
     run.feed(Request(b"ann", body))
     assert (shown(run)["name"], shown(run)["running"]) == (NAME, True)
     assert run.ask("record.stop")["ok"]

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+from engine_rig import MS, Run
 
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.events import Reply
@@ -19,8 +19,6 @@ from slipd_client.messages.schema.ops import OPS
 
 pytestmark = pytest.mark.no_cover
 
-MS = 1_000_000
-Run = Any
 
 STEP_N, QUANTUM_N, RAISE_N_PER_S, LEAST_N, MOST_N = 2.0, 0.1, 10.0, 3.0, 25.0
 MOVES = ("grip.set", "grip.adjust", "gripper.close")
@@ -196,10 +194,8 @@ class Watcher:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_request_moves_the_gripper_beyond_its_limits(make_run: Callable[[str], Run], rig: str, seed: int) -> None:
+def test_no_request_moves_the_gripper_beyond_its_limits(run: Run, seed: int) -> None:
     rng = random.Random(seed)
-    run = make_run(rig)
-    run.up()
     run.bring_up()
     watcher = Watcher(run)
     for _ in range(60):
