@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Image, NoisyFinger, Parse, Press, Wrench, make_finger, pull, read_force
+from finger_bench import MS, T0, NoisyFinger, Parse, Press, Wrench, make_finger, pull, read_force
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -167,14 +167,12 @@ def test_late_reading_ends_contact_and_disagreement(hands: dict[bool, Finger], w
     ]
 
 
-def test_untrusted_reading_keeps_hysteresis_and_slip(finger: Finger, wrench: Wrench, image: Image) -> None:
-    reported = []
+def test_untrusted_reading_keeps_hysteresis_and_slip(press: Press) -> None:
     pulls = [2.0 + 0.01 * k for k in range(250)] + [3.8] * 20
-    for k, pull_n in enumerate(pulls):
-        finger.update_image(image(T0 + k * MS))
-        words = ("overload",) if k in (240, 265) else ()
-        state = read_force(finger, wrench(T0 + k * MS, 10.0, (pull_n, 0.0), status=words))
-        reported.append(state.verdict.level)
+    reported = [
+        press(10.0, (pull_n, 0.0), ms=1.0, status=("overload",) if k in (240, 265) else ()).verdict.level
+        for k, pull_n in enumerate(pulls)
+    ]
     assert reported[239:242] == ["warning", "unknown", "warning"]
     assert reported[264:267] == ["slipping", "unknown", "slipping"]
 

@@ -3,74 +3,59 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Image, NoisyFinger, Parse, Wrench, make_finger, read_force, teach
+from finger_bench import NoisyFinger, Parse, Press, make_finger, pull, teach
 
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body
 
-RISING = np.linspace(4.0, 4.8, 150).tolist()
-FALLS = {fall: [*RISING, *[4.8 * (1.0 - fall)] * 10] for fall in (0.02, 0.05)}
 
+@pytest.mark.parametrize(
+    ("stated", "before", "set_to", "after", "pull_n"),
+    [
+        ("mu = 0.5\n", (0.5, "config", "warning"), 1.0, "stable", 4.5),  # λ is 0.45 then
+        ("", (None, "none", "unknown"), 0.5, "stable", 1.0),
+    ],
+)
+def test_mu_of_config_holds_until_a_request_sets_another(
+    left: str, parse: Parse, make_press: Callable[[Finger], Press], stated: str,
+    before: tuple[float | None, str, str], set_to: float, after: str, pull_n: float,
+) -> None:  # fmt: skip
+    finger = make_finger(left.replace("mu = 0.5\n", stated), parse)
+    press = make_press(finger)
 
-def levels(finger: Finger, wrench: Wrench, image: Image, pulls: Iterable[float]) -> list[str]:
-    """Levels of readings 10 ms apart, pressed with 10 N and pulled."""
-    reported = []
-    for k, pull_n in enumerate(pulls):
-        finger.update_image(image(T0 + k * 10 * MS))
-        reported.append(read_force(finger, wrench(T0 + k * 10 * MS, 10.0, (pull_n, 0.0))).verdict.level)
-    return reported
+    def published() -> tuple[float | None, str]:
+        body = slip_body(finger, finger.state)
+        return body["mu"], body["mu_source"]
 
-
-def test_mu_of_config_holds_until_a_request_sets_another(finger: Finger, wrench: Wrench, image: Image) -> None:
-    assert (finger.friction.state.mu, finger.friction.state.source) == (0.5, "config")
-    assert levels(finger, wrench, image, [4.5]) == ["warning"]
-    finger.set_friction(1.0, None)
-    assert (finger.friction.state.mu, finger.friction.state.source) == (1.0, "request")
-    body = slip_body(finger, finger.state)
-    assert (body["mu"], body["mu_source"]) == (0.5, "config"), "of the reading before the request"
-    assert levels(finger, wrench, image, [4.5]) == ["stable"], "λ is 0.45 now"
-    body = slip_body(finger, finger.state)
-    assert (body["mu"], body["mu_source"]) == (1.0, "request")
-    assert finger.state.utilisation.value == pytest.approx(0.45)
-
-
-def test_request_sets_mu_where_config_has_none(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
-    finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
-    assert (finger.friction.state.mu, finger.friction.state.source) == (None, "none")
-    assert levels(finger, wrench, image, [1.0]) == ["unknown"]
-    finger.set_friction(0.5, None)
-    assert (finger.friction.state.mu, finger.friction.state.source) == (0.5, "request")
-    assert levels(finger, wrench, image, [1.0]) == ["stable"]
+    assert (*finger.friction.state[:1], finger.friction.state.source, *pull(press, [pull_n])) == before
+    finger.set_friction(set_to, None)
+    assert (finger.friction.state.mu, finger.friction.state.source) == (set_to, "request")
+    assert published() == before[:2], "of the reading before the request"
+    assert (pull(press, [pull_n]), published()) == ([after], (set_to, "request"))
 
 
 @pytest.mark.parametrize(
-    ("mu_d", "expected"),
+    ("set_to", "expected"),
     [
-        (None, [False, True]),  # as the config has it: 0.03
-        (0.2, [False, True]),  # dynamic friction far below does not hide smaller falls
-        (0.485, [True, True]),  # 3 %, of which half must be seen
+        ([], [False, True]),  # as the config has it: 0.03
+        ([0.2], [False, True]),  # dynamic friction far below does not hide smaller falls
+        ([0.485], [True, True]),  # 3 %, of which half must be seen
+        ([0.485, None], [True, True]),  # static friction alone keeps the fall set before
     ],
 )
 def test_fall_that_counts_as_slip_follows_dynamic_friction(
-    finger: Finger, wrench: Wrench, image: Image, mu_d: float | None, expected: list[bool]
+    finger: Finger, make_press: Callable[[Finger], Press], set_to: list[float | None], expected: list[bool]
 ) -> None:
-    slips = []
-    for fall in (0.02, 0.05):
-        hand = copy.deepcopy(finger)
-        hand.set_friction(0.5, mu_d)
-        slips.append(levels(hand, wrench, image, FALLS[fall])[-1] == "slipping")
-    assert slips == expected
-
-
-def test_static_friction_alone_keeps_the_fall_set_before(finger: Finger, wrench: Wrench, image: Image) -> None:
-    finger.set_friction(0.5, 0.485)
-    finger.set_friction(0.5, None)
-    assert finger.friction.drop == pytest.approx(0.5 * 0.03)
-    assert levels(finger, wrench, image, FALLS[0.02])[-1] == "slipping"
+    for mu_d in set_to:
+        finger.set_friction(0.5, mu_d)
+    rising = np.linspace(4.0, 4.8, 150).tolist()
+    hands = {fall: copy.deepcopy(finger) for fall in (0.02, 0.05)}
+    falls = [pull(make_press(hand), [*rising, *[4.8 * (1.0 - fall)] * 10])[-1] for fall, hand in hands.items()]
+    assert [level == "slipping" for level in falls] == expected
 
 
 def nothing(_: Finger) -> None:

@@ -1,4 +1,4 @@
-"""Faulty streams: the verdict becomes unknown, the fault is reported, and the stream is used again once it is well."""
+"""Faulty streams, and sensors that contradict each other: the verdict is unknown until all is well again."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, NoisyFinger, Parse, make_finger, taxel_faults
+from finger_bench import MS, T0, NoisyFinger, Parse, Press, make_finger, read_force, taxel_faults, verdict
 
+from slipd.finger.finger import Finger
 from slipd.finger.stream_health import finger_conditions
+from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -22,12 +24,12 @@ def test_F1_force_sensor_that_repeats_is_stuck_until_it_changes_unless_it_may_re
     make_noisy: Callable[..., NoisyFinger], stuck_after: int | None
 ) -> None:
     noisy = make_noisy("" if stuck_after is None else f"stuck_after = {stuck_after}")
-    for _ in range(60):
+    for _ in range(61):
+        noisy.look(8.0)
         noisy.send(STILL, np.zeros(3))
-    noisy.look(8.0)
-    noisy.send(STILL, np.zeros(3))
-    assert noisy.verdict == (STABLE if stuck_after == 0 else ("unknown", ("stuck",)))
-    assert [level for level, _ in noisy.conditions("wrench")] == ([] if stuck_after == 0 else [Health.ERROR])
+    stuck = stuck_after is None
+    assert noisy.verdict == (("unknown", ("stuck",)) if stuck else STABLE)
+    assert [level for level, _ in noisy.conditions("wrench")] == [Health.ERROR] * stuck
     noisy.read(8.0)
     assert (noisy.verdict, noisy.conditions("wrench")) == (STABLE, [])
 
@@ -116,3 +118,52 @@ def test_N1_readings_that_are_not_finite_are_reported_as_such(noisy: NoisyFinger
         noisy.send(np.full(3, math.nan), np.zeros(3))
         assert noisy.verdict == ("unknown", ("not_finite",))
     assert noisy.conditions("wrench") == [(Health.ERROR, "its readings are not finite numbers")]
+
+
+def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press) -> None:
+    corner = np.zeros((4, 4))
+    corner[0, 0] = 400
+    for _ in range(100):
+        state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)
+    state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), ms=25.0, counts=None)
+    assert state.load_distribution is not None
+    assert not finger.trust.newest
+    finger.check_silence(state.t_ns + 6 * MS)
+    assert not finger.trust.for_raise(state.t_ns + 6 * MS)
+    assert verdict(finger.state) == verdict(state)
+
+
+def test_F3_centroid_that_the_image_does_not_show_is_a_disagreement(noisy: NoisyFinger) -> None:
+    noisy.hold(0.3)
+    assert noisy.verdict == ("stable", ())
+    noisy.hold(0.3, at_m=(0.005, 0.0))
+    assert noisy.verdict == ("unknown", ("disagreement", "disagreement_centroid"))
+    noisy.hold(0.5)
+    assert noisy.verdict == ("stable", ())
+
+
+def test_F3_force_that_a_calibrated_image_does_not_show_is_a_disagreement(
+    make_noisy: Callable[..., NoisyFinger],
+) -> None:
+    noisy = make_noisy(pad="gain_error = 0.05\n")
+    noisy.hold(0.3)
+    assert noisy.verdict == ("stable", ())
+
+    def halve(counts: Array) -> None:
+        counts *= 0.3
+
+    noisy.hold(0.3, halve)
+    assert noisy.verdict == ("unknown", ("disagreement", "disagreement_force"))
+    noisy.finger.disconnect_image()
+    noisy.read(8.0)
+    assert noisy.verdict == ("unknown", ("rotation_unobserved",)), "the comparison starts anew"
+
+
+def test_force_without_torque_has_no_centroid_to_compare(noisy: NoisyFinger) -> None:
+    for k in range(40):
+        normal_n = 8.0 + 2.0 * math.sin(0.5 * k)
+        noisy.t_ns += 10 * MS
+        force = np.array((0.1, 0.0, -normal_n)) + noisy.rng.normal(0.0, 0.002, 3)
+        noisy.state = read_force(noisy.finger, WrenchSample(noisy.t_ns, None, force, None))
+        noisy.look(normal_n)
+    assert noisy.verdict == ("unknown", ("rotation_unobserved",))
