@@ -30,10 +30,9 @@ def test_each_frame_has_the_limit_that_its_active_taxels_have_alone(frames, sens
     for i, on in enumerate(loads > 0.0):
         alone = torque_limit(x[on], y[on], loads[i, on], MU, f[i], about[i], sense)
         assert found.kind[i] == alone.kind
-        numbers = (found.torque_nm[i], found.lower_nm[i], found.upper_nm[i])
-        np.testing.assert_equal(numbers, (alone.torque_nm, alone.lower_nm, alone.upper_nm))
-        if alone.pole_m is not None:
-            np.testing.assert_equal(found.pole_m[i], alone.pole_m)
+        pole_m = (math.nan, math.nan) if alone.pole_m is None else alone.pole_m
+        numbers = (found.torque_nm[i], found.lower_nm[i], found.upper_nm[i], *found.pole_m[i])
+        np.testing.assert_equal(numbers, (alone.torque_nm, alone.lower_nm, alone.upper_nm, *pole_m))
 
 
 def test_each_frame_has_the_utilisation_that_it_has_alone(frames) -> None:
@@ -94,9 +93,3 @@ def test_invalid_arguments_raise_with_the_rule_in_the_message(frames, change: di
     arguments = {**dict(zip(names, frames, strict=True)), "mu": MU, **change}
     with pytest.raises(ValueError, match=said):
         utilisations(**arguments)
-
-
-def test_a_sense_is_plus_or_minus_one(frames) -> None:
-    x, y, loads, f, _, about = frames
-    with pytest.raises(ValueError, match="sense must be"):
-        torque_limits(x, y, loads, MU, f, about, 0)

@@ -54,12 +54,15 @@ def test_grey_loads_follow_the_pressures() -> None:
 def test_binary_loads_are_linear_where_no_taxel_would_be_pulled() -> None:
     x, y = (a.ravel() for a in np.meshgrid(np.arange(4) * PITCH, np.arange(3) * PITCH))
     loads = binary_loads(x, y, 6.0, (x.mean() + 0.2 * PITCH, y.mean())).loads
-    rest = (
-        loads
-        - np.column_stack((np.ones(12), x, y))
-        @ np.linalg.lstsq(np.column_stack((np.ones(12), x, y)), loads, rcond=None)[0]
-    )
-    assert np.abs(rest).max() < 1e-12
+    linear = np.column_stack((np.ones(12), x, y))
+    assert loads == pytest.approx(linear @ np.linalg.lstsq(linear, loads, rcond=None)[0], abs=1e-12)
+
+
+def test_one_taxel_takes_the_whole_load_and_one_without_pressure_stays_empty() -> None:
+    found = matched_loads([0.01], [0.0], [5.0], 2.0, (0.013, 0.004))
+    assert (found.loads, found.centroid_residual_m) == (pytest.approx([2.0]), pytest.approx(0.005))
+    loads = matched_loads([0, 1, 2, 3], [0, 0, 0, 1], [1, 0, 1, 1], 1.0, (1.2, 0.2)).loads
+    assert (loads[1], loads.sum()) == (0.0, pytest.approx(1.0))
 
 
 def test_binary_loads_leave_the_far_side_empty_near_the_edge() -> None:
@@ -73,12 +76,6 @@ def test_matched_loads_keep_an_image_that_already_balances() -> None:
     x, y, p, _ = contact(5)
     c = (p @ x / p.sum(), p @ y / p.sum())
     assert matched_loads(x, y, p, 2.0, c).loads == pytest.approx(grey_loads(p, 2.0).loads)
-
-
-def test_taxels_without_pressure_stay_empty_when_matched() -> None:
-    loads = matched_loads([0, 1, 2, 3], [0, 0, 0, 1], [1, 0, 1, 1], 1.0, (1.2, 0.2)).loads
-    assert loads[1] == 0.0
-    assert loads.sum() == pytest.approx(1.0)
 
 
 def test_a_centroid_on_an_edge_loads_that_edge_alone() -> None:
@@ -99,9 +96,3 @@ def test_without_an_image_the_status_is_no_image_and_all_loads_are_zero() -> Non
         assert found.status == "no_image"
         assert not found.loads.any()
         assert math.isnan(found.centroid_residual_m)
-
-
-def test_one_taxel_takes_the_whole_load_and_the_residual_is_its_distance() -> None:
-    found = matched_loads([0.01], [0.0], [5.0], 2.0, (0.013, 0.004))
-    assert found.loads == pytest.approx([2.0])
-    assert found.centroid_residual_m == pytest.approx(0.005)

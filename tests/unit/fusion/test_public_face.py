@@ -83,6 +83,7 @@ WRONG: list[tuple[Any, tuple[Any, ...], str]] = [
     (grip_needed_n, (CONTACT, LOADS, "rubber"), "mu must be numbers, got str"),
     (tipping_margin, (X, Y, "C"), "point must be numbers, got str"),
     (torque_limits, (X, Y, [LOADS.loads], MU, [FORCE], {}), "about must be numbers, got dict"),
+    (torque_limits, (X, Y, [LOADS.loads], MU, [FORCE], ABOUT, 0), "sense must be"),
     (utilisations, (X, Y, [LOADS.loads], "rubber", [FORCE], [SPIN], ABOUT), "mu must be numbers, got str"),
     (contact_shape, (X, Y, "image", 0.003), "pressure must be numbers, got str"),
     (contact_shape, (X, Y, np.zeros(20), 0.003), "rows, cols"),
