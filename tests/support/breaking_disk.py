@@ -25,21 +25,11 @@ class BreakingDisk:
         self.folder = folder
         mounts = (line.split() for line in Path("/proc/self/mounts").read_text(encoding="utf-8").splitlines())
         [device] = [source for source, place, *_ in mounts if place == str(folder)]
-        self._trigger = Path("/sys/fs/ext4") / Path(device).name / "trigger_fs_error"
-
-    @property
-    def can_fail(self) -> bool:
-        """Whether this kernel lets a test report an error of the file system."""
-        return self._trigger.exists()
-
-    def mount(self, *, writable: bool) -> bool:
-        """Mount it again; return False where a file is still open for writing, which prevents a read-only disk."""
-        options = f"remount,{'rw' if writable else 'ro'}"
-        return subprocess.run(["mount", "-o", options, str(self.folder)], capture_output=True).returncode == 0
+        self.trigger = Path("/sys/fs/ext4") / Path(device).name / "trigger_fs_error"
 
     def fail(self) -> None:
         """Let the kernel find an error: from now on nothing can be written, not even to a file that is open."""
-        self._trigger.write_text("1", encoding="utf-8")
+        self.trigger.write_text("1", encoding="utf-8")
 
 
 @contextmanager
@@ -58,7 +48,7 @@ def breaking_disk(folder: Path) -> Iterator[BreakingDisk]:
         pytest.skip(f"this machine mounts nothing: {mounted.stderr.strip()}")
     try:
         disk = BreakingDisk(place)
-        if not disk.can_fail:
+        if not disk.trigger.exists():
             pytest.skip("this kernel cannot be told to find an error in ext4")
         yield disk
     finally:

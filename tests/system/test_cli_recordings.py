@@ -4,27 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
-import re
-import struct
 import subprocess
 import sys
 import threading
-import zlib
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import zmq
-import zstandard
-from grip_trials import write_trial
-from project import CONFIG, TRIAL
+from project import TRIAL
 
 from slipd.cli import main
-from slipd.recording.mcap_file import RecordingFile
-from slipd_client.live_view import LiveView
 from slipd_client.messages import MESSAGE_LIMITS, decode
-from slipd_client.terminal import Terminal
 
 START_S = 1.0  # where an imported trial begins
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -80,18 +71,6 @@ def test_replayed_messages_are_complete_and_one_per_line(recording: Path, capsys
     assert bodies == replayed(recording, capsys)
 
 
-def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    view, shown = LiveView(), ""
-    for body in replayed(recording, capsys):
-        view.update(body["topic"], body)
-        assert body.get("force_unit", "uncalibrated") == "uncalibrated"
-        if body["topic"] == "slip.left" and body["level"] == "caution" and not shown:
-            shown = "\n".join([*view.render(Terminal(200)), view.summary()])
-    assert re.search(r"^left +CAUTION ", shown, re.MULTILINE)
-    assert re.search(r" normal -?\d+\.\d\d  tangential", shown)
-    assert not re.search(r"\d N\b", shown)
-
-
 def test_without_json_a_replay_prints_the_changes_of_level(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", str(recording), "--speed", "max"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -137,44 +116,6 @@ def test_an_incomplete_recording_is_shown_and_reported(recording: Path, capsys: 
     captured = capsys.readouterr()
     assert "left: unknown → caution" in captured.out
     assert captured.err.startswith("slipd: the recording is incomplete: ")
-
-
-@pytest.mark.parametrize(
-    "command", [["replay", "--speed", "max"], ["identify", "--finger", "left"]], ids=lambda c: c[0]
-)
-def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
-    file = RecordingFile(tmp_path / "bomb.mcap", config_text=text, boot="b", wall_minus_monotonic_ns=0)
-    file.close()
-    empty = struct.pack("<BQ", 0x77, 0) * 400_000
-    packed = zstandard.compress(empty)
-    body = struct.pack("<QQQII4sQ", 0, 0, len(empty), zlib.crc32(empty), 4, b"zstd", len(packed)) + packed
-    with (tmp_path / "bomb.mcap").open("ab") as bomb:
-        bomb.write((struct.pack("<BQ", 6, len(body)) + body) * 1000)
-    assert main([command[0], str(tmp_path / "bomb.mcap"), *command[1:]]) == 1
-    assert (
-        "bomb.mcap: has a chunk with a record of kind 119, which slipd cannot have written" in capsys.readouterr().err
-    )
-
-
-def test_an_import_may_take_the_zero_from_rows_with_open_fingers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    loads = np.concatenate([np.zeros(40), np.full(40, 20_000.0)])
-    write_trial(tmp_path / "trial", loads, 0.05 * loads)
-    call = ["import", "grips", "--tare-rows", "40", str(tmp_path / "trial"), str(tmp_path / "trial.mcap")]
-    assert main(call) == 0
-    capsys.readouterr()
-    told = [
-        (body["finger"], body["previous"], body["level"])
-        for body in replayed(tmp_path / "trial.mcap", capsys)
-        if body["topic"] == "warning"
-    ]
-    for finger in ("left", "right"):
-        levels = [level for name, _, level in told if name == finger]
-        assert levels == ["no_contact", "stable", "unknown"], "open, held, and stale at the end"
 
 
 @pytest.mark.process

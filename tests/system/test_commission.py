@@ -15,7 +15,7 @@ import pytest
 from commission_person import touch_for
 from daemon_peers import PATIENCE_S, Client
 from own_address import free_port, own_host
-from service_rig import asked, serving
+from service_rig import serving
 
 from slipd import config
 from slipd.tools.sim import touched_devices
@@ -129,21 +129,6 @@ async def rig(folder: Path, bus: str = "") -> AsyncIterator[tuple[Path, Callable
 def unbiased(runtime: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The force sensor reads about zero: with a wrong sign, its bias may look like a contact, which cannot be tared."""
     monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
-
-
-@pytest.mark.long
-async def test_a_dry_run_and_ctrl_c_half_way_leave_the_config_as_it_was(tmp_path: Path) -> None:
-    async with rig(tmp_path) as (file, touch, daemon):
-        before, listed = file.read_text(), listing(tmp_path)
-        interrupted, dry = Person(touch), Person(touch)
-        assert await interrupted.follow(file, until="Press the middle") == 130
-        assert interrupted.lines[-1].startswith("slipd: interrupted; the present step changed nothing")
-        touch("release")
-        assert await dry.follow(file, "--dry-run") == 1, "the later steps need a daemon that runs what was found"
-        status = (await asked(daemon, "status"))["result"]
-        assert status["streams"]["left.wrench"]["tare_id"] > 0
-        assert (file.read_text(), listing(tmp_path)) == (before, listed)
-    assert f"[finger.left.wrench]\nsign = -1\n\n{file}: not changed, as asked" in dry.text
 
 
 async def test_what_is_found_is_written_with_a_backup_where_the_daemon_admits_only_keys(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 import signal
@@ -65,16 +64,6 @@ def test_a_table_shows_what_each_config_would_have_reported(sticky: str, capsys:
     assert "stale" in table["stalls.mcap", "recorded"]
     assert "demo.mcap, sticky.toml: other levels than recorded for" in captured.out
     assert "warning → stable" in captured.out
-
-
-def test_json_has_every_figure_and_nothing_else(sticky: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["evaluate", DEMO, "--config", sticky, "--json"]) == 1
-    ((one),) = json.loads(capsys.readouterr().out)
-    recorded, other = one["runs"]["recorded"], one["runs"]["sticky.toml"]
-    assert recorded["largest"]["utilisation"] > other["largest"]["utilisation"] > 0.0
-    assert recorded["slipping"]
-    assert recorded["warnings"] > 0
-    assert other["differences"]
 
 
 def test_bad_recordings_do_not_lose_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -146,20 +135,6 @@ def test_no_engine_is_loaded_where_every_result_is_kept(tmp_path: Path) -> None:
         loaded = set(done.stderr.splitlines()[-1].split())
         assert loaded & ENGINE == set()
         assert ("pyarrow" in loaded) == bool(table)
-
-
-def test_a_second_run_writes_the_same_table(sticky: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    foreign, cut = tmp_path / "foreign.mcap", tmp_path / "cut.mcap"
-    foreign.write_bytes(b"no recording")
-    cut.write_bytes(Path(REFLEX).read_bytes()[:-20_000])
-    tables = [tmp_path / "first.parquet", tmp_path / "second.parquet"]
-    for table in tables:
-        assert main(["evaluate", DEMO, str(cut), str(foreign), "--config", sticky, "--out", str(table)]) == 1
-    first, second = (parquet.read_table(table) for table in tables)
-    assert first.num_rows == 6
-    assert second.equals(first)
-    told = capsys.readouterr().out.splitlines()
-    assert ["0 of them known before" in told[0], "6 of them known before" in told[1]] == [True, True]
 
 
 @pytest.mark.process

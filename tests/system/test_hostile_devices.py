@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import re
 import signal
 import socket
+import socketserver
 import struct
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_peers import Client, Device
+from daemon_peers import Device
+from service_rig import client_of, start
+from websockets.sync.server import ServerConnection, serve
 
-from slipd.service_run import Endpoints
 from slipd.types.device_text import LONGEST
 
 PATIENCE_S = 60.0
@@ -29,7 +30,6 @@ MOST_GROWTH_MB = 50
 MOST_LINES = 200
 MANY = 50
 SERVERS = 8
-SLIPD = str(Path(sys.executable).with_name("slipd"))
 
 GOOD = """
 [rates]
@@ -68,92 +68,73 @@ Handler = Callable[[socket.socket], None]
 
 
 class Peers:
-    """Servers of hostile devices, each in a thread, for the duration of ``with``."""
+    """Servers of hostile devices, in threads of their own, for the duration of ``with``.
+
+    Attributes:
+        served: Names of the devices to which the daemon has connected.
+    """
 
     def __init__(self) -> None:
-        self._stop = threading.Event()
+        self._ended = threading.Event()
         self._stack = ExitStack()
-        self.served: dict[str, int] = {}
+        self.served: set[str] = set()
 
     def __enter__(self) -> Peers:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._stop.set()
+        self._ended.set()
         self._stack.close()
 
-    @property
-    def going_on(self) -> bool:
-        return not self._stop.is_set()
+    def websocket(self, name: str, handle: Handler) -> str:
+        """Serve what a handler does with a connection after the handshake; return the address."""
+
+        def meet(connection: ServerConnection) -> None:
+            self._serve(name, handle, connection.socket)
+
+        server = self._stack.enter_context(serve(meet, "127.0.0.1", 0, compression=None))
+        threading.Thread(target=server.serve_forever).start()
+        return f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
 
     def tcp(self, name: str, handle: Handler) -> str:
-        server = self._stack.enter_context(socket.create_server(("127.0.0.1", 0)))
-        server.settimeout(0.2)
-        self._run(lambda: self._serve(name, server, handle))
-        return f"ws://127.0.0.1:{server.getsockname()[1]}"
-
-    def websocket(self, name: str, handle: Handler) -> str:
-        def shake_hands(client: socket.socket) -> None:
-            heard = b""
-            while not heard.endswith(b"\r\n\r\n") and (more := client.recv(4096)):
-                heard += more
-            key = re.search(rb"Sec-WebSocket-Key: (.*)\r", heard)
-            if key is None:  # the daemon ended meanwhile
-                return
-            accept = base64.b64encode(hashlib.sha1(key[1] + b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11").digest())
-            answer = b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-            client.sendall(answer + b"Sec-WebSocket-Accept: " + accept + b"\r\n\r\n")
-            handle(client)
-
-        return self.tcp(name, shake_hands)
+        """Serve what a handler does in place of a handshake; return the address."""
+        meet = partial(self._serve, name, handle)
+        server = self._stack.enter_context(socketserver.TCPServer(("127.0.0.1", 0), meet))  # type: ignore[arg-type]
+        threading.Thread(target=server.serve_forever).start()
+        self._stack.callback(server.shutdown)
+        return f"ws://127.0.0.1:{server.server_address[1]}"
 
     def udp(self, datagram: bytes) -> str:
+        """Answer the first datagram with a flood; return the address."""
         device = self._stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         device.bind(("127.0.0.1", 0))
-        device.settimeout(0.2)
 
         def flood() -> None:
-            peer = None
-            while self.going_on:
-                try:
-                    if peer is None:
-                        _, peer = device.recvfrom(100)
+            _, peer = device.recvfrom(100)
+            while not self._ended.is_set():
+                with suppress(OSError):
                     device.sendto(datagram, peer)
-                except OSError:
-                    time.sleep(0.01)
 
-        self._run(flood)
+        threading.Thread(target=flood, daemon=True).start()
         return f"udp://127.0.0.1:{device.getsockname()[1]}"
 
-    def _serve(self, name: str, server: socket.socket, handle: Handler) -> None:
-        while self.going_on:
-            try:
-                client, _ = server.accept()
-            except OSError:
-                continue
-            self.served[name] = self.served.get(name, 0) + 1
-            with client:
-                client.settimeout(0.5)
-                with suppress(OSError):
-                    handle(client)
+    def flood(self, data: bytes) -> Handler:
+        def handle(client: socket.socket) -> None:
+            while not self._ended.is_set():
+                client.sendall(data)
 
-    def _run(self, work: Callable[[], None]) -> None:
-        thread = threading.Thread(target=work)
-        thread.start()
-        self._stack.callback(thread.join)
+        return handle
+
+    def _serve(self, name: str, handle: Handler, client: socket.socket, *_: object) -> None:
+        self.served.add(name)
+        client.settimeout(0.5)
+        with suppress(OSError):
+            handle(client)
 
 
 def frame(payload: bytes, opcode: int = 0x81) -> bytes:
     size = bytes((len(payload),)) if len(payload) < 126 else struct.pack(">BH", 126, len(payload))
     return bytes((opcode,)) + size + payload
-
-
-def flood(peers: Peers, data: bytes) -> Handler:
-    def handle(client: socket.socket) -> None:
-        while peers.going_on:
-            client.sendall(data)
-
-    return handle
 
 
 def closes(client: socket.socket) -> None:
@@ -180,56 +161,33 @@ def hostile(peers: Peers) -> Iterator[tuple[str, str]]:
         "fragments": frame(b"", 0x01) + frame(b"", 0x00) * 10_000,
     }
     for name, data in floods.items():
-        yield name, XELA.format(name=name, port=peers.websocket(name, flood(peers, data)))
+        yield name, XELA.format(name=name, port=peers.websocket(name, peers.flood(data)))
     yield "closes", XELA.format(name="closes", port=peers.websocket("closes", closes))
     yield "talks", XELA.format(name="talks", port=peers.tcp("talks", answers_at_length))
     yield "garbage", NETFT.format(name="garbage", port=peers.udp(bytes(range(256)) * 250))
 
 
 def size_mb(process: subprocess.Popen[str]) -> float:
-    status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
-    found = re.search(r"VmRSS:\s+(\d+) kB", status)
-    assert found is not None
-    return int(found[1]) / 1024
-
-
-@pytest.fixture
-def sensor(tmp_path: Path) -> Iterator[Device]:
-    device = Device(tmp_path / "good")
-    device.plug()
-    yield device
-    device.unplug()
+    (size_kb,) = re.findall(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8"))
+    return int(size_kb) / 1024
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_no_device_stops_the_daemon_or_the_others(
-    sensor: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
-    log = tmp_path / "log"
+def test_no_device_stops_the_daemon_or_the_others(tmp_path: Path, runtime: Path) -> None:
+    sensor, log, rig = Device(tmp_path / "good"), tmp_path / "log", tmp_path / "rig.toml"
+    sensor.plug()
     with Peers() as peers, log.open("w", encoding="utf-8") as errors:
         tables = dict(hostile(peers))
-        rig = tmp_path / "rig.toml"
         rig.write_text(GOOD.format(port=sensor.path) + "".join(tables.values()), encoding="utf-8")
         rig.chmod(0o600)
-        daemon = subprocess.Popen(
-            [SLIPD, "run", "--config", str(rig)], stdout=subprocess.PIPE, stderr=errors, text=True
-        )
-        try:
-            assert daemon.stdout is not None
-            endpoints = Endpoints(*(daemon.stdout.readline().split()[-1] for _ in range(2)))
-            status, before_mb, after_mb = watch(daemon, endpoints, sensor, peers)
+        with start(rig, stderr=errors) as daemon:
+            status, growth_mb = watch(daemon, sensor, peers)
             daemon.send_signal(signal.SIGTERM)
             assert daemon.wait(PATIENCE_S) == 0
-        finally:
-            daemon.kill()
-            daemon.wait()
-            assert daemon.stdout is not None
-            daemon.stdout.close()
-    assert after_mb - before_mb <= MOST_GROWTH_MB
-    for stream in status["streams"].values():
-        assert len(stream["message"]) <= LONGEST + 30
-        assert stream["message"].isprintable()
+    sensor.unplug()
+    assert growth_mb <= MOST_GROWTH_MB
+    messages = [stream["message"] for stream in status["streams"].values()]
+    assert [text for text in messages if len(text) > LONGEST + 30 or not text.isprintable()] == []
     lines = log.read_text(encoding="utf-8").splitlines()
     assert len(lines) <= MOST_LINES
     assert all(line.startswith(("INFO slipd.", "WARNING slipd.")) and len(line) < LONGEST + 200 for line in lines)
@@ -241,25 +199,19 @@ def explained(status: dict[str, Any]) -> bool:
     return message.startswith("bytes arrive, none is a record of a Net F/T: is udp://127.0.0.1:")
 
 
-def watch(
-    daemon: subprocess.Popen[str], endpoints: Endpoints, sensor: Device, peers: Peers
-) -> tuple[dict[str, Any], float, float]:
-    """Feed the good sensor for a while; return the last status, and the sizes before and after."""
-    client = Client(endpoints)
-    begin_s = time.monotonic()
-    before_mb = 0.0
-    try:
+def watch(daemon: subprocess.Popen[str], sensor: Device, peers: Peers) -> tuple[dict[str, Any], float]:
+    """Feed the good sensor for a while; return the last status, and how much the daemon has grown since the first."""
+    begin_s, before_mb = time.monotonic(), 0.0
+    with closing(client_of(daemon)) as client:
         while True:
             sensor.send_wrench()
             time.sleep(0.01)
-            readings, told = len(client.hear("wrench.good")), client.hear("status")
+            told = client.hear("status")
             if told and not before_mb:
                 before_mb = size_mb(daemon)
             passed_s = time.monotonic() - begin_s
-            served = len(peers.served) == SERVERS
-            if readings > MANY and told and passed_s > HOSTILE_S and served and explained(told[-1]):
-                return told[-1], before_mb, size_mb(daemon)
+            served = len(peers.served) == SERVERS and len(client.hear("wrench.good")) > MANY
+            if passed_s > HOSTILE_S and served and told and explained(told[-1]):
+                return told[-1], size_mb(daemon) - before_mb
             assert passed_s < PATIENCE_S
             assert daemon.poll() is None
-    finally:
-        client.close()

@@ -13,7 +13,6 @@ import pytest
 from live_recording import live
 from lossy_recording import lossy
 from replays import RECORDINGS
-from terminals import PseudoTerminal
 
 from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
@@ -29,14 +28,6 @@ SLIPD = str(Path(sys.executable).with_name("slipd"))
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def sticky(here: Path) -> str:
-    """The config of the demo for a rig with more friction than there was."""
-    path = here / "sticky.toml"
-    path.write_text(open_recording(Path(DEMO)).config_text.replace("mu = 0.55", "mu = 0.8"), encoding="utf-8")
-    return str(path)
 
 
 def test_a_page_is_written_into_this_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,13 +84,6 @@ def test_verdicts_of_another_version_are_replayed_and_false_ones_refused(
     assert main(["plot", str(forged)]) == 1
     assert "forged.mcap: holds a message that slipd cannot have published: " in capsys.readouterr().err
     assert not Path("forged.html").exists()
-
-
-def test_another_config_shows_what_it_would_have_reported(sticky: str, here: Path) -> None:
-    assert main(["plot", DEMO, "--config", sticky, "--to", "3.2", "--out", "a.html"]) == 0
-    text = (here / "a.html").read_text(encoding="utf-8")
-    assert "Replayed with sticky.toml" in text
-    assert "No finger rose" in text, "before the slip"
 
 
 def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,16 +176,3 @@ def test_only_an_earlier_plot_is_replaced(here: Path, capsys: pytest.CaptureFixt
     for _ in range(2):
         assert main(["plot", REFLEX, "--to", "1", "--out", "plot.html"]) == 0
     assert "Replayed with its own config" in Path("plot.html").read_text()
-
-
-@pytest.mark.process
-def test_progress_is_shown_on_a_terminal_only_while_it_works(here: Path) -> None:
-    with PseudoTerminal() as terminal:
-        process = subprocess.Popen([SLIPD, "plot", DEMO], stdout=subprocess.DEVNULL, stderr=terminal.slave)
-        os.close(terminal.slave)
-        while process.poll() is None or terminal.read(0.0):
-            terminal.read(0.05)
-        assert process.returncode == 0
-        assert b"% of the recording" in terminal.sent
-        assert terminal.sent.endswith(b"\r\x1b[K"), "and erased at the end"
-    assert [path.name for path in here.iterdir()] == ["demo.html"]

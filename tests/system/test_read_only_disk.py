@@ -101,21 +101,3 @@ async def test_K1_a_folder_that_becomes_read_only_costs_its_recordings_alone_and
         await goes_on(client, rig)
     recover(run, tmp_path / "recovered.mcap")
     assert open_recording(tmp_path / "recovered.mcap").closed
-
-
-async def test_K1_a_disk_that_is_mounted_read_only_refuses_a_recording_and_the_next_one_works(
-    rig: Rig, disk: BreakingDisk
-) -> None:
-    folder = disk.folder / "kept"
-    limits = f'[recording]\ndirectory = "{folder}"\nmin_free_bytes = 0\n'
-    async with serving(config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")) as client:
-        assert (await asked(client, "record.start"))["ok"]
-        assert (await asked(client, "record.stop"))["ok"]
-        await until(lambda: all(open_recording(path).closed for path in folder.iterdir()))
-        await until(lambda: disk.mount(writable=False))
-        error = (await asked(client, "record.start"))["error"]
-        assert error["code"] == "record_failed"
-        assert error["message"].endswith(f": cannot be created: {READ_ONLY}")
-        assert disk.mount(writable=True)
-        assert (await asked(client, "record.start"))["ok"]
-        await goes_on(client, rig)

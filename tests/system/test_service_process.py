@@ -8,7 +8,6 @@ import os
 import re
 import resource
 import signal
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -163,16 +162,3 @@ async def test_a_second_process_is_refused_in_words(rig: Rig, runtime: Path) -> 
         assert f"slipd: {runtime}: another slipd uses this directory (process {os.getpid()})" in err.decode()
         assert b"Traceback" not in err
         await until(lambda: client.hear("wrench.left"), rig.send)  # the first one serves on
-
-
-@pytest.mark.process
-def test_a_process_with_a_bad_config_reports_the_line(rig: Rig) -> None:
-    text = rig.file.read_text(encoding="utf-8").replace("rows = 4", "rows = 4.5")
-    rig.file.write_text(text, encoding="utf-8")
-    line = text.splitlines().index("rows = 4.5") + 1
-    done = subprocess.run(
-        [SLIPD, "run", "--config", str(rig.file)], capture_output=True, text=True, timeout=PATIENCE_S, check=False
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith(f"{rig.file}:{line}: finger.left.pad.rows: ")
