@@ -83,33 +83,6 @@ def test_bad_recordings_do_not_lose_the_others(tmp_path: Path, capsys: pytest.Ca
     assert len(told) == 3
 
 
-@pytest.mark.parametrize(
-    ("more", "ends", "told"),
-    [
-        (["--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
-        (["--config", "bad.toml"], 2, "bad.toml:3: finger.left.mu: must be from 0.01 to 2, got 9"),
-        (["--out", "none/a.parquet"], 2, "none/a.parquet: cannot be written: No such file or directory"),
-        (["--table", "a.parquet"], 2, "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet"),
-    ],
-)
-def test_wrong_files_are_told_before_anything_is_replayed(
-    more: list[str],
-    ends: int,
-    told: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    cache_home: Path,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.toml").write_text("# a rig\n[finger.left]\nmu = 9.0\n")
-    assert main(["evaluate", DEMO, *more]) == ends
-    captured = capsys.readouterr()
-    assert told in captured.err
-    assert captured.out == ""
-    assert not cache_home.exists()
-
-
 LISTS_MODULES = """
 import sys
 from slipd.cli import main

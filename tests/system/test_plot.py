@@ -130,26 +130,40 @@ def test_nothing_is_drawn_through_lost_entries_and_rare_messages_hold(here: Path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "ends", "told"),
+    ("call", "ends", "told"),
     [
-        (["foreign"], 1, "slipd: foreign: not an MCAP file, and so not a recording of slipd"),
-        (["empty"], 1, "slipd: empty: is empty: the writer ended before it wrote anything"),
-        (["no_event.mcap"], 1, "slipd: no_event.mcap: no events in it, so there is nothing to draw"),
-        (["none.mcap"], 2, "slipd: none.mcap: cannot be opened: No such file or directory"),
-        ([DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
-        ([DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
-        ([DEMO, "--out", "none/a.html"], 2, "slipd: none/a.html: cannot be written: No such file or directory"),
+        (["plot", "foreign"], 1, "slipd: foreign: not an MCAP file, and so not a recording of slipd"),
+        (["plot", "empty"], 1, "slipd: empty: is empty: the writer ended before it wrote anything"),
+        (["plot", "no_event.mcap"], 1, "slipd: no_event.mcap: no events in it, so there is nothing to draw"),
+        (["plot", "none.mcap"], 2, "slipd: none.mcap: cannot be opened: No such file or directory"),
+        (["plot", DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        (["plot", DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
+        (["plot", DEMO, "--out", "none/a.html"], 2, "slipd: none/a.html: cannot be written: No such file or directory"),
         (
-            [DEMO, "--out", "folder.html"],
+            ["plot", DEMO, "--out", "folder.html"],
             2,
             "slipd: folder.html: is a folder, and is not overwritten; give another name",
         ),
-        ([DEMO, "--out", "/proc/a.html"], 2, "slipd: /proc/a.html: cannot be written: "),
+        (["evaluate", DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        (["evaluate", DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
+        (["evaluate", DEMO, "--out", "none/a.parquet"], 2, "none/a.parquet: cannot be written: No such file"),
+        (
+            ["evaluate", DEMO, "--table", "a"],
+            2,
+            "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet",
+        ),
+        (["plot", DEMO, "--out", "/proc/a.html"], 2, "slipd: /proc/a.html: cannot be written: "),
     ],
 )
 def test_wrong_files_are_told_before_anything_is_replayed(
-    arguments: list[str], ends: int, told: str, here: Path, capsys: pytest.CaptureFixture[str]
+    call: list[str],
+    ends: int,
+    told: str,
+    here: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(here))
     Path("foreign").write_bytes(b"\xff\xfe no recording")
     Path("empty").touch()
     Path("bad.toml").write_text("[finger.left]\nmu = 9.0\n")
@@ -157,7 +171,7 @@ def test_wrong_files_are_told_before_anything_is_replayed(
     text = open_recording(Path(DEMO)).config_text
     RecordingFile(Path("no_event.mcap"), config_text=text, boot="b", wall_minus_monotonic_ns=0).finish(0)
     before = sorted(here.iterdir())
-    assert main(["plot", *arguments]) == ends
+    assert main(call) == ends
     captured = capsys.readouterr()
     assert told in captured.err
     assert captured.out == ""
