@@ -94,10 +94,14 @@ def pad_scans(normal_n: Array, patch: Patch, seed: int) -> list[bytes]:
     pad = Pad()
     electronics = PvdfElectronics(rate_hz=float(PAD_HZ))
     shares = pad.shares(patch)
-    emulated = PvdfPad(pad.rows, pad.cols, electronics, np.random.default_rng(seed))
+    emulated = PvdfPad(pad.rows, pad.cols, electronics, seed)
     period_ns = 1_000_000_000 // PAD_HZ
     scan_ns = electronics.dwell_ns * shares.size
-    return [emulated.advance(scan * period_ns + scan_ns, n * shares) for scan, n in enumerate(normal_n)]
+    scans: list[bytes] = []
+    for scan, n in enumerate(normal_n):
+        emulated.press(n * shares)
+        scans += emulated.advance(scan * period_ns + scan_ns)
+    return scans
 
 
 @dataclass(frozen=True)

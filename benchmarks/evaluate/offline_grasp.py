@@ -216,8 +216,8 @@ class _View:
         for part_ns in np.split(knots_ns, range(PART, len(knots_ns), PART)):
             loads_n = self._taxel_loads(pad, np.asarray((part_ns + (begun_ns - BEGIN_NS)) * 1e-9, dtype=np.float64))
             for knot_ns, loads in zip(part_ns.tolist(), loads_n, strict=True):
-                if data := device.advance(knot_ns, loads):
-                    yield knot_ns + begun_ns, data
+                device.press(loads)
+                yield from ((knot_ns + begun_ns, data) for data in device.advance(knot_ns))
 
     def _taxel_loads(self, pad: PadSensing, t_s: Array) -> Array:
         """Return the load on each taxel at some times, shape (n, taxels), N.

@@ -11,7 +11,7 @@ import numpy as np
 
 from slipd.tools.sim.emulate import prepare_process, serve_until_ended
 from slipd.tools.sim.emulated_netft import NetftSensor
-from slipd.tools.sim.emulated_pvdf import COLS, IDEAL, ROWS, PressedPad
+from slipd.tools.sim.emulated_pvdf import COLS, IDEAL, ROWS, PvdfPad
 from slipd.tools.sim.emulators import Emulator
 from slipd.tools.sim.scene_parts import Pad, Patch
 
@@ -38,7 +38,7 @@ def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
         force = np.array((0.0, PULL_N, -NORMAL_N))  # the object pushes into the pad
         torque = np.array((y_m * force[2], -x_m * force[2], x_m * force[1] + SPIN_NM))
         sensor.feel(force, torque)
-        image = PressedPad(seed, ROWS, COLS, replace(IDEAL, rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS))
+        image = PvdfPad(ROWS, COLS, replace(IDEAL, rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS), seed)
         image.press(COUNTS_PER_N * NORMAL_N * Pad().shares(patch))
         devices += [("netft", sensor, force_at), ("pvdf", image, pad_at)]
     return devices

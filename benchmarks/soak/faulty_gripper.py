@@ -17,9 +17,10 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
+from slipd.tools.sim.emulate import HARDWARE_NICENESS, LONGEST_LAG_NS
 from slipd.tools.sim.pseudo_terminal import PseudoTerminal
 from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.virtual_gripper import HARDWARE_NICENESS, LINES, LONGEST_LAG_NS, TICK_NS, VirtualRig
+from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, VirtualRig
 
 KINDS = ("unplugged", "silent", "damaged", "noisy", "in bursts", "all stalled")
 WEIGHTS = (6, 6, 6, 6, 1)
@@ -65,7 +66,7 @@ class FaultyLines:
             self._kind = ""
             self._next_s = now_s + self._rng.uniform(*PAUSES_S)
             return
-        self._kind, (self._struck,) = self._rng.choice(KINDS), self._rng.choices(LINES, WEIGHTS)
+        self._kind, (self._struck,) = self._rng.choice(KINDS), self._rng.choices([*LINES], WEIGHTS)
         self.faults[self._kind] += 1
         self._next_s = now_s + self._rng.uniform(SHORTEST_S, LONGEST_S)
         if self._kind == "unplugged":

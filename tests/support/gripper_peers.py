@@ -109,8 +109,7 @@ class RobotiqPeer(Peer):
 
     def __init__(self, rng: Random | None = None) -> None:
         super().__init__(rng)
-        self.line = GripperLine(((0.0, 0.085), (1.0, 0.0)))
-        self.gripper = self.line._gripper
+        self.gripper = self.line = GripperLine(((0.0, 0.085), (1.0, 0.0)))
 
     @cached_property
     def session(self) -> RobotiqSession:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import select
 import socket
-from collections.abc import AsyncIterator, Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
-from typing import Protocol
 from urllib.parse import urlsplit
 
 import zmq
@@ -24,16 +24,24 @@ SEND_AHEAD = 64
 """Messages queued for a daemon that does not read."""
 
 
-class Line(Protocol):
+class Line(ABC):
     """The device side of a line; see `open_line` for the kinds."""
 
+    @property
+    def dropped(self) -> int:
+        """Bytes that are known to be lost because the host did not read."""
+        return 0
+
+    @abstractmethod
     def listen(self) -> tuple[bool, list[bytes]]:
         """Return whether the line has just been opened, and the pieces written to it."""
-        ...
 
+    @abstractmethod
     def send(self, pieces: Sequence[bytes]) -> None:
         """Send pieces (frames, messages or datagrams) without waiting; without a listener they are lost."""
-        ...
+
+    def close(self) -> None:  # noqa: B027 - not every kind has something to close
+        """Close the line."""
 
 
 @contextlib.asynccontextmanager
@@ -48,26 +56,30 @@ async def open_line(address: str) -> AsyncIterator[Line]:
         OSError: The address cannot be served.
         ValueError: The address is invalid.
     """
-    scheme = address.partition("://")[0] if "://" in address else ""
-    if scheme == "ws":
-        async with _websocket_line(*_host_and_port(address)) as line:
-            yield line
+    scheme, separator, place = address.partition("://")
+    if scheme == "ws" and separator:
+        websocket = _WebsocketLine()
+        async with serve(websocket.serve_client, *_host_and_port(address), compression=None):
+            yield websocket
         return
-    with contextlib.ExitStack() as stack:
-        if scheme == "udp":
-            yield stack.enter_context(_closing(_UdpLine(*_host_and_port(address))))
-        elif scheme == "tcp":
-            yield stack.enter_context(_closing(_TcpLine(*_host_and_port(address))))
-        elif scheme == "ipc":
-            yield stack.enter_context(_closing(PushLine(address)))
-        elif scheme == "unix":
-            yield stack.enter_context(_closing(_DriverLine(address.removeprefix("unix://"))))
-        elif not scheme:
-            yield stack.enter_context(_closing(_PtyLine(Path(address))))
-        else:
-            raise ValueError(
-                f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
-            )
+    with contextlib.closing(_line(scheme if separator else "", address, place)) as line:
+        yield line
+
+
+def _line(scheme: str, address: str, place: str) -> Line:
+    if scheme == "udp":
+        return _UdpLine(*_host_and_port(address))
+    if scheme == "tcp":
+        return _TcpLine(*_host_and_port(address))
+    if scheme == "ipc":
+        return _PushLine(address)
+    if scheme == "unix":
+        return _DriverLine(place)
+    if scheme:
+        raise ValueError(
+            f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
+        )
+    return _PtyLine(Path(address))
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
@@ -75,18 +87,6 @@ def _host_and_port(address: str) -> tuple[str, int]:
     if not parts.hostname or not parts.port:
         raise ValueError(f"{address}: must have host and port, such as {parts.scheme}://127.0.0.1:5000")
     return parts.hostname, parts.port
-
-
-class _Closable(Line, Protocol):
-    def close(self) -> None: ...
-
-
-@contextlib.contextmanager
-def _closing(line: _Closable) -> Iterator[Line]:
-    try:
-        yield line
-    finally:
-        line.close()
 
 
 def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
@@ -103,11 +103,15 @@ def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
     return made
 
 
-class _PtyLine:
+class _PtyLine(Line):
     def __init__(self, path: Path) -> None:
         self._port = PseudoTerminal(path)
         self._poll = select.poll()
         self._poll.register(self._port.fd, select.POLLIN)
+
+    @property
+    def dropped(self) -> int:
+        return self._port.dropped
 
     def listen(self) -> tuple[bool, list[bytes]]:
         events = dict(self._poll.poll(0)).get(self._port.fd, 0)
@@ -122,7 +126,7 @@ class _PtyLine:
         self._port.close()
 
 
-class _UdpLine:
+class _UdpLine(Line):
     """Answer the last sender, as such sensors do."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -148,55 +152,60 @@ class _UdpLine:
         self._socket.close()
 
 
-class _TcpLine:
+class _StreamLine(Line):
+    """One host at a time, over a stream socket."""
+
+    _host: socket.socket | None = None
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        data = b"".join(pieces)
+        if data and self._host is not None:
+            with contextlib.suppress(OSError):
+                self._host.send(data)
+
+    def close(self) -> None:
+        if self._host is not None:
+            self._host.close()
+            self._host = None
+
+    def _read(self) -> list[bytes]:
+        """Return what the host wrote; one that hung up is left."""
+        if self._host is None:
+            return []
+        try:
+            data = self._host.recv(READ_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data:
+            _StreamLine.close(self)
+        return [data] if data else []
+
+
+class _TcpLine(_StreamLine):
     """Serve one host at a time; a new one replaces it."""
 
     def __init__(self, host: str, port: int) -> None:
         self._server = _bound(socket.SOCK_STREAM, host, port)
         self._server.listen()
-        self._client: socket.socket | None = None
 
     def listen(self) -> tuple[bool, list[bytes]]:
         with contextlib.suppress(BlockingIOError):
-            client, _ = self._server.accept()
-            self._disconnect()
-            client.setblocking(False)
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._client = client
+            host, _ = self._server.accept()
+            super().close()
+            host.setblocking(False)
+            host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._host = host
             return True, []
         return False, self._read()
 
-    def send(self, pieces: Sequence[bytes]) -> None:
-        data = b"".join(pieces)
-        if data and self._client is not None:
-            with contextlib.suppress(OSError):
-                self._client.send(data)
-
     def close(self) -> None:
-        self._disconnect()
+        super().close()
         self._server.close()
 
-    def _read(self) -> list[bytes]:
-        if self._client is None:
-            return []
-        try:
-            data = self._client.recv(READ_BYTES)
-        except BlockingIOError:
-            return []
-        except OSError:
-            data = b""
-        if data:
-            return [data]
-        self._disconnect()
-        return []
 
-    def _disconnect(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
-
-
-class PushLine:
+class _PushLine(Line):
     """Push to a daemon once it serves."""
 
     def __init__(self, endpoint: str) -> None:
@@ -209,50 +218,29 @@ class PushLine:
         self._begun = False
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        """Return whether nothing was asked before: nothing is ever received."""
+        # Nothing is ever received; the first question counts as the opening.
         begun, self._begun = self._begun, True
         return not begun, []
 
     def send(self, pieces: Sequence[bytes]) -> None:
-        """Send messages without waiting."""
         with contextlib.suppress(zmq.Again):
             for piece in pieces:
                 self._socket.send(piece, zmq.NOBLOCK)
 
     def close(self) -> None:
-        """Close the connection."""
         self._context.destroy(linger=0)
 
 
-class _DriverLine:
+class _DriverLine(_StreamLine):
     """Connect to a daemon once it serves, and again after it was gone."""
 
     def __init__(self, path: str) -> None:
         self._path = path
-        self._socket: socket.socket | None = None
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        if self._socket is None:
+        if self._host is None:
             return self._connect(), []
-        try:
-            data = self._socket.recv(READ_BYTES)
-        except BlockingIOError:
-            return False, []
-        except OSError:
-            data = b""
-        if not data:
-            self.close()
-        return False, [data] if data else []
-
-    def send(self, pieces: Sequence[bytes]) -> None:
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.send(b"".join(pieces))
-
-    def close(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        return False, self._read()
 
     def _connect(self) -> bool:
         made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -262,11 +250,11 @@ class _DriverLine:
         except OSError:
             made.close()
             return False
-        self._socket = made
+        self._host = made
         return True
 
 
-class _WebsocketLine:
+class _WebsocketLine(Line):
     def __init__(self) -> None:
         self._clients: set[ServerConnection] = set()
         self._opened = False
@@ -291,10 +279,3 @@ class _WebsocketLine:
     def send(self, pieces: Sequence[bytes]) -> None:
         for piece in pieces:
             broadcast(self._clients, piece.decode())
-
-
-@contextlib.asynccontextmanager
-async def _websocket_line(host: str, port: int) -> AsyncIterator[Line]:
-    line = _WebsocketLine()
-    async with serve(line.serve_client, host, port, compression=None):
-        yield line

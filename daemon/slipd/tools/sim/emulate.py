@@ -78,6 +78,11 @@ class Emulation:
             for device, line in self._devices:
                 _advance(device, line, now_ns - start_ns, lost=lag_ns > LONGEST_LAG_NS)
 
+    @property
+    def dropped(self) -> list[int]:
+        """Bytes of each device that were lost because the host of its line did not read."""
+        return [line.dropped for _, line in self._devices]
+
     def _set_start(self, start_ns: int) -> None:
         """Set the start time of devices whose readings carry the time of this host."""
         for device, _ in self._devices:
@@ -186,8 +191,19 @@ def prepare_process() -> None:
     gc.freeze()  # no device pauses for a garbage collection
 
 
-async def serve_until_ended(devices: Sequence[tuple[str, Emulator, str]]) -> None:
-    """Serve devices until a signal or the end of standard input; print their addresses once all are served.
+async def serve_until_ended(
+    devices: Sequence[tuple[str, Emulator, str]],
+    load: Callable[[int], None] = lambda _: None,
+    hear: Callable[[bytes], None] = lambda _: None,
+    ready: Callable[[], None] | None = None,
+) -> Emulation:
+    """Serve devices until a signal or the end of standard input; return the emulation, which has ended.
+
+    Args:
+        devices: See `emulated`.
+        load: See `Emulation`.
+        hear: Called with what arrives at the standard input.
+        ready: Called once all are served; None: their addresses are printed.
 
     Raises:
         OSError: A line cannot be served at its address.
@@ -198,14 +214,18 @@ async def serve_until_ended(devices: Sequence[tuple[str, Emulator, str]]) -> Non
         loop.add_signal_handler(number, stop.set)
 
     def read_stdin() -> None:
-        if not os.read(STDIN, ANSWER_BYTES):
+        data = os.read(STDIN, ANSWER_BYTES)
+        hear(data)
+        if not data:
             stop.set()
 
-    with contextlib.suppress(PermissionError):  # a file or nothing, which does not close
-        loop.add_reader(STDIN, read_stdin)
-    async with emulated(devices) as emulation:
-        for _, _, address in devices:
-            print(address, flush=True)
+    async with emulated(devices, load) as emulation:
+        if ready is None:
+            print(*(address for _, _, address in devices), sep="\n", flush=True)
+        else:
+            ready()
+        with contextlib.suppress(PermissionError):  # a file or nothing, which does not close
+            loop.add_reader(STDIN, read_stdin)
         running = asyncio.create_task(emulation.run(), name="emulation")
         running.add_done_callback(lambda _: stop.set())
         await stop.wait()
@@ -213,6 +233,7 @@ async def serve_until_ended(devices: Sequence[tuple[str, Emulator, str]]) -> Non
         running.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await running
+    return emulation
 
 
 if __name__ == "__main__":

@@ -87,39 +87,40 @@ class BotaMount:
     clock_ppm: float = 40.0
 
 
-class BotaSensor:
+class BotaSensor(EmulatedDevice):
     """The sensor on its line; its caller passes the time.
 
     Args:
         mount: Pose behind its pad, and imperfections.
-        rng: Source of its noise.
+        seed: Seed or source of its noise.
     """
 
-    def __init__(self, mount: BotaMount, rng: np.random.Generator) -> None:
+    def __init__(self, mount: BotaMount, seed: int | np.random.Generator) -> None:
+        super().__init__(RATE_HZ)
         turn = Rotation.from_quat(np.array(mount.quat_xyzw)).as_matrix().T
         x, y, z = mount.xyz_m
         lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix
         self._from_pad = np.block([[turn, np.zeros((3, 3))], [-turn @ lever, turn]])
         self._bias = np.array(mount.bias, dtype=np.float64)
         self._sigma = np.repeat((mount.noise_n, mount.noise_nm), 3)
-        self._rng = rng
+        self._rng = np.random.default_rng(seed)
         self._noise: list[list[float]] = []
         self._ideal: list[float] = self._bias.tolist()
         self._ppm = mount.clock_ppm
         self._period_ns = _period_ns(mount.sinc_length)
-        self.restart(0)
+        self.opened(0)
 
-    def restart(self, t_ns: int) -> None:
+    def opened(self, t_ns: int) -> None:
         """Boot, as at power-on and whenever the port is opened."""
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
         self._next_ns = t_ns + BOOT_NS
         self._received, self._text = b"", encode_banner(NAME, SERIAL)
 
-    def receive(self, data: bytes, t_ns: int) -> bytes:
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
         commands, self._received = parse_commands(self._received + data)
-        return b"".join(self._obey(command, t_ns) for command in commands)
+        return [answer for command in commands if (answer := self._obey(command, t_ns))]
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
         """Set the load on the finger from now on.
@@ -130,16 +131,16 @@ class BotaSensor:
         """
         self._ideal = (self._from_pad @ np.concatenate((force_n, torque_nm)) + self._bias).tolist()
 
-    def advance(self, t_ns: int) -> bytes:
-        """Advance to ``t_ns`` and return the bytes due by then."""
-        output = b""
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the banner and the frames due by then."""
+        output: list[bytes] = []
         if self.mode == "boot":
             if self._text and t_ns - self._booted_ns >= BOOT_NS // 2:
-                output, self._text = self._text, b""
+                output, self._text = [self._text], b""
             if t_ns >= self._next_ns:
                 self.mode = "run"
         while self.mode == "run" and t_ns >= self._next_ns:
-            output += self._frame(self._next_ns - self._booted_ns)
+            output.append(self._frame(self._next_ns - self._booted_ns))
             self._next_ns += self._period_ns
         return output
 
@@ -156,7 +157,7 @@ class BotaSensor:
             return b""
         code = _DONE
         if letter in "#I":
-            self.restart(t_ns)
+            self.opened(t_ns)
             return b""
         if letter == "p":
             return f"p,0,{SERIAL},0,0,{NAME}\r\n".encode() + encode_ack("p")  # the driver ignores the zeros
@@ -175,32 +176,6 @@ def _period_ns(sinc_length: int) -> int:
     return round(sinc_length * 1e9 / _INTERNAL_RATE_HZ)
 
 
-class BotaLine(EmulatedDevice):
-    """A `BotaSensor` that measures in its own frame, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
-
-    Args:
-        seed: Seed of its noise.
-    """
-
-    def __init__(self, seed: int) -> None:
-        super().__init__(RATE_HZ)
-        mount = BotaMount(xyz_m=(0.0,) * 3, quat_xyzw=(0.0, 0.0, 0.0, 1.0), bias=(0.0,) * 6)
-        self._sensor = BotaSensor(mount, np.random.default_rng(seed))
-        self.feel = self._sensor.feel
-
-    def opened(self, t_ns: int) -> None:
-        """Boot, as at power-on and whenever the port is opened."""
-        self._sensor.restart(t_ns)
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Handle bytes from the host; return the acknowledgements."""
-        output = self._sensor.receive(data, t_ns)
-        return [output] if output else []
-
-    def advance(self, t_ns: int) -> list[bytes]:
-        """Advance to ``t_ns`` and return the bytes due by then; after a longer step, several frames together."""
-        output = self._sensor.advance(t_ns)
-        return [output] if output else []
-
-
-make = BotaLine
+def make(seed: int) -> BotaSensor:
+    """Return a sensor that measures in its own frame, without a bias."""
+    return BotaSensor(BotaMount(xyz_m=(0.0,) * 3, quat_xyzw=(0.0, 0.0, 0.0, 1.0), bias=(0.0,) * 6), seed)

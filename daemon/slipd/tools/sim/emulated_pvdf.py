@@ -50,21 +50,22 @@ class PvdfElectronics:
     saturated: tuple[int, ...] = ()
 
 
-class PvdfPad:
+class PvdfPad(EmulatedDevice):
     """The pad on its line; its caller passes the time. It sends unasked and never reads.
 
     Args:
         rows: Rows of the scan.
         cols: Columns of the scan.
         electronics: Amplifier, converter and multiplexer.
-        rng: Source of noise, gains and offsets.
+        seed: Seed or source of noise, gains and offsets.
 
     Raises:
         ValueError: A scan takes longer than the time between scans.
     """
 
-    def __init__(self, rows: int, cols: int, electronics: PvdfElectronics, rng: np.random.Generator) -> None:
-        taxels = rows * cols
+    def __init__(self, rows: int, cols: int, electronics: PvdfElectronics, seed: int | np.random.Generator) -> None:
+        super().__init__(electronics.rate_hz, rows=rows, cols=cols)
+        taxels, rng = rows * cols, np.random.default_rng(seed)
         self._shape = rows, cols
         self._period_ns = round(1e9 / electronics.rate_hz)
         self._delay_ns = np.arange(taxels) * electronics.dwell_ns
@@ -77,33 +78,32 @@ class PvdfPad:
         self._offset = electronics.offset_counts * rng.normal(size=taxels)
         self._gain[list(electronics.dead)] = 0.0
         self._offset[list(electronics.saturated)] = 2.0 * FULL_SCALE
-        self._loads_n = np.zeros(taxels)
+        self._loads_n = self._before_n = np.zeros(taxels)
         self._warmth = np.zeros(taxels)  # 0 like the pad, 1 like the object
         self._past: list[tuple[int, Array]] = [(0, np.zeros(taxels))]  # (t_ns, charges), back to the scan's start
         self._scan = 0
 
-    def advance(self, t_ns: int, loads_n: Array) -> bytes:
-        """Advance to ``t_ns`` and return the scans complete by then.
+    def press(self, values: Array) -> None:
+        """Set the load on each taxel at the next step, in scan order, shape (taxels,), N; until then it is linear."""
+        self._loads_n = np.asarray(values, dtype=np.float64)
 
-        Args:
-            t_ns: Time, ns.
-            loads_n: Load on each taxel at ``t_ns``, in scan order, shape (taxels,), N. It changes linearly since the
-                last call, and for that the leak is exact.
-        """
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the scans complete by then, which came together; the leak is exact."""
         before_ns, charge_n = self._past[-1]
+        loads_n = self._loads_n
         if t_ns <= before_ns:
-            return b""
+            return []
         tau_s, span_s = self._electronics.tau_s, (t_ns - before_ns) * 1e-9
         gone = -math.expm1(-span_s / tau_s)
-        charge_n = charge_n * (1.0 - gone) + (loads_n - self._loads_n) * (gone * tau_s / span_s)
+        charge_n = charge_n * (1.0 - gone) + (loads_n - self._before_n) * (gone * tau_s / span_s)
         if self._electronics.pyro_n:
             charge_n += self._electronics.pyro_n * self._warm(loads_n, span_s)
         self._past.append((t_ns, charge_n))
-        self._loads_n = loads_n
+        self._before_n = loads_n
         output = b""
         while (scan_ns := self._scan * self._period_ns) + self._scan_takes_ns <= t_ns:
             output += self._send(scan_ns)
-        return output
+        return [output] if output else []
 
     def _warm(self, loads_n: Array, span_s: float) -> Array:
         """Return how much warmer each taxel became in ``span_s``."""
@@ -139,35 +139,10 @@ class PvdfPad:
         return out
 
 
-class PressedPad(EmulatedDevice):
-    """A pad whose charge leaks, under a given load, as an emulator (see `slipd.tools.sim.emulators.Emulator`).
-
-    Args:
-        seed: Seed of its noise.
-        rows: Rows of the scan.
-        cols: Columns of the scan.
-        electronics: Amplifier, converter and multiplexer.
-    """
-
-    def __init__(self, seed: int, rows: int, cols: int, electronics: PvdfElectronics) -> None:
-        super().__init__(electronics.rate_hz, rows=rows, cols=cols)
-        self._pad = PvdfPad(rows, cols, electronics, np.random.default_rng(seed))
-        self._loads_n = np.zeros(rows * cols)
-
-    def press(self, values: Array) -> None:
-        """Set the load on each taxel from now on, shape (taxels,), N."""
-        self._loads_n = np.asarray(values, dtype=np.float64)
-
-    def advance(self, t_ns: int) -> list[bytes]:
-        """Advance to ``t_ns`` and return the scans complete by then; a late step returns several together."""
-        output = self._pad.advance(t_ns, self._loads_n)
-        return [output] if output else []
-
-
 IDEAL = PvdfElectronics(tau_s=1e9, gain_counts_per_n=1.0, gain_spread=0.0, offset_counts=0.0)
 """Without leak, gain and offsets, so that loads are counts."""
 
 
-def make(seed: int) -> PressedPad:
+def make(seed: int) -> PvdfPad:
     """Return a pad of 8 x 16 taxels with ideal electronics."""
-    return PressedPad(seed, ROWS, COLS, IDEAL)
+    return PvdfPad(ROWS, COLS, IDEAL, seed)

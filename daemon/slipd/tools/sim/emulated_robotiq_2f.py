@@ -136,7 +136,7 @@ class Jaws:
         self.normal_n = command.force_n if self.in_contact else 0.0
 
 
-class Gripper2F:
+class Gripper2F(EmulatedDevice):
     """The gripper on its line, and the drive's command to the scene.
 
     Args:
@@ -154,6 +154,7 @@ class Gripper2F:
         force_table: Table = FORCE_TABLE,
         unit: int = robotiq_registers.UNIT,
     ) -> None:
+        super().__init__(POLL_HZ)
         self._force_bytes, self._forces_n = zip(*force_table, strict=True)
         self.activated_ns: int | None = None
         self._units = Units(force_table, width_table, None)
@@ -161,19 +162,19 @@ class Gripper2F:
         self._open_width_m = open_width_m = self._units.width_range_m[1]
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
         self._output = parse_output(self._registers)
-        self._received, self._received_ns = b"", 0
+        self._received_ns = 0
         self._ready_ns = 0
         self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], self._forces_n[0])
         self._width_m, self._normal_n = open_width_m, 0.0
         self._moving, self._holding = False, False
 
-    def receive(self, data: bytes, t_ns: int) -> bytes:
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes that the host wrote by ``t_ns``; return the answers."""
         if t_ns - self._received_ns > FRAME_GAP_NS:
             self._received = b""
         self._received_ns = t_ns
         requests, self._received = modbus_device.parse_requests(self._received + data, self._unit)
-        return b"".join(self._answer(request, t_ns) for request in requests)
+        return [self._answer(request, t_ns) for request in requests]
 
     def command(self, t_ns: int) -> GripCommand:
         """Return the present command to the drive."""
@@ -234,23 +235,11 @@ class Gripper2F:
         )
 
 
-class GripperLine(EmulatedDevice):
-    """A `Gripper2F` with a rigid part between its pads, or nothing, as an `Emulator`.
+class GripperLine(Gripper2F):
+    """A gripper with a rigid part between its pads, or nothing; for its arguments see `Gripper2F`."""
 
-    Args:
-        width_table: Position byte / 255 and width between the pads, m.
-        force_table: Force byte and normal force on one pad, N.
-        unit: Its Modbus address.
-    """
-
-    def __init__(
-        self,
-        width_table: Table = WIDTH_TABLE,
-        force_table: Table = FORCE_TABLE,
-        unit: int = robotiq_registers.UNIT,
-    ) -> None:
-        super().__init__(POLL_HZ)
-        self._gripper = Gripper2F(width_table, force_table, unit)
+    def __init__(self, width_table: Table = WIDTH_TABLE, **settings: Any) -> None:
+        super().__init__(width_table, **settings)
         self._jaws = Jaws(width_table[0][1])
         self._now_ns = 0
 
@@ -263,20 +252,15 @@ class GripperLine(EmulatedDevice):
         """Grip force on one pad, N."""
         return self._jaws.normal_n
 
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Handle bytes from the host; return the answers."""
-        output = self._gripper.receive(data, t_ns)
-        return [output] if output else []
-
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance the jaws to ``t_ns``; send nothing unasked."""
-        self._jaws.follow(self._gripper.command(t_ns), max(t_ns - self._now_ns, 0) * 1e-9)
+        self._jaws.follow(self.command(t_ns), max(t_ns - self._now_ns, 0) * 1e-9)
         self._now_ns = t_ns
-        self._gripper.observe(self._jaws)
+        self.observe(self._jaws)
         return []
 
 
 def make(seed: int, **settings: Any) -> GripperLine:
-    """Return a gripper; it has no noise, so ``seed`` is unused. For other settings see `GripperLine`."""
+    """Return a gripper; it has no noise, so ``seed`` is unused. For other settings see `Gripper2F`."""
     del seed
     return GripperLine(**settings)

@@ -25,7 +25,7 @@ from slipd.grasp.grasp_view import Place
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import Mounting
 from slipd.signals.pad import PadGeometry
-from slipd.tools.sim.emulated_pvdf import PressedPad, PvdfElectronics
+from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulated_xela import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator, accepted, make_emulator
 from slipd.tools.sim.hand import Hand, PadLoad
@@ -225,7 +225,7 @@ def _emulator(streams: dict[str, config.Stream], seed: int) -> Emulator:
             tau_s=first.charge_tau_s or 1e6, gain_counts_per_n=1.0 / abs(first.axis_scale[0]), rate_hz=first.rate_hz,
             dwell_ns=dwell_ns,
         )  # fmt: skip
-        return PressedPad(seed, first.rows, first.cols, electronics)
+        return PvdfPad(first.rows, first.cols, electronics, seed)
     return make_emulator(device, seed, **_settings(device, first, streams))
 
 

@@ -1,22 +1,18 @@
 """The virtual gripper: a scene with the five devices in it, and the process that serves them.
 
-The process has five pseudo-terminals with the bytes of real devices, and prints the true state. One loop without
-threads advances the scene 800 times per second and writes the bytes of the devices. A late wake-up catches up at once,
-so that the rates never drift.
+The process has five pseudo-terminals with the bytes of real devices, and prints the true state. The scene advances 800
+times per second.
 """
 
 from __future__ import annotations
 
 import argparse
-import gc
+import asyncio
 import json
 import os
-import select
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,16 +21,23 @@ import numpy as np
 
 from slipd.devices.external import encode_reading
 from slipd.tools.sim.carry import GLASS_KG, GLASS_KGM2, Arm, CarryScript
-from slipd.tools.sim.device_line import PushLine
+from slipd.tools.sim.emulate import prepare_process, serve_until_ended
 from slipd.tools.sim.emulated_bota import BotaMount, BotaSensor
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulated_robotiq_2f import Gripper2F
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
+from slipd.tools.sim.emulators import EmulatedDevice, Emulator
 from slipd.tools.sim.scene import Scene, Truth
 from slipd.tools.sim.scene_parts import Pad
 
-LINES = ("left-wrench", "left-pad", "right-wrench", "right-pad", "gripper")
+LINES = {
+    "left-wrench": "bota",
+    "left-pad": "pvdf",
+    "right-wrench": "bota",
+    "right-pad": "pvdf",
+    "gripper": "robotiq_2f",
+}
 """The devices, by the names of their lines."""
+ARM = "arm"
 
 LEFT_MOUNT = BotaMount()
 RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018), clock_ppm=-15.0)
@@ -59,13 +62,14 @@ class _Finger:
         self._next_image_ns = 0
         self.pad = PvdfPad(pad.rows, pad.cols, electronics, rng)
 
-    def advance(self, t_ns: int) -> tuple[bytes, bytes]:
+    def advance(self, t_ns: int) -> tuple[list[bytes], list[bytes]]:
         wrench = self._scene.wrench(right=self._right)
         self.wrench.feel(wrench[:3], wrench[3:])
         if t_ns < self._next_image_ns:
-            return self.wrench.advance(t_ns), b""
+            return self.wrench.advance(t_ns), []
         self._next_image_ns = t_ns + IMAGE_NS
-        return self.wrench.advance(t_ns), self.pad.advance(t_ns, self._scene.normal_n * self._shares)
+        self.pad.press(self._scene.normal_n * self._shares)
+        return self.wrench.advance(t_ns), self.pad.advance(t_ns)
 
 
 class VirtualRig:
@@ -92,6 +96,8 @@ class VirtualRig:
         self._left = _Finger(scene, LEFT_MOUNT, electronics, left, right=False)
         self._right = _Finger(scene, RIGHT_MOUNT, electronics, right, right=True)
         self._gripper = Gripper2F(((0.0, scene.open_width_m), (1.0, 0.0)))  # as in the config of the demo
+        devices = (self._left.wrench, self._left.pad, self._right.wrench, self._right.pad, self._gripper)
+        self._devices: dict[str, EmulatedDevice] = dict(zip(LINES, devices, strict=True))
         self._returned = 0
 
     @property
@@ -101,29 +107,19 @@ class VirtualRig:
 
     def opened(self, line: str, t_ns: int) -> None:
         """Handle the opening of a line: a force sensor boots."""
-        if line == "left-wrench":
-            self._left.wrench.restart(t_ns)
-        elif line == "right-wrench":
-            self._right.wrench.restart(t_ns)
+        self._devices[line].opened(t_ns)
 
     def receive(self, line: str, data: bytes, t_ns: int) -> bytes:
         """Handle bytes written to a line; return the answer."""
-        if line == "gripper":
-            return self._gripper.receive(data, t_ns)
-        if line == "left-wrench":
-            return self._left.wrench.receive(data, t_ns)
-        if line == "right-wrench":
-            return self._right.wrench.receive(data, t_ns)
-        return b""
+        return b"".join(self._devices[line].receive(data, t_ns))
 
     def advance(self, t_ns: int) -> dict[str, bytes]:
         """Advance to ``t_ns``, ns since the start, in steps of about 1 ms; return what each line sends unasked."""
         if self.began_ns is not None:
             self.scene.step((t_ns - self.began_ns) * 1e-9, self._gripper.command(t_ns))
             self._gripper.observe(self.scene)
-        left_wrench, left_pad = self._left.advance(t_ns)
-        right_wrench, right_pad = self._right.advance(t_ns)
-        return dict(zip(LINES, (left_wrench, left_pad, right_wrench, right_pad, b""), strict=True))
+        said: list[list[bytes]] = [*self._left.advance(t_ns), *self._right.advance(t_ns), []]
+        return {line: b"".join(pieces) for line, pieces in zip(LINES, said, strict=True)}
 
     def arm_reading(self, t_ns: int, epoch_ns: int = 0) -> bytes:
         """Return the arm's reading where one is due at ``t_ns``; ``epoch_ns`` is its start in CLOCK_MONOTONIC."""
@@ -144,91 +140,63 @@ class VirtualRig:
 TICK_NS = 1_250_000
 """Period of the force sensors with their shortest filter, ns."""
 
-LONGEST_LAG_NS = 500_000_000
-"""After a longer pause, ns, what devices sent meanwhile is lost, as on a line that overflows. The scene went on."""
 
-SUSPENDED_NS = 10_000_000_000
-"""After a longer pause, ns, such as a suspended machine, the scene continues where it was."""
+class _RigLine(EmulatedDevice):
+    """What a rig says on one of its lines, as an emulator."""
 
-STDIN = 0
+    def __init__(self, rig: VirtualRig, name: str) -> None:
+        super().__init__(0.0)
+        self._rig, self._name = rig, name
+        self.said: list[bytes] = []
+        self.began_ns = 0
 
-HARDWARE_NICENESS = -10
-"""Niceness of this process if permitted, because hardware is not late on a busy machine."""
+    def opened(self, t_ns: int) -> None:
+        self._rig.opened(self._name, t_ns)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        return [self._rig.receive(self._name, data, t_ns)]
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        said, self.said = self.said, []
+        return said
 
 
 class VirtualGripper:
-    """Run a virtual rig on its lines.
+    """A virtual rig as the devices of an emulation, which calls `advance` before it serves them.
 
     Args:
         rig: The scene and its devices.
-        ports: Pseudo-terminal of each line.
+        folder: For the pseudo-terminals.
         report: Called with each event: a map with ``t_s`` (scene), ``t_ns`` (CLOCK_MONOTONIC) and ``event``.
-        arm_line: Takes the readings of the arm; None: nobody does.
+
+    Attributes:
+        devices: For `slipd.tools.sim.emulate.emulated`.
     """
 
-    def __init__(
-        self,
-        rig: VirtualRig,
-        ports: dict[str, PseudoTerminal],
-        report: Callable[[dict[str, Any]], None],
-        arm_line: PushLine | None = None,
-    ) -> None:
-        self._rig, self._ports, self._report, self._arm_line = rig, ports, report, arm_line
+    def __init__(self, rig: VirtualRig, folder: Path, report: Callable[[dict[str, Any]], None]) -> None:
+        self._rig, self._report = rig, report
+        self._lines = {name: _RigLine(rig, name) for name in (*LINES, ARM)}
+        self.devices: list[tuple[str, Emulator, str]] = [
+            (device, self._lines[name], str(folder / name)) for name, device in LINES.items()
+        ]
+        if rig.arm is not None:
+            self.devices.append(("external", self._lines[ARM], f"ipc://{folder}/arm"))
         self._commands = b""
-        self._poll = select.poll()
-        self._poll.register(STDIN, select.POLLIN)
-        self._by_fd = {port.fd: (line, port) for line, port in ports.items()}
-        for fd in self._by_fd:
-            self._poll.register(fd, select.POLLIN)
-        self._stopped = False
+        self._t_ns = 0
         self._begun = False
 
-    def stop(self) -> None:
-        """Stop at the next tick; safe in a signal handler."""
-        self._stopped = True
+    def advance(self, t_ns: int) -> None:
+        """Advance the rig to ``t_ns`` in its steps: a late wake-up catches up at once."""
+        start_ns = self._lines["gripper"].began_ns
+        while self._t_ns + TICK_NS <= t_ns:
+            self._t_ns += TICK_NS
+            said = self._rig.advance(self._t_ns) | {ARM: self._rig.arm_reading(self._t_ns, start_ns)}
+            for name, data in said.items():
+                self._lines[name].said += [data] if data else []
+            self._report_news(start_ns)
 
-    def run(self, seconds: float | None = None) -> None:
-        """Run until stopped, until standard input closes, or for ``seconds``."""
-        start_ns, ticks = time.monotonic_ns(), 0
-        while not self._stopped and (seconds is None or ticks * TICK_NS < seconds * 1e9):
-            next_ns = start_ns + (ticks + 1) * TICK_NS
-            time.sleep(max(next_ns - time.monotonic_ns(), 0) * 1e-9)
-            lag_ns = time.monotonic_ns() - next_ns
-            if lag_ns > SUSPENDED_NS:
-                start_ns, lag_ns = start_ns + lag_ns, 0
-            lost = lag_ns > LONGEST_LAG_NS
-            output = self._listen(ticks * TICK_NS)
-            for _ in range(1 + lag_ns // TICK_NS):
-                ticks += 1
-                sent = self._rig.advance(ticks * TICK_NS)
-                reading = self._rig.arm_reading(ticks * TICK_NS, start_ns)
-                self._report_news(start_ns)
-                if lost:
-                    continue
-                for line, data in sent.items():
-                    output[line] += data
-                if reading and self._arm_line is not None:
-                    self._arm_line.send([reading])
-            for line, data in output.items():
-                self._ports[line].write(data)
-
-    def _listen(self, t_ns: int) -> dict[str, bytes]:
-        """Read every line; return the answers."""
-        output = dict.fromkeys(LINES, b"")
-        received = dict(self._poll.poll(0))
-        if STDIN in received:
-            self._carry_out(os.read(STDIN, 4096))
-        for fd, (line, port) in self._by_fd.items():
-            events = received.get(fd, 0)
-            if port.update(events):
-                self._rig.opened(line, t_ns)
-            if events & select.POLLIN and (data := port.read()):
-                output[line] = self._rig.receive(line, data, t_ns)
-        return output
-
-    def _carry_out(self, data: bytes) -> None:
-        """Let the arm move at the scale in each line of standard input; its end stops the process."""
-        self._stopped |= not data
+    def hear(self, data: bytes) -> None:
+        """Let the arm move at the scale in each line of standard input."""
         *lines, self._commands = (self._commands + data).split(b"\n")
         for line in lines:
             if self._rig.arm is not None:
@@ -260,34 +228,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--dir", type=Path, required=True, help="directory of the pseudo-terminals: " + ", ".join(LINES)
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default 0)")
-    parser.add_argument("--seconds", type=float, help="end after this time, s (default: never)")
     parser.add_argument("--carry", action="store_true", help="the arm carries a glass; each line of input is a move")
     options = parser.parse_args(argv)
     options.dir.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as stack:
-        ports: dict[str, PseudoTerminal] = {}
-        for line in LINES:
-            ports[line] = PseudoTerminal(options.dir / line)
-            stack.callback(ports[line].close)
-        rig = carried_rig(options.seed) if options.carry else VirtualRig(Scene(), options.seed)
-        arm_line = PushLine(f"ipc://{options.dir}/arm") if options.carry else None
-        if arm_line is not None:
-            stack.callback(arm_line.close)
-        gripper = VirtualGripper(rig, ports, _print, arm_line)
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: gripper.stop())
-        with suppress(PermissionError):
-            os.setpriority(os.PRIO_PROCESS, 0, HARDWARE_NICENESS)
-        gc.collect()
-        gc.freeze()
-        paths = {line: str(port.path) for line, port in ports.items()}
-        try:
-            _print({"t_s": None, "t_ns": time.monotonic_ns(), "event": "ready", "ports": paths})
-            gripper.run(options.seconds)
-            dropped = {line: port.dropped for line, port in ports.items()}
-            _print({"t_s": rig.scene.t_s, "t_ns": time.monotonic_ns(), "event": "end", "dropped_bytes": dropped})
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: end without an error
+    rig = carried_rig(options.seed) if options.carry else VirtualRig(Scene(), options.seed)
+    gripper = VirtualGripper(rig, options.dir, _print)
+    paths = {line: str(options.dir / line) for line in LINES}
+
+    def ready() -> None:
+        _print({"t_s": None, "t_ns": time.monotonic_ns(), "event": "ready", "ports": paths})
+
+    prepare_process()
+    try:
+        ended = asyncio.run(serve_until_ended(gripper.devices, gripper.advance, gripper.hear, ready))
+        dropped = dict(zip(LINES, ended.dropped, strict=False))
+        _print({"t_s": rig.scene.t_s, "t_ns": time.monotonic_ns(), "event": "end", "dropped_bytes": dropped})
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: end without an error
     return 0
 
 

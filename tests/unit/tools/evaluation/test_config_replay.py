@@ -1,9 +1,11 @@
-"""One recording, replayed with its own config and with others."""
+"""One recording, replayed with its own config and with others: what it gives, and how that is kept."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lossy_recording import lossy
@@ -11,7 +13,7 @@ from replays import RECORDINGS
 
 from slipd.errors import RecordingError
 from slipd.tools.evaluation.config_replay import run_config
-from slipd.tools.evaluation.config_run import NOT_RECORDED, ConfigRun
+from slipd.tools.evaluation.config_run import NOT_RECORDED, RECORDED, ConfigRun, StreamHealth, with_status
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]
@@ -24,7 +26,7 @@ def levels(run: ConfigRun, finger: str = "left") -> list[str]:
 
 def test_another_config_changes_what_is_reported(config_file: Write) -> None:
     text = config_file("demo", "a.toml", ("mu = 0.55", "mu = 0.8")).read_text()
-    recorded, other = levels(run_config(DEMO, None, "recorded")), levels(run_config(DEMO, text, "a.toml"))
+    recorded, other = levels(run_config(DEMO, None, RECORDED)), levels(run_config(DEMO, text, "a.toml"))
     assert recorded.index("warning") < recorded.index("slipping")
     assert "warning" not in other[: other.index("slipping")], "the slip comes without a warning"
 
@@ -34,9 +36,9 @@ def test_the_zero_of_a_pad_stays_that_of_the_recording(config_file: Write) -> No
     text = config_file("import_grips", "a.toml").read_text()
     head, _, tail = text.partition("tare = [")
     without = head + tail[tail.index("\n]\n") + 3 :]
-    assert run_config(GRIPS, without, "a.toml").spans == run_config(GRIPS, None, "recorded").spans
+    assert run_config(GRIPS, without, "a.toml").spans == run_config(GRIPS, None, RECORDED).spans
     other = text.replace("16456.3", "12456.3").replace("37526.9", "31526.9")
-    assert run_config(GRIPS, other, "a.toml").spans == run_config(GRIPS, None, "recorded").spans
+    assert run_config(GRIPS, other, "a.toml").spans == run_config(GRIPS, None, RECORDED).spans
 
 
 def test_a_config_without_a_stream_of_the_recording_is_refused(config_file: Write) -> None:
@@ -50,11 +52,11 @@ def test_a_config_without_a_stream_of_the_recording_is_refused(config_file: Writ
 def test_a_recording_that_was_cut_off_is_used_as_far_as_it_goes(tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(GRIPS.read_bytes()[: GRIPS.stat().st_size * 3 // 4])
-    assert run_config(cut, None, "recorded").fault.startswith(f"{cut}: ")
+    assert run_config(cut, None, RECORDED).fault.startswith(f"{cut}: ")
 
 
 def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
-    run = run_config(lossy(DEMO, tmp_path), None, "recorded")
+    run = run_config(lossy(DEMO, tmp_path), None, RECORDED)
     assert "lost" in run.fault
     for spans in run.spans.values():
         (lost,) = [span for span in spans if span.reasons == (NOT_RECORDED,)]
@@ -64,3 +66,29 @@ def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
             pytest.approx(2.0, abs=0.1),
         )
         assert not [span for span in spans if span is not lost and span.begin_s < 1.98 and span.end_s > 1.02]
+
+
+def test_a_run_survives_json() -> None:
+    run = run_config(RECORDINGS / "demo.mcap", None, RECORDED)
+    for each in (run, ConfigRun({}, None, 1.5, "cut off")):
+        assert ConfigRun.from_map(json.loads(json.dumps(each.as_map()))) == each
+
+
+@pytest.mark.parametrize(
+    ("messages", "health"),
+    [
+        ([(3, None, 0), (0, 100, 0), (2, 200, 1), (0, 500, 3)], 2),
+        ([(3, None, 0), (2, 0, 0)], 2),
+        ([(3, 0, 0), (0, 100, 0)], 0),
+    ],
+    ids=["the worst since the first reading", "the last without a reading", "well from the first reading on"],
+)
+def test_the_health_of_a_stream_counts_from_its_first_reading_and_its_counts_are_the_last(
+    messages: list[tuple[int, int | None, int]], health: int
+) -> None:
+    found: dict[str, StreamHealth] = {}
+    for state, samples, bad in messages:
+        stream: dict[str, Any] = {"health": state, "samples": samples, "bad": bad, "lost": 0, "dropped": None}
+        found = with_status(found, {"streams": {"left.wrench": stream | {"reconnects": 1}}})
+    _, samples, bad = messages[-1]
+    assert found == {"left.wrench": StreamHealth("left.wrench", health, samples or 0, bad, 0, 0, 1)}

@@ -15,12 +15,12 @@ UNIT, OUT, IN = robotiq_registers.UNIT, robotiq_registers.OUTPUT_ADDRESS, roboti
 
 def write(gripper, registers, t_ns, at=OUT):
     request = modbus.Request(UNIT, modbus.WRITE, write_address=at, registers=registers)
-    return modbus.find_reply(gripper.receive(modbus.encode_request(request), t_ns), request)
+    return modbus.find_reply(b"".join(gripper.receive(modbus.encode_request(request), t_ns)), request)
 
 
 def status(gripper, t_ns, function=modbus.READ_INPUT):
     request = modbus.Request(UNIT, function, IN, 3)
-    reply = modbus.find_reply(gripper.receive(modbus.encode_request(request), t_ns), request)
+    reply = modbus.find_reply(b"".join(gripper.receive(modbus.encode_request(request), t_ns)), request)
     return robotiq_registers.parse_status(reply.registers, t_ns, None, Units(FORCE_TABLE, WIDTH_TABLE, None).width_m)
 
 

@@ -1,7 +1,6 @@
 """The real process on real pseudo-terminals, read by the real decoders and an independent Modbus client."""
 
 import json
-import os
 import select
 import signal
 import subprocess
@@ -14,10 +13,7 @@ import pytest
 import serial
 
 from slipd.devices import bota, pvdf
-from slipd.tools.sim import virtual_gripper
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
-from slipd.tools.sim.scene import Scene
-from slipd.tools.sim.virtual_gripper import LINES, LONGEST_LAG_NS, SUSPENDED_NS, TICK_NS, VirtualGripper, VirtualRig
+from slipd.tools.sim.virtual_gripper import LINES
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -88,43 +84,6 @@ def test_it_prints_its_ports_sends_whole_frames_at_their_rates_and_removes_the_p
         assert (len(run_ns) - 1) / (run_ns[-1] - run_ns[0]) * 1e9 == pytest.approx(rates_hz[line], rel=0.002)
     process.popen.send_signal(signal.SIGTERM)
     process.check_it_ends()
-
-
-class SteppedTime:
-    """The clock of a process that is stopped at its hundredth tick; it reads a pad whenever the process sleeps."""
-
-    def __init__(self, pause_ns, port):
-        self._now_ns, self._pauses_ns, self._port = 0, {100: pause_ns}, port
-        self._decoder, self.read_ns = pvdf.Decoder(), []
-
-    def monotonic_ns(self):
-        return self._now_ns
-
-    def sleep(self, seconds):
-        self.read_ns += [sample.device_time_ns for sample in self._decoder.receive(self._port.read(65_536), 0)]
-        self._now_ns += round(seconds * 1e9) + self._pauses_ns.pop(self._now_ns // TICK_NS, 0)
-
-
-@pytest.mark.parametrize(
-    ("pause_ns", "lost_ns"),
-    [(50_000_000, 0), (2 * LONGEST_LAG_NS, 2 * LONGEST_LAG_NS), (SUSPENDED_NS + TICK_NS, 0)],
-    ids=["late", "stopped", "suspended"],
-)
-def test_the_clock_of_a_process_that_was_stopped_went_on(tmp_path, monkeypatch, pause_ns, lost_ns):
-    """What the devices sent meanwhile is lost; a machine that slept goes on where it was."""
-    stdin, held = os.pipe()
-    monkeypatch.setattr(virtual_gripper, "STDIN", stdin)
-    ports = {line: PseudoTerminal(tmp_path / line) for line in LINES}
-    with serial.Serial(str(tmp_path / "left-pad"), timeout=0) as port:
-        clock = SteppedTime(pause_ns, port)
-        monkeypatch.setattr(virtual_gripper, "time", clock)
-        VirtualGripper(VirtualRig(Scene()), ports, print).run((lost_ns + 200 * TICK_NS) * 1e-9)
-    for port in ports.values():
-        port.close()
-    os.close(stdin)
-    os.close(held)
-    longest_ns = max(after_ns - before_ns for before_ns, after_ns in pairwise(clock.read_ns))
-    assert longest_ns == pytest.approx(lost_ns, abs=10_000_000)
 
 
 def test_an_independent_modbus_client_grips_the_box(process):

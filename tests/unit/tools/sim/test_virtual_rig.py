@@ -24,7 +24,7 @@ def write(rig, registers, t_ns):
 def played():
     """Return every sample of each line in the first nine seconds with a grip of 7.5 N, and the rig."""
     rig = VirtualRig(Scene(), seed=5)
-    decoders = {line: bota.Decoder() if "wrench" in line else pvdf.Decoder() for line in LINES[:4]}
+    decoders = {line: bota.Decoder() if "wrench" in line else pvdf.Decoder() for line in [*LINES][:4]}
     samples = {line: [] for line in decoders}
     for tick in range(1, round(9.5e9 / TICK_NS)):
         t_ns = tick * TICK_NS
