@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
-from slipd.tools.sim.emulators import EmulatedDevice
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream
+from slipd.types.arrays import Array, cross_matrix
 
 BOOT_NS = 200_000_000
 """Time from power-on to the first frame, ns; the banner comes in the middle."""
@@ -31,7 +31,6 @@ _INTERNAL_RATE_HZ = 51_200
 _IN_RUN_MODE = "CRI#"
 _DONE, _REFUSED = 0, 1
 _BINARY = "0"
-_NOISE_BLOCK = 1024
 
 
 _COMMAND = re.compile(rb"[CRI#slw]|p(?=\?)|c,\d,\d,\d,\d|f,\d{1,4},\d,\d,\d")
@@ -87,7 +86,7 @@ class BotaMount:
     clock_ppm: float = 40.0
 
 
-class BotaSensor(EmulatedDevice):
+class BotaSensor(EmulatedWrench):
     """The sensor on its line; its caller passes the time.
 
     Args:
@@ -96,25 +95,20 @@ class BotaSensor(EmulatedDevice):
     """
 
     def __init__(self, mount: BotaMount, seed: int | np.random.Generator) -> None:
-        super().__init__(RATE_HZ)
+        stream = WrenchStream(seed, _rate_hz(mount.sinc_length), mount.noise_n, mount.noise_nm)
+        super().__init__(stream, RATE_HZ)
         turn = Rotation.from_quat(np.array(mount.quat_xyzw)).as_matrix().T
-        x, y, z = mount.xyz_m
-        lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix
-        self._from_pad = np.block([[turn, np.zeros((3, 3))], [-turn @ lever, turn]])
+        self._from_pad = np.block([[turn, np.zeros((3, 3))], [-turn @ cross_matrix(np.array(mount.xyz_m)), turn]])
         self._bias = np.array(mount.bias, dtype=np.float64)
-        self._sigma = np.repeat((mount.noise_n, mount.noise_nm), 3)
-        self._rng = np.random.default_rng(seed)
-        self._noise: list[list[float]] = []
-        self._ideal: list[float] = self._bias.tolist()
         self._ppm = mount.clock_ppm
-        self._period_ns = _period_ns(mount.sinc_length)
+        self.feel(np.zeros(3), np.zeros(3))
         self.opened(0)
 
     def opened(self, t_ns: int) -> None:
         """Boot, as at power-on and whenever the port is opened."""
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
-        self._next_ns = t_ns + BOOT_NS
+        self._stream.start(t_ns + BOOT_NS - round(1e9 / self._stream.rate_hz))
         self._received, self._text = b"", encode_banner(NAME, SERIAL)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
@@ -129,7 +123,8 @@ class BotaSensor(EmulatedDevice):
             force_n: Force on the finger in the pad frame, shape (3,), N.
             torque_nm: Torque on it about the pad's centre, shape (3,), N·m.
         """
-        self._ideal = (self._from_pad @ np.concatenate((force_n, torque_nm)) + self._bias).tolist()
+        felt = self._from_pad @ np.concatenate((force_n, torque_nm)) + self._bias
+        super().feel(felt[:3], felt[3:])
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the banner and the frames due by then."""
@@ -137,17 +132,13 @@ class BotaSensor(EmulatedDevice):
         if self.mode == "boot":
             if self._text and t_ns - self._booted_ns >= BOOT_NS // 2:
                 output, self._text = [self._text], b""
-            if t_ns >= self._next_ns:
+            if t_ns - self._booted_ns >= BOOT_NS:
                 self.mode = "run"
-        while self.mode == "run" and t_ns >= self._next_ns:
-            output.append(self._frame(self._next_ns - self._booted_ns))
-            self._next_ns += self._period_ns
+        if self.mode == "run":
+            output += [self._frame(taken_ns - self._booted_ns, values) for taken_ns, values in self._stream.due(t_ns)]
         return output
 
-    def _frame(self, elapsed_ns: int) -> bytes:
-        if not self._noise:
-            self._noise = self._rng.normal(scale=self._sigma, size=(_NOISE_BLOCK, 6)).tolist()
-        values = [ideal + noise for ideal, noise in zip(self._ideal, self._noise.pop(), strict=True)]
+    def _frame(self, elapsed_ns: int, values: Array) -> bytes:
         device_us = round(elapsed_ns * (1e-3 + self._ppm * 1e-9))
         return bota.encode_frame(values[:3], values[3:], device_us, temperature_c=TEMPERATURE_C)
 
@@ -164,16 +155,17 @@ class BotaSensor(EmulatedDevice):
         if letter == "C":
             self.mode = "config"
         elif letter == "R":
-            self.mode, self._next_ns = "run", t_ns + self._period_ns
+            self.mode = "run"
+            self._stream.start(t_ns)
         elif letter == "f" and int(arguments[0]):
-            self._period_ns = _period_ns(int(arguments[0]))
+            self._stream.rate_hz = _rate_hz(int(arguments[0]))
         elif letter == "f" or (letter == "c" and arguments[2] != _BINARY):
             code = _REFUSED
         return encode_ack(letter, code)
 
 
-def _period_ns(sinc_length: int) -> int:
-    return round(sinc_length * 1e9 / _INTERNAL_RATE_HZ)
+def _rate_hz(sinc_length: int) -> float:
+    return _INTERNAL_RATE_HZ / sinc_length
 
 
 def make(seed: int) -> BotaSensor:

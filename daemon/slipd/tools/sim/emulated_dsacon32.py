@@ -109,6 +109,7 @@ class Dsacon32(WeissController):
         super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
         self._about = encode_controller(SERIAL, kind=kind, operable=operable)
         self._matrices = matrices
+        self._loads = [np.zeros(cols * rows) for cols, rows in matrices]
         self._rle = False
 
     def press(self, values: Array, sensor: str | None = None) -> None:
@@ -121,13 +122,11 @@ class Dsacon32(WeissController):
         Raises:
             ValueError: The number of values is not the number of cells.
         """
-        if sensor is not None:
-            sizes = [cols * rows for cols, rows in self._matrices]
-            begin = sum(sizes[: int(sensor)])
-            loads = self._ideal.copy()
-            loads[begin : begin + sizes[int(sensor)]] = values
-            values = loads
-        super().press(values)
+        if sensor is None:
+            super().press(values)
+        else:
+            self._loads[int(sensor)] = values
+            super().press(np.concatenate(self._loads))
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == dsacon32.CONTROLLER:
@@ -140,7 +139,10 @@ class Dsacon32(WeissController):
                 return encode_error(dsacon32.MATRIX, _INDEX_ERROR)
             return encode_matrix(*self._matrices[index])
         rate_hz, self._rle = parse_acquire(request.payload)
-        self._push(round(1e9 / min(rate_hz, MAX_RATE_HZ)) if rate_hz else None, t_ns)
+        if rate_hz:
+            self._stream.start(t_ns, min(rate_hz, MAX_RATE_HZ))
+        else:
+            self._stream.stop()
         return encode_error(dsacon32.ACQUIRE)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:

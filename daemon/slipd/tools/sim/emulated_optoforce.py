@@ -15,6 +15,7 @@ from slipd.devices.optoforce import UDP_PERIOD
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
 from slipd.devices.shared import rdt_records as rdt
+from slipd.tools.sim.emulated_netft import NetftSensor
 from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 
 COUNTS_PER_N, COUNTS_PER_NM = [80.0, 80.0, 20.0], [2500.0, 2500.0, 4000.0]
@@ -22,7 +23,6 @@ SERIAL = b"HEXEB123"
 POWER_ON_HZ = 100.0
 
 _UDP_COUNTS_PER_UNIT = np.repeat((UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM), 3)
-_MS = 1_000_000
 
 
 _READING_HEADERS = {3: frames.ONE_3_AXIS, 6: frames.ONE_6_AXIS, 12: frames.FOUR_3_AXIS}
@@ -121,8 +121,8 @@ class OptoforceDaq(EmulatedWrench):
         return frames.encode_frame(frames.ACK, b"\0")
 
 
-class OptoforceConverter(EmulatedWrench):
-    """The Ethernet converter; its caller passes the time. It sends on command, at 100 Hz until another rate is set.
+class OptoforceConverter(NetftSensor):
+    """The Ethernet converter, a Net F/T with other counts. It sends on command, at 100 Hz until another rate is set.
 
     Args:
         seed: Seed of its noise.
@@ -130,31 +130,17 @@ class OptoforceConverter(EmulatedWrench):
     """
 
     def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
-        super().__init__(WrenchStream(seed, POWER_ON_HZ), rate_hz, wiring="udp")
-        self.status = 0
-        """Status word of the records from now on."""
-        self._sequence = 0
+        super().__init__(seed, rate_hz, internal_hz=1000.0)
+        self.options = {"wiring": "udp"}
+        self._stream.rate_hz = POWER_ON_HZ
+        self._counts_per_unit = _UDP_COUNTS_PER_UNIT
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle a datagram; the only answers are records."""
         command, value = rdt.parse_request(data) or (None, 0)
         if command == UDP_PERIOD and value:
             self._stream.rate_hz = 1000.0 / value
-        elif command == rdt.START:
-            self._sequence = 0
-            self._stream.start(t_ns)
-        elif command == rdt.STOP:
-            self._stream.stop()
-        return []
-
-    def advance(self, t_ns: int) -> list[bytes]:
-        """Advance to ``t_ns`` and return the records due by then."""
-        output: list[bytes] = []
-        for taken_ns, values in self._stream.due(t_ns):
-            self._sequence += 1
-            counts = whole(values * _UDP_COUNTS_PER_UNIT, 32)
-            output.append(rdt.encode_record(counts, self._sequence, taken_ns // _MS, self.status))
-        return output
+        return super().receive(data, t_ns)
 
 
 def make(seed: int, wiring: str = "serial", **scales: Any) -> OptoforceDaq | OptoforceConverter:

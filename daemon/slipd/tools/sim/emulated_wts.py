@@ -12,8 +12,7 @@ from slipd.devices import wts
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner, encode
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, Words
-from slipd.tools.sim.emulators import EmulatedDevice
-from slipd.types.arrays import Array
+from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 SINGLE = 0x20
 
@@ -58,7 +57,7 @@ def encode_matrix(matrix: wts.Matrix) -> bytes:
     return encode(wts.MATRIX, wts.MATRIX_FIELDS.pack(0, *form), SEED_WITH_PREAMBLE)
 
 
-class WeissController(EmulatedDevice, ABC):
+class WeissController(EmulatedTactile, ABC):
     """A controller on its line; its caller passes the time.
 
     Args:
@@ -74,28 +73,13 @@ class WeissController(EmulatedDevice, ABC):
     def __init__(
         self, cells: int, requests: PacketScanner, rng: np.random.Generator, noise_counts: float, clock_ppm: float
     ) -> None:
-        super().__init__(self.rate_hz)
-        self._ideal = np.zeros(cells)
+        super().__init__(TactileStream(rng, self.rate_hz, (cells,), noise_counts), self.rate_hz)
         self._requests = requests
-        self._rng = rng
-        self._noise_counts = noise_counts
         self._clock = (1.0 + clock_ppm * 1e-6) * 1e-6  # its ms per ns
-        self._period_ns: int | None = None
-        self._next_ns = 0
 
     def opened(self, t_ns: int) -> None:
         """Drop an incomplete request of the previous user of the line."""
         self._requests.forget()
-
-    def press(self, values: Array) -> None:
-        """Set the load on the cells from now on, shape (cells,), counts.
-
-        Raises:
-            ValueError: The number of values is not the number of cells.
-        """
-        if np.shape(values) != self._ideal.shape:
-            raise ValueError(f"values must have shape {self._ideal.shape}, got {np.shape(values)}")
-        self._ideal = np.asarray(values, dtype=np.float64)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes that the host wrote by ``t_ns``; return the answers."""
@@ -103,24 +87,14 @@ class WeissController(EmulatedDevice, ABC):
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the images due until then."""
-        output = []
-        while self._period_ns is not None and self._next_ns <= t_ns:
-            output.append(self._frame(self._cells(), self._time_ms(self._next_ns)))
-            self._next_ns += self._period_ns
-        return output
+        return [self._frame(self._cells(), self._time_ms(taken_ns)) for taken_ns in self._stream.times(t_ns)]
 
     def _cells(self) -> NDArray[np.uint16]:
         """Return the cells as they read now."""
-        noisy = self._ideal + self._noise_counts * self._rng.standard_normal(self._ideal.size)
-        return np.clip(np.rint(noisy), 0, FULL_SCALE).astype(np.uint16)
+        return np.clip(np.rint(self._stream.image()), 0, FULL_SCALE).astype(np.uint16)
 
     def _time_ms(self, t_ns: int) -> int:
         return round(t_ns * self._clock)
-
-    def _push(self, period_ns: int | None, t_ns: int) -> None:
-        """Send an image every ``period_ns`` from now on; None: send no more."""
-        self._period_ns = period_ns
-        self._next_ns = t_ns + (period_ns or 0)
 
     @abstractmethod
     def _obey(self, request: Packet, t_ns: int) -> bytes: ...
@@ -169,8 +143,10 @@ class WtsModule(WeissController):
             return encode_matrix(self._matrix)
         if request.id == SINGLE:
             return encode_single(self._cells(), self._time_ms(t_ns))
-        running = request.id == wts.START
-        self._push(max(parse_start(request.payload), FASTEST_MS) * 1_000_000 if running else None, t_ns)
+        if request.id == wts.START:
+            self._stream.start(t_ns, 1000.0 / max(parse_start(request.payload), FASTEST_MS))
+        else:
+            self._stream.stop()
         return encode_status(request.id)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:

@@ -131,13 +131,15 @@ class WrenchStream(Timer):
     """Readings at a rate: the load on the sensor with noise.
 
     Args:
-        seed: Seed of the noise.
+        seed: Seed or source of the noise.
         rate_hz: Readings per second.
         noise_n: Standard deviation of each force component, N.
         noise_nm: Standard deviation of each torque component, N·m.
     """
 
-    def __init__(self, seed: int, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005) -> None:
+    def __init__(
+        self, seed: int | np.random.Generator, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005
+    ) -> None:
         super().__init__(rate_hz)
         self._rng = np.random.default_rng(seed)
         self._ideal = np.zeros(6)
@@ -199,13 +201,13 @@ class TactileStream(Timer):
     """Images at a rate: the load on the sensor with noise.
 
     Args:
-        seed: Seed of the noise.
+        seed: Seed or source of the noise.
         rate_hz: Images per second.
         shape: Shape of an image, (taxels,) or (taxels, 3).
         noise: Standard deviation of each value.
     """
 
-    def __init__(self, seed: int, rate_hz: float, shape: tuple[int, ...], noise: float) -> None:
+    def __init__(self, seed: int | np.random.Generator, rate_hz: float, shape: tuple[int, ...], noise: float) -> None:
         super().__init__(rate_hz)
         self._rng = np.random.default_rng(seed)
         self._ideal = np.zeros(shape)
