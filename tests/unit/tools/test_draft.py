@@ -8,7 +8,8 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.errors import SlipdError
-from slipd.tools.draft import draft
+from slipd.tools.draft import RECORDING as RECORDING_KIND
+from slipd.tools.draft import Kind, draft
 from slipd.tools.export.export_command import EXPORT
 
 EXPORTED = "published_ns,v\n"
@@ -127,15 +128,20 @@ def test_an_earlier_result_returns_where_the_new_one_is_gone(tmp_path: Path) -> 
     assert names(out) == ["old.csv"]
 
 
-def test_what_came_meanwhile_stays(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "remedy"), [(EXPORT, "give a new name, or --overwrite"), (RECORDING_KIND, "give a new name")]
+)
+def test_what_came_meanwhile_stays_and_the_remedy_is_one_that_the_command_has(
+    tmp_path: Path, kind: Kind, remedy: str
+) -> None:
     out = tmp_path / "out"
 
     def meet() -> None:
-        with draft(out, EXPORT, overwrite=False) as written:
+        with draft(out, kind, overwrite=False) as written:
             written.write_text("new")
             out.write_text("of another program")
 
-    with pytest.raises(SlipdError, match="exists already"):
+    with pytest.raises(SlipdError, match=f"out: exists already; {remedy}$"):
         meet()
     assert out.read_text() == "of another program"
     assert names(tmp_path) == ["out"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Say, Skipped, Steps, choose
+from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Say, Skipped, Steps, choose
 from slipd.tools.commission.gripper_steps import CLOSE, IF_CLOSED, activate, close, release
-from slipd.tools.commission.readings import silence
+from slipd.tools.commission.readings import next_message
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_guide import result_lines
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import FrictionSession
-from slipd_client.messages.schema.topics import Message, Slip
+from slipd_client.messages.schema.topics import Slip
 
 SAMPLES = 3
 MOST_TRIES = 10
@@ -110,13 +110,8 @@ def _follow(session: FrictionSession, lines: list[str]) -> Steps[None]:
         SlipdError: The daemon fell silent.
     """
     while not session.done:
-        event = yield None
-        if event is None:
-            raise silence()
-        if isinstance(event, Choice) and event.word == SKIP:
-            raise Skipped
-        if isinstance(event, Message):
-            session.advance(event if isinstance(event, Slip) else None, event.t_ns * 1e-9)
+        message = yield from next_message()
+        session.advance(message if isinstance(message, Slip) else None, message.t_ns * 1e-9)
         yield from _show(lines)
 
 

@@ -12,11 +12,11 @@ from typing import Any
 
 from slipd.config import Finger, Gripper
 from slipd.fusion.assess import SPIN_ARM_M
-from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Say, Skipped, Steps, ask, choose
-from slipd.tools.commission.readings import pause, read_status, silence
+from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Refusal, Say, Skipped, Steps, ask, choose
+from slipd.tools.commission.readings import next_message, pause, read_status
 from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.names import SlipLevel
-from slipd_client.messages.schema.topics import Message, Slip
+from slipd_client.messages.schema.topics import Slip
 
 TARE_S = 0.5
 ATTEMPTS = 3
@@ -238,14 +238,11 @@ def _watch(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, Slip]]:
     newest: dict[str, Slip] = {}
     elapsed = ElapsedTime()
     held_s = shown_s = None
-    while (event := (yield None)) is not None:
-        if isinstance(event, Choice) and event.word == SKIP:
-            raise Skipped
-        if not isinstance(event, Message):
-            continue
-        now_s = elapsed.update(event.t_ns * 1e-9)
-        if isinstance(event, Slip) and event.finger in fingers:
-            newest[event.finger] = event
+    while True:
+        message = yield from next_message()
+        now_s = elapsed.update(message.t_ns * 1e-9)
+        if isinstance(message, Slip) and message.finger in fingers:
+            newest[message.finger] = message
         if len(newest) == len(fingers):
             if shown_s is None or now_s - shown_s >= SHOW_S:
                 shown_s = now_s
@@ -258,7 +255,6 @@ def _watch(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, Slip]]:
                 return newest
         if now_s > patience_s:
             return newest
-    raise silence()
 
 
 def _line(name: str, verdict: Slip) -> str:

@@ -116,11 +116,8 @@ class ReadingListener:
         Streams lag by different times: a reading that is older than one that came before this call is left out.
         """
         elapsed, begin_ns = ElapsedTime(), self._newest_ns
-        while (message := (yield None)) is not None:
-            if isinstance(message, Choice) and message.word == SKIP:
-                raise Skipped
-            if not isinstance(message, Message):
-                continue
+        while True:
+            message = yield from next_message()
             if message.config_id not in (None, self._config_id):
                 raise SlipdError("the daemon runs another config than this file; start it with this file")
             self._newest_ns = max(self._newest_ns, message.t_ns)
@@ -131,7 +128,21 @@ class ReadingListener:
                 continue
             if message.finger in self._fingers and done(message, passed_s):
                 return True
-        raise silence()
+
+
+def next_message() -> Steps[Message]:
+    """Return the next message of the daemon.
+
+    Raises:
+        Skipped: The person left the step out.
+        SlipdError: The daemon is silent.
+    """
+    while (event := (yield None)) is not None:
+        if isinstance(event, Choice) and event.word == SKIP:
+            raise Skipped
+        if isinstance(event, Message):
+            return event
+    raise SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
 
 
 def pause(seconds: float) -> Steps[None]:
@@ -147,14 +158,11 @@ def pause(seconds: float) -> Steps[None]:
     until_ns = answer.result.t_ns + seconds * 1e9 if isinstance(answer, Reply) else math.inf
     longest_ns = (seconds if math.isinf(until_ns) else seconds + SILENCE_S) * 1e9
     began_ns: dict[str, int] = {}
-    while (event := (yield None)) is not None:
-        if isinstance(event, Choice) and event.word == SKIP:
-            raise Skipped
-        if isinstance(event, Message):
-            passed_ns = event.t_ns - began_ns.setdefault(event.topic, event.t_ns)
-            if event.t_ns >= until_ns or passed_ns >= longest_ns:
-                return
-    raise silence()
+    while True:
+        message = yield from next_message()
+        passed_ns = message.t_ns - began_ns.setdefault(message.topic, message.t_ns)
+        if message.t_ns >= until_ns or passed_ns >= longest_ns:
+            return
 
 
 def read_status() -> Steps[StatusReply]:
@@ -178,11 +186,6 @@ def _answer(method: str) -> Steps[Any]:
         reason = answer.reason if isinstance(answer, Refusal) else reason
         yield from pause(PAUSE_S)
     raise SlipdError(f"the daemon does not answer: {reason}")
-
-
-def silence() -> SlipdError:
-    """Return the error of a daemon that says nothing."""
-    return SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
 
 
 def _add_reading(found: dict[str, FingerReadings], seconds: float, message: Wrench | Tactile, passed_s: float) -> bool:

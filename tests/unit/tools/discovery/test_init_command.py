@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from pathlib import Path
 
 import pytest
@@ -38,33 +37,6 @@ def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.Cap
     assert (stream.device, stream.port) == ("bota", f"{by_id}/bota")
     with pytest.raises(SlipdError, match="exists, and is not replaced"):
         init_command(file, by_id, only_list=False)
-
-
-def test_a_file_that_appears_while_ports_are_asked_stays_and_the_remedy_is_one_that_init_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(port_probe, "ASK_S", 0.02)
-    by_id, file = made(tmp_path / "by-id"), tmp_path / "rig.toml"
-    master, slave = os.openpty()
-
-    def write_when_asked() -> None:
-        os.read(master, 1)
-        file.write_text("of another program", encoding="utf-8")
-
-    asked = threading.Thread(target=write_when_asked)
-    asked.start()
-    try:
-        with plugged(by_id, "bota"):
-            (by_id / "silent").symlink_to(os.ttyname(slave))
-            with pytest.raises(SlipdError) as refused:
-                init_command(file, by_id, only_list=False)
-    finally:
-        os.write(slave, b"-")  # ends the thread where nothing was asked
-        asked.join()
-        os.close(master)
-        os.close(slave)
-    assert str(refused.value) == f"{file}: exists already; give a new name"
-    assert file.read_text(encoding="utf-8") == "of another program"
 
 
 def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,8 +5,7 @@ import math
 import pytest
 
 from slipd.tools.sim.scene import GripCommand, Scene
-from slipd.tools.sim.scene_parts import Patch, Script
-from slipd.tools.sim.stickslip import FrictionLaw
+from slipd.tools.sim.scene_parts import Script
 
 CLOSE_S, OPEN_S, END_S, SPEED_MPS = 1.5, 16.0, 18.0, 0.05
 NEVER = math.inf
@@ -46,26 +45,6 @@ def test_the_fingers_close_at_the_commanded_speed_and_stop_at_the_object(step_s,
         assert scene.width_m >= scene.object_width_m
     assert times(scene, "contact") == [pytest.approx(0.025 / speed_mps, abs=step_s + 0.002)]
     assert (scene.width_m, scene.moving) == (scene.object_width_m, False)
-
-
-def test_a_round_contact_begins_to_turn_at_the_closed_form_limit():
-    radius_m, mu = 0.01, 0.6
-    script = Script(pour_n_per_s=0.001, lever_m=20.0, tug_s=NEVER)  # a torque with hardly any weight
-    scene, _ = play(
-        Scene(
-            script,
-            Patch(radius_m, radius_m, 2.0, (0.0, 0.0)),
-            FrictionLaw(mu, mu),
-            mass_kg=0.02,
-            inertia_kgm2=2e-4,
-            cell_m=0.001,
-        ),
-        until_s=10.0,
-    )
-    limit_nm = 2 * 3 * math.pi / 16 * mu * 7.0 * radius_m
-    assert times(scene, "slide_begins")[0] - 6.0 == pytest.approx(
-        limit_nm / 0.02, rel=0.015
-    )  # it takes a while to be fast
 
 
 def test_a_pulled_object_slips_at_mu_s_and_the_friction_ratio_drops_towards_mu_d():
