@@ -56,6 +56,17 @@ def test_a_priority_that_is_not_permitted_is_refused_in_words() -> None:
     assert shown(0) == [str(os.SCHED_OTHER), "True", "True", str(os.SCHED_OTHER)]
 
 
+def test_only_this_thread_is_scheduled_and_what_it_starts_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[tuple[object, ...]] = []
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *call: calls.append(call))
+    with realtime_priority(10) as refused:
+        assert refused == ""
+    assert calls == [
+        (0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(10)),
+        (0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0)),
+    ]
+
+
 def test_a_priority_is_that_of_the_thread_alone_and_ends_with_the_run() -> None:
     done = subprocess.run([sys.executable, "-u", "-c", GIVEN], capture_output=True, text=True)
     if "not permitted" in done.stderr:
