@@ -63,7 +63,6 @@ def teach(finger: Finger, q: float, *, slips: bool = False) -> None:
 
 def limit_nm(finger: Finger, normal_n: float) -> float:
     """Largest spin that friction carries on the whole pad, evenly pressed."""
-    assert finger.image is not None
     x, y = finger.image.x, finger.image.y
     return torque_limit(x, y, np.full(16, normal_n / 16), 0.5, (0.0, 0.0), (0.0, 0.0)).torque_nm
 
@@ -79,7 +78,6 @@ def pull(press: Press, forces: Iterable[float], normals: Iterable[float] | None 
 
 def taxel_faults(finger: Finger) -> dict[str, list[int]]:
     """Return the masked taxels of the pad by kind of fault, without the kinds that do not occur."""
-    assert finger.image is not None
     return {kind: taxels for kind, taxels in finger.image.taxel_health.report().items() if taxels}
 
 

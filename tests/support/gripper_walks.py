@@ -113,10 +113,8 @@ class Walk:
             assert self.may_activate, "activated without a permit"
         if command.kind == "move":
             assert self.goal_m is not None, "moved without a permit, or behind a halt"
-            assert command.width_m is not None
             assert abs(command.width_m - self.goal_m) < 1e-3, "moved to another width than permitted"
         if command.force_n is not None and command not in self.sent:  # an older force may be repeated before the newest
-            assert self.session.force_sent_n is not None
             assert abs(command.force_n - self.session.force_sent_n) < 1e-6, "sent another force than it says"
         self.sent.add(command)
 
@@ -150,7 +148,6 @@ class Walk:
             return
         if permit.kind in ("move", "set_force"):
             assert not activating
-            assert permit.force_n is not None
             assert 0.0 <= permit.force_n - session.force_sent_n < FORCE_STEP_N
         if permit.kind == "activate":
             assert session.activating

@@ -16,7 +16,6 @@ Feel = Callable[..., None]
 
 
 def motion_of(finger: Finger) -> ContactMotion:
-    assert finger.motion is not None
     return finger.motion
 
 
@@ -46,7 +45,6 @@ def test_a_finger_without_images_has_no_evidence_of_them(left: str, parse: Parse
     blind = motion_of(make_finger(left.split("[finger.left.pad]")[0], parse))
     with pytest.raises(ValueError, match="without images"):
         blind.confirm()
-    assert finger.image is not None
     blind.update_image(finger.image, T0, (0.0,) * 6)
     assert blind.take() == []
     with pytest.raises(ValueError, match="before it is confirmed"):
@@ -65,7 +63,6 @@ def test_evidence_from_elsewhere_is_a_slip_only_of_a_finger_that_touches_and_is_
         read_force(finger, wrench(t_ns, normal_n, status=status))
         state = finger.note_motion(T0 + 500 * MS, ("width",))
         assert (state is not None) == slips
-    assert state is not None
     assert (state.verdict.level, state.verdict.reasons[0]) == ("slipping", "slip_detected")
 
 

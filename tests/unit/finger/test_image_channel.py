@@ -80,11 +80,8 @@ def test_T1_masked_three_axis_taxels_are_replaced_by_their_neighbours(right: str
         counts = np.tile((0.0, 0.0, 500.0 + 100.0 * math.sin(0.5 * k)), (16, 1)) + rng.normal(0.0, 3.0, (16, 3))
         counts[6] = (9000.0, 9000.0, 65535.0)
         batch = finger.update_image(TactileSample(T0 + k * 10 * MS, None, counts))
-    assert batch is not None
     (state,) = batch
-    assert finger.image is not None
     assert taxel_faults(finger) == {"saturated": [6]}
-    assert state.wrench is not None
     assert abs(state.wrench[0]) < 0.1
     assert state.wrench[2] == pytest.approx(-16 * 0.5, rel=0.3)
 
@@ -99,7 +96,6 @@ def test_calibrated_charge_pad_is_anchored_to_the_force_sensor(make_noisy: Calla
         noisy.t_ns += 9 * MS
         noisy.read(8.0 + 2.0 * math.sin(0.5 * k))
         noisy.look(8.0 + 2.0 * math.sin(0.5 * k))  # without leakage, the integral of the charge would run away
-    assert noisy.finger.image is not None
     free_running = 10.0 + 8.0 * 2.0 / 2.0
     assert noisy.finger.image.pressure.sum() < free_running, "the force sensor limits it"
 
@@ -114,7 +110,6 @@ def make(left: str, parse: Parse) -> Callable[..., ImageChannel]:
     def make(rule: str = "matched", more: str = "") -> ImageChannel:
         finger = parse(left + more).finger["left"]
         pad = finger.pad
-        assert pad is not None
         channel = ImageChannel(pad, finger.model_copy(update={"load_rule": rule}))
         channel.tare.observe(T0)
         return channel
@@ -157,7 +152,6 @@ def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChan
     pad.update(image(T0 + 1, np.full(16, 105.0)))
     assert (pad.shows_contact(), pad.load_distribution(press)) == (False, None)
     shape = pad.shape()
-    assert shape is not None
     assert shape.active == 0
 
 
@@ -191,7 +185,6 @@ def test_three_axis_taxels_give_a_wrench_that_is_turned_with_the_pad(
     """0.2 N and −0.1 N of shear, 3 N into the pad at (+2, −2) mm."""
     config = parse(right.replace("pitch_m", swap + "pitch_m"))
     pad = known_finger("right", config.finger["right"], Levels()).image
-    assert pad is not None
     assert pad.three_axis
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)

@@ -35,7 +35,6 @@ vectors = st.tuples(forces, forces, forces).map(np.array)
 def on_pad(pose: PadPose, force: np.ndarray, torque_about_origin: np.ndarray) -> np.ndarray:
     """A wrench of the gripper frame, as the pad's sensor feels it: backwards, by quaternions and not by matrices."""
     turn = Rotation.from_matrix(pose.rotation).inv()
-    assert pose.position_m is not None
     moved = torque_about_origin - np.cross(pose.position_m, force)
     return np.concatenate((turn.apply(force), turn.apply(moved)))
 

@@ -49,7 +49,6 @@ class Hand:
 
     def __init__(self, rig: Config, wrench: Wrench, image: Image) -> None:
         self.fingers = {name: known_finger(name, finger, Levels()) for name, finger in rig.finger.items()}
-        assert rig.grasp is not None
         self.view = GraspView(rig.grasp, self.fingers)
         self._wrench, self._image = wrench, image
 
@@ -192,7 +191,6 @@ def test_pads_move_with_the_width(hand: Hand) -> None:
 def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None:
     """On the pads as the demo's config places them: the left pad's X, Y and spin are Z, −X and −Y of its gripper."""
     grasp = config.load(config.shipped("demo.toml")).grasp
-    assert grasp is not None
     load, normal_n, at = (2.5, 0.7, 0.03), 12.0, (0.002, -0.001)
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
         force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
@@ -266,7 +264,6 @@ def test_unknown_finger_weight_hides_the_load_but_not_the_grip(make_hand: MakeHa
     hand.hold()
     assert nil(hand.body()) == {"external_force_n", "external_torque_nm"}
     force = hand.fingers["left"].force
-    assert force is not None
     force.set_gravity((0.0, 0.0, 0.0), T0)
     hand.hold()
     assert nil(hand.body()) == set()

@@ -121,7 +121,6 @@ def test_motion_is_interpolated_and_its_turn_differentiated_where_it_is_not_repo
     turning: tuple[float, ...] | None, expected: tuple[float, ...]
 ) -> None:
     felt = filled(turning).felt(1101 * MS)
-    assert felt is not None
     assert felt.gravity_mps2 == pytest.approx((101.0, 0.0, 9.81))
     assert felt.velocity_radps == pytest.approx((0.0, 0.0, 202.0))
     assert felt.acceleration_radps2 == pytest.approx(expected)

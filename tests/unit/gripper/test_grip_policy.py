@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -50,7 +51,6 @@ def test_A3_N2_only_finite_forces_between_the_limits_pass_and_none_is_clamped(fo
     if 3.0 <= force_n <= 25.0:
         assert refusal is None
         return
-    assert refusal is not None
     assert (refusal.code, refusal.field) == ("out_of_range" if math.isfinite(force_n) else "not_finite", "force_n")
     assert ("3 to 25 N" in refusal.message) == math.isfinite(force_n)
     assert code(first(GripPolicy(replace(LIMITS, max_n=None), 1000), force_n)) == "no_limit"
@@ -75,11 +75,9 @@ def test_too_fast_names_the_time_after_which_the_request_is_granted(
     assert change(policy, now_n, T0) is None
     policy.record_force(now_n, T0)
     refusal = change(policy, now_n + change_n, T0)
-    assert refusal is not None
-    assert refusal.code == "too_fast"
     assert f"in {wait_ms} ms" in refusal.message
-    assert code(change(policy, now_n + change_n, T0 + (wait_ms - 1) * MS)) == "too_fast"
-    assert change(policy, now_n + change_n, T0 + wait_ms * MS) is None
+    later = [code(change(policy, now_n + change_n, T0 + ms * MS)) for ms in (0, wait_ms - 1, wait_ms)]
+    assert later == ["too_fast", "too_fast", None]
     assert policy.force_n == now_n, "nothing moves later by itself"
 
 
@@ -156,7 +154,6 @@ def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: Grip
     assert policy.reflex_most_n == 5.0
     refusal = change(policy, 5.1, later)
     assert code(refusal) == code(react(policy, 5.1, later)) == "budget_spent"
-    assert refusal is not None
     assert "the 12 N budget" in refusal.message
     assert change(policy, 4.0, later) is None, "it may always be lowered"
     policy.end_grasp()
@@ -189,11 +186,8 @@ def test_A6_D4_D5_the_first_fault_is_kept_until_it_is_acknowledged(policy: GripP
     policy.latch("what came of it")
     policy.latch("")
     refusal = first(policy, 5.0)
-    assert refusal is not None
-    assert refusal.code == "fault_latched"
-    assert fault in refusal.message
-    assert "fault.ack" in refusal.message
-    assert code(react(policy, 6.0)) == "fault_latched"
+    assert (code(refusal), code(react(policy, 6.0))) == ("fault_latched", "fault_latched")
+    assert re.search(f"{fault}.*fault.ack", refusal.message)
     assert (policy.fault, policy.force_n) == (fault, 5.0)
     policy.acknowledge()
     assert (policy.fault, first(policy, 5.0), react(policy, 6.0)) == ("", None, None)
@@ -202,10 +196,7 @@ def test_A6_D4_D5_the_first_fault_is_kept_until_it_is_acknowledged(policy: GripP
 def test_nothing_of_a_grasp_lasts_beyond_its_end(policy: GripPolicy) -> None:
     policy.adopt(None)
     assert policy.grips
-    policy.end_grasp()
-    assert not policy.grips
-    policy.record_force(5.0, T0)
     policy.begin_release()
     assert policy.releasing
     policy.end_grasp()
-    assert not policy.releasing
+    assert (policy.grips, policy.releasing) == (False, False)

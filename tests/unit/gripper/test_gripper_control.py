@@ -56,7 +56,6 @@ class Recorded:
             self.commands.append(("halt",))
             self.drop()
             return self.takes
-        assert permit.force_n is not None
         if permit.width_m is None:
             self.commands.append(("force", permit.force_n))
         else:
@@ -107,7 +106,6 @@ class Bench:
         for key, value in changed.items():
             text = text.replace(f"\n{key} = ", f"\n{value}\n# {key} = ")
         gripper = config.parse(LEFT + text, "rig.toml").gripper
-        assert gripper is not None
         self.session, self.pads = Recorded(), pads
         self.control = GripperControl(gripper, self.session, dict(enumerate(pads)))  # type: ignore[arg-type]
         if heard:
@@ -240,7 +238,6 @@ def kept(**expected: Any) -> Step:
 
     def step(bench: Bench) -> None:
         found = bench.control.kept()
-        assert found is not None
         assert {name: getattr(found, name) for name in expected} == expected
 
     return step

@@ -212,8 +212,7 @@ def test_A3_A6_F1_every_rule_by_itself(asked: Intent, seen: Situation, expected:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_motion_that_breaks_no_rule_is_permitted(kind: IntentKind) -> None:
     found = judge(of(kind), situation(HELD, moving=True, goals_m=(0.0, 0.0), stops_at_lease_end=True))
-    assert isinstance(found, Permit)
-    assert found.kind == MOVES.get(kind, "halt")
+    assert (type(found), found.kind) == (Permit, MOVES.get(kind, "halt"))
 
 
 @pytest.mark.parametrize("refused", ["no_limit", "fault_latched", "no_gripper", "activating", "not_active"])
@@ -248,16 +247,13 @@ def test_a_session_that_takes_nothing_is_explained(refused: str) -> None:
 )  # fmt: skip
 def test_a_refusal_says_what_to_do(asked: Intent, seen: Situation, field: str, message: str) -> None:
     found = judge(asked, seen)
-    assert isinstance(found, Refusal)
     assert found.field == field
     assert re.search(message, found.message)
 
 
 @pytest.mark.parametrize(("width_m", "shown"), [(0.04123, "0.0413"), (0.0412, "0.0412"), (11 / 255, "0.0432")])
 def test_the_width_that_is_named_is_accepted(width_m: float, shown: str) -> None:
-    found = judge(opens(0.0, width_m), situation())
-    assert isinstance(found, Refusal)
-    assert f"the present {shown} m" in found.message
+    assert f"the present {shown} m" in judge(opens(0.0, width_m), situation()).message
     assert isinstance(judge(opens(float(shown), width_m), situation()), Permit)
 
 

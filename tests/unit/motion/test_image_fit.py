@@ -87,7 +87,6 @@ def test_a_fit_finds_shift_and_turn_beside_gain_and_tilt(turned: dict[str, bool]
 
     after = patch(4e-4, -3e-4, 0.03) * (1.1 + 5.0 * x - 8.0 * y)
     fit = ImageComparison(fine).fit(block(patch(0.0, 0.0, 0.0)), block(after))
-    assert fit is not None
     assert fit.shift_m[:2] == pytest.approx([4e-4, -3e-4], abs=4e-5)
     assert fit.shift_m[2] / fit.radius_m == pytest.approx(0.03, abs=0.004)
     assert fit.tilt == pytest.approx(fit.radius_m * math.hypot(5.0, 8.0), rel=0.2)
@@ -107,7 +106,6 @@ def test_too_few_taxels_or_no_load_show_nothing() -> None:
 def test_a_fit_on_a_pad_of_one_column_knows_nothing_of_the_other_direction() -> None:
     column = np.exp(-((np.arange(12.0) - 5.2) ** 4) / 90.0)
     fit = ImageComparison(PadGeometry(12, 1, 0.004, 0.003)).fit(block(column), block(1.2 * np.roll(column, 1)))
-    assert fit is not None
     assert abs(fit.shift_m[0]) < 1e-12
     assert fit.precision[0, 0] < 1e-200
     assert fit.shift_m[1] > 0.001
@@ -118,7 +116,6 @@ def test_growth_is_no_more_than_a_sphere_allows_but_for_a_gap_that_opens() -> No
     flat, tilted = (block(image(pressure(tilt=tilt), FULL), 10.0) for tilt in ((0.0, 0.0), (0.9, 0.0)))
     grown = block(image(1.1 * pressure(), FULL), 11.0)
     fit = images.fit(flat, grown)
-    assert fit is not None
     wide = fit._replace(growth_m=(1.0, 1.0))
     assert images.growth_m(wide, flat, grown) == pytest.approx([fit.radius_m / 33.0] * 2)
     assert images.growth_m(fit, flat, grown) <= (fit.growth_m[0], fit.growth_m[1])
