@@ -28,24 +28,16 @@ def seeds(answers: Answers, mask: np.ndarray) -> list[int]:
 
 
 @pytest.mark.parametrize("question", ["limit", "use"])
-def test_every_answer_is_certified(found: Findings, question: str) -> None:
+def test_every_answer_is_certified_its_bounds_meet_and_the_reference_lies_within(
+    found: Findings, question: str
+) -> None:
     answers: Answers = getattr(found, question)
     assert found.reasons == {}
     assert answers.sound.all()
-
-
-@pytest.mark.parametrize("question", ["limit", "use"])
-def test_the_bounds_meet(found: Findings, question: str) -> None:
-    answers: Answers = getattr(found, question)
     due = ~answers.verge & ~answers.free
     assert due.mean() > 0.98
     assert seeds(answers, due & ~(answers.gap <= WORST_GAP)) == []
     assert np.median(answers.gap[due]) <= MEDIAN_GAP
-
-
-@pytest.mark.parametrize("question", ["limit", "use"])
-def test_the_reference_lies_within_the_bounds(found: Findings, question: str) -> None:
-    answers: Answers = getattr(found, question)
     assert np.bincount(answers.seeds[answers.checked] % len(FAMILIES)).min() >= CHECKED_OF_EACH_FAMILY - 1
     assert seeds(answers, answers.checked & ~answers.inside) == []
     assert answers.error.max() <= WORST_GAP

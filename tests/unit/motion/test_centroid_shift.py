@@ -72,13 +72,9 @@ def test_rest_drift_and_a_motion_against_the_load_are_no_motion(motion: dict[str
     assert Hold().watch(60, **motion) == []
 
 
-def test_a_load_that_grows_moves_a_contact_by_partial_slip() -> None:
-    hold = Hold()
-    assert [hold.watch(1, 0.001, load_n=3.0 + 0.1 * k) for k in range(30)] == 30 * [[]]
-
-
-def test_what_moved_while_the_load_was_another_or_unseen_is_no_motion_now() -> None:
-    hold = Hold()
+def test_what_moves_while_the_load_grows_is_another_or_is_unseen_is_no_motion() -> None:
+    grows, hold = Hold(), Hold()
+    assert [grows.watch(1, 0.001, load_n=3.0 + 0.1 * k) for k in range(30)] == 30 * [[]], "partial slip"
     assert hold.watch(10) + hold.watch(1, 0.005, load_n=6.0) + hold.watch(1) == []
     hold.at_m += 3e-4
     assert hold.watch(1, gap_ns=2 * STEP_NS) + hold.watch(19) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +32,8 @@ def test_a_mask_names_its_kinds_in_their_fixed_order() -> None:
 
 
 def test_a_surprise_is_bounded_and_nothing_unknown_is_one() -> None:
+    assert combined_surprise([5.0]) == 5.0
+    assert combined_surprise([1.0, 2.0, 3.0]) == pytest.approx(6.0 - math.log(1.0 + 6.0 + 18.0)), "a gamma variable"
     assert f_surprise(0.0, 3, 30) == 0.0
     assert f_surprise(9.0, 1, 1e6) == pytest.approx(-math.log(0.0027), rel=1e-3)
     assert f_surprise(1e12, 3, 1e4) == f_surprise(math.inf, 1, 10) == 700.0
@@ -40,11 +43,6 @@ def test_a_surprise_is_bounded_and_nothing_unknown_is_one() -> None:
     assert risk.update(Evidence("image_change", 0, math.nan)) == ()
     assert risk.update(Evidence("vibration", 0, 9.0)) == ()
     assert risk.update(Evidence("image_change", 0, 9.0), belief=math.nan) == ()
-
-
-def test_the_combined_surprise_is_that_of_a_gamma_variable() -> None:
-    assert combined_surprise([5.0]) == 5.0
-    assert combined_surprise([1.0, 2.0, 3.0]) == pytest.approx(6.0 - math.log(1.0 + 6.0 + 18.0))
 
 
 @pytest.mark.no_cover
@@ -68,11 +66,12 @@ def test_weak_evidence_of_two_kinds_counts_together_only_at_one_time() -> None:
     assert risk.update(Evidence("image_change", 2 * TOGETHER_NS + 1, 9.0)) == ("image_change", "vibration")
 
 
-def test_a_smaller_risk_asks_for_more_and_a_belief_for_less() -> None:
+@pytest.mark.parametrize(
+    ("per_hour", "belief", "found"), [(1.0, {}, True), (0.5, {}, False), (0.5, {"belief": 0.7}, True)]
+)
+def test_a_smaller_risk_asks_for_more_and_a_belief_for_less(per_hour: float, belief: Any, found: bool) -> None:
     look = Evidence("width", 0, math.log(HOUR_LOOKS) + 0.1)
-    assert MotionRisk(1.0, {"width": HOUR_LOOKS}).update(look) == ("width",)
-    assert MotionRisk(0.5, {"width": HOUR_LOOKS}).update(look) == ()
-    assert MotionRisk(0.5, {"width": HOUR_LOOKS}).update(look, belief=0.7) == ("width",)
+    assert MotionRisk(per_hour, {"width": HOUR_LOOKS}).update(look, **belief) == ("width",) * found
 
 
 @pytest.mark.parametrize(

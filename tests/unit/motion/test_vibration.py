@@ -71,9 +71,9 @@ def test_a_rough_surface_that_slides_is_heard_but_never_alone_enough(read: int) 
     assert found.max() == MOST_SUPPORT
 
 
-def test_silence_and_damage_say_nothing() -> None:
-    assert not surprises(np.zeros((N, 6))).any()
-    assert not surprises(np.full((N, 6), math.nan)).any()
+@pytest.mark.parametrize("value", [0.0, math.nan])
+def test_silence_and_damage_say_nothing(value: float) -> None:
+    assert not surprises(np.full((N, 6), value)).any()
 
 
 def test_the_kernels_find_the_same_without_compilation(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,16 +68,6 @@ def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed
             assert plain(last, row, *limits) == compare(tuple(last), tuple(row), *limits)
 
 
-def test_readings_that_arrive_together_and_differ_are_lively() -> None:
-    watch = WrenchWatch(200.0)
-    rows = np.random.default_rng(8).normal(size=(6, 6))
-    for read in (slice(0, 1), slice(1, 4), slice(4, 6)):
-        times_ns = [MS * k for k in range(6)][read]
-        assert watch.update([*map(tuple, rows[read].tolist())], times_ns, rows[read]) == {}
-    assert watch.lively
-    assert not watch.suspect
-
-
 @pytest.mark.parametrize(
     ("row", "fault", "jumps"),
     [
