@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from random import Random
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from gripper_peers import PEERS
 from gripper_talk import REACH, Talk
 from permits import forget
 
+from slipd.devices import robotiq_2f
 from slipd.types.permit import Permit
 
 SCRIPTS = {
@@ -206,3 +208,27 @@ def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(d
     assert (session.force_sent_n, forget(session, how)) == (session.applied_n(15.0), True)
     assert session.force_sent_n == session.applied_n(12.0)
     assert session.drop() is False
+
+
+@pytest.mark.parametrize("device", PEERS)
+@pytest.mark.parametrize(
+    ("permit", "wrong"),
+    [
+        (Permit("move", 0.05), "a permit of kind 'move' must have a force"),
+        (Permit("set_force"), "a permit of kind 'set_force' must have a force"),
+        (Permit("move", force_n=5.0), "a permit of kind 'move' must have a width"),
+        (Permit("move", 0.05, None, float("nan")), "a force must be finite, got nan N"),
+        (Permit("set_force", force_n=float("inf")), "a force must be finite, got inf N"),
+    ],
+)
+def test_an_incomplete_permit_raises_an_error(device: str, permit: Permit, wrong: str) -> None:
+    session = PEERS[device](Random(1)).session
+    for _ in range(2):
+        with pytest.raises(ValueError, match=wrong):
+            session.execute(permit, 0)
+        session.start(0)
+
+
+def test_no_table_gives_a_force_that_is_not_finite() -> None:
+    with pytest.raises(ValueError, match="must be finite"):
+        robotiq_2f.Session().applied_n(float("nan"))

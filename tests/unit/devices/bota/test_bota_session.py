@@ -26,6 +26,13 @@ def booted(**options: object) -> Bench:
     return made
 
 
+def opened(made: Bench, seconds: float) -> Bench:
+    """Start its session, and run."""
+    made.write(made.session.start(made.now_ns))
+    made.run(seconds)
+    return made
+
+
 @pytest.mark.parametrize("boot_s", [0.2, 5.0, 9.9])
 @pytest.mark.parametrize("size", [1, 5, 1000])
 def test_D1_a_reset_on_opening_and_ten_seconds_of_boot_text_are_no_fault(boot_s: float, size: int) -> None:
@@ -60,8 +67,7 @@ def test_a_sensor_that_does_not_answer_may_still_boot_for_ten_seconds() -> None:
 def test_options_reach_the_commands_and_a_refused_one_is_named_and_repeated_until_it_is_obeyed() -> None:
     made = booted(sinc_length=512, temperature_compensation=True)
     made.told = lambda answer: answer.replace(b"r,0,f,0", b"r,0,f,2")
-    made.write(made.session.start(made.now_ns))
-    made.run(3.5)
+    opened(made, 3.5)
     assert made.session.state == "refused f with code 2"
     assert made.written == [b"C\n", b"c,1,1,0,4\n", *[b"f,512,0,0,1\n"] * 4]
     made.told = bytes
@@ -72,15 +78,12 @@ def test_options_reach_the_commands_and_a_refused_one_is_named_and_repeated_unti
 def test_frames_replace_a_lost_answer_to_run() -> None:
     made = booted()
     made.told = lambda answer: b"" if answer.startswith(b"r,0,R") else answer
-    made.write(made.session.start(made.now_ns))
-    made.run(0.1)
+    opened(made, 0.1)
     assert (made.session.state, made.written) == ("running", COMMANDS)
 
 
 def test_a_sensor_that_resets_while_running_is_configured_again() -> None:
-    made = booted()
-    made.write(made.session.start(made.now_ns))
-    made.run(0.5)
+    made = opened(booted(), 0.5)
     made.device.opened(made.device_ns)
     made.run(1.0)
     assert made.written == COMMANDS * 2

@@ -1,4 +1,4 @@
-"""One command at a time, each at most three times, and never one that a newer one has replaced."""
+"""One command at a time, each at most three times; test_gripper_scripts has what replaces and interrupts one."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from slipd.devices.shared.command_queue import ATTEMPTS, Command, CommandQueue
 from slipd.devices.shared.device_interface import DecoderHealth
 
 ANSWER_NS = 100
-GO, FASTER, FORCE, STOP = (
-    Command(name, kind, name.encode()) for name, kind in (("go", "go"), ("faster", "go"), ("force", 1), ("stop", 2))
-)
+GO, FORCE = Command("go", "go", b"go"), Command("force", "force", b"force")
 
 
 @pytest.fixture
@@ -21,8 +19,7 @@ def commands() -> CommandQueue:
 def test_the_next_command_is_sent_when_the_last_is_answered(commands: CommandQueue) -> None:
     assert (commands.due_ns, commands.on_time(5)) == (None, b"")
     commands.replace([GO, FORCE])
-    assert commands.on_time(5) == b"go"
-    assert (commands.on_time(6), commands.due_ns) == (b"", 5 + ANSWER_NS)
+    assert (commands.on_time(5), commands.on_time(6), commands.due_ns) == (b"go", b"", 5 + ANSWER_NS)
     commands.handle_answer(7)
     assert (commands.due_ns, commands.on_time(7)) == (7, b"force")
     commands.handle_answer(8)
@@ -40,18 +37,6 @@ def test_A6_after_three_unanswered_attempts_all_waiting_commands_are_dropped(com
     assert commands.failure == ""
 
 
-def test_an_interruption_is_sent_at_once_and_kept_by_later_commands(commands: CommandQueue) -> None:
-    commands.replace([GO, FORCE])
-    commands.on_time(0)
-    commands.interrupt(STOP)
-    commands.replace([FORCE], keep=[STOP])
-    assert commands.contains([2])
-    assert commands.on_time(1) == b"stop"
-    assert commands.contains([2])
-    commands.handle_answer(2)
-    assert (commands.contains([2]), commands.on_time(2)) == (False, b"force")
-
-
 def test_the_force_is_that_of_the_last_command_sent_or_waiting_that_sets_one(commands: CommandQueue) -> None:
     weak, strong = Command("weak", "force", b"w", 1.0), Command("strong", "force", b"s", 2.0)
     assert commands.force is None
@@ -66,12 +51,3 @@ def test_the_force_is_that_of_the_last_command_sent_or_waiting_that_sets_one(com
     commands.drop(keep=[])
     commands.forget_force()
     assert commands.force is None
-
-
-def test_a_reset_forgets_everything(commands: CommandQueue) -> None:
-    commands.replace([GO])
-    commands.on_time(0)
-    commands.give_up("no reply")
-    commands.replace([GO])
-    commands.reset()
-    assert (commands.due_ns, commands.failure, commands.on_time(10**9)) == (None, "", b"")

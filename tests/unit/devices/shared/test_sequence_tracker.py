@@ -173,25 +173,20 @@ def test_a_run_of_numbers_is_accepted_as_it_is_one_by_one(
 
 def test_a_run_needs_a_newest_number_and_does_not_cross_the_wrap() -> None:
     tracker = SequenceTracker(256, DecoderHealth())
-    assert not tracker.accept_run(0, 1)
-    assert tracker.accept(250)
+    assert (tracker.accept_run(0, 1), tracker.accept(250)) == (False, True)
     assert not tracker.accept_run(251, 6), "the last would be 0"
     assert not tracker.accept_run(252, 1)
-    assert tracker.accept_run(251, 5)
-    assert tracker.accept(0)
+    assert (tracker.accept_run(251, 5), tracker.accept(0)) == (True, True)
 
 
-def test_a_run_forgets_an_old_number() -> None:
-    tracker = SequenceTracker(256, DecoderHealth(), in_order=True)
-    assert [tracker.accept(number) for number in (5, 3)] == [True, False]
-    assert tracker.accept_run(6, 2)
-    assert not tracker.accept(4)
-
-
-def test_after_forgetting_any_number_is_the_next() -> None:
+def test_a_run_forgets_an_old_number_and_after_forgetting_any_number_is_the_next() -> None:
     health = DecoderHealth()
-    tracker = SequenceTracker(256, health)
-    assert tracker.accept(200)
+    tracker = SequenceTracker(256, health, in_order=True)
+    assert [tracker.accept(5), tracker.accept(3), tracker.accept_run(6, 2), tracker.accept(4)] == [
+        True,
+        False,
+        True,
+        False,
+    ]
     tracker.forget()
-    assert tracker.accept(7)
-    assert counted(health) == (0, 0, 0)
+    assert (tracker.accept(200), counted(health)) == (True, (0, 2, 0))

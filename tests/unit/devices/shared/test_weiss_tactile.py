@@ -18,7 +18,6 @@ from slipd.tools.sim import emulated_dsacon32 as dsacon32_sim
 from slipd.tools.sim import emulated_wts as wts_sim
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
 
-S = 1_000_000_000
 ASKED = [
     dsacon32.encode_query(dsacon32.CONTROLLER),
     dsacon32.encode_query(dsacon32.SENSOR),
@@ -88,12 +87,15 @@ def test_options_reach_the_requests_and_a_long_interval_is_not_silence() -> None
     assert bench.written[-2:] == [dsacon32.acquire(0, rle=False), dsacon32.acquire(1, rle=False)]
     assert bench.session.stop() == dsacon32.acquire(0, rle=False)
     assert len(bench.samples) == 8
-    for interval_ms, count in ((0, 1745), (2000, 3)):
-        module = bench_of("wts", interval_ms=interval_ms)
-        module.start()
-        module.run(7)
-        assert (len(module.written), module.written[-1]) == (4, wts.encode_start(interval_ms))
-        assert len(module.samples) == pytest.approx(count, abs=10)
+
+
+@pytest.mark.parametrize(("interval_ms", "count"), [(0, 1745), (2000, 3)])
+def test_a_module_sends_at_its_interval(interval_ms: int, count: int) -> None:
+    module = bench_of("wts", interval_ms=interval_ms)
+    module.start()
+    module.run(7)
+    assert (len(module.written), module.written[-1]) == (4, wts.encode_start(interval_ms))
+    assert len(module.samples) == pytest.approx(count, abs=10)
 
 
 def test_D1_a_booting_controller_is_awaited_without_an_error() -> None:

@@ -62,23 +62,15 @@ def read(data: bytes) -> list[Reply]:
 
 
 def test_worked_replies_are_read() -> None:
-    (force,) = read(bytes.fromhex("AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D"))
+    force, state, done = read(
+        bytes.fromhex(
+            "AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"
+            "AA AA AA 32 02 00 00 00 9C 93"
+        )
+    )
     assert (force.id, force.status, wire.parse_number(force.data)) == (wire.FORCE, wire.OK, 12.5)
-    (state,) = read(bytes.fromhex("AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"))
     assert wire.parse_state(state.data) == {"referenced", "target_reached"}
-    assert read(bytes.fromhex("AA AA AA 32 02 00 00 00 9C 93")) == [Reply(wire.SET_FORCE, wire.OK, b"")]
-
-
-def test_the_commands_are_read_as_they_were_written() -> None:
-    def payload(packet: bytes) -> bytes:
-        return packet[6:-2]
-
-    assert sim.parse_goal(payload(wire.preposition(40.0, 50.0))) == (0, 40.0, 50.0)
-    assert wire.parse_number(payload(wire.set_force(20.0))) == 20.0
-    assert sim.parse_update(payload(wire.update_request(wire.WIDTH, 20))) == 20
-    assert sim.parse_update(bytes(3)) == 0
-    assert wire.parse_limits(read(sim.encode_limits(LIMITS))[0].data) == LIMITS
-    assert wire.parse_serial(read(sim.encode_system(123456))[0].data) == 123456
+    assert done == Reply(wire.SET_FORCE, wire.OK, b"")
 
 
 def test_limits_and_serial_number_are_little_endian() -> None:

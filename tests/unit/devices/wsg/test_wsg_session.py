@@ -7,13 +7,13 @@ import random
 from itertools import permutations
 
 import pytest
+from readings import Case, fields
 from wsg_bench import GO, Bench, updates
 
 from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.tools.sim import emulated_wsg as sim
-from slipd.types.samples import GripperSample
 
 
 def test_starting_sends_queries_and_moves_nothing() -> None:
@@ -132,22 +132,41 @@ def test_an_update_that_is_missing_costs_no_reading_and_a_missing_state_only_its
             assert len(samples) == 6 - joined_late - (missing == 3), (order, missing)
 
 
-def test_an_update_that_is_missing_for_two_periods_gives_no_reading() -> None:
-    first, second = updates(40.0), updates(41.0)
-    samples = Decoder().receive(b"".join([*first, *2 * second[1:], *second]), 0)
-    assert [sample.width_m for sample in samples] == [pytest.approx(width) for width in (0.040, 0.040, 0.041)]
+def update(*words: str, grasping: str = "idle") -> bytes:
+    width, force, _, state = updates(words=words)
+    return b"".join((width, force, sim.encode_grasping(grasping), state))
 
 
-def test_D4_the_state_bits_determine_the_sample() -> None:
-    def read(*words: str, grasping: str = "idle") -> GripperSample:
-        parts = updates(words=words)
-        parts[2] = sim.encode_grasping(grasping)
-        (sample,) = Decoder().receive(b"".join(parts), 5)
-        return sample
+FIRST, SECOND = updates(40.0), updates(41.0)
+CASES = {
+    "an update that is missing for two periods gives no reading": Case(
+        b"".join([*FIRST, *2 * SECOND[1:], *SECOND]), fields("width_m", [0.040, 0.040, 0.041])
+    ),
+    "without a bit": Case(
+        update(),
+        [
+            {
+                "active": False,
+                "object": "none",
+                "moving": False,
+                "fault": "",
+                "force_n": 10.0,
+                "width_m": 0.04,
+                "echo_ok": None,
+            }
+        ],
+    ),
+    "referenced is active": Case(update("referenced"), fields("active", [True])),
+    "moving": Case(update("moving"), [{"object": "moving", "moving": True}]),
+    "a blocked axis is a contact": Case(update("blocked_minus"), fields("object", ["contact_closing"])),
+    "holding is a contact": Case(update(grasping="holding"), fields("object", ["contact_closing"])),
+    **{
+        f"the fault of {word}": Case(update(word), fields("fault", [word if word in wire.FAULTS else ""]))
+        for word in wire.STATE_BITS.values()
+    },
+}
 
-    assert (read().active, read("referenced").active) == (False, True)
-    assert read("blocked_minus").object == read(grasping="holding").object == "contact_closing"
-    assert (read("moving").object, read("moving").moving, read().object) == ("moving", True, "none")
-    for word in wire.STATE_BITS.values():
-        assert read(word).fault == (word if word in wire.FAULTS else "")
-    assert (read().force_n, read().width_m, read().t_ns, read().echo_ok) == (10.0, pytest.approx(0.04), 5, None)
+
+@pytest.mark.parametrize("name", CASES)
+def test_D4_a_stream_gives_these_readings(name: str) -> None:
+    CASES[name].check(Decoder)
