@@ -21,23 +21,25 @@ EFLESH_UT = np.array(
 FRAME = slipd_anyskin.encode_frame(EFLESH_UT)
 
 
-def test_anyskin_a_published_reading_is_decoded_to_the_last_bit() -> None:
-    decoder = slipd_anyskin.Decoder()
-    (sample,) = decoder.receive(b"\r\n" + FRAME, 7)
-    assert len(FRAME) == 82
-    assert (sample.values == EFLESH_UT).all()
-    assert (sample.t_ns, sample.status) == (7, ("raw",))
+WILD = slipd_anyskin.encode_frame(np.full((5, 3), 1e9))
+NOISE = random.Random(1).randbytes(20_000)
 
 
-def test_anyskin_damage_is_counted_and_noise_gives_nothing() -> None:
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case(b"\r\n" + FRAME, [{"values": EFLESH_UT, "status": ("raw",)}], {"bad_bytes": 2}),
+        Case(3 * FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 82}),
+        Case(b"\r\n" + FRAME + WILD + FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 84, "bad": 1}),
+    ],
+)
+def test_anyskin_a_published_reading_is_decoded_and_damage_counted(case: Case) -> None:
+    case.check(slipd_anyskin.Decoder)
+
+
+def test_anyskin_noise_gives_nothing_and_no_sensor_has_no_taxels() -> None:
     decoder = slipd_anyskin.Decoder()
-    assert decoder.receive(random.Random(1).randbytes(20_000), 0) == []
-    assert decoder.health.bad_bytes > 19_900
-    decoder.forget()
-    assert len(decoder.receive(3 * FRAME, 0)) == 2
-    wild = slipd_anyskin.encode_frame(np.full((5, 3), 1e9))
-    assert len(decoder.receive(wild + 2 * FRAME, 0)) == 2
-    assert (decoder.health.good, decoder.health.bad) == (4, 1)
+    assert (decoder.receive(NOISE, 0), decoder.health.bad_bytes > 19_900) == ([], True)
     with pytest.raises(ValueError, match="from 1 to 16, got 0"):
         slipd_anyskin.Decoder(0)
 

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from gripper_peers import PEERS
 from gripper_talk import REACH, Talk
-from permits import forget
 
 from slipd.devices import robotiq_2f
 from slipd.types.permit import Permit
@@ -193,21 +192,6 @@ def test_no_more_force_is_sent_than_requested_except_the_smallest(device: str) -
     for requested, sent in ((least / 2, least), (most * 2, most), (least + 1.0, least + 1.0)):
         assert script.session.execute(Permit("set_force", force_n=requested), script.now_ns)
         assert script.session.force_sent_n == script.session.applied_n(sent) <= max(requested, least)
-
-
-@pytest.mark.parametrize("how", ["halt", "drop"])
-@pytest.mark.parametrize("device", PEERS)
-def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(device: str, how: str) -> None:
-    script = Script(device)
-    script.play("force 10")
-    script.deaf = True
-    session = script.session
-    session.execute(Permit("set_force", force_n=12.0), script.now_ns)
-    script.run(10)  # it is sent, and not answered
-    session.execute(Permit("move", 0.0, force_n=15.0), script.now_ns)
-    assert (session.force_sent_n, forget(session, how)) == (session.applied_n(15.0), True)
-    assert session.force_sent_n == session.applied_n(12.0)
-    assert session.drop() is False
 
 
 @pytest.mark.parametrize("device", PEERS)

@@ -11,11 +11,6 @@ from readings import Case, fields
 from slipd.devices import bota
 from slipd.tools.sim import emulated_bota as sim
 
-OVERLOAD = bytes.fromhex(
-    "AA 02 00 00 00 16 44 00 00 10 C0 00 00 20 41 00 00 00 3E 00 00 00 BF 00 00 00 3D 22 E7 01 00 00 00 FC 41 95 65"
-)
-"""Computed from the maker's field table; none was taken from a sensor."""
-
 LAST_US = (1 << 32) - 1
 NAMES = ("skipped", "overload", "invalid", "raw")
 
@@ -65,8 +60,3 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_N3_a_stream_gives_these_readings_and_counts(name: str) -> None:
     CASES[name].check(bota.Decoder)
-
-
-def test_the_worked_frame_is_written() -> None:
-    made = bota.encode_frame((600, -2.25, 10), (0.125, -0.5, 0.03125), 124_706, temperature_c=31.5, status=2)
-    assert made == OVERLOAD

@@ -67,18 +67,15 @@ def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> 
 
 def test_the_ranges_are_those_of_the_tables(active: Bench) -> None:
     session = active.session
+    active.gripper.position = 55
+    active.steps(1)
+    assert active.samples[-1].width_m == pytest.approx(0.2)
     ranges = session.width_range_m, session.speed_range_mps, session.force_range_n
     assert ranges == ((0.0, 0.255), (0.0, 0.255), (1.0, 256.0))
     without = robotiq_2f.Session(speed_table=None)
     assert without.speed_range_mps is None
     with pytest.raises(ValueError, match="the speed must be left out"):
         move(without, 0.0, 0.1, 30.0)
-
-
-def test_the_width_is_read_by_the_table(active: Bench) -> None:
-    active.gripper.position = 55
-    active.steps(1)
-    assert active.samples[-1].width_m == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("mute_first", [False, True])

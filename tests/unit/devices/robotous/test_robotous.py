@@ -38,12 +38,6 @@ def test_F2_N3_L3_a_stream_gives_these_readings_and_counts(name: str) -> None:
     CASES[name].check(robotous.Decoder)
 
 
-def test_the_worked_reading_is_written() -> None:
-    assert sim.encode_reading((*COUNTS, 3), 0x08) == bytes.fromhex(
-        "55 0B 02 69 FF 83 13 29 00 FA FF AC 00 03 08 00 00 E4 AA"
-    )
-
-
 def test_a_name_that_is_not_text_is_empty() -> None:
     assert robotous.parse_name(b"RFT40-SA01\0\0\0\0\0") == "RFT40-SA01"
     assert robotous.parse_name(b"\xff\x01" * 7) == ""

@@ -16,16 +16,6 @@ def commands() -> CommandQueue:
     return CommandQueue(ANSWER_NS, DecoderHealth())
 
 
-def test_the_next_command_is_sent_when_the_last_is_answered(commands: CommandQueue) -> None:
-    assert (commands.due_ns, commands.on_time(5)) == (None, b"")
-    commands.replace([GO, FORCE])
-    assert (commands.on_time(5), commands.on_time(6), commands.due_ns) == (b"go", b"", 5 + ANSWER_NS)
-    commands.handle_answer(7)
-    assert (commands.due_ns, commands.on_time(7)) == (7, b"force")
-    commands.handle_answer(8)
-    assert (commands.due_ns, commands.failure) == (None, "")
-
-
 def test_A6_after_three_unanswered_attempts_all_waiting_commands_are_dropped(commands: CommandQueue) -> None:
     commands.replace([GO, FORCE])
     sent = [commands.on_time(at * ANSWER_NS) for at in range(ATTEMPTS + 2)]

@@ -29,12 +29,3 @@ def test_both_equal_the_bitwise_definition_and_only_the_right_one_matches(data: 
     assert (checksums.x25(data), checksums.modbus(data)) == (right, bitwise(data, 0xA001, 0))
     assert checksums.x25_matches(data + sent.to_bytes(2, "little")) == (sent == right)
     assert checksums.x25_matches(data + right.to_bytes(2, "little"))
-
-
-def test_x25_all_match_finds_one_wrong_piece_among_several() -> None:
-    piece = CHECK + checksums.x25(CHECK).to_bytes(2, "little")
-    starts = range(1, 1 + 3 * (len(piece) + 1), len(piece) + 1)
-    data = b"".join(b"-" + piece for _ in starts)
-    assert checksums.x25_all_match(data, starts, len(piece))
-    for at in starts:
-        assert not checksums.x25_all_match(data[:at] + b"?" + data[at + 1 :], starts, len(piece))

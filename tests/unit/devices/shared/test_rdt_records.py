@@ -217,20 +217,6 @@ def test_N3_a_count_at_the_end_of_its_range_is_marked(place: int, rail: int) -> 
     assert values[1, place] == rail
 
 
-PIECES = st.lists(st.one_of(st.integers(1, 60).map(record), st.binary(max_size=80)), max_size=12)
-
-
-@given(PIECES, st.lists(st.integers(1, 50), min_size=1, max_size=20))
-def test_L1_any_split_of_any_stream_reads_the_same(parts: list[bytes], sizes: list[int]) -> None:
-    stream = b"".join(parts)
-    pieces, at = [], 0
-    while at < len(stream):
-        size = sizes[len(pieces) % len(sizes)]
-        pieces.append(stream[at : at + size])
-        at += size
-    assert read(*pieces) == read(stream)
-
-
 FAULTS = ("reserved", "status", "rail", "flip", "cut", "insert", "forget", "wrap")
 EVENTS = st.tuples(
     st.sampled_from(("send", "send", "send", "gap", "repeat", "start", "other_start", "reset_clock", "rest", *FAULTS)),

@@ -102,14 +102,3 @@ def test_a_course_of_answers_gives_these_requests_and_states(name: str) -> None:
         HAPPENS[what](startup, now_ns)
         asked = startup.on_time(now_ns)
         assert (asked, startup.state, startup.due_ns, startup.awaited) == (sent, state, due_ns, awaited), now_ns
-
-
-def test_a_closed_sequence_sends_nothing_and_has_no_deadline() -> None:
-    startup = StartupSequence(STEPS)
-    startup.reading_received(5)
-    assert (startup.state, startup.due_ns, startup.on_time(10**12)) == ("closed", None, b"")
-    startup.start(0)
-    startup.on_time(0)
-    startup.on_time(20)
-    startup.stop()
-    assert (startup.state, startup.due_ns, startup.awaited, startup.on_time(10**12)) == ("closed", None, "", b"")

@@ -91,16 +91,6 @@ def test_packets_of_the_two_checksum_coverages_reject_each_other() -> None:
         assert packets(seed).packets(weiss.encode(1, b"abc", other)) == []
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_L1_every_split_reads_the_same(seed: int) -> None:
-    parts = [weiss.encode(number, b"\xaa" * number + bytes(number), seed) for number in range(6)]
-    stream = b"\xaa\xaa" + parts[1] + b"\xaa\xaa\xaa\x03\xff\xff" + b"\xaa".join(parts) + parts[2][:-1] + parts[5]
-    wanted = [1, 0, 1, 2, 3, 4, 5, 5]
-    for pieces in (*((stream[:at], stream[at:]) for at in range(len(stream))), [bytes((byte,)) for byte in stream]):
-        reader = packets(seed)
-        assert [packet.id for piece in pieces for packet in reader.packets(piece)] == wanted
-
-
 GOOD = weiss.encode(1, b"abc", SEED_WITH_PREAMBLE)
 HEAD = weiss.PREAMBLE + b"\x01"
 
