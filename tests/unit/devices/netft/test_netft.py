@@ -125,9 +125,8 @@ def started(*answers: bytes, **options: Any) -> netft.Session:
 
 
 def test_the_inquiry_follows_the_options() -> None:
-    assert netft.inquiry(buffered=False) == netft_calibration.TCP_INQUIRY
-    assert netft.inquiry(calibration="xml") == netft_calibration.XML_INQUIRY
-    assert netft.inquiry(calibration="config") is None
+    found = [netft.inquiry(buffered=False), *(netft.inquiry(calibration=kind) for kind in ("xml", "config"))]
+    assert found == [netft_calibration.TCP_INQUIRY, netft_calibration.XML_INQUIRY, None]
 
 
 @pytest.mark.parametrize(

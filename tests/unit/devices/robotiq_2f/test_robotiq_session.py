@@ -63,6 +63,7 @@ def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> 
     active.steps(1)
     output = sim.parse_output(active.gripper.output)
     assert (output.position, output.speed, output.force) == (155, 128, 255)
+    assert active.session.force_acknowledged_n == 256.0
 
 
 def test_the_ranges_are_those_of_the_tables(active: Bench) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-
 import pytest
 
 from slipd.devices.shared.device_interface import DecoderHealth
@@ -69,14 +67,6 @@ STREAMS = {
 def test_a_stream_has_these_frames_and_this_damage(name: str, size: int) -> None:
     stream, values, bad_bytes, bad = STREAMS[name]
     assert scan(stream, size, text=b"ok") == (values, DecoderHealth(bad=bad, bad_bytes=bad_bytes))
-
-
-@pytest.mark.parametrize("size", [1, 2, 3, 5])
-def test_L1_every_split_finds_the_same_frames_and_counts_the_same(size: int) -> None:
-    rng = random.Random(1)
-    parts = [frame(rng.randrange(256)) if rng.random() < 0.6 else rng.randbytes(3) + SYNC for _ in range(300)]
-    stream = b"".join(parts)
-    assert scan(stream, size, b"ok") == scan(stream, len(stream), b"ok")
 
 
 @pytest.mark.parametrize(("late_ns", "found"), [(PAUSE_NS, 1), (PAUSE_NS + 1, 0)])
