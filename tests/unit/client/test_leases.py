@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import contextvars
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from client_peers import PATIENCE_S, Daemon, Publisher, refuse, until
 from slipd_client.aio import AsyncGripClient, AsyncSubscriber
 from slipd_client.errors import LeaseInUse, LeaseLost, RequestRefused
 from slipd_client.grip import GripClient
+from slipd_client.lease_keeper import LeaseKeeper, held_until
 from slipd_client.subscriber import Subscriber
 
 ENDED = refuse("no_lease", "it has ended")
@@ -26,6 +28,22 @@ def in_a_thread(work: Callable[[], object]) -> None:
     """Run a function in a thread called holder_0, and raise here what it raised."""
     with ThreadPoolExecutor(thread_name_prefix="holder") as threads:
         threads.submit(work).result()
+
+
+@pytest.mark.parametrize(
+    ("sent_s_ago", "left_s", "why"),
+    [(0, 600.0, ""), (300, 300.0, ""), (700, -100.0, "it was not renewed in time, because this program")],
+)
+def test_a_lease_lasts_from_when_it_was_asked_for_and_is_looked_at_before_its_end(
+    sent_s_ago: int, left_s: float, why: str
+) -> None:
+    lease = LeaseKeeper(600_000, time.monotonic_ns() - sent_s_ago * 10**9, "me")
+    assert lease.left_s == pytest.approx(left_s, abs=50.0)
+    assert (lease.why[: len(why)], lease.lost, lease.period_s) == (why, why != "", 200.0)
+    lease.enter()
+    assert held_until() - time.monotonic() == pytest.approx(min(left_s, 200.0), abs=50.0)
+    lease.leave()
+    assert held_until() == math.inf
 
 
 @pytest.mark.parametrize(
