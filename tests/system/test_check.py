@@ -110,16 +110,3 @@ def test_check_prints_the_reach_of_the_reflex_within_budget_step_and_rate(
     rig.write_text(text.replace("[gripper]", f"[gripper]\n{limits}"), encoding="utf-8")
     assert main(["check", str(rig)]) == 0
     assert f"adds up to {gain_n}.0 N within the lead time of 0.3 s" in capsys.readouterr().out
-
-
-def test_check_reports_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = tmp_path / "rig.toml"
-    text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
-    rig.write_text(text.replace("pitch_m", "pich_m").replace("mu = 0.32", "mu = -1"), encoding="utf-8")
-    assert main(["check", str(rig)]) == 1
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    faults = captured.err.splitlines()
-    assert len(faults) == 5, "one μ, and in two pads an unknown key and a missing one"
-    assert all(line.startswith(f"{rig}:") and line.split(":")[1].isdecimal() for line in faults)
-    assert sum("did you mean 'pitch_m'?" in line for line in faults) == 2

@@ -91,18 +91,6 @@ async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_p
 
 
 @pytest.mark.process
-async def test_a_daemon_under_nohup_outlives_its_terminal(rig: Rig) -> None:
-    with start(rig.file, command=["nohup", SLIPD]) as process:
-        client = client_of(process)
-        process.send_signal(signal.SIGHUP)
-        heard = len(client.hear("status"))
-        await until(lambda: len(client.hear("status")) > heard + 5)
-        client.close()
-        process.terminate()
-        assert process.wait(PATIENCE_S) == 0
-
-
-@pytest.mark.process
 async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
 
