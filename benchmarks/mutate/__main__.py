@@ -28,17 +28,14 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from bench.commit import measured_on
-from mutate.covered import CoveredRoom, covered_room
+from mutate.covered import CoveredRoom, covered_room, is_compiled
 from mutate.forked import is_noticed
 from mutate.mutations import Mutation, mutate, mutations
 from mutate.wire import SHARED, wire_changes, wire_mutations
 
 PROJECT = Path(__file__).parents[2]
-KERNELS = ("signals", "fusion", "motion", "friction")
-"""Rooms with kernels: these are interpreted where a mutant of the room is tried."""
-
 DAEMON = (
-    *KERNELS,
+    *("signals", "fusion", "motion", "friction"),
     *("devices", "finger", "grasp", "links", "gripper", "requests", "publish", "engine", "config", "recording"),
     *("io", "io/transport", "io/bus", "io/zmtp", "io/host"),
     *("tools", "tools/sim", "tools/evaluation", "tools/recordings", "tools/plot", "tools/export"),
@@ -128,7 +125,7 @@ def _random(options: argparse.Namespace) -> Iterator[Outcome]:
 
 def _covered(scratch: Path, room: str) -> CoveredRoom:
     sources, tests = ROOMS[room]
-    return covered_room(PROJECT, PROJECT / sources, [tests], scratch / room, compiled=room not in KERNELS)
+    return covered_room(PROJECT, PROJECT / sources, [tests], scratch / room)
 
 
 def _tests(place: tuple[str, str, Mutation], room: CoveredRoom) -> list[str]:
@@ -137,12 +134,13 @@ def _tests(place: tuple[str, str, Mutation], room: CoveredRoom) -> list[str]:
 
 
 def _try(place: tuple[str, str, Mutation], tests: list[str]) -> Outcome:
-    room, name, mutation = place
+    _, name, mutation = place
     path = PROJECT / name
-    mutant = mutate(path.read_text(encoding="utf-8"), mutation)
+    source = path.read_text(encoding="utf-8")
+    mutant = mutate(source, mutation)
     files = sorted({test.partition("::")[0] for test in tests})
-    root, compiled = PROJECT / Path(name).parts[0], room not in KERNELS
-    noticed = bool(tests) and is_noticed(root, path, mutant, files, LIMIT_S, only=tests, compiled=compiled)
+    root, anew = PROJECT / Path(name).parts[0], is_compiled(source, mutation)
+    noticed = bool(tests) and is_noticed(root, path, mutant, files, LIMIT_S, only=tests, anew=anew)
     return Outcome(name, mutation, "killed" if noticed else "survived")
 
 

@@ -51,18 +51,21 @@ class CoveredRoom:
     def tests(self, path: str, source: str, mutation: Mutation) -> list[str]:
         """Return the tests that a mutant must pass, those of the file of the same name first, then the quickest.
 
-        Of a statement that is run on import, these are all tests that run the file.
+        Of a statement that is run on import, these are all tests that run the file; of a kernel, whose lines are not
+        seen, all tests of the room.
         """
         lines = self.lines.get(path, {})
         found = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
         if not found and not _is_in_function(source, mutation.line):
             found = {test for tests in lines.values() for test in tests}
+        if is_compiled(source, mutation):
+            found = set(self.seconds)
         near = f"test_{Path(path).stem}"
         ordered = sorted(found & self.seconds.keys(), key=lambda test: (near not in test, self.seconds[test], test))
         return list(_at_most(ordered, self.seconds))
 
 
-def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path, *, compiled: bool) -> CoveredRoom:
+def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) -> CoveredRoom:
     """Run the tests of a room in a fork and return what each covers.
 
     Args:
@@ -70,7 +73,6 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path, 
         sources: Folder of the sources of the room, or one file.
         tests: Folders and files of the tests, relative to the project.
         scratch: File for what the fork found.
-        compiled: Whether kernels are compiled; the lines of a compiled one are not seen.
 
     Raises:
         SystemExit: No test passed.
@@ -90,7 +92,7 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path, 
         scratch.write_text(json.dumps([recorder.seconds, lines]), encoding="utf-8")
         return 0
 
-    in_fork(run, compiled=compiled)
+    in_fork(run)
     seconds, lines = json.loads(scratch.read_text(encoding="utf-8"))
     passed = {test: took for test, took in seconds.items() if took < LONGEST_TEST_S}
     if not passed:
@@ -99,6 +101,14 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path, 
         passed,
         {path: {int(line): set(found) - {""} for line, found in by_line.items()} for path, by_line in lines.items()},
     )
+
+
+def is_compiled(source: str, mutation: Mutation) -> bool:
+    """Return whether kernels must be compiled anew for a mutant: it is in one, or in a constant beside one."""
+    functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
+    kernels = [node for node in functions if any("compiled" in ast.unparse(each) for each in node.decorator_list)]
+    at = [node for node in functions if node.lineno <= mutation.line <= (node.end_lineno or node.lineno)]
+    return bool(kernels) and (not at or any(node in kernels for node in at))
 
 
 def _statement(source: str, line: int) -> range:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
@@ -20,7 +21,7 @@ import scipy.optimize  # noqa: F401
 import zmq  # noqa: F401
 
 OPTIONS = (
-    *("-q", "-p", "no:cacheprovider", "-m", "not long and not process"),
+    *("-q", "--tb=native", "-p", "no:cacheprovider", "-m", "not long and not process"),
     *("-W", "ignore::pytest.PytestAssertRewriteWarning"),
 )
 
@@ -63,28 +64,29 @@ class _Only:
 
 
 def in_fork(
-    run: Callable[[Callable[[list[str], list[object]], int]], int], limit_s: int | None = None, *, compiled: bool = True
+    run: Callable[[Callable[[list[str], list[object]], int]], int], limit_s: int | None = None, *, anew: bool = False
 ) -> int:
     """Call ``run(pytest_main)`` in a fork without output; return its exit status, not 0 where it failed.
 
     Args:
         run: Given a function that runs pytest with arguments and plugins, and returns its exit code.
         limit_s: Processor time after which the fork is killed, s; None: no limit.
-        compiled: Whether kernels are compiled; a compiled one is read from a cache that does not know a mutant of
-            another that it calls.
+        anew: Compile kernels anew, without the cache, which does not know a mutant.
     """
-    if (child := os.fork()) == 0:
-        if limit_s is not None:
-            resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
-        numba.config.DISABLE_JIT = not compiled
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        os.dup2(1, 2)
-        code = 1
-        try:
-            code = run(lambda arguments, plugins: int(pytest.main([*OPTIONS, *arguments], plugins)))
-        finally:
-            os._exit(code)
-    return os.waitpid(child, 0)[1]
+    with tempfile.TemporaryDirectory(prefix="slipd-kernels-") as cache:
+        if (child := os.fork()) == 0:
+            if limit_s is not None:
+                resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+            if anew:
+                numba.config.CACHE_DIR = cache
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            os.dup2(1, 2)
+            code = 1
+            try:
+                code = run(lambda arguments, plugins: int(pytest.main([*OPTIONS, *arguments], plugins)))
+            finally:
+                os._exit(code)
+        return os.waitpid(child, 0)[1]
 
 
 def is_noticed(
@@ -95,7 +97,7 @@ def is_noticed(
     limit_s: int,
     *,
     only: Sequence[str] | None = None,
-    compiled: bool = True,
+    anew: bool = False,
 ) -> bool:
     """Return whether tests notice a mutant of a file, or take too long over it.
 
@@ -106,7 +108,7 @@ def is_noticed(
         tests: Arguments of pytest.
         limit_s: Longest processor time of the tests, s.
         only: Node ids of the tests to run of these, in this order; None: all.
-        compiled: Whether kernels are compiled.
+        anew: Compile kernels anew.
     """
     module = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
 
@@ -114,4 +116,4 @@ def is_noticed(
         sys.meta_path.insert(0, _Finder(module, path, source))
         return pytest_main(["-x", *tests], [] if only is None else [_Only(only)])
 
-    return in_fork(run, limit_s, compiled=compiled) != 0
+    return in_fork(run, limit_s, anew=anew) != 0
