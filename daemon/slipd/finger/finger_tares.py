@@ -60,7 +60,10 @@ class Tares:
             if not self.finger.is_fresh(stream, t_ns):
                 return Refusal("not_ready", f"finger {name} has no fresh {stream} readings to average", "finger")
         if self.finger.presence.is_pressed_without(self.channels) is True:
-            return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
+            message = f"finger {name} is in contact: a tare would erase its load"
+            if self.finger.force is not None and not self.finger.presence.is_measured():
+                message += "; only its pad shows this: if nothing touches it, tare the pad, or raise its threshold"
+            return Refusal("in_contact", message, "finger")
         if self.finger.presence.is_pulled() and self.finger.main_stream in self.channels and not unloaded:
             message = (
                 f"the normal force of finger {name} is negative, as if the pad were pulled: status says what to"

@@ -246,8 +246,8 @@ class ImageChannel:
         return self.repeats
 
     def shows_contact(self) -> bool | None:
-        """Return whether a taxel is active; None where the image does not show that by itself."""
-        return bool(self.pressure.any()) if self.is_independent else None
+        """Return whether a taxel is active, beyond its noise; None where the image does not show that by itself."""
+        return bool((self.pressure > self.zero.noise).any()) if self.is_independent else None
 
     def load_distribution(self, contact_of: Callable[[], Contact]) -> LoadDistribution | None:
         """Return the shares of the normal force on the taxels; None without a usable image.

@@ -17,6 +17,8 @@ HELD_NS = 200_000_000
 """Time for which a free pad must read the same: it may show a touch before the force sensor measures it, ns."""
 MANY_THRESHOLDS = 10.0
 """A free pad with a right zero reads less than this multiple of the threshold on half of its taxels, drift included."""
+NOISE_STDS = 6.0
+"""Readings within this many standard deviations of their tare are noise, whatever the threshold."""
 
 
 class PadZero:
@@ -32,6 +34,8 @@ class PadZero:
         tare: Offset of the readings, in counts.
         tared: The offset is right: by the config, by a tare, or as the pad was seen to be free.
         known: The offset is right, or the pad finds its zero each time it is free, as charge pads do.
+        noise: Normal force on each taxel that the tare saw as noise, shape (n,); 0 where it is not known, as of an
+            offset of the config, or of a charge pad, whose noise adds up.
     """
 
     def __init__(self, pad: Pad, shape: tuple[int, ...], scale: Array, charge: ChargeReconstruction | None) -> None:
@@ -82,5 +86,10 @@ class PadZero:
         self._offset = now
         self.tared = self._stated or self.tare.known
         self.known = self.tared or self._charge is not None
+        self.noise: Array | float = 0.0 if now.std is None or self._charge is not None else self._noise_of(now.std)
         if self._charge is not None and now is not before:
             self._charge.shift(self._scale * (now.value - before.value))
+
+    def _noise_of(self, std: Array) -> Array:
+        scaled = NOISE_STDS * np.abs(self._scale * std)
+        return scaled[:, 2] if scaled.ndim == 2 else scaled

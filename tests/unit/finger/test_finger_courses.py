@@ -57,6 +57,11 @@ def images(times: int, number: float, normal_n: float | None = None) -> list[Ste
     return [wait(5), tick, *force, wait(5), counted(number)] * times
 
 
+def noisy_images(times: int) -> list[Step]:
+    """Images of a pad that nothing touches, whose counts flicker by one, and a force of 0.2 N before each."""
+    return [step for k in range(times) for step in images(1, 300 + k % 2, 0.2)]
+
+
 def readings(times: int, number: int, normal_n: float = 0.0, pull_n: float = 0.0) -> list[Step]:
     """Both sensors of the left finger every 10 ms; a pressed pad flickers."""
     return [
@@ -147,6 +152,22 @@ COURSES: dict[str, tuple[str, bool, list[Step]]] = {
             wrench(0.2),
             counted(400),
             *(ask("tare", IN_CONTACT, stream=stream, **L) for stream in ("all", "wrench")),
+        ],
+    ),
+    "the noise of a pad without a threshold does not prevent a tare of the force sensor, and a touch does": (
+        RIG.replace("threshold = 0.05", "threshold = 0.0"),
+        False,
+        [
+            counted(300),
+            wrench(0.2),
+            ask("tare", seconds=0.1, **PAD),
+            *noisy_images(14),
+            ask("tare", {"verified": True}, seconds=0.1, **L),
+            *noisy_images(14),
+            got(1, busy=False, offset=pytest.approx([0.0, 0.0, -0.2, 0.0, 0.0, 0.0], abs=1e-6)),
+            counted(310),
+            wrench(0.2),
+            ask("tare", "only its pad shows this", **L),
         ],
     ),
     "a stream that is unknown or silent is refused": (
