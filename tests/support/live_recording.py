@@ -6,10 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from recorded_entries import begun_like
+
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Publish
-from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd_client.messages import encode
 
@@ -19,12 +20,7 @@ def live(path: Path, out: Path, change: Callable[[str, dict[str, Any]], object] 
     recording = open_recording(path)
     settings = config.parse(recording.config_text, str(path))
     engine = Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
-    file = RecordingFile(
-        out,
-        config_text=recording.config_text,
-        boot=recording.boot,
-        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
-    )
+    file = begun_like(recording, out)
     n = 0
     for t_ns, event in recording.events():
         file.event(n, t_ns, event)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from recorded_entries import begun_like
+
 from slipd.recording.entry_walk import Entered
-from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 
 LOST_S = (1.0, 2.0)
@@ -15,12 +16,7 @@ LOST_S = (1.0, 2.0)
 def lossy(path: Path, folder: Path, config_text: str | None = None) -> Path:
     """Write the events of a recording without those of `LOST_S`, with another config where one is given."""
     recording, out = open_recording(path), folder / "lossy.mcap"
-    file = RecordingFile(
-        out,
-        config_text=config_text or recording.config_text,
-        boot=recording.boot,
-        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
-    )
+    file = begun_like(recording, out, config_text)
     entries = list(recording.entries())
     for entry in entries:
         t_s = (entry.t_ns - entries[0].t_ns) * 1e-9

@@ -77,6 +77,16 @@ def complete(path: Path) -> list[Entry]:
     return found
 
 
+def begun_like(recording: Recording, path: Path, config_text: str | None = None) -> RecordingFile:
+    """Begin a file of the same run, with another config where one is given."""
+    return RecordingFile(
+        path,
+        config_text=config_text or recording.config_text,
+        boot=recording.boot,
+        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
+    )
+
+
 @pytest.fixture
 def entries() -> Callable[[int], list[Entry]]:
     """The first entries of a run: events of every kind, each followed by a message."""

@@ -20,13 +20,24 @@ def kept(path: Path, *texts: str) -> StateFile:
     return file
 
 
-def test_the_newest_text_is_read_again_and_only_this_user_may(tmp_path: Path) -> None:
+def restored(path: Path) -> tuple[str, str]:
+    """Return the text that was kept, and what is wrong with it."""
+    found = StateFile(path).read()
+    assert found is not None
+    return found.text, found.problem
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A file in which nothing was kept yet."""
     path = tmp_path / "state" / "rig.json"
-    assert StateFile(path).read() is None, "nothing was kept yet"
+    assert StateFile(path).read() is None
+    return path
+
+
+def test_the_newest_text_is_read_again_and_only_this_user_may(path: Path) -> None:
     kept(path, "one", "two", "two")
-    restored = StateFile(path).read()
-    assert restored is not None
-    assert (restored.text, restored.problem) == ("two", "")
+    assert restored(path) == ("two", "")
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert [each.name for each in path.parent.iterdir()] == ["rig.json"], "no draft is left"
 
@@ -48,25 +59,18 @@ FOREIGN: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("what", FOREIGN)
-def test_what_another_could_have_put_there_is_not_read(tmp_path: Path, what: str) -> None:
-    path = tmp_path / "state" / "rig.json"
-    StateFile(path).read()
+def test_what_another_could_have_put_there_is_not_read(path: Path, what: str) -> None:
     kept(path, "text")
     FOREIGN[what](path)
-    restored = StateFile(path).read()
-    assert restored is not None
-    assert restored.text == ""
-    assert str(path.parent) in restored.problem
+    text, problem = restored(path)
+    assert (text, str(path.parent) in problem) == ("", True)
 
 
-def test_a_disk_that_fails_is_reported_and_the_file_before_stays(tmp_path: Path) -> None:
-    path = tmp_path / "state" / "rig.json"
-    StateFile(path).read()
+def test_a_disk_that_fails_is_reported_and_the_file_before_stays(path: Path) -> None:
     kept(path, "text")
     path.unlink()
     path.mkdir()  # the file cannot take the place of a folder
-    file = kept(path, "more")
-    assert str(path) in file.problem
+    assert str(path) in kept(path, "more").problem
     assert [each.name for each in path.parent.iterdir()] == ["rig.json"]
     path.rmdir()
     assert kept(path, "again").problem == ""

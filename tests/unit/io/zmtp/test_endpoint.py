@@ -60,8 +60,8 @@ def test_a_directory_that_others_may_change_is_refused_unless_it_is_sticky(
 def test_a_free_port_is_chosen_and_returned(host: str, access: Access) -> None:
     check_free(f"tcp://{host}:*", access)
     server, endpoint = bind(f"tcp://{host}:*", access)
-    assert int(endpoint.rpartition(":")[2]) > 0
     server.close()
+    assert int(endpoint.rpartition(":")[2]) > 0
 
 
 def test_a_port_in_use_is_a_clear_error() -> None:
@@ -109,8 +109,7 @@ def test_a_busy_server_does_not_count_as_dead(endpoint: str, tmp_path: Path) -> 
 def test_the_socket_of_a_killed_server_is_replaced(endpoint: str, tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(tmp_path / "s"))
-    server, _ = bind(endpoint)
-    server.close()
+    release(*bind(endpoint))
 
 
 def test_a_file_in_the_way_is_not_deleted(tmp_path: Path) -> None:
