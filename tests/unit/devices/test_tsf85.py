@@ -91,12 +91,6 @@ def test_D2_T2_L3_a_stream_gives_these_images_and_counts(name: str) -> None:
     CASES[name].check(tsf85.Decoder)
 
 
-def test_what_is_asked_is_written_as_documented() -> None:
-    """By the manufacturer's field table; not recorded from a sensor."""
-    assert bytes.fromhex("9A 00 58 06 20 00 04 24 FF FD") == SMALL
-    assert encode_packet(tsf85.VERSION) == bytes.fromhex("9A 00 E3 00")
-
-
 def test_an_array_is_an_image_once_per_refresh_and_one_that_stays_is_repeated() -> None:
     decoder, ms = tsf85.Decoder(), 1_000_000
     sent = [decoder.receive(packet(1 + (n > 29), both=True), n * ms) for n in range(55)]

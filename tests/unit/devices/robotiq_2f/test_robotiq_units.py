@@ -54,10 +54,6 @@ def test_interpolate_holds_the_ends_of_a_falling_table() -> None:
     assert found == pytest.approx([0.085, 0.085, 0.0425, 0.0, 0.0])
 
 
-def test_the_position_is_converted_to_a_width() -> None:
-    assert parse_status((0xB900, 0x00FF, 0xBD00), 0, None, lambda position: position / 1000).width_m == 0.189
-
-
 @pytest.mark.parametrize(
     ("code", "name"),
     [
