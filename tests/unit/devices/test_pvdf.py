@@ -125,8 +125,9 @@ def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     decoder = pvdf.Decoder()
     decoder.receive(stream(258), 0)
     monkeypatch.setattr(decoder, "_decode_rows", None)
-    samples = decoder.receive(stream(259, 260), 0)
-    assert [sample.values.tolist() for sample in samples] == [counts(n).ravel().tolist() for n in (259, 260)]
+    slower = b"".join(pvdf.encode_scan(counts(n), n, PERIOD_US * n, 40.0) for n in (259, 260))
+    found = [(sample.values.tolist(), sample.dwell_ns) for sample in decoder.receive(slower, 0)]
+    assert found == [(counts(n).ravel().tolist(), 40_000) for n in (259, 260)]
 
 
 @given(st.sets(st.integers(0, 5 * 8 - 1), max_size=20))

@@ -120,7 +120,6 @@ def test_a_sensitivity_report_is_unsigned() -> None:
 
 def test_the_documented_requests_are_written() -> None:
     assert optoforce.Session(period_ms=10, filter_hz=15).start(0) == bytes.fromhex("AA 00 32 03 0A 04 00 00 ED")
-    assert frames.encode_frame(b"\xab\x00\x12\x08", b"") == frames.GET_SERIAL_NUMBER
     assert frames.encode_frame(frames.ACK, b"\0") == ACK
 
 
