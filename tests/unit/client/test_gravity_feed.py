@@ -52,7 +52,8 @@ def test_one_orientation_is_sent_once_or_repeated(daemon: Daemon, call: Call, st
     assert vectors(daemon) == [[0.0, 0.0, -9.81], *[[0.0, 0.0, -9.80665]] * 5]
 
 
-def test_every_line_of_a_pipe_is_followed_until_it_ends(daemon: Daemon, call: Call, tmp_path: Path) -> None:
+@pytest.mark.parametrize("hold", ["0", "0.2"])
+def test_every_line_of_a_pipe_is_followed_until_it_ends(hold: str, daemon: Daemon, call: Call, tmp_path: Path) -> None:
     pipe = tmp_path / "poses"
     os.mkfifo(pipe)
 
@@ -64,7 +65,7 @@ def test_every_line_of_a_pipe_is_followed_until_it_ends(daemon: Daemon, call: Ca
 
     with ThreadPoolExecutor() as threads:
         writing = threads.submit(write)
-        assert call("--requests", daemon.endpoint, "gravity", "left", "--follow", str(pipe), "--hold", "0")[0] == 0
+        assert call("--requests", daemon.endpoint, "gravity", "left", "--follow", str(pipe), "--hold", hold)[0] == 0
         writing.result()
     assert [vectors(daemon)[0], vectors(daemon)[-1]] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 

@@ -174,6 +174,16 @@ def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age_and_what_canno
     assert [(row.state, row.age_s) for row in state.rows(10.0)] == [("silent", None)]
 
 
+def test_a_robot_without_signs_of_life_is_live_from_its_second_status() -> None:
+    state = FleetState()
+    body = {"v": 1, "boot": "b", "fingers": levels(left="stable"), "streams": {}}
+    found = []
+    for seq, now_s in ((1, 10.0), (2, 11.0)):
+        state.take_message("arm3", "status", encode(body | {"seq": seq, "t_ns": seq}), now_s)
+        found += [row.state for row in state.rows(now_s)]
+    assert found[1] == "live" != found[0]
+
+
 def twins(count: int = 2) -> list[Robot]:
     """Robots that call themselves arm3."""
     state = FleetState()

@@ -122,6 +122,14 @@ def test_a_driver_that_falls_silent_receives_nothing_more(bench: Bench) -> None:
     assert set_force(bench.session, 10.0) == 10.0
 
 
+def test_a_fault_is_forgotten_once_its_driver_falls_silent(bench: Bench) -> None:
+    bench.deaf = bench.driver.mute = True
+    bench.deliver([encode_report(Report(0.05, fault="overheated"))])
+    assert bench.session.state == "overheated"
+    bench.run(SILENCE_NS * 1e-9 + 0.1)
+    assert bench.session.state == "no reply"
+
+
 def test_a_driver_that_does_not_register_is_asked_to(bench: Bench) -> None:
     session = Session()
     session.start(0)
