@@ -106,9 +106,6 @@ class Report:
 LISTEN_S = 0.05
 """Longest wait for a message before the program checks its plan again, s."""
 
-TARES = 3
-"""Attempts of a tare before the program gives up."""
-
 SETTLE_S = 0.5
 """Time after a raise at which the force is read, s: the gripper follows within a few tenths of a second."""
 
@@ -190,7 +187,7 @@ class RobotProgram(threading.Thread):
             self.report.error = str(error)
 
     def _prepare(self, client: GripClient) -> None:
-        """Wait until every stream is ok, then tare both fingers; again if a stall of the machine ends a tare."""
+        """Wait until every stream is ok, then tare both fingers; again where a stall prevents one."""
         until_s = time.monotonic() + self._plan.patience_s
         while faults := _faults(client):
             if time.monotonic() > until_s:
@@ -198,10 +195,9 @@ class RobotProgram(threading.Thread):
             if self._ending.wait(LISTEN_S):
                 return
         for finger in client.hello()["fingers"]:
-            for attempt in range(TARES):
-                with contextlib.suppress(*([RequestRefused] if attempt < TARES - 1 else [])):
+            while finger not in self.report.tares and not self._ending.wait(LISTEN_S):
+                with contextlib.suppress(*([RequestRefused] if time.monotonic() < until_s else [])):
                     self.report.tares[finger] = client.tare(finger, self._plan.tare_s)
-                    break
 
     def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
         """Work under a lease; where a stall of the machine ends or delays it, the caller takes a new one."""
