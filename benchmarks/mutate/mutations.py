@@ -153,7 +153,10 @@ def _is_text(node: ast.BinOp) -> bool:
 
 
 def skipped_nodes(tree: ast.AST) -> set[int]:
-    """Return the nodes that do nothing at run time: annotations, type-checking blocks and their imports."""
+    """Return the nodes that do nothing at run time, or nothing that a caller sees.
+
+    These are annotations, type-checking blocks and their imports, and how a dataclass is laid out.
+    """
     skipped: set[int] = set()
     for node in ast.walk(tree):
         parts: list[ast.AST | None] = []
@@ -167,6 +170,8 @@ def skipped_nodes(tree: ast.AST) -> set[int]:
             parts = [node]
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "cast":
             parts = [node.args[0]]
+        elif isinstance(node, ast.ClassDef):
+            parts = [each for each in node.decorator_list if "dataclass" in ast.unparse(each)]
         for part in parts:
             if part is not None:
                 skipped.update(id(inner) for inner in ast.walk(part))

@@ -166,6 +166,7 @@ def test_fields_and_topics_that_are_not_known_stand_in_the_map() -> None:
         ("tactile.left", {"finger": "left", "rows": 1, "cols": 1}),
         ("warning", {"finger": "left", "level": "stable", "previous": "unknown", "rising": False}),
         ("grasp", {"level": "unknown"}),
+        ("motion", {"safety": 1.2, "wanted_acceleration_mps2": 3.0}),
         ("gripper", {}),
         ("status", {}),
     ],

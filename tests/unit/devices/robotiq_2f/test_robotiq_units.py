@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.robotiq_2f.robotiq_registers import is_activating, parse_status
-from slipd.devices.robotiq_2f.robotiq_units import ForceMap, interpolate
+from slipd.devices.robotiq_2f.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, ForceMap, interpolate
 from slipd.tools.sim.emulated_robotiq_2f import Output, status_registers
 
 TABLE = [(0.0, 3.0), (60.0, 7.5), (120.0, 13.0), (255.0, 30.0)]
@@ -21,6 +21,12 @@ def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
     units = draw(st.lists(st.integers(0, 255), min_size=2, max_size=6, unique=True))
     steps = draw(st.lists(st.floats(0.1, 50.0), min_size=len(units), max_size=len(units)))
     return list(zip(map(float, sorted(units)), itertools.accumulate(steps), strict=True))
+
+
+def test_the_tables_of_a_config_without_any_end_where_data_sheet_and_driver_do() -> None:
+    assert FORCE_TABLE == ((0, 20.0), (255, 235.0))
+    assert WIDTH_TABLE == ((3 / 255, 0.085), (230 / 255, 0.0))
+    assert SPEED_TABLE == ((0, 0.020), (255, 0.150))
 
 
 @pytest.mark.parametrize(
