@@ -32,7 +32,7 @@ PYTEST := $(BIN)/pytest --quiet --dist loadgroup -m "not long"
 # What guides a person, and what draws and exports recordings, is tested by `make check` alone.
 LATER := $(addprefix tests/unit/tools/,commission discovery evaluation export plot)
 
-.PHONY: install uninstall demo test one_of_each check lint style types portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
+.PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -42,13 +42,10 @@ ifdef TESTS
 test: $(KERNELS) lint
 	@$(BIN)/pytest $(TESTS)
 else
-test: $(KERNELS) style
-	@$(MAKE) --no-print-directory --jobs=2 types one_of_each
-endif
-
-one_of_each: $(KERNELS)
+test: $(KERNELS) lint
 	@echo "== tests of the service and its clients, one demo, one client, one page (about 3 minutes on two idle cores)"
 	@$(PYTEST) --numprocesses=2 $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
+endif
 
 check: $(KERNELS) lint portable_quick
 	@echo "== all tests but those of long runs, with coverage (about 10 minutes on two idle cores)"
@@ -57,18 +54,13 @@ check: $(KERNELS) lint portable_quick
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
 
-lint: style types
-
-style: $(READY)
-	@echo "== ruff, import-linter"
+lint: $(READY)
+	@echo "== ruff, mypy, import-linter"
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
-	@$(BIN)/lint-imports
-
-types: $(READY)
-	@echo "== mypy"
 	@$(BIN)/mypy
 	@$(BIN)/mypy --python-version 3.10 --disable-error-code no-any-return --no-warn-unused-ignores --package slipd_client
+	@$(BIN)/lint-imports
 
 portable_quick: $(READY)
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
