@@ -43,12 +43,12 @@ test: $(KERNELS) lint
 	@$(BIN)/pytest $(TESTS)
 else
 test: $(KERNELS) lint
-	@echo "== tests of the service and its clients, one demo, one client, one page (about 3 minutes on two idle cores)"
+	@echo "== tests of the service and its clients, one demo, one client, one page (some minutes on two idle cores)"
 	@$(PYTEST) --numprocesses=2 $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
 endif
 
 check: $(KERNELS) lint portable_quick
-	@echo "== all tests but those of long runs, with coverage (about 10 minutes on two idle cores)"
+	@echo "== all tests but those of long runs, with coverage (10 to 20 minutes on two idle cores)"
 	@$(PYTEST) --numprocesses=2 --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests benchmarks
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2

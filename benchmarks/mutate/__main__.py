@@ -5,9 +5,10 @@
     PYTHONPATH=tests/support:benchmarks python -m mutate --wire [DEVICE …] [--report FILE]
 
 A mutant changes one operator, constant or condition, or deletes one statement. The tests of its room that run the
-changed line are tried on it, those of the test file of the same name first. A mutant that no
-test notices is either a hole of the tests or changes nothing that can be seen: `equivalent.txt` lists those with the
-reason, the report all others. The draw depends on the seed and the sources alone.
+changed line are tried on it, those of the test file of the same name first. A mutant that no test notices is either a
+hole of the tests or changes nothing that can be seen: `equivalent.txt` lists those with the reason, the report all
+others. Tests that start processes are left out, and so are slow ones (see `mutate.covered`), so that some survivors are
+noticed by `make check`. The draw depends on the seed and the sources alone.
 
 ``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
 tests of its device, and then of all devices.
@@ -113,14 +114,18 @@ def _line(outcome: Outcome) -> str:
 
 def _random(options: argparse.Namespace) -> Iterator[Outcome]:
     """Try random mutants, each in a fork."""
-    drawn = draw(options.room or list(ROOMS), options.mutants, options.seed, options.file)
+    rooms = options.room or list(ROOMS)
+    sources = {path.relative_to(PROJECT).as_posix() for room in rooms for path in files_of(room)}
+    if unknown := set(options.file or ()) - sources:
+        raise SystemExit(f"mutate: --file must be a source of a room, such as {min(sources)}, got {min(unknown)}")
+    drawn = draw(rooms, options.mutants, options.seed, options.file)
     with (
         tempfile.TemporaryDirectory(prefix="slipd-mutants-") as scratch,
         ProcessPoolExecutor(options.workers, get_context("fork")) as pool,
     ):
         names = sorted({room for room, _, _ in drawn})
-        rooms = dict(zip(names, pool.map(partial(_covered, Path(scratch)), names), strict=True))
-        yield from pool.map(_try, drawn, [_tests(place, rooms[place[0]]) for place in drawn])
+        covered = dict(zip(names, pool.map(partial(_covered, Path(scratch)), names), strict=True))
+        yield from pool.map(_try, drawn, [_tests(place, covered[place[0]]) for place in drawn])
 
 
 def _covered(scratch: Path, room: str) -> CoveredRoom:
@@ -139,8 +144,8 @@ def _try(place: tuple[str, str, Mutation], tests: list[str]) -> Outcome:
     source = path.read_text(encoding="utf-8")
     mutant = mutate(source, mutation)
     files = sorted({test.partition("::")[0] for test in tests})
-    root, anew = PROJECT / Path(name).parts[0], is_compiled(source, mutation)
-    noticed = bool(tests) and is_noticed(root, path, mutant, files, LIMIT_S, only=tests, anew=anew)
+    root, recompile = PROJECT / Path(name).parts[0], is_compiled(source, mutation)
+    noticed = bool(tests) and is_noticed(root, path, mutant, files, LIMIT_S, only=tests, recompile=recompile)
     return Outcome(name, mutation, "killed" if noticed else "survived")
 
 

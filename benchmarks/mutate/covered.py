@@ -5,13 +5,13 @@ from __future__ import annotations
 import ast
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from coverage import Coverage
-from mutate.forked import in_fork
+from mutate.forked import RunPytest, in_fork
 from mutate.mutations import Mutation
 
 LONGEST_TEST_S = 10
@@ -70,7 +70,7 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) 
 
     Args:
         project: Folder of the project.
-        sources: Folder of the sources of the room, or one file.
+        sources: Folder of the sources of the room.
         tests: Folders and files of the tests, relative to the project.
         scratch: File for what the fork found.
 
@@ -78,12 +78,11 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) 
         SystemExit: No test passed.
     """
 
-    def run(pytest_main: Callable[[list[str], list[object]], int]) -> int:
-        include = str(sources if sources.suffix else sources / "*")
-        coverage = Coverage(data_file=None, include=[include], config_file=False)
+    def run(run_pytest: RunPytest) -> int:
+        coverage = Coverage(data_file=None, include=[str(sources / "*")], config_file=False)
         recorder = _Recorder(coverage)
         coverage.start()
-        pytest_main([f"--timeout={LONGEST_TEST_S}", *tests], [recorder])
+        run_pytest([f"--timeout={LONGEST_TEST_S}", *tests], [recorder])
         coverage.stop()
         data = coverage.get_data()
         lines = {
@@ -104,7 +103,7 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) 
 
 
 def is_compiled(source: str, mutation: Mutation) -> bool:
-    """Return whether kernels must be compiled anew for a mutant: it is in one, or in a constant beside one."""
+    """Return whether a mutant changes compiled code: a kernel, or a constant of a file with kernels."""
     functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
     kernels = [node for node in functions if any("compiled" in ast.unparse(each) for each in node.decorator_list)]
     at = [node for node in functions if node.lineno <= mutation.line <= (node.end_lineno or node.lineno)]

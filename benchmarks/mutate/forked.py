@@ -26,6 +26,10 @@ OPTIONS = (
 )
 
 
+RunPytest = Callable[[list[str], list[object]], int]
+"""Runs pytest with arguments and plugins, and returns its exit code."""
+
+
 class _Loader(SourceFileLoader):
     """Loads a mutant in place of the source."""
 
@@ -63,21 +67,19 @@ class _Only:
         return self._places[item.nodeid]
 
 
-def in_fork(
-    run: Callable[[Callable[[list[str], list[object]], int]], int], limit_s: int | None = None, *, anew: bool = False
-) -> int:
-    """Call ``run(pytest_main)`` in a fork without output; return its exit status, not 0 where it failed.
+def in_fork(run: Callable[[RunPytest], int], limit_s: int | None = None, *, recompile: bool = False) -> int:
+    """Run a function in a fork without output; return the status of the fork, 0 only where the function returned 0.
 
     Args:
-        run: Given a function that runs pytest with arguments and plugins, and returns its exit code.
+        run: The function. Its argument runs pytest with arguments and plugins, and returns pytest's exit code.
         limit_s: Processor time after which the fork is killed, s; None: no limit.
-        anew: Compile kernels anew, without the cache, which does not know a mutant.
+        recompile: Compile all kernels again: the cache does not know the mutant.
     """
     with tempfile.TemporaryDirectory(prefix="slipd-kernels-") as cache:
         if (child := os.fork()) == 0:
             if limit_s is not None:
                 resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
-            if anew:
+            if recompile:
                 numba.config.CACHE_DIR = cache
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             os.dup2(1, 2)
@@ -97,7 +99,7 @@ def is_noticed(
     limit_s: int,
     *,
     only: Sequence[str] | None = None,
-    anew: bool = False,
+    recompile: bool = False,
 ) -> bool:
     """Return whether tests notice a mutant of a file, or take too long over it.
 
@@ -108,12 +110,12 @@ def is_noticed(
         tests: Arguments of pytest.
         limit_s: Longest processor time of the tests, s.
         only: Node ids of the tests to run of these, in this order; None: all.
-        anew: Compile kernels anew.
+        recompile: See `in_fork`.
     """
     module = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
 
-    def run(pytest_main: Callable[[list[str], list[object]], int]) -> int:
+    def run(run_pytest: RunPytest) -> int:
         sys.meta_path.insert(0, _Finder(module, path, source))
-        return pytest_main(["-x", *tests], [] if only is None else [_Only(only)])
+        return run_pytest(["-x", *tests], [] if only is None else [_Only(only)])
 
-    return in_fork(run, limit_s, anew=anew) != 0
+    return in_fork(run, limit_s, recompile=recompile) != 0

@@ -23,7 +23,6 @@ PATIENCE_S = 60.0
 _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 """Of options; a positional argument has the name of its field."""
 
-
 _NOW = {
     "viewers": "slipctl viewers is now: slipctl serve foxglove",
     "relay": "slipctl relay is gone; PlotJuggler's source Foxglove Bridge gets the messages of: slipctl serve foxglove",

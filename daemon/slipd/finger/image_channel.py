@@ -246,8 +246,13 @@ class ImageChannel:
         return self.repeats
 
     def shows_contact(self) -> bool | None:
-        """Return whether a taxel is active, beyond its noise; None where the image does not show that by itself."""
-        return bool((self.pressure > self.zero.noise).any()) if self.is_independent else None
+        """Return whether something presses; None where the image does not show that by itself.
+
+        It does not where every active taxel reads no more than its noise: that may be a light touch or none.
+        """
+        if not self.is_independent:
+            return None
+        return True if (self.pressure > self.zero.noise).any() else None if self.pressure.any() else False
 
     def load_distribution(self, contact_of: Callable[[], Contact]) -> LoadDistribution | None:
         """Return the shares of the normal force on the taxels; None without a usable image.

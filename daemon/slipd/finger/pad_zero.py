@@ -18,7 +18,7 @@ HELD_NS = 200_000_000
 MANY_THRESHOLDS = 10.0
 """A free pad with a right zero reads less than this multiple of the threshold on half of its taxels, drift included."""
 NOISE_STDS = 6.0
-"""Readings within this many standard deviations of their tare are noise, whatever the threshold."""
+"""A reading within this many standard deviations of its tare shows no contact, whatever the threshold."""
 
 
 class PadZero:

@@ -142,6 +142,20 @@ def test_an_image_is_known_from_its_coming_until_it_is_spoilt_or_forgotten(
     assert (known(pad), pad.t_ns, pad.fresh_until_ns) == ((False,) * 3, None, -1)
 
 
+@pytest.mark.parametrize(("name", "noise"), [("left", np.ones(16)), ("right", np.tile((50.0, 50.0, 1.0), (4, 1)))])
+def test_a_taxel_within_the_noise_of_its_tare_shows_neither_a_contact_nor_none(
+    name: str, noise: np.ndarray, rig: str, parse: Parse
+) -> None:
+    finger = parse(rig.replace("threshold = 0.05", "threshold = 0.0")).finger[name]
+    pad = ImageChannel(finger.pad, finger)
+    pad.begin_tare(T0, 0.1, "someone")
+    shown = []
+    for k, counts in enumerate((*(300.0 + k % 2 * noise for k in range(12)), 299.0, 302.0, 310.0)):
+        pad.update(TactileSample(T0 + k * 10 * MS, None, np.broadcast_to(counts, noise.shape)))
+        shown.append(pad.shows_contact())
+    assert (pad.tare.busy, shown[-3:]) == (False, [False, None, True])
+
+
 def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChannel], image: Image) -> None:
     pad = make(more=f"tare = {[100.0] * 16}\n")
     counts = np.full(16, 100.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from dataclasses import dataclass, field
@@ -196,8 +195,11 @@ class RobotProgram(threading.Thread):
                 return
         for finger in client.hello()["fingers"]:
             while finger not in self.report.tares and not self._ending.wait(LISTEN_S):
-                with contextlib.suppress(*([RequestRefused] if time.monotonic() < until_s else [])):
+                try:
                     self.report.tares[finger] = client.tare(finger, self._plan.tare_s)
+                except RequestRefused:
+                    if time.monotonic() >= until_s:
+                        raise
 
     def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
         """Work under a lease; where a stall of the machine ends or delays it, the caller takes a new one."""

@@ -133,6 +133,12 @@ def test_what_a_stall_of_the_machine_refused_is_asked_for_again(daemon, op, code
     assert report.opened_ns is not None
 
 
+def test_a_tare_is_asked_for_as_long_as_a_stall_refuses_it(daemon):
+    daemon.answers["tare"] = ["not_ready"] * 5
+    report = work(daemon)
+    assert (report.error, set(report.tares), daemon.ops().count("tare")) == ("", {"left", "right"}, 7)
+
+
 @pytest.mark.parametrize(("answers", "error", "last"), [
     ({"status": {"streams": ILL}}, "left.wrench (open, but no reading yet)", []),
     ({"status": "internal"}, "internal", []),
