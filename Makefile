@@ -27,10 +27,13 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
 LONG := $(addprefix benchmarks/,bench chart soak)
-# The tests of one file with daemons stay together on one core.
-PYTEST := $(BIN)/pytest --quiet --dist loadgroup -m "not long"
-# What guides a person, and what draws and exports recordings, is tested by `make check` alone.
-LATER := $(addprefix tests/unit/tools/,commission discovery evaluation export plot)
+# The tests of one file stay together on one core: they share a daemon, or what takes long to compute.
+PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
+# `make check` alone tests fleets, ROS 2, viewers, simulated scenes, what guides a person, and what draws and exports
+# recordings.
+LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_fleet_command.py client/ros client/ros2 \
+	client/test_viewers.py tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/sim \
+	tools/test_carry_story.py)
 
 .PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
 
@@ -44,12 +47,12 @@ test: $(KERNELS) lint
 else
 test: $(KERNELS) lint
 	@echo "== tests of the service and its clients, one demo, one client, one page (some minutes on two idle cores)"
-	@$(PYTEST) --numprocesses=2 $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
+	@$(PYTEST) -m "not long and not statistics" $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
 endif
 
 check: $(KERNELS) lint portable_quick
 	@echo "== all tests but those of long runs, with coverage (10 to 20 minutes on two idle cores)"
-	@$(PYTEST) --numprocesses=2 --cov --cov-report= $(addprefix --ignore=,$(LONG)) tests benchmarks
+	@$(PYTEST) -m "not long" --cov --cov-report= $(addprefix --ignore=,$(LONG)) benchmarks tests
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@PYTHONPATH=tests/support $(BIN)/python -m browser

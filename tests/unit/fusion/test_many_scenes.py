@@ -14,10 +14,6 @@ EVERY = 301
 CHECKED_OF_EACH_FAMILY = 2
 
 
-pytestmark = pytest.mark.xdist_group("many_scenes")
-"""One process computes what all these tests share."""
-
-
 @pytest.fixture(scope="module")
 def found() -> Findings:
     return measure(range(SCENES), every=EVERY)
