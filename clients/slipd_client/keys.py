@@ -214,26 +214,17 @@ def _is_key(text: bytes) -> bool:
 
 
 def run(chosen: argparse.Namespace) -> None:
-    """Run ``slipctl keys new|list|show`` and print its result, but never a secret key. It needs no daemon.
+    """Run ``slipctl keys new`` and print the paths of the keys. It needs no daemon.
 
     Raises:
         KeyFileError: A key file cannot be used or created; the text says why.
     """
-    if chosen.command == "keys new":
-        public, secret = create(chosen.name, chosen.dir)
-        if chosen.json:
-            print(json.dumps({"public_file": str(public), "secret_file": str(secret)}))
-            return
-        print(f"{public}: public key, for the list of keys that the other side allows")
-        print(f"{secret}: secret key, for this user alone")
-        return
-    one = chosen.command == "keys show"
-    found = [_shown(file) for file in ([chosen.dir / f"{chosen.name}{PUBLIC_SUFFIX}"] if one else _files(chosen.dir))]
+    public, secret = create(chosen.name, chosen.dir)
     if chosen.json:
-        print(json.dumps(found[0] if one else found))
+        print(json.dumps({"public_file": str(public), "secret_file": str(secret)}))
         return
-    for each in found:
-        print(f"{each['name']} {each['public']} ({each['secret']})")
+    print(f"{public}: public key, for the list of keys that the other side allows")
+    print(f"{secret}: secret key, for this user alone")
 
 
 def _files(directory: Path) -> list[Path]:
@@ -243,19 +234,3 @@ def _files(directory: Path) -> list[Path]:
         raise KeyFileError(
             f"{directory}: must be a readable directory: {error.strerror}; slipctl keys new creates a first key"
         ) from None
-
-
-def _shown(public: Path) -> dict[str, str]:
-    return {"name": public.stem, "public": load_public(public).decode(), "secret": _secret_of(public)}
-
-
-def _secret_of(public: Path) -> str:
-    """Return whether the secret key of a public key is there and can be used."""
-    secret = public.with_suffix(SECRET_SUFFIX)
-    if not secret.exists():
-        return "public key only"
-    try:
-        same = load_secret(secret)[0] == load_public(public)
-    except KeyFileError as error:
-        return f"secret key unusable: {error}"
-    return "with its secret key" if same else "secret key unusable: it belongs to another public key"

@@ -33,20 +33,10 @@ from slipd_client.live_view_parts import (
     reasons_of,
 )
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC
-from slipd_client.pad_picture import CENTROID, POLE, Mark, PadImage, largest_scale, pad_image, pad_picture
-from slipd_client.terminal import GAP, Line, Sheet, Terminal, paint, spelled
+from slipd_client.terminal import Line, Sheet, Terminal, paint
 
 SILENT_AFTER_S = 2.0
 """Twice the period of ``status``: after so long without it, what was shown last is out of date."""
-
-FACT_COLUMNS = 36
-"""Least columns beside the picture of a pad, for the facts."""
-
-PAD_LINES = 16
-"""Most lines of the picture of a pad."""
-
-OTHER_LINES = 6
-"""Lines kept for the header, the gripper, the streams in short and a note; the rest is for the fingers."""
 
 _QUANTITIES = (
     ("normal", "normal_n", "N", 2),
@@ -60,17 +50,15 @@ class Form(NamedTuple):
     """How much is drawn.
 
     Attributes:
-        scale: Most pixels along the side of a taxel; 0: no pictures of pads.
         streams: Every stream with rates and counters; else only those with a fault.
         forces: Forces of the fingers too, not only level, utilisation and reasons.
     """
 
-    scale: int
     streams: bool = False
     forces: bool = True
 
 
-FORMS = (Form(99, streams=True), Form(99), Form(1), Form(0), Form(0, forces=False))
+FORMS = (Form(streams=True), Form(), Form(forces=False))
 """From the longest to the shortest; the first that fits the terminal is drawn."""
 
 
@@ -100,7 +88,7 @@ class LiveView:
 
         Args:
             terminal: What to draw for.
-            silent_s: Time since the last message; beyond ``SILENT_AFTER_S`` neither level nor pad is shown.
+            silent_s: Time since the last message; beyond ``SILENT_AFTER_S`` no level is shown.
 
         Returns:
             One string per line, without line ends.
@@ -114,7 +102,7 @@ class LiveView:
             lines = [*lines[: max(terminal.lines - 1, 0)], [(note, "2")]][: terminal.lines]
         return [paint(line, terminal.columns, colour=terminal.colour) for line in lines]
 
-    def summary(self, *, ascii_only: bool = False) -> str:
+    def summary(self) -> str:
         """Return every finger in one line, for a log: level, utilisation and normal force."""
         parts = [
             f"{plain(finger)} {plain(body.get('level'))} {' '.join(margin(body).split())}"
@@ -122,26 +110,17 @@ class LiveView:
             for finger, body in self._fingers()
         ]
         newest = max((number(body.get("timestamp")) or 0.0 for body in self._newest.values()), default=0.0)
-        line = f"{clock_time(newest)}  {'  |  '.join(parts) or 'no verdict yet'}"
-        return spelled(line, ascii_only=ascii_only)
+        return f"{clock_time(newest)}  {'  |  '.join(parts) or 'no verdict yet'}"
 
     def _lines(self, terminal: Terminal, silent_s: float, form: Form) -> list[Line]:
-        sheet = Sheet(terminal.columns, ascii_only=terminal.ascii_only)
+        sheet = Sheet(terminal.columns)
         if silent_s:
             sheet.paragraph(f"no message for {silent_s:.1f} s: the following is out of date", FAULT_COLOUR)
         else:
             _add_header(sheet, self._newest.get(STATUS_TOPIC, {}))
-        fingers = self._fingers()
-        room = min((terminal.lines - OTHER_LINES) // max(len(fingers), 1) - 1, PAD_LINES)
         left_out = [] if form.forces else ["forces"]
-        for finger, body in fingers:
-            tactile = {} if silent_s else self._newest.get(f"tactile.{finger}", {})
-            image, scale = pad_image(tactile), 0
-            if image is not None:
-                scale = min(largest_scale(image, terminal.columns - GAP - FACT_COLUMNS, room), form.scale)
-                left_out += [f"pad of {plain(finger)}"] if scale <= 0 else []
-            picture = _picture(image, scale, body, terminal) if image is not None and scale > 0 else None
-            _add_finger(sheet, finger, body, tactile, picture, silent=silent_s > 0.0, forces=form.forces)
+        for finger, body in self._fingers():
+            _add_finger(sheet, finger, body, silent=silent_s > 0.0, forces=form.forces)
         if gripper := self._newest.get(GRIPPER_TOPIC) or self._status("gripper"):
             add_gripper(sheet, gripper)
         for key, what in (("run_recording", "of the whole run  "), ("recording", "")):
@@ -168,12 +147,12 @@ class LiveView:
         return as_map(self._newest.get(STATUS_TOPIC, {}).get(key))
 
 
-def change_line(body: dict[str, Any], *, ascii_only: bool = False) -> str:
+def change_line(body: dict[str, Any]) -> str:
     """Return one line for a message of topic ``warning``: the level of a finger has changed."""
     reasons = "; ".join(filter(None, (reasons_of(body), evidence_of(body))))
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
     line = f"{clock_time(number(body.get('timestamp')) or 0.0)}  {plain(body.get('finger'))} {change}"
-    return spelled(line + (f"  ({reasons})" if reasons else ""), ascii_only=ascii_only)
+    return f"{line}  ({reasons})" if reasons else line
 
 
 def _size(terminal: Terminal) -> str:
@@ -190,28 +169,7 @@ def _add_header(sheet: Sheet, status: dict[str, Any]) -> None:
     sheet.facts([(f"slipd {plain(status.get('version'))}", "1")], [(fact, "") for fact in facts])
 
 
-class _Picture(NamedTuple):
-    lines: list[Line]
-    columns: int
-    peak: str
-
-
-def _picture(image: PadImage, scale: int, body: dict[str, Any], terminal: Terminal) -> _Picture:
-    marks = (Mark(CENTROID, body.get("centroid_m")), Mark(POLE, body.get("pole_m")))
-    drawn = pad_picture(image, scale, marks, colour=terminal.colour, ascii_only=terminal.ascii_only)
-    return _Picture(*drawn, f"largest taxel {image.peak:.3g} {image.unit}".rstrip())
-
-
-def _add_finger(
-    sheet: Sheet,
-    finger: str,
-    body: dict[str, Any],
-    tactile: dict[str, Any],
-    picture: _Picture | None,
-    *,
-    silent: bool,
-    forces: bool,
-) -> None:
+def _add_finger(sheet: Sheet, finger: str, body: dict[str, Any], *, silent: bool, forces: bool) -> None:
     """Add one finger; ``body`` is its verdict, or its entry in ``status``, which holds no quantities."""
     level = "unknown" if silent else plain(body.get("level"))
     colour = LEVEL_COLOURS.get(level, "")
@@ -219,32 +177,20 @@ def _add_finger(
     head: Line = [(f"{plain(finger):<{NAME_CELLS}}", "1"), (f"{level.upper():<11}", colour)]
     if "tare_busy" in body:
         head.append((f"tare {quantity(body, 'tare_id', '', 0)}", ""))
-        used, facts = [(friction(body), "")], []
+        facts = [(friction(body), "")]
     else:
         head.append((margin(body), ""))
-        used = [(text, code) for text, code in ((bar(body), colour), (bounds(body), "")) if text]
-        facts = [(text, "") for text in _facts(body, tactile, picture) if text and forces]
-    if picture is None:
-        sheet.facts(head, [*used, *facts], NAME_CELLS)
-        sheet.paragraph(why, colour, NAME_CELLS)
-        return
-    sheet.facts(head, used, NAME_CELLS)
-    beside = sheet.narrower(picture.columns + GAP)
-    beside.paragraph(why, colour)
-    beside.facts([], facts)
-    sheet.beside(picture.lines, picture.columns, beside)
+        facts = [(text, code) for text, code in ((bar(body), colour), (bounds(body), "")) if text]
+        facts += [(text, "") for text in _facts(body) if text and forces]
+    sheet.facts(head, facts, NAME_CELLS)
+    sheet.paragraph(why, colour, NAME_CELLS)
 
 
-def _facts(body: dict[str, Any], tactile: dict[str, Any], picture: _Picture | None) -> Iterator[str]:
+def _facts(body: dict[str, Any]) -> Iterator[str]:
     unit_known = in_newtons(body)
     facts = [
         f"{word} {quantity(body, key, unit if unit_known else '', digits)}" for word, key, unit, digits in _QUANTITIES
     ]
     yield from (*facts[:3], friction(body), *facts[3:])
-    for key, name, sign in (("centroid_m", "centroid", CENTROID), ("pole_m", "pole", POLE)):
-        yield place(body, key, f"{name} {sign}" if picture else name)
-    reasons = tactile.get("image_reasons")
-    if tactile.get("image_ok") is False and isinstance(reasons, list):
-        yield f"no image: {', '.join(map(plain, reasons))}"
-    if picture:
-        yield picture.peak
+    for key, name in (("centroid_m", "centroid"), ("pole_m", "pole")):
+        yield place(body, key, name)

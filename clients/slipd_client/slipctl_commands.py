@@ -93,8 +93,6 @@ def _reply(client: GripClient, chosen: argparse.Namespace) -> Reply:
     if chosen.op == "object.set":
         return client.object_set(chosen.name)
     given = {name: getattr(chosen, name) for name in chosen.fields}
-    if "stream" in given:  # ``--stream`` is how older scripts name it
-        given["stream"] = given["stream"] or chosen.named_stream
     if chosen.op == "tare":
         return client.tare(**given)
     reply: Reply = client.request(chosen.op, **{name: value for name, value in given.items() if value is not False})

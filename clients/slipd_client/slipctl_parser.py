@@ -23,15 +23,6 @@ PATIENCE_S = 60.0
 _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 """Of options; a positional argument has the name of its field."""
 
-_NOW = {
-    "viewers": "slipctl viewers is now: slipctl serve foxglove",
-    "relay": "slipctl relay is gone; PlotJuggler's source Foxglove Bridge gets the messages of: slipctl serve foxglove",
-    "ros2": "slipctl ros2 is now: slipctl serve ros2",
-    "bridge": "slipctl bridge is now: slipctl serve fleet",
-    "commission": "slipctl commission is now: slipd commission FILE",
-}
-"""Commands of earlier versions, and what to type instead."""
-
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser.
@@ -108,7 +99,7 @@ def parser() -> argparse.ArgumentParser:
     record = _commands(add("record", "record what the daemon receives and publishes"), "record ")
     _request(record("start", "start a recording; the daemon names the file"), "record.start")
     _request(record("stop", "end the recording"), "record.stop")
-    _keys(_commands(add("keys", "manage the keys for a daemon across a network"), "keys "))
+    _keys(_commands(add("keys", "create the keys for a daemon across a network"), "keys "))
     return top
 
 
@@ -142,9 +133,6 @@ def _grip(add: Add) -> None:
 
 def _friction(friction: CommandParser) -> None:
     add = _commands(friction, "friction ")
-    friction.now = (
-        "slipctl friction is now: slipctl friction measure [FINGER], or slipctl friction set FINGER MU_S [MU_D]"
-    )
     measure = add("measure", "measure friction: pull a gripped object until it slips; moves and sets nothing")
     measure.add_argument("finger", metavar="FINGER", nargs="?", help="name of the finger (default: all)")
     measure.add_argument(
@@ -200,19 +188,15 @@ def _tare(tare: CommandParser) -> None:
 
 def _keys(add: Add) -> None:
     new = add("new", "create a pair of keys")
-    listed = add("list", "show the public keys in a directory")
-    show = add("show", "show one public key, and whether its secret key can be used")
-    for each in (new, show):
-        each.add_argument("name", metavar="NAME", help="name of the files NAME.key (public) and NAME.key_secret")
-    for each in (new, listed, show):
-        each.add_argument(
-            "--dir",
-            type=Path,
-            default=keys_directory(),
-            metavar="DIRECTORY",
-            help="directory of the keys (default: %(default)s)",
-        )
-        add_json(each)
+    new.add_argument("name", metavar="NAME", help="name of the files NAME.key (public) and NAME.key_secret")
+    new.add_argument(
+        "--dir",
+        type=Path,
+        default=keys_directory(),
+        metavar="DIRECTORY",
+        help="directory of the keys (default: %(default)s)",
+    )
+    add_json(new)
 
 
 def keys_directory() -> Path:
@@ -224,8 +208,6 @@ def _commands(parent: CommandParser, prefix: str) -> Callable[[str, str], Comman
     group = parent.add_subparsers(title="commands", metavar="COMMAND")
     shown: list[str] = []
     parent.names = group.choices
-    for name, now in _NOW.items() if not prefix else ():
-        group.add_parser(name).now = now
     parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(shown)}"))
 
     def add(name: str, what: str) -> CommandParser:
@@ -248,7 +230,6 @@ def _fields(command: argparse.ArgumentParser, op: str, *names: str) -> None:
             command.add_argument(f"--{name}", action="store_true", help=help_text)
         elif name == "stream":  # after the finger, as in the client's methods
             command.add_argument(name, metavar="STREAM", choices=field.words, nargs="?", help=help_text)
-            command.add_argument("--stream", dest="named_stream", choices=field.words, help=argparse.SUPPRESS)
         elif field.required or name == "mu_d":
             nargs = None if field.required else "?"
             command.add_argument(name, metavar=name.upper(), type=_type(field), nargs=nargs, help=help_text)

@@ -22,13 +22,11 @@ class Terminal:
         columns: Columns; facts and reasons continue on the next line.
         lines: Lines; what is left out for want of them is named in the last one.
         colour: Whether to add ANSI colours.
-        ascii_only: It shows ASCII only.
     """
 
     columns: int = UNCUT
     lines: int = UNCUT
     colour: bool = False
-    ascii_only: bool = False
 
 
 Span = tuple[str, str]
@@ -39,60 +37,30 @@ Line = list[Span]
 GAP = 2
 """Columns between two facts of a line."""
 
-ASCII = str.maketrans(
-    {
-        "λ": "load",
-        "μ": "mu",
-        "\N{EN DASH}": "-",
-        "\N{MINUS SIGN}": "-",
-        "…": "...",
-        "·": ".",
-        "≤": "<=",
-        "≥": ">=",
-        "→": "->",
-        "°": " deg",
-        "█": "#",
-        "▒": "=",
-    }
-)
-"""Spelling of the view's own characters; any other becomes "?"."""
-
-
-def spelled(text: str, *, ascii_only: bool) -> str:
-    """Return a text as this terminal can show it."""
-    return text.translate(ASCII).encode("ascii", "replace").decode() if ascii_only else text
-
 
 class Sheet:
     """Lines that grow from above to below, each at most ``width`` columns.
 
     Args:
         width: Columns.
-        ascii_only: The terminal shows ASCII only.
 
     Attributes:
         width: Columns.
-        ascii_only: The terminal shows ASCII only.
         lines: The lines so far.
     """
 
-    def __init__(self, width: int, *, ascii_only: bool) -> None:
+    def __init__(self, width: int) -> None:
         self.width = width
-        self.ascii_only = ascii_only
         self.lines: list[Line] = []
-
-    def narrower(self, columns: int) -> Sheet:
-        """Return an empty sheet with ``columns`` fewer."""
-        return Sheet(self.width - columns, ascii_only=self.ascii_only)
 
     def facts(self, head: Iterable[Span], facts: Iterable[Span] = (), indent: int = 0) -> None:
         """Add the head and as many facts as fit beside it; the others follow on lines of their own, indented.
 
         Only a head or a fact that is longer than a line is cut.
         """
-        line = self._spelled(head)
+        line = list(head)
         used, empty = _columns(line), not line
-        for text, colour in self._spelled(facts):
+        for text, colour in facts:
             if not empty and used + GAP + len(text) > self.width:
                 self.lines.append(line)
                 line, used, empty = [(" " * indent, "")], indent, True
@@ -103,37 +71,19 @@ class Sheet:
 
     def remark(self, text: str, colour: str, indent: int = 0) -> None:
         """Add a text that is never cut: after the last line where it fits there, else on lines of its own."""
-        shown = spelled(text, ascii_only=self.ascii_only)
-        if shown and self.lines and _columns(self.lines[-1]) + GAP + len(shown) <= self.width:
-            self.lines[-1] += [(" " * GAP, ""), (shown, colour)]
+        if text and self.lines and _columns(self.lines[-1]) + GAP + len(text) <= self.width:
+            self.lines[-1] += [(" " * GAP, ""), (text, colour)]
         else:
             self.paragraph(text, colour, indent)
 
     def paragraph(self, text: str, colour: str, indent: int = 0) -> None:
         """Add a text that is never cut, on lines of its own; "" adds none."""
-        text = spelled(text, ascii_only=self.ascii_only)
         blank = " " * min(indent, self.width // 4)
         if len(blank) + len(text) <= self.width:
             self.lines += [[(blank, ""), (text, colour)]] if text else []
             return
         wrapped = textwrap.wrap(text, max(self.width - len(blank), 1))
         self.lines += [[(blank, ""), (line, colour)] for line in wrapped]
-
-    def beside(self, picture: Sequence[Line], columns: int, text: Sheet) -> None:
-        """Add a picture with a text to the right of it.
-
-        Args:
-            picture: Its lines, of equal width.
-            columns: Their width.
-            text: A sheet narrower by ``columns`` and the gap.
-        """
-        for row in range(max(len(picture), len(text.lines))):
-            left = picture[row] if row < len(picture) else [(" " * columns, "")]
-            right = [(" " * GAP, ""), *text.lines[row]] if row < len(text.lines) else []
-            self.lines.append([*left, *right])
-
-    def _spelled(self, spans: Iterable[Span]) -> Line:
-        return [(spelled(text, ascii_only=self.ascii_only), colour) for text, colour in spans]
 
 
 def paint(line: Line, width: int, *, colour: bool) -> str:
@@ -253,7 +203,7 @@ def is_screen(stream: TextIO) -> bool:
 def terminal_of(stream: TextIO, columns: int, lines: int) -> Terminal:
     """Return what to draw for, given the room that there is."""
     colour = is_screen(stream) and not os.environ.get("NO_COLOR")
-    return Terminal(columns, lines, colour, ascii_only(stream))
+    return Terminal(columns, lines, colour)
 
 
 def size_of(stream: TextIO) -> os.terminal_size:
@@ -262,15 +212,3 @@ def size_of(stream: TextIO) -> os.terminal_size:
         return os.terminal_size((UNCUT, UNCUT))
     size = os.get_terminal_size(stream.fileno())
     return size if size.columns and size.lines else DEFAULT_SIZE
-
-
-def ascii_only(stream: TextIO) -> bool:
-    """Return whether a stream can take ASCII only: it is not UTF-8, or the locale is not.
-
-    Where LANG is C or missing, Python itself sets LC_CTYPE to C.UTF-8, which does not describe the terminal.
-    """
-    if stream.encoding.lower().replace("-", "") != "utf8":
-        return True
-    by_hand = os.environ.get("LC_CTYPE", "").replace("C.UTF-8", "")
-    locale = os.environ.get("LC_ALL") or by_hand or os.environ.get("LANG") or "C"
-    return "utf8" not in locale.lower().replace("-", "")

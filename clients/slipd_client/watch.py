@@ -17,16 +17,13 @@ from slipd_client.live_view_parts import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.subscriber import Message, Subscriber
-from slipd_client.terminal import UNCUT, TerminalScreen, ascii_only, is_screen, size_of, terminal_of
+from slipd_client.terminal import UNCUT, TerminalScreen, is_screen, size_of, terminal_of
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
 TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
-"""What is printed as lines."""
-
-DRAWN_TOPICS = (*TOPICS, "tactile")
-"""What is drawn on a terminal."""
+"""What people are shown."""
 
 FIRST_S = 3.0
 """How long to wait for the first message: the daemon publishes ``status`` every second."""
@@ -59,7 +56,7 @@ def watch(
         Silence: No message came within ``FIRST_S``.
         CallError: ``endpoint`` is not a ZeroMQ endpoint, or no topic begins like one of ``topics``.
     """
-    shown = (topics or ("",)) if as_json else DRAWN_TOPICS if is_screen(sys.stdout) else TOPICS
+    shown = (topics or ("",)) if as_json else TOPICS
     with Subscriber(endpoint, shown, keys=keys, silence_s=FIRST_S) as subscriber:
         first = next(iter(subscriber))
         if once:
@@ -162,7 +159,7 @@ class Display:
     def add(self, message: Message) -> None:
         """Add a message; without a terminal a change of level is printed at once."""
         if message.topic == WARNING_TOPIC and not self.redraws:
-            print(change_line(message.raw, ascii_only=ascii_only(sys.stdout)), flush=True)
+            print(change_line(message.raw), flush=True)
         self._view.update(message.topic, message.raw)
 
     def wait_s(self) -> float:
@@ -180,7 +177,7 @@ class Display:
         elif silent_s > LINE_S:
             print(f"no message for {silent_s:.1f} s", flush=True)
         else:
-            print(self._view.summary(ascii_only=ascii_only(sys.stdout)), flush=True)
+            print(self._view.summary(), flush=True)
 
     def _lines(self) -> list[str]:
         return self._view.render(terminal_of(sys.stdout, *size_of(sys.stdout)), self._silent_s)

@@ -23,11 +23,9 @@ from slipd_client.terminal import (
     Line,
     Terminal,
     TerminalScreen,
-    ascii_only,
     is_screen,
     paint,
     size_of,
-    spelled,
     terminal_of,
 )
 
@@ -64,8 +62,7 @@ def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Ter
         left_out = len(lines) - terminal.lines + 1
         less_urgent = ", all less urgent" if all(row.expected for row in rows) else ""
         lines = [*lines[: terminal.lines - 1], [(f"{left_out} more{less_urgent}", "2")]]
-    spoken = [[(spelled(text, ascii_only=terminal.ascii_only), code) for text, code in line] for line in lines]
-    return [paint(line, terminal.columns, colour=terminal.colour) for line in spoken]
+    return [paint(line, terminal.columns, colour=terminal.colour) for line in lines]
 
 
 def fleet_map(fleet: str, rows: Sequence[RobotRow], unread: int) -> dict[str, Any]:
@@ -201,5 +198,5 @@ def _print_changes(listener: FleetListener) -> None:
     while True:
         for row in _rows(listener, REDRAW_S):
             if text := change_text(before.get(row.robot), row):
-                print(spelled(f"{clock_time(time.time())}  {text}", ascii_only=ascii_only(sys.stdout)), flush=True)
+                print(f"{clock_time(time.time())}  {text}", flush=True)
             before[row.robot] = row

@@ -193,20 +193,10 @@ def unit(rotation: Any, what: str) -> Quaternion:
     Raises:
         OrientationUnknown: Its length is not near 1; the text begins with ``what``.
     """
-    return unit_of((rotation.x, rotation.y, rotation.z, rotation.w), what)
-
-
-def unit_of(numbers: Sequence[float], what: str) -> Quaternion:
-    """Return the quaternion x, y, z, w with length 1.
-
-    Raises:
-        OrientationUnknown: There are not four numbers, or their length is not near 1; the text begins with ``what``.
-    """
+    numbers = rotation.x, rotation.y, rotation.z, rotation.w
     length = math.hypot(*numbers)
-    if len(numbers) != 4 or not abs(length - 1.0) <= UNIT_TOLERANCE:
-        raise OrientationUnknown(
-            f"{what} must be a unit quaternion x y z w, got {len(numbers)} numbers of length {length:.4g}"
-        )
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise OrientationUnknown(f"{what} must be a unit quaternion x y z w, got one of length {length:.4g}")
     x, y, z, w = (number / length for number in numbers)
     return x, y, z, w
 

@@ -56,7 +56,7 @@ def _take(finger: str, stream: str) -> Steps[bool]:
             yield from pause(PAUSE_S)
     yield Say(
         f"  the zero is left out, and the readings count from the present one. Later: slipctl tare take {finger} "
-        f"--stream {stream}; slipctl status says what is wrong"
+        f"{stream}; slipctl status says what is wrong"
     )
     return False
 
