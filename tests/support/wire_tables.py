@@ -1,7 +1,7 @@
 """The tables of ``docs/protocol.md``, made from the schema.
 
-``PYTHONPATH=tests/support python -m wire_tables docs/protocol.md`` writes them between their markers; other text
-stays as it is.
+``PYTHONPATH=tests/support python -m wire_tables docs/protocol.md`` writes each below its marker; other text stays as
+it is.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STATUS_PARTS = {
 _AS_IN_SLIP = "as in `slip`"
 _OF_SLIP = {field.name: field for field in fields_of(TOPICS["slip"])[len(fields_of(Message)) :]}
 
-_MARKED = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+_MARKED = re.compile(r"(<!-- table: ([a-z_]+) -->\n)(?:\|.*\n)*")
 
 
 def tables() -> dict[str, str]:
@@ -74,13 +74,13 @@ def tables() -> dict[str, str]:
 
 
 def filled(document: str) -> str:
-    """Return a document with the present table between each pair of markers.
+    """Return a document with the present table below each marker.
 
     Raises:
         KeyError: A marker names a table that does not exist.
     """
     found = tables()
-    return _MARKED.sub(lambda match: f"{match[1]}{found[match[2]]}{match[3]}", document)
+    return _MARKED.sub(lambda match: f"{match[1]}{found[match[2]]}", document)
 
 
 def _fields(fields: Iterable[Field]) -> str:
