@@ -78,14 +78,18 @@ class CommandParser(argparse.ArgumentParser):
     Attributes:
         default: The command that may be left out; "" where every command must be named.
         names: All of them, in a map.
+        now: What to type instead of arguments of an earlier version; "" where there were none.
     """
 
     default = ""
     names: Mapping[str, object] = {}
+    now = ""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Put the default before arguments that begin with no command and no option."""
         known = not args or args[0].startswith("-") or args[0] in self.names
+        if self.now and not (known and self.names):
+            self.exit(2, f"{self.now}\n")
         if self.default and not known:
             args = [self.default, *args]
         return super().parse_known_args(args, namespace)

@@ -23,6 +23,15 @@ PATIENCE_S = 60.0
 _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 """Of options; a positional argument has the name of its field."""
 
+_NOW = {
+    "viewers": "slipctl viewers is now: slipctl serve foxglove",
+    "relay": "slipctl relay is gone; PlotJuggler's source Foxglove Bridge gets the messages of: slipctl serve foxglove",
+    "ros2": "slipctl ros2 is now: slipctl serve ros2",
+    "bridge": "slipctl bridge is now: slipctl serve fleet",
+    "commission": "slipctl commission is now: slipd commission FILE",
+}
+"""Commands of earlier versions, and what to type instead."""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser.
@@ -133,6 +142,9 @@ def _grip(add: Add) -> None:
 
 def _friction(friction: CommandParser) -> None:
     add = _commands(friction, "friction ")
+    friction.now = (
+        "slipctl friction is now: slipctl friction measure [FINGER], or slipctl friction set FINGER MU_S [MU_D]"
+    )
     measure = add("measure", "measure friction: pull a gripped object until it slips; moves and sets nothing")
     measure.add_argument("finger", metavar="FINGER", nargs="?", help="name of the finger (default: all)")
     measure.add_argument(
@@ -208,6 +220,8 @@ def _commands(parent: CommandParser, prefix: str) -> Callable[[str, str], Comman
     group = parent.add_subparsers(title="commands", metavar="COMMAND")
     shown: list[str] = []
     parent.names = group.choices
+    for name, now in _NOW.items() if not prefix else ():
+        group.add_parser(name).now = now
     parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(shown)}"))
 
     def add(name: str, what: str) -> CommandParser:

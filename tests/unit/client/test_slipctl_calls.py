@@ -60,6 +60,16 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         (["keys", "new", "no name"], "'no name'"),
         (["view", "--config", "/nowhere.toml"], "slipctl: /nowhere.toml: there is no such file"),
         (["diagnose", "/dev/null"], "/dev/null: exists, and is not overwritten"),
+        (["viewers", "--listen", "127.0.0.1:0"], "slipctl viewers is now: slipctl serve foxglove"),
+        (["relay"], "gets the messages of: slipctl serve foxglove"),
+        (["ros2", "--config", "rig.toml"], "slipctl ros2 is now: slipctl serve ros2"),
+        (["bridge", "--connect", "tcp/10.0.0.1:7447"], "slipctl bridge is now: slipctl serve fleet"),
+        (["commission", "rig.toml"], "slipctl commission is now: slipd commission FILE"),
+        (
+            ["friction", "left", "0.5"],
+            "slipctl friction is now: slipctl friction measure [FINGER], or slipctl friction",
+        ),
+        (["--publish", "ipc:///x", "friction", "left"], "slipctl friction is now: slipctl friction measure [FINGER]"),
     ],
 )
 def test_a_wrong_call_exits_with_2_and_says_why(arguments: list[str], complaint: str, call: Call) -> None:
