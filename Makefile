@@ -100,7 +100,7 @@ soak: $(KERNELS) $(MEASURED)
 	@$(BIN)/pytest --quiet benchmarks/soak
 	@$(BIN)/pytest --quiet -m long tests benchmarks
 	@PYTHONPATH=$(MODULES) $(BIN)/python -m soak --report $(MEASURED)/soak.md $(SOAK)
-	@PYTHONPATH=$(MODULES) $(BIN)/python -m simulation $(SIMULATION)
+	@PYTHONPATH=$(MODULES) $(BIN)/python -m campaign $(CAMPAIGN)
 
 peers: $(PEERS)
 	@echo "== emulated devices beside drivers that others wrote (about a minute)"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from simulation.edits import gripper, pad, rows_of, sealed, wrench
+from simulation.edits import gripper, rows_of, sealed
 from simulation.faults import Drop, Edit, Text
 
 
@@ -19,13 +19,6 @@ def test_D1_boot_text_is_no_reading_and_no_harm(held):
     held.plug("left.wrench")
     held.recover()
     assert held.replays()
-
-
-def test_D2_another_version_of_the_format_is_no_reading(held):
-    def newer(data, _):
-        return b"".join(sealed(row[:2] + b"\2" + row[3:]) for row in rows_of(data))
-
-    held.struck("left.pad", Edit(newer), 0.1, healths=(1, 2, 3))
 
 
 def test_D3_a_gap_in_the_scans_is_counted(held):
@@ -50,12 +43,6 @@ def test_D3_a_pad_that_restarts_its_count_is_reported_as_a_restart_and_loses_not
     held.run(0.2)
     assert (held.level(), held.health("left.pad")["restarts"]) == ("stable", 1)
     assert held.health("left.pad")["lost"] - lost <= 1
-
-
-def test_D3_readings_that_come_twice_change_nothing(held):
-    held.struck("left.pad", Edit(lambda data, _: data + data, lies=False), 0.2, level="stable")
-    held.strike(Edit(wrench(), lies=False), "left.wrench")
-    held.struck("left.pad", Edit(pad(), lies=False), 0.1, level="stable")
 
 
 def test_D4_a_gripper_that_does_not_answer_is_not_moved(held):

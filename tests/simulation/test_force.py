@@ -4,19 +4,7 @@ from __future__ import annotations
 
 import pytest
 from simulation.bed import Bed
-from simulation.edits import Frozen, wrench
-from simulation.faults import Bursts, Drop, Edit
-
-SKIPPED = 1
-SHIFT_NM = 0.12
-
-
-def test_F1_a_sensor_that_is_off_is_reported_as_stale(held):
-    held.struck("left.wrench", Drop(held.rng), 0.04, reasons=["stale"], healths=(3,))
-
-
-def test_F1_a_stuck_sensor_is_reported_within_100_ms(held):
-    held.struck("left.wrench", Edit(wrench(Frozen().reading)), 0.13, reasons=["stuck"], healths=(1, 2), lies=True)
+from simulation.faults import Bursts, Drop
 
 
 def test_F1_an_intermittent_sensor_is_never_trusted_in_its_gaps(held):
@@ -46,21 +34,6 @@ def test_F1_no_grip_is_raised_on_a_stale_sensor(held):
     held.strike(Drop(held.rng), "left.wrench")
     held.run(0.1)
     assert not held.ask("grip.set", force_n=10.0)["ok"]
-
-
-@pytest.mark.parametrize(("bit", "reason"), [(2, "overload"), (4, "invalid"), (8, "raw")])
-def test_F2_a_reading_that_the_sensor_itself_distrusts_is_no_verdict(held, bit, reason):
-    fault = Edit(wrench(status=bit))
-    held.struck("left.wrench", fault, 0.05, reasons=[reason], healths=(1, 2), message=reason)
-
-
-def test_F2_a_status_that_leaves_the_reading_usable_changes_no_level(held):
-    held.struck("left.wrench", Edit(wrench(status=SKIPPED), lies=False), 0.1, level="stable")
-
-
-def test_F3_a_force_sensor_that_disagrees_with_the_image_makes_the_verdict_unknown(held):
-    shifted = Edit(wrench(lambda six, _: [*six[:3], six[3] + SHIFT_NM, six[4] + SHIFT_NM, six[5]]))
-    held.struck("left.wrench", shifted, 0.5, reasons=["disagreement", "disagreement_centroid"], lies=True)
 
 
 def test_F4_a_tare_in_contact_is_refused_and_changes_nothing(held):

@@ -1,102 +1,22 @@
-"""A stalled daemon is distinguished from a sensor that really falls silent.
-
-What came meanwhile is read as a real loop reads it: a piece of each line a turn, ticks between, until all are empty.
-"""
+"""A stalled daemon is distinguished from a sensor that really falls silent."""
 
 from __future__ import annotations
 
 import copy
 import functools
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
-from simulation.bed import FINGERS, MS, STEP_NS, TICK_EVERY, Bed
+from simulation.bed import FINGERS, MS, Bed
 from simulation.edits import wrench
 from simulation.faults import Delay, Drop, Edit
+from simulation.slow_reader import SlowReader
 from simulation.watch import STALE_NS
 
-from slipd.events import Bytes, Tick
-from slipd.finger.freshness import LATE_NS, LEAST_CATCH_UP_NS
+from slipd.finger.freshness import LEAST_CATCH_UP_NS
 from slipd_client.messages import Health
 
-PIECE_BYTES = 1024
-"""Most that is read of a line in one turn of the loop, as by the transports."""
-
 STALLS_MS = [5, 12, 21, 30, 60, 150, 500]
-
-
-class SlowReader(Bed):
-    """A bed whose loop reads what waited in pieces.
-
-    Attributes:
-        force_first: In each turn force sensors are read before pads.
-        tick_first: After a stall the tick comes before the first read.
-        overloaded: It never finds the lines empty.
-    """
-
-    force_first = True
-    tick_first = False
-    overloaded = False
-    _behind = False
-    _late_ns = 0
-
-    def stop(self, ms: float) -> None:
-        """The loop stands still."""
-        until_ns = self.now_ns + round(ms * MS)
-        self._late_ns += round(ms * MS)
-        while self.now_ns < until_ns:
-            self._world_goes_on()
-
-    def go_on(self) -> None:
-        """It runs again, and finds the time of its first turn."""
-        self._behind = self._late_ns > LATE_NS
-        if self._behind and self.tick_first:
-            self.feed(Tick(self._suspended_ns, unread=True), self.now_ns)
-        self._late_ns = 0
-
-    def stall(self, seconds: float) -> None:
-        self.stop(1000 * seconds)
-        self.go_on()
-
-    def catch_up(self) -> None:
-        """It reads until all lines are empty."""
-        while self._behind:
-            self.step()
-
-    def step(self) -> None:
-        self._steps += 1
-        self._world_goes_on()
-        lines = sorted(self.lines.values(), key=lambda line: (line.link.endswith("pad") == self.force_first, line.link))
-        found = [self._read(line) for line in lines]
-        ticks = self._steps % TICK_EVERY == 0
-        if self._behind and not any(found) and not self.overloaded:
-            self._behind, ticks = False, True
-        if ticks:
-            self.feed(Tick(self._suspended_ns, unread=self._behind or self.overloaded), self.now_ns)
-            if not self._behind:
-                self.watch.tick(self.now_ns)
-
-    def _world_goes_on(self) -> None:
-        self._world_ns += STEP_NS
-        self.now_ns += STEP_NS
-        said = self.rig.advance(self._world_ns)
-        for name, line in self.lines.items():
-            data, line.answers = line.answers + said[name], b""
-            line.say(data, self.now_ns)
-
-    def _read(self, line: Any) -> bool:
-        """Read a piece of a line; True where more may wait behind it."""
-        pieces, size = [], 0
-        while line.queue and line.queue[0][0] <= self.now_ns and size < PIECE_BYTES:
-            pieces.append(line.queue.popleft())
-            size += len(pieces[-1][2])
-        data = b"".join(piece[2] for piece in pieces)
-        if data and line.listener.receive(data, self.now_ns):
-            self.watch.fresh(line.link, pieces[-1][1])
-        if data and line.up:
-            self.feed(Bytes(line.link, data), self.now_ns)
-        return size >= PIECE_BYTES
 
 
 @functools.cache
@@ -232,6 +152,13 @@ def test_C4_the_health_of_a_stream_names_the_late_daemon_and_not_the_sensor(bed:
         assert (bed.health(stream)["health"], bed.health(stream)["message"]) == late
     bed.run(2.0)
     assert (bed.health("left.wrench")["health"], bed.health("left.wrench")["message"]) == (Health.OK, "")
+
+
+def test_C4_a_lease_is_judged_by_the_time_that_passed(bed: SlowReader) -> None:
+    assert bed.ask("lease.acquire", ttl_ms=200)["ok"]
+    bed.stall(0.3)
+    bed.catch_up()
+    assert bed.ask("grip.set", force_n=9.0)["error"]["code"] == "no_lease"
 
 
 def test_C2_C4_after_a_suspend_all_is_unknown_even_if_readings_wait(bed: SlowReader) -> None:

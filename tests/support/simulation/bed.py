@@ -41,6 +41,17 @@ BOOT = "bed"
 FINGERS = ("left", "right")
 NEVER_S = 1e6
 GRIP_N = 8.0
+QUIET = Script(
+    lift_s=1.2,
+    ramp_s=0.1,
+    pour_s=NEVER_S,
+    pour_until_s=NEVER_S,
+    drain_s=NEVER_S,
+    tug_s=NEVER_S,
+    set_down_s=NEVER_S,
+)
+"""The box is lifted a moment after it is gripped, and nothing else happens to it."""
+
 LIMITS = {
     "step_n = 2.0": "step_n = 3.0",
     "lower_n_per_s = 2.0": "lower_n_per_s = 20.0",
@@ -54,13 +65,12 @@ STIFF = PvdfElectronics(tau_s=1e9)
 """A pad that reads force itself: it need not have seen the contact begin."""
 
 
-def settings(*, charge: bool = False, streams: dict[str, str] | None = None, extra: str = "") -> config.Config:
+def settings(*, charge: bool = False, streams: dict[str, str] | None = None) -> config.Config:
     """The demo's rig, its status told at every fourth tick, its grip changed as fast as a moving load needs.
 
     Args:
         charge: Its pads leak their charge; else they read force.
         streams: Lines added to the tables of streams, such as ``left.wrench``.
-        extra: Lines added at the end.
     """
     text = config.shipped("demo.toml").read_text(encoding="utf-8")
     if not charge:
@@ -70,7 +80,7 @@ def settings(*, charge: bool = False, streams: dict[str, str] | None = None, ext
     for stream, lines in (streams or {}).items():
         header = f"[finger.{stream}]\n"
         text = text.replace(header, f"{header}{lines}\n")
-    return config.parse(f"{text}\n[rates]\nstatus_hz = 50.0\n{extra}", "bed.toml")
+    return config.parse(f"{text}\n[rates]\nstatus_hz = 50.0\n", "bed.toml")
 
 
 class Bed:
@@ -79,31 +89,20 @@ class Bed:
     Args:
         seed: Of the noise, and of every fault that draws from `rng`.
         charge: The pads leak their charge, as PVDF does.
-        script: What pulls at the box; by default it is lifted and held.
         streams: Lines added to the config's tables of streams.
-        extra: Lines added to the config.
 
     Attributes:
         now_ns: CLOCK_MONOTONIC of the host.
         watch: What must hold of every message, and what was told so far.
     """
 
-    def __init__(
-        self,
-        seed: int,
-        *,
-        charge: bool = False,
-        script: Script | None = None,
-        streams: dict[str, str] | None = None,
-        extra: str = "",
-    ) -> None:
+    def __init__(self, seed: int, *, charge: bool = False, streams: dict[str, str] | None = None) -> None:
         self.seed, self.rng = seed, Random(seed)
-        script = script or quiet_script()
-        self.rig = VirtualRig(Scene(script=script), seed)
+        self.rig = VirtualRig(Scene(script=QUIET), seed)
         if not charge:
             for finger in (self.rig._left, self.rig._right):
                 finger.pad._electronics = replace(finger.pad._electronics, tau_s=STIFF.tau_s)
-        self.settings = settings(charge=charge, streams=streams, extra=extra)
+        self.settings = settings(charge=charge, streams=streams)
         self.wall_ns = WALL_NS
         self.engine = self.engine_at(WALL_NS)
         self.now_ns, self._world_ns, self._event_ns = BEGIN_NS, 0, BEGIN_NS
@@ -113,7 +112,6 @@ class Bed:
         streams = self.settings.streams()
         self.lines = {line: Line(line.replace("-", "."), _listener(streams[line.replace("-", ".")])) for line in LINES}
         self._steps, self._asked, self._suspended_ns = 0, 0, 0
-        self._stalled_until_ns = 0
 
     def engine_at(self, wall_ns: int) -> Engine:
         """An engine that has seen nothing, begun with the wall clock so far ahead of CLOCK_MONOTONIC."""
@@ -185,27 +183,21 @@ class Bed:
             self.step()
 
     def step(self) -> None:
-        """One step of the world; the engine hears what has arrived, unless its loop is stalled."""
+        """One step of the world; the engine hears what has arrived."""
         self._steps += 1
+        self._world_goes_on()
+        self._deliver()
+        if self._steps % TICK_EVERY == 0:
+            self.feed(Tick(self._suspended_ns), self.now_ns)
+            self.watch.tick(self.now_ns)
+
+    def _world_goes_on(self) -> None:
         self._world_ns += STEP_NS
         self.now_ns += STEP_NS
         said = self.rig.advance(self._world_ns)
         for name, line in self.lines.items():
             data, line.answers = line.answers + said[name], b""
             line.say(data, self.now_ns)
-        if self.now_ns < self._stalled_until_ns:
-            return
-        late = self._stalled_until_ns > 0
-        self._stalled_until_ns = 0
-        self._deliver(late=late)
-        if late or self._steps % TICK_EVERY == 0:
-            self.feed(Tick(self._suspended_ns), self.now_ns)
-            self.watch.tick(self.now_ns)
-
-    def stall(self, seconds: float) -> None:
-        """The engine's loop is held up; what arrives meanwhile is read at once behind it."""
-        self._stalled_until_ns = self.now_ns + round(seconds * SECOND)
-        self.run(seconds)
 
     def suspend(self, seconds: float) -> None:
         """The host sleeps: its monotonic clock stands still, and what the devices say meanwhile is lost."""
@@ -214,18 +206,12 @@ class Bed:
         for line in self.lines.values():
             line.queue.clear()
 
-    def _deliver(self, *, late: bool) -> None:
+    def _deliver(self) -> None:
         arrived = [
             (due, said, line, data, true)
             for line in self.lines.values()
             for due, said, data, true in line.take(self.now_ns)
         ]
-        if late:
-            joined: dict[str, list[Any]] = {}
-            for _, said, line, data, true in arrived:
-                entry = joined.setdefault(line.link, [self.now_ns, said, line, b"", True])
-                entry[1], entry[3], entry[4] = said, entry[3] + data, entry[4] and true
-            arrived = [tuple(entry) for entry in joined.values()]
         arrived.sort(key=lambda piece: piece[0])
         for due, said, line, data, true in arrived:
             self._event_ns = max(self._event_ns, due)
@@ -352,19 +338,6 @@ def _held(seed: int) -> Bed:
 def held_bed(seed: int) -> Bed:
     """A bed that holds the box, of its own: what all of one seed have in common is run once."""
     return copy.deepcopy(_held(seed))
-
-
-def quiet_script() -> Script:
-    """The box is lifted a moment after it is gripped, and nothing else happens to it."""
-    return Script(
-        lift_s=1.2,
-        ramp_s=0.1,
-        pour_s=NEVER_S,
-        pour_until_s=NEVER_S,
-        drain_s=NEVER_S,
-        tug_s=NEVER_S,
-        set_down_s=NEVER_S,
-    )
 
 
 def _listener(stream: config.Stream) -> Decoder:

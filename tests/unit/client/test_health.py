@@ -106,6 +106,19 @@ def test_what_is_wrong_around_the_streams_is_listed(changes: dict[str, Any], fou
     assert ids(repairs(WELL | changes)) == found
 
 
+@pytest.mark.parametrize(
+    ("failure", "command"),
+    [
+        ("/r 1.mcap: the recording stopped: Read-only file system", "findmnt --target '/r 1.mcap'"),
+        ("/r 1.mcap: the recording stopped: Input/output error", "dmesg --level err"),
+        ("/r 1.mcap: the recording stopped: No space left on device", "df -h"),
+    ],
+)
+def test_a_recording_that_failed_is_answered_with_a_look_at_its_disk(failure: str, command: str) -> None:
+    [repair] = repairs(WELL | {"recording": {"state": "failed", "failure": failure, "path": "/r 1.mcap"}})
+    assert repair.command == command
+
+
 def test_every_repair_has_its_section_in_the_documents() -> None:
     text = (DOCS / "health.md").read_text(encoding="utf-8")
     code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 """Run the whole engine under random faults for hours of simulated time, much faster than real time.
 
     make soak    (runs this after the soak)
-    PYTHONPATH=tests/support python -m simulation [--hours H] [--seed S] [--episodes N]
+    PYTHONPATH=tests/support:benchmarks python -m campaign [--hours H] [--seed S] [--episodes N]
 
 Every message is checked: its verdict against the true contact and the state of each stream, its numbers and its times.
 The counts are printed; no file is written. An episode with a fault is printed with its seed;
@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Iterator
 
-from simulation.campaign import Episode, play
+from campaign.episodes import Episode, play
 
 EPISODE_S = 15.0
 """Mean simulated length of an episode; gives the number of episodes for ``--hours``."""
@@ -28,7 +28,7 @@ MOST_TOLD = 10
 def main(argv: list[str] | None = None) -> int:
     """Play the episodes; return 1 if any showed a fault, else 0."""
     parser = argparse.ArgumentParser(
-        prog="python -m simulation", description="Run the engine under random faults in simulated time."
+        prog="python -m campaign", description="Run the engine under random faults in simulated time."
     )
     parser.add_argument("--hours", type=float, default=0.1, help="simulated hours (default 0.1)")
     parser.add_argument(
@@ -62,7 +62,7 @@ def _episodes(seeds: range) -> Iterator[Episode]:
 
 
 def _tell(episode: Episode) -> None:
-    print(f"seed {episode.seed}: to repeat: python -m simulation --seed {episode.seed} --episodes 1")
+    print(f"seed {episode.seed}: to repeat: python -m campaign --seed {episode.seed} --episodes 1")
     for happened in episode.story[-3:]:
         print(f"  {happened}")
     for fault in episode.faults[:MOST_TOLD]:

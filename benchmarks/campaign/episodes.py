@@ -6,11 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from simulation.bed import FINGERS, MS, SECOND, Bed
+from campaign.size import size_of
+from simulation.bed import FINGERS, MS, SECOND
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Bursts, Chain, Delay, Drop, Edit, Flood, Garbage, Noise, Split, Trickle
 from simulation.line import Fault
-from simulation.size import size_of
+from simulation.slow_reader import SlowReader
 
 FAULTS = 12
 """Of an episode."""
@@ -78,7 +79,8 @@ class Episode:
 
 def play(seed: int, count: int = FAULTS) -> Episode:
     """One episode."""
-    bed, rng = Bed(seed).hold(), Random(seed ^ 0x5EED)
+    bed, rng = SlowReader(seed), Random(seed ^ 0x5EED)
+    bed.hold()
     story: list[str] = []
     begun_ns = bed.now_ns
     bed.run(1.0)
@@ -100,7 +102,7 @@ def play(seed: int, count: int = FAULTS) -> Episode:
     return Episode(seed, (bed.now_ns - begun_ns) / SECOND, bed.watch.messages, story, faults)
 
 
-def _strike(bed: Bed, rng: Random) -> str:
+def _strike(bed: SlowReader, rng: Random) -> str:
     """One fault, begun and ended; returns what it was."""
     seconds = rng.uniform(0.02, LONGEST_S)
     streams = [line.link for line in bed.lines.values() if line.link != "gripper"]
@@ -121,10 +123,11 @@ def _strike(bed: Bed, rng: Random) -> str:
     return f"{name} on {', '.join(struck)} for {seconds:.3f} s"
 
 
-def _host(bed: Bed, rng: Random, name: str, stream: str, seconds: float) -> str:
+def _host(bed: SlowReader, rng: Random, name: str, stream: str, seconds: float) -> str:
     bed.watch.lateness_ns = 0
     if name == "stall":
         bed.stall(seconds)
+        bed.catch_up()
     elif name == "suspend":
         seconds = 10.0 ** rng.uniform(0.0, 3.5)
         bed.suspend(seconds)
