@@ -18,6 +18,14 @@ from slipd_client.aio import AsyncGripClient
 from slipd_client.client_base import GripClientBase
 from slipd_client.grip import GripClient
 from slipd_client.slipctl import main
+from slipd_client.subscriber import SILENCE_S
+
+SLIPCTL = """
+import sys
+from slipd_client import slipctl, subscriber
+subscriber.SubscriberBase.__init__.__kwdefaults__["silence_s"] = float(sys.argv.pop(1))
+sys.exit(slipctl.main())
+"""
 
 
 @pytest.fixture
@@ -25,8 +33,8 @@ def slipctl() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Starts slipctl as a process of its own, with its output in pipes unless told otherwise."""
     with ExitStack() as stack:
 
-        def start(*arguments: str, **options: Any) -> subprocess.Popen[str]:
-            command = [sys.executable, "-m", "slipd_client.slipctl", *arguments]
+        def start(*arguments: str, silence_s: float = SILENCE_S, **options: Any) -> subprocess.Popen[str]:
+            command = [sys.executable, "-c", SLIPCTL, str(silence_s), *arguments]
             pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "encoding": "utf-8"}
             process = stack.enter_context(subprocess.Popen(command, **(pipes | options)))
             stack.callback(process.kill)
@@ -73,6 +81,13 @@ def start_daemon(requests: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cal
         monkeypatch.setattr(kind.__init__, "__kwdefaults__", {"keys": None, "timeout_s": PATIENCE_S})
     with ExitStack() as stack:
         yield lambda **options: stack.enter_context(closing(Daemon(requests, **options)))
+
+
+@pytest.fixture
+def no_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clients wait no longer than needed for a daemon that is not there."""
+    for kind in (GripClientBase, GripClient):
+        monkeypatch.setitem(kind.__init__.__kwdefaults__, "timeout_s", 0.05)
 
 
 @pytest.fixture

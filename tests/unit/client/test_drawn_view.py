@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slipd_client.live_view import LiveView, change_line
@@ -232,6 +232,7 @@ anything = st.recursive(
 terminals = st.builds(Terminal, st.integers(1, 120), st.integers(1, 60), st.booleans())
 
 
+@settings(max_examples=40)
 @given(st.sampled_from([*RIG, "status"]), terminals, st.data())
 def test_a_field_of_any_kind_is_drawn_within_the_terminal(topic: str, terminal: Terminal, data: st.DataObject) -> None:
     view, body = viewed(RIG), RIG[topic]

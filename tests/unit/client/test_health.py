@@ -238,6 +238,7 @@ def test_only_recordings_of_this_user_are_added(recording: Path, tmp_path: Path)
     assert made.parts == {}
 
 
+@pytest.mark.usefixtures("no_patience")
 def test_without_a_daemon_the_bundle_has_what_there_is(
     tmp_path: Path, call: Callable[..., tuple[int, str, str]]
 ) -> None:

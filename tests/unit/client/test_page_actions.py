@@ -74,6 +74,7 @@ async def test_a_key_that_may_only_read_is_known_before_the_first_request(daemon
     assert await requests.permission() == "read_only: this key may read but not request"
 
 
+@pytest.mark.usefixtures("no_patience")
 async def test_without_a_daemon_a_request_says_so(requests: str) -> None:
     page = PageRequests(requests)
     assert await page.permission() == ""

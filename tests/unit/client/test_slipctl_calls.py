@@ -16,7 +16,7 @@ import pytest
 from client_peers import PATIENCE_S, Daemon, refuse, until
 
 import slipd_client
-from slipd_client.grip import GripClient, Lease
+from slipd_client.grip import Lease
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.slipctl import COMMANDS
 
@@ -114,11 +114,9 @@ def test_help_and_wrong_arguments_need_no_zeromq() -> None:
         assert done.stderr.endswith("False\n")
 
 
+@pytest.mark.usefixtures("no_patience")
 @pytest.mark.parametrize("command", [["status"], ["tare", "take", "left"], ["grip", "set", "5"]])
-def test_without_a_daemon_every_request_fails_with_a_clear_line(
-    requests: str, command: list[str], call: Call, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(GripClient.__init__.__kwdefaults__, "timeout_s", 0.05)
+def test_without_a_daemon_every_request_fails_with_a_clear_line(requests: str, command: list[str], call: Call) -> None:
     complaint = f"slipctl: nobody accepts requests at {requests}; nothing was sent. Is slipd running?\n"
     assert call(*command, "--requests", requests) == (1, "", complaint)
 

@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, nullcontext
@@ -20,6 +19,7 @@ from terminals import PseudoTerminal
 from slipd_client import watch as module
 from slipd_client.messages.codec import typed_message
 from slipd_client.messages.schema.topics import Message
+from slipd_client.terminal import TerminalScreen
 from slipd_client.watch import watch
 
 Start = Callable[..., "subprocess.Popen[str]"]
@@ -108,20 +108,16 @@ def test_a_closed_output_pipe_is_not_an_error(publisher: Publisher, slipctl: Sta
     assert (process.returncode, process.stderr.read()) == (0, "")
 
 
-LOADS = [0.0] * 64 + [0.2] * 32 + [0.5] * 32
-"""Of 8 × 16 taxels: nothing presses on the half at −Y."""
+LEFT = b"\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
+"""What gives the terminal back."""
 
 
 def send_rig(publisher: Publisher) -> None:
     """Publish the state of two fingers on a gripper, as a daemon does."""
-    contact = {"centroid_m": [0.0, 0.006], "pole_m": [0.0, -0.003], "utilisation": 0.8, "normal_n": 10.0}
     for finger, level in (("left", "caution"), ("right", "slipping")):
-        publisher.send(f"slip.{finger}", finger=finger, level=level, reasons=["rotation"], **contact)
-        publisher.send(f"tactile.{finger}", finger=finger, rows=8, cols=16, pitch_m=0.0032, loads_n=LOADS)
+        publisher.send(f"slip.{finger}", finger=finger, level=level, reasons=["rotation"], normal_n=10.0)
     publisher.send("gripper", width_m=0.0425, force_command_n=12.0)
-    streams = {f"{finger}.{kind}": {"health": 0} for finger in ("left", "right") for kind in ("wrench", "pad")}
-    fingers = {finger: {"level": "stable"} for finger in ("left", "right")}
-    publisher.send("status", version="1.2.3", fingers=fingers, streams=streams)
+    publisher.send("status", version="1.2.3", fingers={key: {"level": "stable"} for key in ("left", "right")})
 
 
 @pytest.fixture
@@ -142,106 +138,55 @@ def watched(publisher: Publisher, slipctl: Start) -> Iterator[Callable[..., tupl
         yield start
 
 
-def test_ctrl_c_gives_the_terminal_back_with_the_last_view(
-    watched: Callable[..., tuple[PseudoTerminal, Any]], publisher: Publisher
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_end_gives_the_terminal_back_with_the_last_view(
+    watched: Callable[..., tuple[PseudoTerminal, Any]], publisher: Publisher, number: signal.Signals
 ) -> None:
     terminal, process = watched("xterm-256color")
     parts = {"slipd 1.2.3", "CAUTION", "SLIPPING", "width 42.5 mm", "normal 10.00 N"}
     terminal.wait_for(lambda lines: all(part in "\n".join(lines) for part in parts), lambda: send_rig(publisher))
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     assert process.wait(PATIENCE_S) == 130
     terminal.read_all()
-    _, _, after = terminal.sent.partition(b"\x1b[?1049l")
-    assert b"SLIPPING" in after
+    assert b"SLIPPING" in terminal.sent.partition(LEFT)[2]
     assert (terminal.cursor_hidden, process.stderr.read()) == (False, "")
+
+
+def test_ctrl_z_gives_the_terminal_back_until_the_program_goes_on(
+    watched: Callable[..., tuple[PseudoTerminal, Any]], publisher: Publisher
+) -> None:
+    terminal, process = watched("xterm-256color")
+    for _ in range(2):
+        before = len(terminal.sent)
+        terminal.wait_for(
+            lambda _, before=before: b"\x1b[?1049h" in terminal.sent[before:] and b"CAUTION" in terminal.sent[before:],
+            lambda: send_rig(publisher),
+        )
+        assert terminal.cursor_hidden
+        process.send_signal(signal.SIGTSTP)
+        assert os.WIFSTOPPED(os.waitpid(process.pid, os.WUNTRACED)[1])
+        terminal.read_all()
+        assert terminal.sent.endswith(LEFT)
+        process.send_signal(signal.SIGCONT)
 
 
 def test_a_dumb_terminal_gets_lines_without_escape_sequences(
     watched: Callable[..., tuple[PseudoTerminal, Any]], publisher: Publisher
 ) -> None:
     terminal, process = watched("dumb")
-    terminal.wait_for(lambda lines: "\n".join(lines).count("left caution") >= 2, lambda: send_rig(publisher))
+    terminal.wait_for(lambda lines: "left caution" in "\n".join(lines), lambda: send_rig(publisher))
     process.send_signal(signal.SIGINT)
     assert process.wait(PATIENCE_S) == 130
     assert b"\x1b" not in terminal.sent
 
 
-Run = Callable[[str], "subprocess.Popen[bytes]"]
-
-LEFT = b"\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
-
-PROGRAM = """
-import os, sys, time
-from slipd_client.terminal import TerminalScreen
-
-def size():
-    return os.get_terminal_size(sys.stdout.fileno())
-
-with TerminalScreen(sys.stdout) as screen:
-    {body}
-"""
-FOREVER = """
-while True:
-    screen.draw(["one", str(size().columns)], size())
-    time.sleep(0.02)
-"""
-
-
-@pytest.fixture
-def terminal() -> Iterator[PseudoTerminal]:
-    with PseudoTerminal(40, 6) as found:
-        yield found
-
-
-@pytest.fixture
-def run(terminal: PseudoTerminal) -> Iterator[Run]:
-    """Starts a program on the terminal, with these lines in the ``with`` statement of its screen."""
-    with ExitStack() as stack:
-
-        def start(body: str) -> subprocess.Popen[bytes]:
-            command = [sys.executable, "-c", PROGRAM.format(body=body.replace("\n", "\n    "))]
-            process = stack.enter_context(subprocess.Popen(command, stdout=terminal.slave, process_group=0))
-            stack.callback(process.kill)
-            os.close(terminal.slave)
-            return process
-
-        yield start
-
-
-def test_lines_are_drawn_over_those_before_and_only_what_changed_is_sent(terminal: PseudoTerminal, run: Run) -> None:
-    run(
-        """screen.draw(["same", "first", "third"], size())
-screen.draw(["same", "second"], size())
-time.sleep(60)"""
-    )
-    shown = terminal.wait_for(lambda lines: lines[1] == "second")
-    assert (shown[:3], terminal.sent.count(b"same")) == (["same", "second", ""], 1)
-    assert terminal.cursor_hidden
-
-
-def test_a_line_as_wide_as_the_terminal_neither_wraps_nor_loses_its_end(terminal: PseudoTerminal, run: Run) -> None:
-    run("""screen.draw(["x" * 39 + "!", "next"], size())\nscreen.draw(["x" * 60, "next"], size())\ntime.sleep(60)""")
-    assert terminal.wait_for(lambda lines: lines[1] == "next" and terminal.sent.count(b"x" * 60))[2] == ""
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_to_end_gives_the_terminal_back(terminal: PseudoTerminal, run: Run, number: signal.Signals) -> None:
-    process = run(FOREVER)
-    terminal.wait_for(lambda lines: lines[0] == "one")
-    process.send_signal(number)
-    process.wait(PATIENCE_S)
-    terminal.read_all()
-    assert (terminal.sent[-len(LEFT) :], terminal.cursor_hidden) == (LEFT, False)
-
-
-def test_ctrl_z_gives_the_terminal_back_until_the_program_goes_on(terminal: PseudoTerminal, run: Run) -> None:
-    process = run(FOREVER)
-    for _ in range(2):
-        before = len(terminal.sent)
-        terminal.wait_for(lambda _, before=before: b"one" in terminal.sent[before:])
-        assert (b"\x1b[?1049h" in terminal.sent[before:], terminal.cursor_hidden) == (True, True)
-        process.send_signal(signal.SIGTSTP)
-        assert os.WIFSTOPPED(os.waitpid(process.pid, os.WUNTRACED)[1])
-        terminal.read_all()
-        assert terminal.sent.endswith(LEFT)
-        process.send_signal(signal.SIGCONT)
+def test_only_what_changed_is_drawn_and_a_line_as_wide_as_the_terminal_neither_wraps_nor_loses_its_end() -> None:
+    size = os.terminal_size((40, 6))
+    with PseudoTerminal(*size) as terminal, os.fdopen(terminal.slave, "w") as slave, TerminalScreen(slave) as screen:
+        for lines in (["same", "first", "third"], ["same", "x" * 39 + "!", "next"], ["same", "x" * 60, "next"]):
+            screen.draw(lines, size)
+        shown = terminal.wait_for(lambda _: b"x" * 60 in terminal.sent)
+        assert (shown[:4], terminal.sent.count(b"same")) == (["same", "x" * 40, "next", ""], 1)
+        screen.draw(["same"], size)
+        assert terminal.wait_for(lambda lines: not lines[1])[:3] == ["same", "", ""]
+        assert terminal.cursor_hidden

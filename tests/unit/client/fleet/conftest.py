@@ -9,7 +9,7 @@ pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 from zenoh_peers import Router
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def router() -> Iterator[Router]:
     with Router() as router:
         yield router

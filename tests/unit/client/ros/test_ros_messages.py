@@ -59,7 +59,7 @@ def messages(kind: RosType) -> st.SearchStrategy[dict[str, Any]]:
 def test_the_bytes_of_any_message_are_those_of_rosbags(name: str) -> None:
     encoder = CdrEncoder(name, TYPES)
 
-    @settings(max_examples=25)
+    @settings(max_examples=10)
     @given(messages(TYPES[name]))
     def check(value: dict[str, Any]) -> None:
         assert encoder.encode(value) == bytes(STORE.serialize_cdr(built(STORE, name, value), TYPES[name].full_name))
