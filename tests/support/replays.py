@@ -97,6 +97,11 @@ def stored(name: str) -> list[Given]:
     return [Given(*json.loads(line)) for line in lines]
 
 
+def stored_messages(name: str) -> list[tuple[str, dict[str, Any]]]:
+    """Return topic and body of every message that it gave out then."""
+    return [(each.name, each.body) for each in stored(name) if each.kind == "message"]
+
+
 def store(name: str, found: list[Given]) -> None:
     """Store what is given out now as what is right."""
     lines = [json.dumps(_rounded(list(one)), separators=(",", ":"), ensure_ascii=False) for one in found]

@@ -74,6 +74,7 @@ def jerks(hand: Hand) -> Iterator[dict[str, Any]]:
 
 def disturbed(hand: Hand) -> Iterator[dict[str, Any]]:
     """Somebody holds on whenever the readings were missing, and lets go when asked."""
+    hand.hz = 60.0
     while True:
         yield from (*hand.rest(1.0), hand.body(0.05) | STALE, *hand.rest(0.2, 0.3))
 
@@ -105,7 +106,7 @@ def test_what_never_ends_by_itself_ends_with_its_reason_and_goes_on_afterwards(
         guided.play(trouble(hand))
     assert not_counted in (None, sum("not counted" in line for line in guided.said))
     guided.resume()
-    hand.mu_s, hand.mu_d = 0.6, 0.45
+    hand.mu_s, hand.mu_d, hand.hz = 0.6, 0.45, Hand.hz
     if "right" not in why:
         guided.play([*hand.once(), *hand.once()])
         assert guided.done

@@ -37,7 +37,7 @@ Body = dict[str, Any]
 def published() -> dict[str, list[Body]]:
     """Bodies of the messages of a run, by topic."""
     found: dict[str, list[Body]] = {}
-    for topic, body in replays.messages("demo"):
+    for topic, body in replays.stored_messages("demo"):
         found.setdefault(topic, []).append(body)
     return found
 

@@ -163,7 +163,9 @@ Converted = list[tuple[str, dict[str, Any], RosMessage]]
 @pytest.fixture(scope="module")
 def published() -> list[tuple[str, dict[str, Any]]]:
     """Topic and body of every message of some runs."""
-    return [message for name in ("demo", "requests", "papillarray", "reflex") for message in replays.messages(name)]
+    return [
+        message for name in ("demo", "requests", "papillarray", "reflex") for message in replays.stored_messages(name)
+    ]
 
 
 @pytest.fixture(scope="module")
