@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
-import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
@@ -48,10 +47,7 @@ async def served(live: bool = True) -> AsyncIterator[str]:
 async def get(url: str, path: str, **headers: str) -> tuple[int, bytes, dict[str, str]]:
     def ask() -> tuple[int, bytes, dict[str, str]]:
         connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=PATIENCE_S)
-        connection.putrequest("GET", path, skip_host="Host" in headers)
-        for name, value in headers.items():
-            connection.putheader(name, value)
-        connection.endheaders()
+        connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
         return answer.status, answer.read(), dict(answer.getheaders())
 
@@ -76,19 +72,29 @@ async def test_every_file_of_the_page_is_served_within_the_budget() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/nothing", "/../page_server.py", "/%2e%2e/site.py", "//etc/passwd", "/vendor/", "/data/some"]
+    ("path", "host", "status"),
+    [
+        *(
+            (path, None, HTTPStatus.NOT_FOUND)
+            for path in (
+                *("/nothing", "/../page_server.py", "/%2e%2e/site.py"),
+                *("//etc/passwd", "/vendor/", "/data/some"),
+            )
+        ),
+        *(
+            ("/", host, HTTPStatus.FORBIDDEN)
+            for host in (
+                *("evil.example", "evil.example:8710", "127.0.0.1.evil.example"),
+                *("", "a b", "user@127.0.0.1"),
+            )
+        ),
+    ],
 )
-async def test_nothing_else_is_served(path: str) -> None:
+async def test_nothing_else_is_served_and_nothing_under_a_name_of_another_machine(
+    path: str, host: str | None, status: HTTPStatus
+) -> None:
     async with served() as url:
-        assert (await get(url, path))[0] == HTTPStatus.NOT_FOUND
-
-
-@pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:8710", "127.0.0.1.evil.example", "", "a b", "user@127.0.0.1"]
-)
-async def test_a_name_of_another_machine_is_refused(host: str) -> None:
-    async with served() as url:
-        assert (await get(url, "/", Host=host))[0] == HTTPStatus.FORBIDDEN
+        assert (await get(url, path, **({} if host is None else {"Host": host})))[0] == status
 
 
 @pytest.mark.parametrize(
@@ -120,11 +126,10 @@ async def test_data_and_settings_need_the_token() -> None:
 
 
 async def test_a_port_in_use_is_an_error_that_names_another() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+    async with served() as url:
+        port = urlsplit(url).port
         with pytest.raises(CallError, match=rf"127.0.0.1:{port}.*in use.*--listen 127.0.0.1:0 takes any free port"):
-            async with PageServer(ListenAddress("127.0.0.1", port), Site({})).serving():
-                pytest.fail("it was served")
+            await PageServer(ListenAddress("127.0.0.1", port), Site({})).serving().__aenter__()
 
 
 def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[bytes]:
@@ -314,14 +319,11 @@ async def test_buttons_are_for_this_machine_only_unless_they_are_asked_for(
                 await reply(guide, "unavailable")
 
 
-@pytest.mark.parametrize(("listen", "buttons"), [("0.0.0.0:0", None), ("127.0.0.1:0", False)])
-async def test_pads_are_pressed_only_on_a_page_with_buttons(listen: str, buttons: bool | None, tmp_path: Path) -> None:
-    with pytest.raises(CallError, match="--emulation needs a page with buttons"):
-        await view(None, None, parse_listen(listen), buttons=buttons, emulation=tmp_path)
-
-
-async def test_an_emulation_that_is_not_there_yet_is_named_with_its_command(
+async def test_pads_are_pressed_only_on_a_page_with_buttons_and_an_emulation_that_is_not_there_yet_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    for listen, buttons in (("0.0.0.0:0", None), ("127.0.0.1:0", False)):
+        with pytest.raises(CallError, match="--emulation needs a page with buttons"):
+            await view(None, None, parse_listen(listen), buttons=buttons, emulation=tmp_path)
     async with opened(capsys, None, None, LOOPBACK, emulation=tmp_path) as (_, warned):
         assert warned == f"no emulation runs in {tmp_path} yet: slipd emulate CONFIG --dir {tmp_path}\n"

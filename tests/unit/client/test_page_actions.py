@@ -19,28 +19,43 @@ from slipd_client.page.page_server import COMMISSION_PATH, PageServer, Site
 from slipd_client.page.requests_of_page import SOCKET, EmulatedHand, PageRequests
 from slipd_client.page.view_command import CommissionPage
 
-
-async def test_the_grip_force_is_changed_under_a_lease(daemon: Daemon) -> None:
-    daemon.handlers["grip.adjust"] = lambda request: {"applied_n": 11.0 + request["delta_n"]}
-    said = await PageRequests(daemon.endpoint).carry_out('{"do": "adjust", "delta_n": -1}')
-    assert said == {"ok": True, "text": "grip force -1 N: the gripper was sent 10.0 N on each pad"}
-    assert daemon.asked_ops == ["lease.acquire", "grip.adjust", "lease.release"]
+BEGUN = {"finger": "left", "seconds": 0.01, "verified": False, "tare_id": 3, "tare_ids": {"wrench": 3}}
+TAKEN = {"tare_id": 4, "busy": False, "finger": "left", "stream": "wrench"}
 
 
-async def test_a_tare_reports_what_was_taken(daemon: Daemon) -> None:
-    begun = {"finger": "left", "seconds": 0.01, "verified": False, "tare_id": 3, "tare_ids": {"wrench": 3}}
-    taken = {"taken_t_ns": 1, "readings": 9, "offset": [0.0], "by": "page", "finger": "left", "stream": "wrench"}
-    daemon.handlers["tare"] = lambda _: begun
-    daemon.handlers["tare.get"] = lambda _: taken | {"tare_id": 4, "busy": False}
-    said = "left: zero taken of wrench (tare 4); the daemon does not know whether anything touched the finger"
-    found = await PageRequests(daemon.endpoint).carry_out('{"do": "tare", "finger": "left"}')
-    assert found == {"ok": True, "text": said}
-
-
-async def test_a_refusal_is_shown_in_the_words_of_the_daemon(daemon: Daemon) -> None:
-    daemon.handlers["lease.acquire"] = refuse("lease_held", "another client holds the lease")
-    said = await PageRequests(daemon.endpoint).carry_out('{"do": "adjust", "delta_n": 1}')
-    assert said == {"ok": False, "text": "lease_held: another client holds the lease"}
+@pytest.mark.parametrize(
+    ("answers", "text", "reply", "asked"),
+    [
+        (
+            {"grip.adjust": lambda request: {"applied_n": 11.0 + request["delta_n"]}},
+            '{"do": "adjust", "delta_n": -1}',
+            {"ok": True, "text": "grip force -1 N: the gripper was sent 10.0 N on each pad"},
+            ["lease.acquire", "grip.adjust", "lease.release"],
+        ),
+        (
+            {"tare": lambda _: BEGUN, "tare.get": lambda _: TAKEN},
+            '{"do": "tare", "finger": "left"}',
+            {
+                "ok": True,
+                "text": "left: zero taken of wrench (tare 4); "
+                "the daemon does not know whether anything touched the finger",
+            },
+            ["tare", "tare.get"],
+        ),
+        (
+            {"lease.acquire": refuse("lease_held", "another client holds the lease")},
+            '{"do": "adjust", "delta_n": 1}',
+            {"ok": False, "text": "lease_held: another client holds the lease"},
+            ["lease.acquire"],
+        ),
+    ],
+)
+async def test_a_request_is_carried_out_and_its_reply_is_in_words(
+    daemon: Daemon, answers: dict[str, Any], text: str, reply: dict[str, Any], asked: list[str]
+) -> None:
+    daemon.handlers |= answers
+    assert await PageRequests(daemon.endpoint).carry_out(text) == reply
+    assert daemon.asked_ops == asked
 
 
 @pytest.mark.parametrize(
@@ -92,19 +107,19 @@ PRESS: dict[str, Any] = {
 
 
 class Emulation:
-    """The local socket of an emulation; ``answers`` maps the first word of a line to its answer, None: no answer."""
+    """The local socket of an emulation; ``answers`` maps the first word of a line to its answer, "": no answer."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.open = 0
-        self.answers: dict[str, str | None] = {"show": "left: nothing touches\nright: nothing touches\nok\n"}
+        self.answers = {"show": "left: nothing touches\nright: nothing touches\nok\n"}
 
     async def serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.open += 1
         with suppress(ConnectionError):
             while line := (await reader.readline()).decode().rstrip("\n"):
                 self.lines.append(line)
-                writer.write((self.answers.get(line.split()[0], "ok\n") or "").encode())
+                writer.write(self.answers.get(line.split()[0], "ok\n").encode())
         writer.close()
         self.open -= 1
 
@@ -163,35 +178,33 @@ class Page:
     """What a browser is told of the hand."""
 
     def __init__(self) -> None:
-        self.told: list[list[str]] = []
+        self._told: asyncio.Queue[Any] = asyncio.Queue()
 
     async def send(self, text: str) -> None:
-        self.told.append(json.loads(text)["hand"])
+        await self._told.put(json.loads(text)["hand"])
 
-    async def until(self, *told: list[str]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while self.told != list(told):  # noqa: ASYNC110 - the hand decides when it looks
-                await asyncio.sleep(0.005)
+    async def told(self) -> Any:
+        return await asyncio.wait_for(self._told.get(), PATIENCE_S)
 
 
 async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_that_is_late(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(requests_of_page, "LOOK_S", 0.005)
-    hand, page, both = EmulatedHand(tmp_path), Page(), ["left", "right"]
+    hand, page = EmulatedHand(tmp_path), Page()
     telling = asyncio.create_task(hand.tell(page))  # type: ignore[arg-type]
-    await page.until([])
+    assert await page.told() == []
     async with emulating(tmp_path):
-        await page.until([], both)
-    await page.until([], both, [])
+        assert await page.told() == ["left", "right"]
+    assert await page.told() == []
     async with emulating(tmp_path) as emulation:
-        await page.until([], both, [], both)
+        assert await page.told() == ["left", "right"]
         monkeypatch.setattr(requests_of_page, "ANSWER_S", 0.01)
-        emulation.answers["press"] = emulation.answers["show"] = None
+        emulation.answers |= {"press": "", "show": ""}
         said = await hand.touch(json.dumps(PRESS))
         assert said["text"].startswith("the emulation has ended, or does not answer")
         assert await hand.look() == ("left", "right"), "the page would forget place and focus"
-        await page.until([], both, [], both)
+    assert await page.told() == [], "and nothing before it ended"
     telling.cancel()
     await asyncio.gather(telling, return_exceptions=True)
 

@@ -19,7 +19,7 @@ from ros_peers import built, plain, typestore
 
 import slipd_client.ros
 from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.topics import TOPICS, Grasp
+from slipd_client.messages.schema.topics import TOPICS
 from slipd_client.ros.cdr import CdrEncoder, CdrError
 from slipd_client.ros.conversion import TYPES, PadFrames, RosMessage, encode, ros_messages, schema, stamp_ns
 from slipd_client.ros.message_package import files, main
@@ -34,21 +34,16 @@ TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"
 
 
 def values(field: RosField) -> st.SearchStrategy[Any]:
-    single = singles(field.type)
+    kind = field.type
+    if kind in TYPES:
+        single: st.SearchStrategy[Any] = messages(TYPES[kind])
+    elif kind in ("string", "bool"):
+        single = TEXTS if kind == "string" else st.booleans()
+    else:
+        single = st.integers(*BITS[kind]) if kind in BITS else st.floats(width=32 if kind == "float32" else 64)
     if field.length is None:
         return single
-    length = {"max_size": 5} if field.length < 0 else {"min_size": field.length, "max_size": field.length}
-    return st.lists(single, **length)
-
-
-def singles(kind: str) -> st.SearchStrategy[Any]:
-    if kind in TYPES:
-        return messages(TYPES[kind])
-    if kind == "string":
-        return TEXTS
-    if kind == "bool":
-        return st.booleans()
-    return st.integers(*BITS[kind]) if kind in BITS else st.floats(width=32 if kind == "float32" else 64)
+    return st.lists(single, min_size=max(field.length, 0), max_size=5 if field.length < 0 else field.length)
 
 
 def messages(kind: RosType) -> st.SearchStrategy[dict[str, Any]]:
@@ -104,9 +99,6 @@ def test_a_type_without_fields_with_an_undeclared_one_or_with_another_line_is_re
         type_from_text("t/Odd", "int32 x\nfloat64")
 
 
-STORE = typestore()
-
-
 @pytest.mark.parametrize("name", sorted(TYPES))
 def test_the_hash_of_a_type_is_that_of_rosbags(name: str) -> None:
     assert type_hash(name, TYPES) == STORE.hash_rihs01(TYPES[name].full_name)
@@ -147,8 +139,6 @@ def test_the_command_says_why_it_wrote_nothing(tmp_path: Path, capsys: pytest.Ca
     with pytest.raises(SystemExit):
         main([])
 
-
-STORE = typestore()
 
 PLACES = {
     "left": {"positions": [[0.0, 0.0, 0.0, 0.0], [0.08, 0.0, 0.04, 0.0]], "quat_xyzw": [1, -1, 1, 1]},
@@ -197,39 +187,39 @@ def test_two_other_libraries_decode_every_value(converted: Converted) -> None:
                 assert same(plain(found, name), message.value)
 
 
+UNKNOWN: dict[str, Any] = {"string": "unknown", "int32": -1, "int8": -1}
+
+
+def time(t_ns: int) -> dict[str, int]:
+    return dict(zip(("sec", "nanosec"), divmod(t_ns, 10**9), strict=True))
+
+
+def in_ros(kind: RosField, wire: Any) -> Any:
+    """Return what stands in a ROS message for a value of the wire."""
+    if kind.type == "geometry_msgs/Point":
+        return [{"x": x, "y": y, "z": 0.0} for x, y in wire or ()]
+    if kind.type in ("slipd_msgs/NamedNumber", "slipd_msgs/NamedWords"):
+        return [{"name": name, TYPES[kind.type].fields[1].name: each} for name, each in (wire or {}).items()]
+    if kind.type in TYPES:
+        fields = TYPES[kind.type].fields
+        parts = [{each.name: in_ros(each, part[each.name]) for each in fields} for part in ([wire] if wire else [])]
+        return parts[0] if kind.length is None else parts
+    if wire is None:
+        single = "" if kind.name == "unknown" else UNKNOWN.get(kind.type, math.nan)
+        return single if kind.length is None else [single] * max(kind.length, 0)
+    return wire
+
+
 def test_every_field_of_a_message_of_slipd_is_in_its_ros_message(converted: Converted) -> None:
-    unknown: dict[str, Any] = {"string": "unknown", "int32": -1, "int8": -1}
     for topic, body, (_, name, value) in converted:
         cls = TOPICS[topic.partition(".")[0]]
-        if name.partition("/")[2] != NAMES.get(cls):
-            continue
-        types = {field.name: field for field in TYPES[name].fields}
-        assert value["header"]["frame_id"] == body["frame"]
-        assert value["header"]["stamp"] == dict(zip(("sec", "nanosec"), divmod(stamp_ns(body), 10**9), strict=True))
-        assert value["t"]["sec"] * 10**9 + value["t"]["nanosec"] == body["t_ns"]
-        if cls is Grasp:
-            assert value["state_t"]["sec"] * 10**9 + value["state_t"]["nanosec"] == body["state_t_ns"]
-        for key in {field.name for field in fields_of(cls)} - {"v", "timestamp", "frame", "t_ns", "state_t_ns"}:
-            wire, ros, kind = body[key], value[key], types[key]
-            if wire is None and kind.length is None:
-                assert same(ros, unknown.get(kind.type, math.nan))
-            elif wire is None:
-                assert same(ros, [] if kind.length == -1 else [math.nan] * (kind.length or 0))
-            elif kind.type == "geometry_msgs/Point":
-                assert [[point["x"], point["y"]] for point in ros] == wire
-            elif kind.type == "slipd_msgs/ReflexAct":
-                assert ros == [wire]
-            elif kind.type == "slipd_msgs/HeldObject":
-                assert same(ros["mass_kg"], math.nan if wire["mass_kg"] is None else wire["mass_kg"])
-                assert same(ros["com_m"], wire["com_m"] or [math.nan] * 3)
-                assert ros["unknown"] == wire["unknown"]
-            elif kind.type == "slipd_msgs/LeaseStatus":
-                assert same(ros["expires_in_s"], math.nan if wire["expires_in_s"] is None else wire["expires_in_s"])
-                assert ros["held"] is wire["held"]
-            elif kind.type in ("slipd_msgs/NamedNumber", "slipd_msgs/NamedWords"):
-                assert {each["name"]: each.get("value", each.get("words")) for each in ros} == wire
-            else:
-                assert same(ros, wire)
+        if name.partition("/")[2] == NAMES.get(cls):
+            types = {field.name: field for field in TYPES[name].fields}
+            keys = {field.name for field in fields_of(cls)} - {"v", "timestamp", "frame"}
+            times = {key.removesuffix("_ns"): time(body[key]) for key in keys if key.endswith("t_ns")}
+            others = {key: in_ros(types[key], body[key]) for key in keys if not key.endswith("t_ns")}
+            header = {"frame_id": body["frame"], "stamp": time(stamp_ns(body))}
+            assert same(value, {"header": header, **times, **others})
 
 
 def test_stock_messages_carry_wrench_contact_and_image(converted: Converted) -> None:
