@@ -67,10 +67,10 @@ class CommissionTerminal:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def follow(self) -> int:
-        """Run the command, do what it asks for, and return its exit code."""
+    def follow(self, *options: str, until: str = "never") -> int:
+        """Run the command, do what it asks for, press Ctrl-C at a line that begins so, and return the exit code."""
         master, slave = os.openpty()
-        command = [sys.executable, "-m", "slipd", "commission", str(self.config)]
+        command = [sys.executable, "-m", "slipd", "commission", str(self.config), *options]
         environment = os.environ | {"SLIPD_RUNTIME_DIR": str(self._folder / "run")}
         with subprocess.Popen(
             command, stdin=slave, stdout=slave, stderr=slave, env=environment, start_new_session=True
@@ -79,7 +79,10 @@ class CommissionTerminal:
             try:
                 for line in _lines_of(master):
                     self.lines.append(line)
-                    self._obey(line, master)
+                    if line.startswith(until):
+                        process.send_signal(signal.SIGINT)
+                    else:
+                        self._obey(line, master)
                 return process.wait(ENDS_S)
             finally:
                 os.close(master)

@@ -130,9 +130,14 @@ class ViewedRig:
         with part(self._folder, *view) as process:
             yield first_line(process).partition(": ")[2]
 
+    @property
+    def requests(self) -> str:
+        """Endpoint of the daemon for requests."""
+        return self._endpoints.requests
+
     def client(self) -> GripClient:
         """Return a client for requests."""
-        return GripClient(self._endpoints.requests, keys=self._keys(), timeout_s=5.0)
+        return GripClient(self.requests, keys=self._keys(), timeout_s=5.0)
 
     def _keys(self) -> Keys | None:
         keys = self._folder / "keys"

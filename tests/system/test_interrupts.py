@@ -54,7 +54,6 @@ def interrupted(callback: str, *command: str, **variables: str) -> tuple[int, st
     [
         (["replay", "RECORDING"], 130, "slipd: interrupted\n"),
         (["view", "RECORDING", "--listen", "127.0.0.1:0"], 130, ""),
-        (["plot", "RECORDING", "--out", "FOLDER/run.html"], 130, "slipd: interrupted\n"),
         (
             ["evaluate", "RECORDING", "--results", "FOLDER"],
             130,

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from daemon_peers import PATIENCE_S, Device, until
 from gripper_table import gripper_table
@@ -56,43 +55,7 @@ async def test_a_port_that_is_missing_is_reported_and_read_once_it_comes_and_the
         await until(lambda: client.hear("tactile.left"), rig.send)
 
 
-async def test_garbage_on_a_line_is_counted_and_what_follows_is_read(rig: Rig) -> None:
-    garbage = np.random.default_rng(7).bytes(300)
-
-    def noise() -> None:
-        rig.wrench.send(garbage)
-        rig.pad.send(garbage)
-
-    def counted() -> bool:
-        streams = client.hear("status")[-1]["streams"] if client.hear("status") else {}
-        return bool(streams) and all(stream["bad_bytes"] > 1000 for stream in streams.values())
-
-    async with serving(rig.config) as client:
-        await until(counted, noise)
-        assert client.hear("wrench.left") == []
-        await until(lambda: client.hear("wrench.left"), rig.send)
-        await until(lambda: client.hear("tactile.left"), rig.send)
-
-
-async def test_a_sensor_that_is_unplugged_makes_its_finger_unknown_until_it_is_back(rig: Rig) -> None:
-    async with serving(rig.config) as client:
-        await until(lambda: [s for s in client.hear("slip.left") if s["level"] == "stable"], rig.send)
-        rig.wrench.unplug()
-        await until(lambda: client.newest("warning").get("reasons") == ["stale"])
-        rig.wrench.plug()
-        await until(lambda: client.newest("warning")["level"] == "stable", rig.send)
-        await until(lambda: client.newest("status")["streams"]["left.wrench"]["reconnects"] == 1, rig.send)
-
-
-async def test_endpoints_of_the_config_need_no_runtime_directory(rig: Rig, runtime: Path) -> None:
-    bus = '[bus]\npublish = "tcp://127.0.0.1:*"\nrequests = "tcp://127.0.0.1:*"\nallow_local_tcp = true\n'
-    with_bus = config.parse(rig.file.read_text(encoding="utf-8") + bus, "rig.toml")
-    async with serving(with_bus) as client:
-        await until(lambda: client.hear("wrench.left"), rig.send)
-    assert left_in(runtime) is None
-
-
-async def test_over_tcp_each_key_may_do_what_its_list_permits(rig: Rig, tmp_path: Path) -> None:
+async def test_over_tcp_each_key_may_do_what_its_list_permits(rig: Rig, tmp_path: Path, runtime: Path) -> None:
     keys = tmp_path / "keys"
     for name in ("daemon", "reader", "requester"):
         create(name, keys)
@@ -126,6 +89,7 @@ requesters = "{tmp_path}/requesters"
         assert await asyncio.to_thread(ask, keyless.endpoints.requests, "reader") == "read_only"
         assert await asyncio.to_thread(listen, keyless.endpoints.publish) == "status"
         assert not keyless.hear("status")
+    assert left_in(runtime) is None, "its endpoints need no runtime directory"
 
 
 async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from daemon_peers import until
@@ -19,55 +18,42 @@ from slipd.service_run import Endpoints
 from slipd_client.messages import decode, encode
 
 
-async def test_what_was_recorded_replays_as_it_was_published(rig: Rig, tmp_path: Path) -> None:
-    async with serving(rig.config, record=tmp_path / "run.mcap") as client:
+async def test_every_recording_of_a_run_is_complete_and_replays_as_it_was_published(rig: Rig, tmp_path: Path) -> None:
+    """That of the run, one that a client asks for, and what happened before a warning."""
+    folder = tmp_path / "kept"
+    limits = f'[recording]\ndirectory = "{folder}"\n[recording.incidents]\nenabled = true\nafter_s = 0.2\n'
+
+    def slide() -> None:
+        rig.pad.send_image()
+        rig.wrench.send_wrench(2.1)
+
+    def saved() -> list[Path]:
+        """Incidents that are closed: several where readings came late, and the finger was stale in between."""
+        found = ((path, path.read_bytes()) for path in folder.glob("incident-*-left-*.mcap"))
+        return [path for path, data in found if len(data) > 1000 and data.endswith(MCAP0_MAGIC)]
+
+    settings = config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")
+    async with serving(settings, record=tmp_path / "run.mcap") as client:
         await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
-        rig.wrench.unplug()
-        client.ask(op="status")
-        await until(client.answer)
-        await until(lambda: client.newest("warning").get("reasons") == ["stale"])
-        live = [(topic, body) for topic, body in client.heard]
-    recording = open_recording(tmp_path / "run.mcap")
-    replayed = list(replay(recording))
-    assert recording.complete
-    assert [(topic, encode(body)) for topic, body in replayed] == list(open_recording(tmp_path / "run.mcap").messages())
-    heard = {(topic, body["seq"]): body for topic, body in live}
-    assert all(body == heard.get((topic, body["seq"]), body) for topic, body in replayed)
-    assert {(topic, body["seq"]) for topic, body in replayed} >= set(heard)
-
-
-async def test_a_recording_that_a_client_asks_for_holds_what_it_was_sent(
-    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
-    async with serving(rig.config) as client:
-        await until(lambda: client.hear("slip.left"), rig.send)
-        result = (await asked(client, "record.start"))["result"]
-        name, path = result["name"], str(tmp_path / "state" / result["name"])
-        assert result["path"] == path
-        begun_ns = (await asked(client, "hello"))["result"]["t_ns"]
-
-        def recorded_slips() -> list[dict[str, Any]]:
-            """What was published since the reply; some of what was published before it arrives later."""
-            return [body for body in client.hear("slip.left") if body["t_ns"] > begun_ns]
-
-        await until(lambda: len(recorded_slips()) > 5, rig.send)
-        client.ask(op="status")
-        recording = (await until(client.answer))["result"]["recording"]
-        assert recording == {
-            "name": name,
-            "path": path,
-            "state": "running",
-            "running": True,
-            "failure": None,
-            "lost": 0,
-        }
-        heard = [encode(body) for body in recorded_slips()]
-    recorded = open_recording(tmp_path / "state" / name)
-    told = [payload for topic, payload in recorded.messages() if topic == "slip.left"]
-    assert recorded.complete
-    assert set(heard) <= set(told)
-    assert len(list(replay(recorded))) > 10, "its links are open, so its readings are heard"
+        requested = (await asked(client, "record.start"))["result"]
+        recording = (await asked(client, "status"))["result"]["recording"]
+        assert recording == requested | {"state": "running", "running": True, "failure": None, "lost": 0}
+        await until(saved, slide)
+        heard = {(topic, encode(body)) for topic, body in client.heard}
+        boot = client.newest("status")["boot"]
+    recorded = {path: open_recording(path) for path in (tmp_path / "run.mcap", folder / requested["name"], *saved())}
+    assert all(recording.complete for recording in recorded.values())
+    run, asked_for, *incidents = (list(recording.messages()) for recording in recorded.values())
+    assert heard <= {*run}
+    for published in (asked_for, *incidents):
+        begin = run.index(published[0])
+        assert run[begin : begin + len(published)] == published, "a part of the run"
+    for path, published in zip(saved(), incidents, strict=True):
+        warnings = [decode(payload) for topic, payload in published if topic == "warning"]
+        assert boot in path.name
+        assert any(body["level"] == path.stem.rpartition("-")[2] for body in warnings)
+    replayed = [(topic, encode(body)) for topic, body in replay(recorded[tmp_path / "run.mcap"])]
+    assert replayed == run, "nothing was dropped"
 
 
 @pytest.mark.parametrize("scheme", ["ipc", "tcp"])
@@ -107,31 +93,3 @@ async def test_a_recording_that_cannot_be_created_is_refused_before_the_kernels_
     with pytest.raises(RecordingError, match=rf"{record}: (exists already|cannot be created: there is no folder)"):
         await service.serve(rig.config, record=tmp_path / record)
     assert (tmp_path / "run.mcap").read_bytes() == b"precious"
-
-
-async def test_what_happened_before_a_warning_is_saved_and_replays(rig: Rig, tmp_path: Path) -> None:
-    folder = tmp_path / "kept"
-    limits = f'[recording]\ndirectory = "{folder}"\n[recording.incidents]\nenabled = true\nafter_s = 0.2\n'
-
-    def slide() -> None:
-        rig.pad.send_image()
-        rig.wrench.send_wrench(2.1)
-
-    def saved() -> list[Path]:
-        found = ((path, path.read_bytes()) for path in folder.glob("incident-*-left-*.mcap"))
-        return [path for path, data in found if len(data) > 1000 and data.endswith(MCAP0_MAGIC)]
-
-    async with serving(config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")) as client:
-        await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
-        await until(saved, slide)
-        boot = client.hear("status")[-1]["boot"]
-    for path in saved():  # more than one where the readings came late, and the finger was stale in between
-        level = path.stem.rpartition("-")[2]
-        assert boot in path.name
-        recording = open_recording(path)
-        published = list(recording.messages())
-        assert recording.complete
-        warnings = [decode(payload) for topic, payload in published if topic == "warning"]
-        assert any(body["level"] == level for body in warnings)
-        replayed = [(topic, encode(body)) for topic, body in replay(open_recording(path))]
-        assert replayed == published, "nothing was dropped"

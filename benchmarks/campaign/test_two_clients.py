@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from campaign.two_clients import walk
 from gripper_peers import PEERS, Peer
-from motions.two_clients import walk
 
 from slipd.gripper import motion_gate
 from slipd.requests.handlers import RequestHandlers
 
-pytestmark = [pytest.mark.no_cover, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.timeout(600)
 
 EACH = pytest.mark.parametrize("jaws", PEERS.values(), ids=PEERS.keys())
 
