@@ -104,12 +104,10 @@ def test_a_user_outside_the_group_is_told_to_join_it(directory: Path) -> None:
 
 
 @pytest.fixture
-def shared(tmp_path: Path) -> Path:
+def shared(directory: Path) -> Path:
     """A folder like /tmp, in which every user may create names, and which every user can reach."""
-    folder = tmp_path / "shared"
-    folder.mkdir()
-    folder.chmod(0o1777)
-    return folder
+    directory.chmod(0o1777)
+    return directory
 
 
 @pytest.fixture
@@ -120,20 +118,7 @@ def home(shared: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-@pytest.fixture
-def reached(tmp_path: Path) -> Iterator[None]:
-    """Let another user reach the folders of this test."""
-    modes = {folder: stat.S_IMODE(folder.stat().st_mode) for folder in (tmp_path, *tmp_path.parents)}
-    closed = {folder: mode for folder, mode in modes.items() if not mode & stat.S_IXOTH}
-    for folder, mode in closed.items():
-        folder.chmod(mode | stat.S_IXOTH)
-    yield
-    for folder, mode in closed.items():
-        folder.chmod(mode)
-
-
 @needs_root
-@pytest.mark.usefixtures("reached")
 @pytest.mark.parametrize("made", [("mkdir", "-m", "0777"), ("ln", "-s", "..")])
 def test_Z7_a_folder_that_another_user_made_first_is_refused(made: tuple[str, ...], home: Path) -> None:
     subprocess.run([*made, str(home)], user=SOMEBODY, group=SOMEBODY, extra_groups=[], check=True)

@@ -24,9 +24,6 @@ from slipd_client.messages import (
     decode,
     encode,
     level_code,
-    slip_topic,
-    tactile_topic,
-    wrench_topic,
 )
 from slipd_client.messages.codec import read, typed_message
 from slipd_client.messages.typed import (
@@ -236,10 +233,6 @@ def test_levels_have_the_words_of_the_wire_and_an_order_in_which_unknown_is_not_
     ]
     with pytest.raises(ValueError, match=r"no_contact, stable.*'fine'"):
         level_code("fine")
-
-
-def test_topics_of_a_finger_are_its_kind_and_name() -> None:
-    assert (slip_topic("a"), wrench_topic("a"), tactile_topic("a")) == ("slip.a", "wrench.a", "tactile.a")
 
 
 SECOND = 10**9

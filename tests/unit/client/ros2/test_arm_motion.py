@@ -27,7 +27,6 @@ from slipd_client.ros2.orientation import (
     OrientationUnknown,
     Pose,
     TransformTree,
-    pad_gravities,
 )
 
 Vector = NDArray[np.float64]
@@ -162,10 +161,6 @@ def test_rotation_vectors_are_those_of_scipy(angle: float) -> None:
     assert Rotation.from_quat(of_rotation_vector(turn)).as_rotvec() == pytest.approx(turn, abs=1e-12)
 
 
-PADS = {"left": (0.5, -0.5, 0.5, 0.5), "right": (-0.5, -0.5, -0.5, 0.5)}
-DOWN_MPS2 = np.array([0.0, 0.0, -9.80665])
-
-
 def imu(rotation: Rotation, stamp_ns: int = 1, variance: float = 0.0) -> Any:
     orientation = named(rotation.as_quat())
     return SimpleNamespace(header=header(stamp_ns), orientation=orientation, orientation_covariance=[variance] * 9)
@@ -238,10 +233,3 @@ def test_an_imu_gives_the_orientation_of_the_gripper_it_is_mounted_on() -> None:
         source.orientation(5.01 + STALE_S)
     with pytest.raises(OrientationUnknown, match=r"/imu has no orientation \(orientation_covariance\[0\] is -1\)"):
         source.add(imu(gripper, 2, variance=-1.0), 6.0)
-
-
-def test_gravity_in_the_pads_points_down_in_the_world() -> None:
-    gripper = Rotation.random(random_state=7)
-    for finger, gravity_mps2 in pad_gravities(tuple(gripper.as_quat()), PADS).items():
-        in_world = (gripper * Rotation.from_quat(PADS[finger])).apply(gravity_mps2)
-        assert in_world == pytest.approx(DOWN_MPS2, abs=1e-9)
