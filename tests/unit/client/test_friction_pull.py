@@ -72,6 +72,12 @@ def slip_within_a_gap(hand: Hand) -> Bodies:
     return [*at_rest, *slid[-100:]]
 
 
+def slid(count: int) -> Story:
+    """Slide for this many readings; four of them come within SETTLE_S of the peak."""
+    hand = Hand(hz=240.0)
+    return lambda _: [*hand.rest(), *hand.pull(slides_s=count / hand.hz), *hand.rest()]
+
+
 def stale_at_rest(hand: Hand) -> Bodies:
     return [*hand.rest(), hand.body(0.05) | STALE, *hand.rest()]
 
@@ -93,7 +99,10 @@ def slide_that_ends_in_a_gap(hand: Hand) -> Bodies:
         ],
         (creeping, [SAMPLE], "pull"),
         (lambda hand: changed([*hand.once()], 290, required_friction=3.0), [SAMPLE], "pull"),
-        (lambda hand: [*hand.rest(), *hand.pull(slides_s=0.04), *hand.rest()], ["0.60, None"], "pull"),
+        (slid(12), [SAMPLE], "pull"),
+        (slid(11), ["0.60, None"], "pull"),
+        (lambda hand: [*hand.rest(), *hand.pull(0.3), *hand.rest()], [SAMPLE], "pull"),
+        (lambda hand: [*hand.rest(), *hand.pull(0.25), *hand.rest()], ["the pull grew within 140 ms"], "pull"),
         (uneven, ["0.60, None"], "pull"),
         (lambda hand: [body | {"level": "unknown", "reasons": ["no_mu"]} for body in hand.once()], [SAMPLE], None),
         (lambda hand: [*hand.rest(), *hand.pull(), hand.body(0.0) | GONE], [SAMPLE], "grip"),

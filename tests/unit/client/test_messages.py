@@ -247,6 +247,13 @@ def test_the_clock_of_a_daemon_is_unknown_before_the_first_reply_and_after_anoth
     assert not clock.known
 
 
+def test_the_bounds_of_a_clock_are_rounded_away_from_what_is_known() -> None:
+    clock = ServerClock()
+    clock.observe(0, 3, 10)  # the other clock shows 6 to 11 more, with the drift of 3 ns
+    assert (clock.error_ns(3), clock.server_ns(3), clock.local_ns(11), clock.earliest_ns(3)) == (3, 11, 3, 9)
+    assert (clock.error_ns(3 + SECOND), clock.earliest_ns(3 + SECOND)) == (200_003, SECOND + 9 - 200_000)
+
+
 def test_a_clock_that_steps_is_believed_anew() -> None:
     clock = ServerClock()
     clock.observe(0, 1_000, 500)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from slipd_client.page import requests_of_page, view_command
 from slipd_client.page.page_server import COMMISSION_PATH, PageServer, Site
 from slipd_client.page.requests_of_page import SOCKET, EmulatedHand, PageRequests
 from slipd_client.page.view_command import CommissionPage
+from slipd_client.slipctl_parser import parser
 
 BEGUN = {"finger": "left", "seconds": 0.01, "verified": False, "tare_id": 3, "tare_ids": {"wrench": 3}}
 TAKEN = {"tare_id": 4, "busy": False, "finger": "left", "stream": "wrench"}
@@ -207,6 +208,22 @@ async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_th
     assert await page.told() == [], "and nothing before it ended"
     telling.cancel()
     await asyncio.gather(telling, return_exceptions=True)
+
+
+def test_the_guide_is_started_with_the_endpoints_and_keys_of_the_view(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[Sequence[str]] = []
+
+    async def show(*_: Any, commission: CommissionPage, **__: Any) -> None:
+        started.append(commission._arguments)
+
+    monkeypatch.setattr(view_command, "view", show)
+    (tmp_path / "rig.toml").touch()
+    words = ["--publish", "ipc:///p", "--requests", "ipc:///r", "--key", "me.key_secret", "--server-key", "slipd.key"]
+    for given in (words, words[2:4]):
+        view_command.run(parser().parse_args(["view", "--config", str(tmp_path / "rig.toml"), *given]), None)
+    assert started == [words, words[2:4]]
 
 
 @asynccontextmanager

@@ -281,14 +281,15 @@ def row(robot: str, **fields: Any) -> RobotRow:
 
 GONE = row("arm2", state="gone", level="unknown", reasons=("stale",), health=None, age_s=None)
 SLIPPING = row("arm3", level="slipping", fingers={"left": "slipping", "right": "stable"}, reasons=("slip_detected",))
+STRANGER = row("arm0", level="slipping", expected=False)
 ILL = row("arm4", health=Health.STALE, complaint="left.pad: nothing arrives", missed_warnings=2)
 
 
 def test_the_most_urgent_robot_comes_first_and_the_head_counts() -> None:
-    lines = fleet_lines("plant", [row("arm1"), GONE, SLIPPING, ILL], 0, Terminal())
-    assert lines[0] == "fleet plant  4 robots  1 gone  3 live  1 slipping  2 warnings missed"
+    lines = fleet_lines("plant", [STRANGER, row("arm1"), GONE, SLIPPING, ILL], 0, Terminal())
+    assert lines[0] == "fleet plant  5 robots  1 gone  4 live  2 slipping  2 warnings missed"
     assert lines[1].split() == ["robot", "state", "level", "health", "age"]
-    assert [line.split()[0] for line in lines[2:]] == ["arm3", "arm2", "arm4", "arm1"]
+    assert [line.split()[0] for line in lines[2:]] == ["arm3", "arm2", "arm4", "arm1", "arm0"]
     slipping, gone, ill = (" ".join(line.split()[1:]) for line in lines[2:5])
     assert slipping == "live slipping OK 0.4 s left slipping, right stable; slip_detected"
     assert gone == "gone unknown – – last: left stable"

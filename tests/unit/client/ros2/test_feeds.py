@@ -26,10 +26,11 @@ from slipd_client.errors import CallError
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros2 import orientation_feed
 from slipd_client.ros2.arm_feed import ArmFeed, ArmPort, ImuReadings, arm_port
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY, Quaternion
-from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed
+from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, RosFeed
 
 CONFIG = """
 [grasp.pads.left]
@@ -191,6 +192,20 @@ def test_an_imu_that_is_restarted_is_used_again() -> None:
             until(lambda: not source._reader.get_matched_publications())
             for _ in range(2):
                 assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
+
+
+def test_a_failure_that_lasts_is_told_once_and_so_is_its_end(
+    stepped: Callable[[Any], Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock, feed = stepped(orientation_feed), RosFeed("motion")
+    for seconds, level, why in (
+        *((0, Health.OK, ""), (3, Health.STALE, "a"), (1, Health.STALE, "a"), (1, Health.STALE, "a")),
+        *((1, Health.ERROR, "b"), (1, Health.OK, ""), (1, Health.OK, ""), (2, Health.STALE, "a")),
+    ):
+        clock.sleep(seconds)
+        feed._tell(level, why)
+    told = "slipctl: no motion is sent: a\nslipctl: no motion is sent: b\nslipctl: the motion is sent again\n"
+    assert capsys.readouterr().err == told
 
 
 class OnceUndecodable:
