@@ -51,10 +51,6 @@ LATE = stream(health=1, message=f"{DAEMON_LATE} 0.04 s: readings waited, the sen
 UNKNOWN_GRIP = {"streams": {"gripper": {"health": 2, "message": f"{GRIP_UNKNOWN}, and stays as it is"}}}
 
 
-def test_a_daemon_that_is_well_is_summed_up() -> None:
-    assert summary(WELL) == "1 of 1 streams are read"
-
-
 @pytest.mark.parametrize(
     ("changes", "number", "command"),
     [
@@ -102,8 +98,10 @@ def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
         ({"gripper": {"latched_fault": "", "active": True, "force_limit_n": 20.0}}, []),
     ],
 )
-def test_what_is_wrong_around_the_streams_is_listed(changes: dict[str, Any], found: list[str]) -> None:
+def test_what_is_wrong_around_the_streams_is_listed_and_summed_up(changes: dict[str, Any], found: list[str]) -> None:
     assert ids(repairs(WELL | changes)) == found
+    assert ("streams are read;" in summary(WELL | changes)) == (found != [])
+    assert ("more)" in summary(WELL | changes)) == (len(found) > 2)
 
 
 @pytest.mark.parametrize(

@@ -96,10 +96,20 @@ def test_a_lease_that_is_refused_its_renewal_is_lost_at_once(daemon: Daemon) -> 
     assert daemon.asked_ops == ["lease.acquire", "status"]
 
 
-def test_a_lease_that_was_not_renewed_in_time_is_lost_without_a_word_of_the_daemon(daemon: Daemon) -> None:
-    daemon.handlers["lease.renew"] = lambda _: None
-    with GripClient(daemon.endpoint) as client, client.lease(30) as lease, pytest.raises(LeaseLost):
-        lease.wait(PATIENCE_S)
+@pytest.mark.parametrize(
+    ("lose", "why"),
+    [
+        (lambda daemon, _: daemon.handlers.update({"lease.renew": lambda _: None}), "no answer|not renewed in time"),
+        (lambda _, client: client.disconnect(), "closed"),
+    ],
+)
+def test_a_lease_is_lost_without_a_word_of_the_daemon(
+    daemon: Daemon, lose: Callable[[Daemon, GripClient], object], why: str
+) -> None:
+    with GripClient(daemon.endpoint) as client, client.lease(100) as lease:
+        lose(daemon, client)
+        with pytest.raises(LeaseLost, match=why):
+            lease.wait(PATIENCE_S)
 
 
 @pytest.mark.usefixtures("often")
@@ -129,15 +139,6 @@ def test_a_lease_of_a_thread_that_is_no_more_is_renewed_no_more(daemon: Daemon) 
         in_a_thread(lease.__enter__)
         until(lambda: "slipd-lease" not in {thread.name for thread in threading.enumerate()})
         lease.__exit__(None, None, None)
-
-
-@pytest.mark.usefixtures("often")
-def test_a_connection_that_is_closed_within_the_block_loses_the_lease(daemon: Daemon) -> None:
-    client = GripClient(daemon.endpoint)
-    with client.lease() as lease:
-        client.disconnect()
-        with pytest.raises(LeaseLost, match="closed"):
-            lease.wait(PATIENCE_S)
 
 
 def test_a_lease_is_free_for_others_only_once_the_daemon_has_it_back(daemon: Daemon) -> None:
@@ -228,23 +229,19 @@ def test_a_request_that_waited_for_its_turn_while_the_lease_was_lost_is_not_sent
 
 
 @pytest.mark.usefixtures("often")
-async def test_an_asyncio_lease_renews_itself_and_is_given_back(daemon: Daemon) -> None:
-    async with AsyncGripClient(daemon.endpoint) as client, client.lease() as lease, asyncio.timeout(PATIENCE_S):
-        while daemon.ops.count("lease.renew") < 3:
-            await client.grip_set(5.0)
-            await lease.wait(0.001)
-        assert not lease.lost
-    assert daemon.ops[-1] == "lease.release"
-
-
-@pytest.mark.usefixtures("often")
-async def test_an_asyncio_iteration_ends_with_the_lease(daemon: Daemon, publisher: Publisher) -> None:
-    daemon.handlers["lease.renew"] = ENDED
+async def test_an_asyncio_lease_renews_itself_and_an_iteration_ends_with_it(
+    daemon: Daemon, publisher: Publisher
+) -> None:
     async with (
         AsyncSubscriber(publisher.endpoint, silence_s=PATIENCE_S) as messages,
         AsyncGripClient(daemon.endpoint) as client,
-        client.lease(),
+        client.lease() as lease,
     ):
+        async with asyncio.timeout(PATIENCE_S):
+            while daemon.ops.count("lease.renew") < 3:
+                await client.grip_set(5.0)
+                await lease.wait(0.001)
+        daemon.handlers["lease.renew"] = ENDED
         with pytest.raises(LeaseLost, match="it has ended"):
             await anext(aiter(messages))
 

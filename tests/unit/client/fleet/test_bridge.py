@@ -48,17 +48,10 @@ def wait_for_state(listener: FleetListener, state: str, publisher: Publisher | N
     until(shown, report)
 
 
-class Arrived:
-    """Numbers of the messages that arrived at a view, by topic."""
-
-    def __init__(self, listener: FleetListener) -> None:
-        self.listener = listener
-        self.numbers: dict[str, list[int]] = {"status": [], "warning": []}
-
-    def __getitem__(self, topic: str) -> list[int]:
-        for message in self.listener.take(0.05):
-            self.numbers[message.topic].append(message.seq)
-        return self.numbers[topic]
+def numbers(listener: FleetListener, found: list[int]) -> list[int]:
+    """Add the numbers of the warnings that have arrived at a view, and return all of them."""
+    found += [message.seq for message in listener.take(0.05) if message.topic == "warning"]
+    return found
 
 
 @pytest.mark.usefixtures("bridge")
@@ -81,9 +74,10 @@ def test_a_late_joiner_receives_the_last_values_and_kept_warnings(publisher: Pub
         early = FleetListener(here, "plant")
         wait_for_state(early, "live", publisher)
         sent = [publisher.send("warning") for _ in range(5)]
-        until(lambda: Arrived(early)["warning"][-1:] == sent[-1:])
-        late = Arrived(FleetListener(here, "plant"))
-        until(lambda: late["status"] and late["warning"] == sent)
+        until(lambda: numbers(early, [])[-1:] == sent[-1:])
+        late, found = FleetListener(here, "plant"), []
+        until(lambda: numbers(late, found) == sent)
+        wait_for_state(late, "live")
 
 
 @pytest.mark.usefixtures("bridge")
@@ -91,14 +85,13 @@ def test_no_warning_is_lost_while_the_router_restarts(publisher: Publisher, rout
     with session(router.endpoint) as here:
         listener = FleetListener(here, "plant")
         wait_for_state(listener, "live", publisher)
-        arrived = Arrived(listener)
-        sent = [publisher.send("warning")]
-        until(lambda: arrived["warning"] == sent)
+        sent, arrived = [publisher.send("warning")], []
+        until(lambda: numbers(listener, arrived) == sent)
         router.kill()
         wait_for_state(listener, "gone")
         sent += [publisher.send("warning") for _ in range(20)]
         router.start()
-        until(lambda: arrived["warning"] == sent)
+        until(lambda: numbers(listener, arrived) == sent)
         wait_for_state(listener, "live", publisher)
         assert [row.missed_warnings for row in listener.state.rows(0.0)] == [0]
 

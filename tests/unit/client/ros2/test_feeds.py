@@ -14,12 +14,13 @@ from typing import Any
 import pytest
 import zmq
 from client_peers import PATIENCE_S, Daemon, Publisher, until
+from ros_peers import typestore
 from scipy.spatial.transform import Rotation
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
 from cyclonedds.domain import DomainParticipant
-from ros_graph import free_domain, joined
+from ros_graph import free_domain, joined, reader
 
 from slipd.devices.external import Decoder
 from slipd_client.errors import CallError
@@ -32,11 +33,12 @@ from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY, Quaternion
 from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, RosFeed
 
-CONFIG = """
+PADS = """
 [grasp.pads.left]
 positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.05, 0.0]]
 quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-
+"""
+ARM = """
 [grasp.arm]
 device = "external"
 port = "{port}"
@@ -44,6 +46,7 @@ sensor = "arm"
 rate_hz = 250.0
 stale_s = 0.1
 """
+STORE = typestore()
 ZERO = dict.fromkeys("xyz", 0.0)
 TILTED: Quaternion = (0.6, 0.0, 0.0, 0.8)
 
@@ -79,11 +82,10 @@ def header(stamp_ns: int, frame: str) -> dict[str, Any]:
     return {"stamp": dict(zip(("sec", "nanosec"), divmod(stamp_ns, 10**9), strict=True)), "frame_id": frame}
 
 
-def transform(stamp_ns: int) -> RosMessage:
-    rotation = dict(zip("xyzw", map(float, Rotation.from_euler("x", 90, degrees=True).as_quat()), strict=True))
-    place = {"translation": ZERO, "rotation": rotation}
-    entry = {"header": header(stamp_ns, "base_link"), "child_frame_id": "tool0", "transform": place}
-    return RosMessage("/tf", "tf2_msgs/TFMessage", {"transforms": [entry]})
+def transform(stamp_ns: int, parent: str, child: str, rotation: Rotation, topic: str = "/tf") -> RosMessage:
+    place = {"translation": ZERO, "rotation": dict(zip("xyzw", map(float, rotation.as_quat()), strict=True))}
+    entry = {"header": header(stamp_ns, parent), "child_frame_id": child, "transform": place}
+    return RosMessage(topic, "tf2_msgs/TFMessage", {"transforms": [entry]})
 
 
 def imu(stamp_ns: int, orientation: Quaternion = IDENTITY, known: float = 0.0) -> RosMessage:
@@ -99,11 +101,65 @@ def imu(stamp_ns: int, orientation: Quaternion = IDENTITY, known: float = 0.0) -
     return RosMessage("/imu", "sensor_msgs/Imu", value)
 
 
+def arrived(readings: Any, name: str) -> list[Any]:
+    return [STORE.deserialize_cdr(sample.data, name) for sample in readings.take(50)]
+
+
+def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper_to_ros(
+    publisher: Publisher, daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    variables = free_domain()
+    (tmp_path / "rig.toml").write_text(PADS, encoding="utf-8")
+    process = slipctl(
+        *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2"),
+        *("--config", str(tmp_path / "rig.toml"), "--hand", "tool0", "--orientation-from", "base_link"),
+        env=os.environ | variables,
+        silence_s=0.5,
+    )
+    assert process.stdout.readline() == f"ros2: domain {variables['ROS_DOMAIN_ID']}, topics /slipd/…\n"
+    arm, flange = Rotation.random(2, random_state=3)
+    with joined(variables) as participant:
+        robot = RosPublisher(participant, {"/tf_static": 1})
+        robot.publish(transform(0, "flange", "tool0", flange, "/tf_static"))
+        request = until(
+            lambda: [each for each in daemon.requests if each["op"] == "gravity.set"],
+            lambda: robot.publish(transform(time.time_ns(), "base_link", "flange", arm)),
+        )[-1]
+        assert request["finger"] == "left"
+        pad = arm * flange * Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
+        assert pad.apply(request["gravity_mps2"]) == pytest.approx([0.0, 0.0, -9.80665], abs=1e-9)
+
+        frames = reader(participant, "/tf_static", "tf2_msgs/TFMessage", latched=True)
+
+        def joined_to_the_gripper() -> bool:
+            found = [each.transforms[0] for each in arrived(frames, "tf2_msgs/msg/TFMessage")]
+            return ("tool0", "gripper") in [(each.header.frame_id, each.child_frame_id) for each in found]
+
+        until(joined_to_the_gripper)
+        diagnostics = reader(participant, "/diagnostics", "diagnostic_msgs/DiagnosticArray", latched=False)
+        levels: dict[str, int] = {}
+
+        def daemon_is(level: int) -> bool:
+            for array in arrived(diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
+                levels.update({each.name: each.level for each in array.status})
+            return levels.get("slipd: daemon") == level
+
+        until(lambda: daemon_is(0), lambda: publisher.send("status", 1, timestamp=1.0, frame="", config_id="c"))
+        assert "slipd: orientation from ROS" in levels
+        until(lambda: daemon_is(3))
+    shown = process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    rest, errors = process.communicate(timeout=PATIENCE_S)
+    assert f"slipctl: no message from {publisher.endpoint} for 0.5 s. Is slipd running?\n" in shown + errors
+    assert (process.returncode, rest, "Traceback" in errors) == (130, "", False)
+
+
 def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
     publisher: Publisher, daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]], pull: Pull, tmp_path: Path
 ) -> None:
     variables = free_domain()
-    (tmp_path / "rig.toml").write_text(CONFIG.format(port=pull.endpoint), encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(PADS + ARM.format(port=pull.endpoint), encoding="utf-8")
+    rotation = Rotation.from_euler("x", 90, degrees=True)
     process = slipctl(
         *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2"),
         *("--config", str(tmp_path / "rig.toml"), "--hand", "tool0", "--orientation-from", "base_link"),
@@ -114,7 +170,7 @@ def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
 
         def move() -> None:
             for i in range(10):
-                robot.publish(transform(time.time_ns() - (9 - i) * 4_000_000))
+                robot.publish(transform(time.time_ns() - (9 - i) * 4_000_000, "base_link", "tool0", rotation))
 
         sample = until(pull.arm, move)[-1]
     assert (sample.source, sample.gravity_mps2) == ("arm", pytest.approx([0.0, -9.80665, 0.0], abs=1e-6))

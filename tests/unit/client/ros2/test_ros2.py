@@ -1,22 +1,12 @@
-"""'slipctl serve ros2': its process beside another participant, names and rates, and ROS's environment variables."""
+"""'slipctl serve ros2': its arguments, names and rates, and ROS's environment variables."""
 
 from __future__ import annotations
 
 import itertools
-import os
-import signal
-import subprocess
-import time
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-from client_peers import PATIENCE_S, Daemon, Publisher, until
-from ros_peers import typestore
-from scipy.spatial.transform import Rotation
 
 from slipd_client.errors import CallError
 from slipd_client.ros.conversion import PadFrames, RosMessage, entry
@@ -25,13 +15,7 @@ from slipd_client.ros2.ros_environment import ros_environment
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
-from ros_graph import free_domain, joined, reader
-
-from slipd_client.ros2.dds import RosPublisher
-
-STORE = typestore()
 HEADER = {"timestamp": 1_700_000_000.5, "frame": "", "config_id": "c"}
-PAD = (0.5, -0.5, 0.5, 0.5)
 PADS = """
 [grasp.pads.left]
 positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.05, 0.0]]
@@ -43,71 +27,6 @@ quat_xyzw = [0.5, -0.5, 0.5, 0.5]
 def pads(tmp_path: Path) -> str:
     (tmp_path / "rig.toml").write_text(PADS, encoding="utf-8")
     return str(tmp_path / "rig.toml")
-
-
-def transforms(stamp_ns: int, parent: str, child: str, rotation: Rotation) -> dict[str, Any]:
-    sec, nanosec = divmod(stamp_ns, 10**9)
-    transform = {
-        "translation": dict.fromkeys("xyz", 0.0),
-        "rotation": dict(zip("xyzw", map(float, rotation.as_quat()), strict=True)),
-    }
-    header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": parent}
-    return {"transforms": [{"header": header, "child_frame_id": child, "transform": transform}]}
-
-
-def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper_to_ros(
-    publisher: Publisher, daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]], pads: str
-) -> None:
-    variables = free_domain()
-    process = slipctl(
-        *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2", "--config", pads),
-        *("--hand", "tool0", "--orientation-from", "base_link"),
-        env=os.environ | variables,
-        silence_s=0.5,
-    )
-    assert process.stdout.readline() == f"ros2: domain {variables['ROS_DOMAIN_ID']}, topics /slipd/…\n"
-    arm, flange = Rotation.random(2, random_state=3)
-    with joined(variables) as participant:
-        robot = RosPublisher(participant, {"/tf_static": 1})
-        robot.publish(RosMessage("/tf_static", "tf2_msgs/TFMessage", transforms(0, "flange", "tool0", flange)))
-
-        def move() -> None:
-            message = transforms(time.time_ns(), "base_link", "flange", arm)
-            robot.publish(RosMessage("/tf", "tf2_msgs/TFMessage", message))
-
-        request = until(lambda: [each for each in daemon.requests if each["op"] == "gravity.set"], move)[-1]
-        assert request["finger"] == "left"
-        pad = arm * flange * Rotation.from_quat(PAD)
-        assert pad.apply(request["gravity_mps2"]) == pytest.approx(np.array([0.0, 0.0, -9.80665]), abs=1e-9)
-
-        frames = reader(participant, "/tf_static", "tf2_msgs/TFMessage", latched=True)
-
-        def joined_to_the_gripper() -> bool:
-            found = [each.transforms[0] for each in arrived(frames, "tf2_msgs/msg/TFMessage")]
-            return ("tool0", "gripper") in [(each.header.frame_id, each.child_frame_id) for each in found]
-
-        until(joined_to_the_gripper)
-
-        diagnostics = reader(participant, "/diagnostics", "diagnostic_msgs/DiagnosticArray", latched=False)
-        levels: dict[str, int] = {}
-
-        def daemon_is(level: int) -> bool:
-            for array in arrived(diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
-                levels.update({each.name: each.level for each in array.status})
-            return levels.get("slipd: daemon") == level
-
-        until(lambda: daemon_is(0), lambda: publisher.send("status", 1, **HEADER))
-        assert "slipd: orientation from ROS" in levels
-        until(lambda: daemon_is(3))
-    shown = process.stderr.readline()
-    process.send_signal(signal.SIGINT)
-    rest, errors = process.communicate(timeout=PATIENCE_S)
-    assert f"slipctl: no message from {publisher.endpoint} for 0.5 s. Is slipd running?\n" in shown + errors
-    assert (process.returncode, rest, "Traceback" in errors) == (130, "", False)
-
-
-def arrived(readings: Any, name: str) -> list[Any]:
-    return [STORE.deserialize_cdr(sample.data, name) for sample in readings.take(50)]
 
 
 @pytest.mark.parametrize(
@@ -189,16 +108,6 @@ def test_the_gripper_is_a_child_of_the_hand() -> None:
     assert transform["transform"]["rotation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
 
-def texts(configuration: str, path: str) -> list[str]:
-    """Return the text or address of every element at a path in ``<Domain>``."""
-    elements = [
-        element
-        for fragment in configuration.split(",")
-        for element in ET.fromstring(fragment).findall(f"Domain/{path}")  # of the test's own configuration
-    ]
-    return [element.get("address") or element.text or "" for element in elements]
-
-
 def test_without_variables_dds_is_left_to_its_defaults_in_domain_0() -> None:
     for variables in (
         {},
@@ -210,32 +119,35 @@ def test_without_variables_dds_is_left_to_its_defaults_in_domain_0() -> None:
         assert ros_environment(variables) == (0, "", "")
 
 
-PLACES = {
-    "peers": "Discovery/Peers/Peer",
-    "multicast": "General/AllowMulticast",
-    "index": "Discovery/ParticipantIndex",
-    "interface": "General/Interfaces/NetworkInterface",
-}
+PEERS = (
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+    "<Peers>{}</Peers></Discovery>"
+)
+LOCALHOST, ROBOTS = '<Peer address="localhost"/>', '<Peer address="robot"/><Peer address="10.0.0.7"/>'
+ALONE = "<General><AllowMulticast>false</AllowMulticast></General>"
 
 
 @pytest.mark.parametrize(
-    ("variables", "expected"),
+    ("variables", "domains"),
     [
-        ({}, {"peers": ["robot", "10.0.0.7"], "index": ["auto"]}),
+        ({}, [PEERS.format(ROBOTS)]),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "localhost"}, [ALONE + PEERS.format(LOCALHOST + ROBOTS)]),
         (
-            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "localhost"},
-            {"peers": ["localhost", "robot", "10.0.0.7"], "multicast": ["false"], "index": ["auto"]},
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"},
+            [ALONE + "<Discovery><ParticipantIndex>none</ParticipantIndex></Discovery>"],
         ),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, {"multicast": ["false"], "index": ["none"]}),
         (
             {"ROS_LOCALHOST_ONLY": "1"},
-            {"peers": ["localhost"], "multicast": ["false"], "index": ["auto"], "interface": ["127.0.0.1"]},
+            [
+                '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>',
+                ALONE + PEERS.format(LOCALHOST),
+            ],
         ),
     ],
 )
-def test_the_reach_of_discovery_is_that_of_ros(variables: dict[str, str], expected: dict[str, list[str]]) -> None:
+def test_the_reach_of_discovery_is_that_of_ros(variables: dict[str, str], domains: list[str]) -> None:
     found = ros_environment({"ROS_STATIC_PEERS": "robot; 10.0.0.7;"} | variables).configuration
-    assert {name: shown for name, path in PLACES.items() if (shown := texts(found, path))} == expected
+    assert found.split(",") == [f"<CycloneDDS><Domain>{domain}</Domain></CycloneDDS>" for domain in domains]
 
 
 def test_the_configuration_of_cyclone_dds_comes_last_so_that_it_outranks_ours() -> None:
