@@ -96,22 +96,3 @@ def test_a_refusal_ends_it_with_the_reason_of_the_daemon(daemon: Daemon) -> None
     daemon.handlers["gravity.set"] = refuse("bad_value", "must be one of left, right", "finger")
     with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="left, right"):
         gravity_feed.send(client, "thumb", [0.0, 0.0, -9.8], 1.0)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["left"], "gravity needs either three or four numbers, or --follow FILE"),
-        (["left", "1", "2"], "must be three numbers"),
-        (["left", "1", "0", "0", "1"], "must be a unit quaternion in the order x y z w, got one of length 1.414"),
-        (["left", "1", "2", "inf"], "must be finite"),
-        (["left", "0", "0", "1", "--hold", "-1"], "--hold"),
-        (["left", "--follow", "/nowhere/at/all"], "--follow must name a file or pipe that can be read"),
-    ],
-)
-def test_a_wrong_call_exits_with_2_and_a_reason(
-    daemon: Daemon, arguments: list[str], complaint: str, call: Call
-) -> None:
-    code, _, errors = call("--requests", daemon.endpoint, "gravity", *arguments)
-    assert code == 2
-    assert complaint in errors

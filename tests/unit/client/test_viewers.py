@@ -189,23 +189,6 @@ def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.Capture
     assert not (folder / "foxglove.json").exists(), "nothing is written in part"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["--listen", "8765"], "argument --listen: must be HOST:PORT, e.g. 127.0.0.1:"),
-        (["--listen", "localhost:99999"], "must be HOST:PORT"),
-        (["--config", "/nowhere/rig.toml"], "/nowhere/rig.toml: cannot be read: No such file or directory"),
-        (["--fingers", "Left"], "argument --fingers: must be the name of a finger, a-z and 0-9, got 'Left'"),
-        (["--write-layouts", "/dev/null/layouts"], "/dev/null/layouts: cannot be written: Not a directory"),
-    ],
-)
-def test_wrong_arguments_exit_with_2(
-    arguments: list[str], complaint: str, call: Callable[..., tuple[int, str, str]]
-) -> None:
-    code, _, errors = call("serve", "foxglove", *arguments)
-    assert (code, complaint in errors) == (2, True)
-
-
 def test_the_places_of_the_pads_are_those_of_a_config(tmp_path: Path) -> None:
     pads = pads_of(ROOT / "config" / "demo.toml")
     found = pads.transforms({"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}, 0.06)

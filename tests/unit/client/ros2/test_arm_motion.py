@@ -85,10 +85,21 @@ def transform(parent: str, child: str, rotation: Rotation, stamp_ns: int = 1, at
     return SimpleNamespace(header=header(stamp_ns, parent), child_frame_id=child, transform=place)
 
 
-def imu_message(stamp_ns: int, force: Vector, turn: Vector, known: float = 0.0) -> Any:
-    vectors = {"linear_acceleration": named(force), "angular_velocity": named(turn)}
-    covariances = {"linear_acceleration_covariance": [0.0] * 9, "angular_velocity_covariance": [known] * 9}
-    return SimpleNamespace(header=header(stamp_ns), **vectors, **covariances)
+def imu_message(
+    stamp_ns: int,
+    force: Any = (0.0, 0.0, 0.0),
+    turn: Any = (0.0, 0.0, 0.0),
+    orientation: Any = (0.0, 0.0, 0.0, 1.0),
+    known: float = 0.0,
+) -> Any:
+    vectors = {"linear_acceleration": force, "angular_velocity": turn, "orientation": orientation}
+    covariances = dict.fromkeys(("angular_velocity_covariance", "orientation_covariance"), (known, *[0.0] * 8))
+    return SimpleNamespace(
+        header=header(stamp_ns),
+        linear_acceleration_covariance=[0.0] * 9,
+        **{name: named(numbers) for name, numbers in vectors.items()},
+        **covariances,
+    )
 
 
 def check(reading: ArmReading | None, sent_s: float, span_s: float, within: tuple[float, float, float]) -> None:
@@ -161,11 +172,6 @@ def test_rotation_vectors_are_those_of_scipy(angle: float) -> None:
     assert Rotation.from_quat(of_rotation_vector(turn)).as_rotvec() == pytest.approx(turn, abs=1e-12)
 
 
-def imu(rotation: Rotation, stamp_ns: int = 1, variance: float = 0.0) -> Any:
-    orientation = named(rotation.as_quat())
-    return SimpleNamespace(header=header(stamp_ns), orientation=orientation, orientation_covariance=[variance] * 9)
-
-
 def same(one: Any, other: Rotation) -> bool:
     return bool((Rotation.from_quat(one) * other.inv()).magnitude() < 1e-12)
 
@@ -215,10 +221,8 @@ def test_a_rotation_that_is_no_unit_quaternion_is_refused_and_the_one_before_sta
     with pytest.raises(OrientationUnknown, match="the transform from 'base' to 'hand' must be a unit quaternion"):
         tree.add(wrong, 1.1, static=False)
     assert same(tree.orientation("base", "hand", 1.2), Rotation.identity())
-    reading = imu(Rotation.identity())
-    reading.orientation = wrong.transform.rotation
     with pytest.raises(OrientationUnknown, match="the orientation of /imu must be a unit quaternion"):
-        ImuOrientation("/imu").add(reading, 0.0)
+        ImuOrientation("/imu").add(imu_message(1, orientation=bad), 0.0)
 
 
 def test_an_imu_gives_the_orientation_of_the_gripper_it_is_mounted_on() -> None:
@@ -226,10 +230,10 @@ def test_an_imu_gives_the_orientation_of_the_gripper_it_is_mounted_on() -> None:
     source = ImuOrientation("/imu", tuple(mount.as_quat()))
     with pytest.raises(OrientationUnknown, match="no message has come on /imu"):
         source.orientation(0.0)
-    source.add(imu(gripper * mount, 1), 5.0)
+    source.add(imu_message(1, orientation=(gripper * mount).as_quat()), 5.0)
     assert same(source.orientation(4.99 + STALE_S), gripper)
-    source.add(imu(gripper, 1), 5.2)
+    source.add(imu_message(1, orientation=gripper.as_quat()), 5.2)
     with pytest.raises(OrientationUnknown, match=r"/imu is silent for more than 0\.3 s, or repeats one stamp"):
         source.orientation(5.01 + STALE_S)
     with pytest.raises(OrientationUnknown, match=r"/imu has no orientation \(orientation_covariance\[0\] is -1\)"):
-        source.add(imu(gripper, 2, variance=-1.0), 6.0)
+        source.add(imu_message(2, known=-1.0), 6.0)
