@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 from unittest import mock
 
 import numpy as np
+from advice.safe_speed import holds_scale
 from stepped_demo import PAD_HZ, SteppedDemo, slow_config
 
 from slipd import config
 from slipd.tools.sim import carry_program
-from slipd.tools.sim.carry import Move, holds_scale
+from slipd.tools.sim.carry import Move
 from slipd.tools.sim.carry_program import CARRY_PLAN, CarryProgram, carry_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand

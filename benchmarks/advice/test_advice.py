@@ -6,8 +6,8 @@ import math
 
 import pytest
 from advice.__main__ import Outcome, carried, count, draw, report
+from advice.safe_speed import holds_scale
 
-from slipd.tools.sim.carry import holds_scale
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2
 
 

@@ -19,8 +19,8 @@ from evaluate.running import Variant, record
 from evaluate.running import reports as reports_of_run
 from evaluate.scene import STEP_S, Kind, Scene
 from evaluate.score import score
+from simulated_grasp.trace import GraspTrace
 
-from slipd.tools.sim.stickslip import GraspTrace
 from slipd.types.arrays import Array
 
 MASSES_KG = (0.1, 3.0)

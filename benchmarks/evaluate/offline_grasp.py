@@ -13,13 +13,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing
+from simulated_grasp.trace import GraspTrace
 
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick
 from slipd.tools.sim.emulated_gauges import GaugeAmplifier
 from slipd.tools.sim.emulated_pvdf import PvdfPad
-from slipd.tools.sim.stickslip import GraspTrace
 from slipd.types.arrays import Array
 from slipd_client.messages import encode
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from evaluate.scene import STEP_S, Scene
 from evaluate.truth import Truth
+from simulated_grasp.trace import GraspTrace, empty_trace, write_sample
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.stickslip import GraspTrace, SteppedGrasp
-from slipd.tools.sim.stickslip.grasp_trace import empty_trace, write_sample
+from slipd.tools.sim.stickslip import SteppedGrasp
 from slipd.types.arrays import Array
 
 SAFETY = 1.3

@@ -26,11 +26,11 @@ from evaluate.score import RunScore, score
 from evaluate.user_errors import ERRORS
 from evaluate.worlds import WORLDS
 from project import DAEMON
+from simulated_grasp.trace import GraspTrace
 
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Event, Publish
-from slipd.tools.sim.stickslip import GraspTrace
 
 READ_NS = 1_000_000
 FACTORS = (0.8, 0.9, 1.0, 1.1, 1.2)

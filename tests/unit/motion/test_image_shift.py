@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from simulated_grasp.load_history import LoadHistory
+from simulated_grasp.trace import GraspTrace, simulate
 
 from slipd.motion.evidence import Evidence, f_surprise
 from slipd.motion.image_blocks import ImageBlocks, LoadNoise
@@ -14,15 +16,7 @@ from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import AGAIN_M, LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
 from slipd.signals.pad import PadGeometry
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip import (
-    ContactPatch,
-    FrictionLaw,
-    GraspedObject,
-    GraspTrace,
-    LoadHistory,
-    PadCompliance,
-    simulate,
-)
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd.types.arrays import Array
 
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)

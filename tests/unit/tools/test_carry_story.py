@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from advice.safe_speed import holds_scale
 from stepped_demo import PAD_HZ, SteppedDemo, recording_of, slow_config
 
 from slipd import config
@@ -17,7 +18,7 @@ from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.demo_summary import print_summary
 from slipd.tools.sim import carry
-from slipd.tools.sim.carry import GLASS_KG, HANDOVER_S, PATH, Arm, Move, holds_scale
+from slipd.tools.sim.carry import GLASS_KG, HANDOVER_S, PATH, Arm, Move
 from slipd.tools.sim.carry_program import CARRY_PLAN, FLOOR, GRIP_N, CarryProgram, carry_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand

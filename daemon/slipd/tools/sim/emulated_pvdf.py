@@ -29,11 +29,7 @@ class PvdfElectronics:
         rate_hz: Scans per second.
         dwell_ns: Time from one taxel of a scan to the next.
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
-        pyro_n: Pyroelectric effect: load that a taxel would show, were there no leak, after it took the temperature of
-            the object; negative for an object that cools it.
-        pyro_s: Time constant with which a pressed taxel takes that temperature, and a free one loses it.
         dead: Taxels, in scan order, that feel nothing.
-        saturated: Taxels that read full scale.
     """
 
     tau_s: float = 2.0
@@ -44,10 +40,7 @@ class PvdfElectronics:
     rate_hz: float = 200.0
     dwell_ns: int = 20_000
     clock_ppm: float = -25.0
-    pyro_n: float = 0.0
-    pyro_s: float = 5.0
     dead: tuple[int, ...] = ()
-    saturated: tuple[int, ...] = ()
 
 
 class PvdfPad(EmulatedDevice):
@@ -77,9 +70,7 @@ class PvdfPad(EmulatedDevice):
         self._gain = electronics.gain_counts_per_n * (1.0 + electronics.gain_spread * rng.normal(size=taxels))
         self._offset = electronics.offset_counts * rng.normal(size=taxels)
         self._gain[list(electronics.dead)] = 0.0
-        self._offset[list(electronics.saturated)] = 2.0 * FULL_SCALE
         self._loads_n = self._before_n = np.zeros(taxels)
-        self._warmth = np.zeros(taxels)  # 0 like the pad, 1 like the object
         self._past: list[tuple[int, Array]] = [(0, np.zeros(taxels))]  # (t_ns, charges), back to the scan's start
         self._scan = 0
 
@@ -96,20 +87,12 @@ class PvdfPad(EmulatedDevice):
         tau_s, span_s = self._electronics.tau_s, (t_ns - before_ns) * 1e-9
         gone = -math.expm1(-span_s / tau_s)
         charge_n = charge_n * (1.0 - gone) + (loads_n - self._before_n) * (gone * tau_s / span_s)
-        if self._electronics.pyro_n:
-            charge_n += self._electronics.pyro_n * self._warm(loads_n, span_s)
         self._past.append((t_ns, charge_n))
         self._before_n = loads_n
         output = b""
         while (scan_ns := self._scan * self._period_ns) + self._scan_takes_ns <= t_ns:
             output += self._send(scan_ns)
         return [output] if output else []
-
-    def _warm(self, loads_n: Array, span_s: float) -> Array:
-        """Return how much warmer each taxel became in ``span_s``."""
-        change = ((loads_n > 0.0) - self._warmth) * -math.expm1(-span_s / self._electronics.pyro_s)
-        self._warmth += change
-        return np.asarray(change, dtype=np.float64)
 
     def _send(self, scan_ns: int) -> bytes:
         """Return the scan that began at ``scan_ns``, and drop the charges before it."""

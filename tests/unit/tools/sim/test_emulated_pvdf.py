@@ -68,17 +68,7 @@ def test_each_taxel_has_a_charge_of_its_own():
     assert np.abs(np.delete(values, [3, 90])).max() == 0.0
 
 
-def test_dead_and_saturated_taxels_read_the_same_under_every_load():
-    samples = scans(made(replace(IDEAL, dead=(5,), saturated=(9,))), lambda t: 1e5 * t, 500 * MS)
+def test_a_dead_taxel_reads_the_same_under_every_load_and_no_other_more_than_full_scale():
+    samples = scans(made(replace(IDEAL, dead=(5,))), lambda t: 1e5 * t, 500 * MS)
     assert {s.values[5] for s in samples} == {0.0}
-    assert {s.values[9] for s in samples} == {FULL_SCALE}
-    assert samples[0].values[6] < FULL_SCALE == samples[-1].values[6], "too much force saturates any"
-
-
-def test_a_warm_object_charges_the_taxels_that_it_presses():
-    half = np.where(np.arange(128) < 64, 0.1, 0.0)
-    still = scans(made(replace(IDEAL, tau_s=1e9)), lambda t: 1.0, 5_000 * MS, shares=half)
-    warm = scans(made(replace(IDEAL, tau_s=1e9, pyro_n=0.05, pyro_s=2.0)), lambda t: 1.0, 5_000 * MS, shares=half)
-    gained = warm[-1].values - still[-1].values
-    assert gained[:64] == pytest.approx(100.0 * -math.expm1(-warm[-1].device_time_ns * 1e-9 / 2.0), abs=1.5)
-    assert np.abs(gained[64:]).max() == 0.0
+    assert samples[0].values[6] < FULL_SCALE == samples[-1].values[6]

@@ -3,9 +3,11 @@ import math
 import numpy as np
 import pytest
 from pad_wrenches import finger_load, pad_wrench
+from simulated_grasp.load_history import LoadHistory
+from simulated_grasp.trace import simulate
 
 from slipd.tools.sim.scene_parts import FrictionLimit, Pad, Patch
-from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
+from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, PadCompliance
 
 MU = 0.6
 

@@ -1,8 +1,7 @@
 """A rigid object held by two compliant pads: distributed stick and slip, computed from mechanics alone.
 
-Nothing here uses `slipd.fusion` for the dynamics, so the truth does not depend on the code that is tested with it; only
-`GraspTrace.utilisation`, solved afterwards from the true pressure, every 10 ms, does. Pure and without seed: the same
-scene gives the same trace.
+Nothing here uses `slipd.fusion` for the dynamics, so the truth does not depend on the code that is tested with it. Pure
+and without seed: the same scene moves in the same way.
 
 - Motion. The object has three degrees of freedom: x, y and the angle about the normal of the pads. Weight, inertia,
   pulls and collisions are a load over time at a point of the object.
@@ -34,18 +33,14 @@ it sees the mirror image: y, the spin and the moment about y change sign, x does
 """
 
 from slipd.tools.sim.stickslip.contact_patch import ContactPatch
-from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, LoadHistory, PadCompliance
-from slipd.tools.sim.stickslip.grasp_trace import GraspTrace, simulate
+from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, PadCompliance
 from slipd.tools.sim.stickslip.stepped_grasp import SteppedGrasp
 
 __all__ = [
     "ContactPatch",
     "FrictionLaw",
     "FrictionMap",
-    "GraspTrace",
     "GraspedObject",
-    "LoadHistory",
     "PadCompliance",
     "SteppedGrasp",
-    "simulate",
 ]

@@ -41,7 +41,8 @@ class SteppedGrasp:
         grip_n: Normal force on one pad at the start, N.
         largest_grip_n: Largest grip force that will be commanded, N; a growing patch has cells up to there.
         grip_lag_s: Time constant with which the grip force follows the command.
-        about_m: As in `LoadHistory`.
+        about_m: Point of the object, in the frame of the left pad before the object has moved, where the force acts and
+            about which the torque is. It moves with the object.
         cell_m: Side of a cell, m.
         step_s: Longest integration step, s; it is shortened where the object is light.
 
@@ -124,10 +125,10 @@ class SteppedGrasp:
 
         Args:
             dt_s: Time, s; more than `TICK_S` is divided.
-            force_n: As in `LoadHistory`, at the end.
-            torque_nm: Likewise.
+            force_n: Force on the object in the frame of the left pad at the end, N, of everything but the pads.
+            torque_nm: Likewise the torque about ``about_m``, along the normal of the left pad, N·m.
             grip_n: Commanded grip force, N.
-            tilt_nm: As in `LoadHistory`, at the end.
+            tilt_nm: Moments (about x, about y) that tilt the object at the end, N·m; each pad bears half.
 
         Raises:
             ValueError: The time is not positive, or the grip is negative or above ``largest_grip_n``, or the

@@ -7,17 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from stick_slip_scenes import PAD, STEADY, history, ramp, simulate
 
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, LoadHistory, PadCompliance
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, PadCompliance, SteppedGrasp
 from slipd.tools.sim.stickslip.pressure_kernels import map_factors
-from slipd.types.arrays import Array
-
-ONE, TWO = np.zeros(1), np.zeros(2)
 
 
-def loads(t: Array = TWO, force: Array | None = None, grip: Array = TWO) -> LoadHistory:
-    return LoadHistory(t, np.zeros((len(t), 2)) if force is None else force, np.zeros(len(t)), grip)
+def grasp(**options: float) -> SteppedGrasp:
+    return SteppedGrasp(
+        GraspedObject(), ContactPatch(), FrictionLaw(), PadCompliance(), grip_n=1.0, largest_grip_n=1.0, **options
+    )
 
 
 @pytest.mark.parametrize(
@@ -35,12 +33,8 @@ def loads(t: Array = TWO, force: Array | None = None, grip: Array = TWO) -> Load
         (lambda: GraspedObject(mass_kg=0.0), "mass, inertia and half lengths must be positive"),
         (lambda: PadCompliance(stiffness_n_per_m3=0.0), "stiffness must be > 0"),
         (lambda: PadCompliance(half_length_m=-1.0), "half lengths must be positive"),
-        (lambda: loads(np.arange(3.0)), "grip_n must have shape"),
-        (lambda: loads(np.arange(2.0), np.full((2, 2), math.inf)), "force_n must be finite"),
-        (lambda: loads(TWO), "t_s must not be empty and must increase"),
-        (lambda: loads(np.arange(2.0), grip=np.array((1.0, -1.0))), "must not be negative"),
-        (lambda: simulate(ContactPatch(), STEADY, ramp((1.0, 0.0, 0.0)), cell_m=0.02), "cell_m must resolve the patch"),
-        (lambda: simulate(ContactPatch(), STEADY, ramp((1.0, 0.0, 0.0)), step_s=0.0), "step_s must be positive"),
+        (lambda: grasp(cell_m=0.02), "cell_m must resolve the patch"),
+        (lambda: grasp(step_s=0.0), "step_s must be positive"),
     ],
 )
 def test_parts_that_make_no_sense_are_refused(make: Callable[[], object], words: str) -> None:
@@ -63,12 +57,3 @@ def test_a_spot_is_round_and_as_large_as_its_radius() -> None:
     middle = spot.factor.shape[0] // 2
     assert spot.factor[middle, middle] == pytest.approx(0.4)
     assert (spot.x0_m + middle * spot.cell_m, spot.y0_m + middle * spot.cell_m) == pytest.approx((0.01, 0.02))
-
-
-def test_a_coarse_history_is_divided() -> None:
-    """A history of 20 ms steps gives what one of 1 ms gives, at its samples."""
-    coarse, fine = (
-        simulate(ContactPatch(), STEADY, history([(0.0, 0.0, 0.0), (8.0, 0.0, 0.02)], [0.0, 0.4], dt_s=dt), pad=PAD)
-        for dt in (0.02, 0.001)
-    )
-    assert coarse.displacement == pytest.approx(fine.displacement[::20], rel=1e-3, abs=1e-9)

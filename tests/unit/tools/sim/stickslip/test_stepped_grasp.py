@@ -4,33 +4,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
-from stick_slip_scenes import BOX, PAD, history, simulate
 
-from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, SteppedGrasp
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
 
-NOTHING = (0.0, 0.0, 0.0)
 PATCH = ContactPatch("rounded", 0.018, 0.009, growth=1 / 3)
 LAW = FrictionLaw()
 
 
 def grasp(grip_n: float = 10.0, **options: float) -> SteppedGrasp:
-    return SteppedGrasp(BOX, PATCH, LAW, PAD, grip_n=grip_n, largest_grip_n=20.0, **options)
-
-
-def test_steps_give_what_the_whole_history_gives() -> None:
-    load = history([NOTHING, (14.0, 2.0, 0.03)], [0.0, 0.4])
-    trace = simulate(PATCH, LAW, load)
-    stepped = SteppedGrasp(BOX, PATCH, LAW, PAD, grip_n=10.0, largest_grip_n=10.0)
-    for i, dt in enumerate(np.diff(load.t_s), start=1):
-        stepped.advance(dt, load.force_n[i], load.torque_nm[i], 10.0)
-    assert np.array_equal(stepped.wrench(), trace.wrench_left[-1])
-    assert np.array_equal(stepped.wrench(right=True), trace.wrench_right[-1])
-    assert np.array_equal(stepped.displacement(), trace.displacement[-1])
-    assert np.array_equal(stepped.taxel_loads(Pad()), trace.taxel_loads(Pad(), [1.0])[0])
-    assert stepped.gross
+    return SteppedGrasp(GraspedObject(), PATCH, LAW, PadCompliance(), grip_n=grip_n, largest_grip_n=20.0, **options)
 
 
 def test_a_load_that_answers_the_motion_is_possible() -> None:

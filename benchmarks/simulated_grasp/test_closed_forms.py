@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from stick_slip_scenes import GRIP_N, STEADY, history, onset, ramp, simulate
+from simulated_grasp.short_loads import GRIP_N, STEADY, history, onset, ramp, simulate
 
 from slipd.fusion import utilisation
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw

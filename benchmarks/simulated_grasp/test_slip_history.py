@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stick_slip_scenes import GRIP_N, PAD, history, kinetic_j, onset, simulate
+from simulated_grasp.short_loads import GRIP_N, PAD, history, kinetic_j, onset, simulate
 
 from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stick_slip_scenes import GRIP_N, PAD, STEADY, history, onset, ramp, simulate
+from simulated_grasp.load_history import LoadHistory
+from simulated_grasp.short_loads import GRIP_N, PAD, STEADY, history, onset, ramp, simulate
 
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, LoadHistory, PadCompliance
+from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, PadCompliance
 from slipd.tools.sim.stickslip.contact_patch import FIELD, PressedPatch
 
 NOTHING = (0.0, 0.0, 0.0)

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pad_wrenches import finger_load, pad_wrench
-from stick_slip_scenes import GRIP_N, STEADY, history, ramp, simulate
+from simulated_grasp.load_history import LoadHistory
+from simulated_grasp.short_loads import GRIP_N, STEADY, history, ramp, simulate
 
 from slipd.fusion import contact_from_wrench
 from slipd.tools.sim.scene_parts import Pad
 from slipd.tools.sim.stickslip import ContactPatch, GraspedObject
+from slipd.types.arrays import Array
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, centre_m=(0.002, -0.001))
 LOAD = (1.0, 2.0, 0.01)
@@ -70,3 +72,30 @@ def test_an_unchanged_pressure_gives_the_same_image_and_a_changed_one_another() 
     images = simulate(PATCH, STEADY, load).taxel_loads(Pad(), [0.0, 0.05, 0.15, 0.2])
     assert np.array_equal(images[0], images[1])
     assert images[:, :].sum(axis=1) == pytest.approx(images[0].sum() * np.array((1.0, 1.0, 1.1, 1.2)), rel=1e-9)
+
+
+TWO = np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"grip_n": np.zeros(3)}, "grip_n must have shape"),
+        ({"force_n": np.full((2, 2), np.inf)}, "force_n must be finite"),
+        ({"t_s": TWO}, "t_s must not be empty and must increase"),
+        ({"grip_n": np.array((1.0, -1.0))}, "must not be negative"),
+    ],
+)
+def test_a_history_that_makes_no_sense_is_refused(fields: dict[str, Array], words: str) -> None:
+    well = {"t_s": np.arange(2.0), "force_n": np.zeros((2, 2)), "torque_nm": TWO, "grip_n": TWO}
+    with pytest.raises(ValueError, match=words):
+        LoadHistory(**well | fields)
+
+
+def test_a_coarse_history_is_divided() -> None:
+    """A history of 20 ms steps gives what one of 1 ms gives, at its samples."""
+    coarse, fine = (
+        simulate(PATCH, STEADY, history([(0.0, 0.0, 0.0), (8.0, 0.0, 0.02)], [0.0, 0.4], dt_s=dt))
+        for dt in (0.02, 0.001)
+    )
+    assert coarse.displacement == pytest.approx(fine.displacement[::20], rel=1e-3, abs=1e-9)

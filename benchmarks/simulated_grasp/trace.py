@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from simulated_grasp.load_history import LoadHistory
 
 from slipd.fusion import utilisations
 from slipd.tools.sim.stickslip.contact_patch import FIELD, ContactPatch, PressedPatch, Taxels
-from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, GraspedObject, LoadHistory, PadCompliance
+from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from slipd.tools.sim.stickslip.stepped_grasp import CELL_M, STEP_S, SteppedGrasp
 from slipd.types.arrays import Array, Indices
 
