@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -31,7 +29,6 @@ from run_courses import (
     sleep,
     status,
     tick,
-    up,
     wait,
     wrench,
     wrote,
@@ -42,7 +39,7 @@ from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
 from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, Write
 from slipd.requests.recording_state import utc_stamp
-from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
+from slipd_client.messages import Health
 
 RIG = LEFT + RIGHT + GRIPPER
 GRASP = RIG + grasp_table()
@@ -50,31 +47,6 @@ TWINS = RIGHT + RIGHT.replace("finger.right", "finger.third").replace('"2"', '"1
 WSG = LEFT + '[gripper]\ndevice = "wsg"\nport = "tcp://127.0.0.1:1000"\nrate_hz = 50.0\nmax_force_n = 25.0\n'
 STALE, HELD_LIGHTLY = ("unknown", "stale"), wrench(10.0, (1.0, 0.0))
 NEAR = wrench(10.0, (4.6, 0.0))
-CONTACTS: dict[str, list[tuple[Any, ...]]] = {
-    "no_contact": [(0.0,)],
-    "stable": [(10.0, (1.0, 0.0))],
-    "caution": [(10.0, (3.75, 0.0))],
-    "warning": [(10.0, (4.6, 0.0))],
-    "slipping": [(10.0, (2.0 + 0.005 * k if k < 580 else 3.9, 0.0)) for k in range(620)],
-    "unknown": [(math.nan,)],
-}
-"""Readings that bring the left finger to each level; "slipping" needs a pull that grows and falls."""
-
-
-LEVELS_IN_TURN = (
-    *("no_contact", "stable", "stable", "caution", "warning"),
-    *("caution", "unknown", "stable", "no_contact"),
-)
-
-
-def changes(*expected: tuple[str, str, bool]) -> Step:
-    """Check every change of level of the left finger so far: the level before, the level, and whether it is worse."""
-
-    def step(run: Run) -> None:
-        warnings = [body for body in run.published("warning") if body["finger"] == "left"]
-        assert [(body["previous"], body["level"], body["rising"]) for body in warnings] == list(expected)
-
-    return step
 
 
 def states(*expected: str) -> Step:
@@ -112,102 +84,7 @@ def dated(moved_ns: int = 0) -> Step:
 FELT: list[Step] = [feel(5.0), serve(5)] * 20
 GONE: list[Step] = [feel(0.0), serve(5)] * 20
 LIFTED: list[Step] = [bring_up, grip(5.0), *FELT, states("held")]
-PADLESS = LEFT.partition("[finger.left.pad]")[0]
 COURSES: dict[str, tuple[str, list[Step]]] = {
-    # levels
-    **{
-        f"the level {word} is reached": (
-            RIG,
-            [
-                image(),
-                wrench(0.0),
-                *(wrench(*contact) for contact in CONTACTS[word]),
-                newest("slip.left", level=word, level_code=code),
-            ],
-        )
-        for code, word in enumerate(CONTACTS)
-    },
-    "every change of level is published at once, with the one before": (
-        RIG,
-        [
-            *(
-                step
-                for n, word in enumerate(LEVELS_IN_TURN)
-                for k in range(4 if n in (5, 7) else 1)  # a level is left after a while
-                for step in (wait(100), image(np.full((4, 4), 100 + (n + k) % 2)), wrench(*CONTACTS[word][0]))
-            ),
-            changes(
-                ("unknown", "no_contact", False),
-                ("no_contact", "stable", True),
-                ("stable", "caution", True),
-                ("caution", "warning", True),
-                ("warning", "caution", False),
-                ("caution", "unknown", False),
-                ("unknown", "caution", True),
-                ("caution", "stable", False),
-                ("stable", "no_contact", False),
-            ),
-            newest("warning", frame="left_pad"),
-        ],
-    ),
-    "unknown is worse than stable": (
-        RIG,
-        [
-            image(),
-            HELD_LIGHTLY,
-            wrench(math.nan),
-            changes(("unknown", "stable", False), ("stable", "unknown", True)),
-        ],
-    ),
-    "every reading gets a verdict, whatever is published": (
-        RIG,
-        [
-            image(),
-            *(wrench(10.0, (pull, 0.0)) for pull in (3.0, 3.75, 4.3)),  # at 250 Hz one of them would be published
-            changes(("unknown", "stable", False), ("stable", "caution", True), ("caution", "warning", True)),
-            count("slip.left", 3),
-        ],
-    ),
-    "a warning has reasons and utilisation": (
-        RIG,
-        [
-            image(),
-            NEAR,
-            newest("warning", reasons=["translation"], utilisation=pytest.approx(0.92, rel=1e-5), level_code=3),
-            wrench(0.0),
-            newest("warning", utilisation=None),
-        ],
-    ),
-    "a contact that no grip holds has no utilisation": (
-        RIG,
-        [
-            image(100 * np.eye(16, dtype=int)[5].reshape(4, 4)),
-            wrench(10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)),
-            newest("warning", utilisation=None, reasons=["unsupportable", "rotation", "tipping"]),
-        ],
-    ),
-    "a pad that measures the force gives verdicts too": (
-        RIG,
-        [
-            skin(0.0),
-            level("no_contact", finger="right"),
-            skin(8.0, (1.0, 0.0)),
-            level("stable", finger="right"),
-            skin(8.0, (3.6, 0.0)),
-            newest("slip.right", level="warning", model="exact"),
-            newest("wrench.right", force_n=pytest.approx([3.6, 0.0, -8.0])),
-            newest("tactile.right", loads_n=pytest.approx([2.0] * 4)),
-        ],
-    ),
-    "an overloaded sensor makes the verdict unknown": (
-        RIG,
-        [
-            image(),
-            wrench(10.0, (1.0, 0.0), status=2),
-            level("unknown", "overload"),
-            newest("wrench.left", status=["overload"]),
-        ],
-    ),
     # streams that end
     "a lost force sensor makes its finger unknown at once, with nil for what is not known": (
         RIG,
@@ -274,38 +151,6 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
                 for step in (wait(5), image(), told(Bytes("left.wrench", bytes((byte,)))), tick)
             ),
             level(*STALE),
-        ],
-    ),
-    # rates
-    "rates are limited by the time of the readings": (
-        RIG,
-        [
-            *[image(), *[HELD_LIGHTLY] * 5] * 200,
-            count("slip.left", 248, 252),
-            count("wrench.left", 248, 252),
-            count("tactile.left", 48, 52),
-        ],
-    ),
-    "a rate may be raised until every reading is published": (
-        LEFT + "[rates]\nslip_hz = 1000.0\nwrench_hz = 100.0\n",
-        [wrench(0.0, times=500), count("slip.left", 500), count("wrench.left", 49, 51)],
-    ),
-    "status is published once a second, and when a link changes": (
-        RIG,
-        [
-            *[wait(5), tick] * 1000,
-            count("status", 8, 10),  # four of them for the links
-            down("left.pad"),
-            newest("status", streams={"left.pad": {"health": Health.ERROR}}),
-            up("left.pad"),
-            newest("status", streams={"left.pad": {"health": Health.STALE}}, uptime_s=pytest.approx(5.0)),
-            lambda run: set_equal(run.published("status")[-1]["streams"], "left.wrench left.pad right.pad gripper"),
-            newest("status", object_name=None, object_by=None, object_t_ns=None),
-            newest("status", fingers={"left": {"level": "unknown", "reasons": ["stale"], "evidence": []}}),
-            newest("status", fingers={"left": {"tare_id": 0, "tare_busy": False, "mu": 0.5, "mu_source": "config"}}),
-            newest("status", fingers={"left": {"mu_low": pytest.approx(0.4242, abs=1e-4)}}),
-            newest("status", fingers={"left": {"mu_high": pytest.approx(0.5894, abs=1e-4), "mu_d": None}}),
-            newest("status", fingers={"left": {"mu_by": None, "mu_t_ns": None}}),
         ],
     ),
     # a host that sleeps
@@ -467,25 +312,6 @@ def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(run: Run) -
     wsg = Run(WSG)
     wsg.up("gripper")
     assert wsg.engine.farewell() == [Write("gripper", wsg_messages.encode(wsg_messages.DISCONNECT))]
-
-
-def test_messages_of_each_topic_are_numbered_without_gaps_and_share_one_boot(run: Run) -> None:
-    for k in range(50):
-        follow(run, [image(), wrench(10.0, (0.1 * k, 0.0)), skin(5.0), serve(5)])
-    published = [output for _, output in run.out if isinstance(output, Publish)]
-    numbers: Counter[str] = Counter()
-    for message in published:
-        assert (message.body["boot"], message.body["seq"]) == ("b00t", numbers[message.topic])
-        numbers[message.topic] += 1
-    fingers = [f"{topic}.{name}" for topic in ("slip", "wrench", "tactile") for name in ("left", "right")]
-    assert set(numbers) == {*fingers, "gripper", "status", "warning"}
-
-
-def test_the_largest_message_is_within_the_limits_of_a_client() -> None:
-    run = Run(LEFT.replace("rows = 4", "rows = 64").replace("cols = 4", "cols = 64"))
-    run.image(np.random.default_rng(0).integers(6, 30000, (64, 64)))
-    body = run.published("tactile.left")[-1]
-    assert len(body["loads_n"]) == decode(encode(body), MESSAGE_LIMITS)["active"] == 4096
 
 
 def test_C1_a_line_is_not_late_because_the_host_clock_is_slewed(run: Run) -> None:

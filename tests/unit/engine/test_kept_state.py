@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import functools
 import json
-import random
 from collections.abc import Callable
 from typing import Any
 
@@ -362,93 +361,3 @@ def test_a_recording_that_begins_during_a_run_begins_with_its_state() -> None:
     for event in (first, LinkUp("right.pad", "opened right.pad")):
         again.handle(event, run.t_ns + 7200 * SECOND)
     assert again.kept.text(run.t_ns) == first.text, "a tare of this run has no limit of age"
-
-
-FATES = ("whole", "none", "old", "later", "truncated", "flipped", "another device", "another config", "another rig")
-"""What becomes of the state that a run kept."""
-KINDS = {
-    "scalar": LEFT,
-    "charge": LEFT + "charge_tau_s = 2.0\n",
-    "alone": LEFT.partition("[finger.left.pad]")[0],
-    "config": LEFT + "tare = [" + ", ".join(["30"] * 16) + "]\n",
-}
-
-
-def levels(run: Run, finger: str) -> set[str]:
-    return {body["level"] for body in run.published(f"slip.{finger}")}
-
-
-def hold(run: Run, normal_n: float, bias_n: float, count: int) -> None:
-    """Feed both fingers, whose sensors have offsets; a reading that repeats would be suspect."""
-    for k in range(count):
-        press = round(normal_n * 20) + k % 2
-        if "left.pad" in run.engine.links:
-            run.image(np.full((4, 4), 30 + (press if normal_n else 0)))
-        run.skin(normal_n, ms=5.0)
-        run.wrench(normal_n + bias_n, (0.1 * bias_n, 0.0), ms=5.0)
-
-
-def damaged(fate: str, run: Run, rng: random.Random) -> tuple[str, str | None]:
-    """Return the config and the text with which the next run begins, 60 s to an hour later."""
-    text, state = run.engine.kept.text(run.t_ns), kept(run) | {"boot": EARLIER}
-    config_text = run.engine.kept._config.text
-    minutes = {"old": -61, "later": 70}.get(fate, 0)
-    state["kept_wall_ns"] += minutes * 60 * SECOND
-    text = seal(json.dumps(state))
-    if fate == "truncated":
-        text = text[: rng.randrange(len(text))]
-    elif fate == "flipped":
-        at = rng.randrange(len(text))
-        text = text[:at] + chr(ord(text[at]) ^ 1 << rng.randrange(5)) + text[at + 1 :]
-    elif fate == "another config":
-        config_text = config_text.replace("rate_hz = 1000.0", "rate_hz = 900.0").replace(
-            "pitch_m = 0.004", "pitch_m = 0.005"
-        )
-    elif fate == "another rig":
-        config_text = config_text.replace("/dev/left-wrench", "/dev/left-sensor")
-    return config_text, None if fate == "none" else text
-
-
-def check_restart(seed: int) -> None:
-    rng = random.Random(seed)
-    kind, fate = rng.choice(list(KINDS)), rng.choice(FATES)
-    normal_n, bias_n = rng.choice((0.0, rng.uniform(1.0, 20.0))), rng.uniform(-9.0, 30.0)
-    before = Run(KINDS[kind] + RIGHT.partition("tare =")[0], zeros=False)
-    before.up()
-    hold(before, 0.0, bias_n, 5)
-    assert levels(before, "left") | levels(before, "right") == {"unknown"}, "nobody tared yet"
-    for finger in ("left", "right"):
-        assert before.refusal("tare", finger=finger, stream="all", seconds=0.1, unloaded=True) is None
-    hold(before, 0.0, bias_n, 40)
-    assert before.level("left") == before.level("right") == ("no_contact", [])
-    hold(before, normal_n, bias_n, 20)
-    text, state = damaged(fate, before, rng)
-    run = Run(text, zeros=False)
-    run.t_ns = before.t_ns + rng.randrange(60, 3400) * SECOND
-    if state is not None:
-        run.feed(StateRestored(state))
-    for name in run.engine.links:
-        run.feed(LinkUp(name, f"{'another' if fate == 'another device' else 'opened'} {name}"))
-    hold(run, normal_n, bias_n, 20)
-    expected = {"stable"} if normal_n else {"no_contact"}
-    for finger in ("left", "right"):
-        if fate != "whole":
-            assert levels(run, finger) == {"unknown"}, f"seed {seed}: {fate}, {kind}, {finger}, {normal_n:.1f} N"
-        elif finger == "left" and kind in ("charge", "alone"):
-            assert "stable" not in levels(run, finger), "without an image, or without the beginning of its contact"
-        else:
-            assert levels(run, finger) <= expected | {"unknown"}
-            assert run.level(finger)[0] in expected, f"seed {seed}: {kind}, {finger}, {normal_n:.1f} N"
-
-
-@pytest.mark.parametrize("first", range(0, 30, 10))
-def test_F6_no_finger_is_believed_after_a_restart_unless_its_zero_is_known(first: int) -> None:
-    for seed in range(first, first + 10):
-        check_restart(seed)
-
-
-@pytest.mark.long
-@pytest.mark.timeout(900)
-def test_F6_no_finger_is_believed_after_a_thousand_restarts_unless_its_zero_is_known() -> None:
-    for seed in range(1000):
-        check_restart(seed)

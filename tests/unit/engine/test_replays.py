@@ -21,11 +21,6 @@ def test_a_recorded_run_causes_the_same_messages_replies_and_commands_at_the_sam
         assert list(replays.differences(was.body, found.body)) == [], what
 
 
-def test_a_replay_gives_the_messages_alone() -> None:
-    messages = [(one.name, one.body) for one in replays.given("reflex") if one.kind == "message"]
-    assert replays.messages("reflex") == messages
-
-
 def test_the_recordings_hold_every_level_acts_of_the_reflex_faults_and_refusals() -> None:
     given = [one for name in replays.NAMES for one in replays.stored(name)]
     messages = [(one.name.partition(".")[0], one.body) for one in given if one.kind == "message"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, NoisyFinger, Parse, Press, Wrench, make_finger, pull, read_force
+from finger_bench import MS, T0, Parse, Press, Wrench, make_finger, pull, read_force
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -197,22 +197,3 @@ def test_new_contact_has_no_memory_of_the_last(press: Press) -> None:
     pull(press, [4.8, 4.8])
     press(0.0)
     assert press(10.0, (4.1, 0.0)).verdict.level == "caution", "no hysteresis, and no slip from the last one's load"
-
-
-def test_uncertain_weight_raises_the_upper_bound_of_utilisation(make_noisy: Callable[..., NoisyFinger]) -> None:
-    noisy = make_noisy("mass_kg = 0.1\n")
-    noisy.look(2.0)
-    noisy.read(2.0, 0.5)
-    assert noisy.verdict[0] == "warning", "λ may reach (0.5 + 0.98 / μ...) / (2.0 − 0.98)"
-    noisy.look(0.9)
-    noisy.read(0.9, 0.1)
-    assert noisy.verdict == ("warning", ("translation", "weight_unknown")), "the weight may be all that presses"
-
-
-def test_centroid_that_the_weight_may_have_moved_outside_is_tipping(make_noisy: Callable[..., NoisyFinger]) -> None:
-    noisy = make_noisy("mass_kg = 0.01\ncom_m = [0.0, 0.0, -0.6]\n")
-    noisy.look(5.0)
-    noisy.read(5.0)
-    level, reasons = noisy.verdict
-    assert level in ("caution", "warning")
-    assert {"tipping", "weight_unknown"} <= set(reasons)

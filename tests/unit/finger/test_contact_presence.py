@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, FULL, MS, T0, Image, NoisyFinger, Parse, Press, Wrench, make_finger, read_force
+from finger_bench import EMPTY, FULL, MS, T0, Image, Parse, Press, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
 from slipd.types.samples import TactileSample, WrenchSample
-
-HIDDEN = ("unknown", ("weight_unknown",))
-
-
-def tare(noisy: NoisyFinger) -> None:
-    """Tare the force sensor."""
-    before = noisy.finger.tare.current.id
-    noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
-    for _ in range(20):
-        noisy.read(0.0)
-    assert noisy.finger.tare.current.id == before + 1
 
 
 @pytest.mark.parametrize(
@@ -71,53 +59,6 @@ def test_three_axis_taxels_count_once_tared(right: str, parse: Parse) -> None:
             finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
             found.append(finger.presence.is_pressed())
         assert found == known
-
-
-@pytest.mark.parametrize("normal_n", [0.0, 0.3])
-def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
-    make_noisy: Callable[..., NoisyFinger], normal_n: float
-) -> None:
-    noisy = make_noisy("mass_kg = 0.1\n")
-    tare(noisy)
-    noisy.read(normal_n)
-    assert (noisy.verdict, noisy.finger.presence.is_pressed()) == (HIDDEN, None)
-    noisy.finger.force.set_gravity([0.0, 0.0, -9.8], noisy.t_ns)
-    tare(noisy)
-    assert (noisy.verdict, noisy.finger.presence.is_pressed()) == (("no_contact", ()), False)
-    noisy.finger.force.gravity.forget()
-    noisy.read(normal_n)
-    assert noisy.verdict == HIDDEN, "after the host slept, the orientation is unknown"
-
-
-@pytest.mark.parametrize("pad_known", [False, True])
-def test_free_finger_of_unknown_weight_is_free_where_its_pad_shows_that(
-    make_noisy: Callable[..., NoisyFinger], pad_known: bool
-) -> None:
-    noisy = make_noisy("mass_kg = 0.1\n", f"tare = {[0.0] * 16}\n" if pad_known else "")
-    pad = noisy.finger.image.tare
-    pad.put(replace(pad.current, origin="config"))
-    tare(noisy)
-    noisy.look(0.0)
-    noisy.read(0.2)
-    free = noisy.verdict, noisy.finger.presence.is_pressed()
-    assert free == ((("no_contact", ()), False) if pad_known else (HIDDEN, None)), "an untared pad shows nothing"
-    noisy.look(2.0)
-    noisy.read(0.0)
-    assert noisy.verdict == HIDDEN, "the weight may hide what the pad shows"
-    noisy.look(0.0)
-    for _ in range(200):
-        noisy.read(0.0)
-    assert noisy.verdict == HIDDEN, "the image is too old"
-
-
-def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[..., NoisyFinger]) -> None:
-    noisy = make_noisy("drift_tau_s = 20.0\n")
-    for _ in range(1200):
-        noisy.t_ns += 99 * MS
-        noisy.read(1.5)
-        noisy.look(0.0)
-    assert noisy.finger.force.drift.value[2] == pytest.approx(0.0, abs=0.01)
-    assert noisy.verdict[1][0] == "disagreement"
 
 
 @pytest.mark.parametrize("shown", [True, False])

@@ -13,6 +13,7 @@ from slipd.config import Levels
 from slipd.finger.finger import Finger
 from slipd.finger.stream_health import finger_conditions
 from slipd.types.samples import TactileSample, WrenchSample
+from slipd_client.messages import Health
 
 STALE = ("unknown", ("stale",))
 
@@ -97,3 +98,23 @@ def test_N1_a_three_axis_image_that_is_not_finite_is_unknown(right: str, parse: 
     image = TactileSample(T0, None, np.full((4, 3), math.nan))
     (state,) = make_finger(right, parse, "right").update_image(image)
     assert (verdict(state), state.wrench) == (NOT_FINITE, None)
+
+
+def test_tare_that_was_given_up_is_reported(right: str, parse: Parse) -> None:
+    finger = make_finger(right, parse, "right")
+    finger.begin_tare(T0, 0.1, "someone")
+    finger.disconnect(T0)
+    assert finger_conditions(finger, "pad", T0) == [(Health.OK, "the last tare was given up: the stream ended")]
+
+
+def test_old_image_does_not_end_a_disagreement(finger: Finger, press: Press) -> None:
+    corner = np.zeros((4, 4))
+    corner[0, 0] = 400
+    for _ in range(100):
+        state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)
+    state = press(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), ms=25.0, counts=None)
+    assert state.load_distribution is not None
+    assert not finger.trust.newest
+    finger.check_silence(state.t_ns + 6 * MS)
+    assert not finger.trust.for_raise(state.t_ns + 6 * MS)
+    assert verdict(finger.state) == verdict(state)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import NoisyFinger, Parse, Press, make_finger, pull, teach
+from finger_bench import Parse, Press, make_finger, pull, teach
 
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body
@@ -100,20 +100,3 @@ def test_what_is_more_lenient(
     finger = make_finger(left if stated else left.replace("mu = 0.5\n", ""), parse)
     before(finger)
     assert finger.friction.is_more_lenient(*given) is lenient
-
-
-def test_a_grasp_whose_force_and_image_disagree_teaches_nothing_of_its_object(
-    make_noisy: Callable[..., NoisyFinger],
-) -> None:
-    """Its readings were wrong already before that was noticed."""
-    noisy = make_noisy(pad="gain_error = 0.05\n")
-    friction = noisy.finger.friction
-    noisy.finger.friction.set_object("mug")
-    noisy.hold(0.3)
-    teach(noisy.finger, 0.8)
-    assert friction.state.mu == pytest.approx(0.8)
-    noisy.hold(0.3, lambda counts: np.multiply(counts, 0.3, out=counts))
-    assert noisy.verdict == ("unknown", ("disagreement", "disagreement_force"))
-    assert (friction.state.mu, friction.state.object_name) == (0.5, "mug")
-    noisy.send(np.zeros(3), np.zeros(3))
-    assert friction.state.mu == 0.5, "the next grasp of the object begins with what is stated"

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, MS, T0, Image, NoisyFinger, Parse, Press, make_finger, taxel_faults, verdict
+from finger_bench import EMPTY, MS, T0, Image, Parse, Press, make_finger, taxel_faults, verdict
 from known_zeros import known_finger
 
 from slipd.config import Levels
@@ -84,20 +84,6 @@ def test_T1_masked_three_axis_taxels_are_replaced_by_their_neighbours(right: str
     assert taxel_faults(finger) == {"saturated": [6]}
     assert abs(state.wrench[0]) < 0.1
     assert state.wrench[2] == pytest.approx(-16 * 0.5, rel=0.3)
-
-
-def test_calibrated_charge_pad_is_anchored_to_the_force_sensor(make_noisy: Callable[..., NoisyFinger]) -> None:
-    noisy = make_noisy(pad="gain_error = 0.05\ncharge_tau_s = 2.0\n")
-    for _ in range(50):
-        noisy.t_ns += 19 * MS
-        noisy.read(0.0)
-        noisy.look(0.0)
-    for k in range(200):
-        noisy.t_ns += 9 * MS
-        noisy.read(8.0 + 2.0 * math.sin(0.5 * k))
-        noisy.look(8.0 + 2.0 * math.sin(0.5 * k))  # without leakage, the integral of the charge would run away
-    free_running = 10.0 + 8.0 * 2.0 / 2.0
-    assert noisy.finger.image.pressure.sum() < free_running, "the force sensor limits it"
 
 
 RAMP = np.arange(16.0).reshape(4, 4) * 10.0

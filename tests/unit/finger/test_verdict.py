@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, FULL, T0, Image, NoisyFinger, Parse, Press, Wrench, limit_nm, make_finger, pull, verdict
+from finger_bench import EMPTY, FULL, T0, Image, Parse, Press, Wrench, limit_nm, make_finger, pull, verdict
 from finger_bench import read_force as read
 from hypothesis import given
 from hypothesis import strategies as st
@@ -134,13 +134,6 @@ def test_level_drops_a_hysteresis_below_its_threshold_after_a_while(press: Press
         levels, before = pull(press, 0.5 * 10.0 * shares), share
         assert levels[-1] == level
         assert len(set(levels)) <= 3
-
-
-@pytest.mark.parametrize(("pull_n", "spin_nm", "reason"), [(0.0, 9e5, "rotation"), (9e5, 0.0, "translation")])
-def test_N3_load_beyond_any_grip_is_a_warning(noisy: NoisyFinger, pull_n: float, spin_nm: float, reason: str) -> None:
-    noisy.look(8.0)
-    noisy.send(np.array((pull_n, 0.0, -8.0)), np.array((0.0, 0.0, spin_nm)))
-    assert noisy.verdict == ("warning", (reason,))
 
 
 @given(st.one_of(st.floats(0.0, 3.0), st.just(math.inf)), st.floats(0.0, 1.0))

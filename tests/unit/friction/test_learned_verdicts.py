@@ -155,16 +155,3 @@ def test_a_request_starts_anew_a_tare_forgets_what_is_more_lenient_and_a_lost_pa
     kept = restart == "pad" or (restart == "tare" and learned.mu < mu)
     assert friction.mu == (learned.mu if kept else mu)
     assert friction.object_name == "mug"
-
-
-def test_the_end_of_the_contact_starts_anew_unless_the_object_is_named(make_grasp: MakeGrasp) -> None:
-    grasp = make_grasp(0.6)
-    grasp.approach_and_slip()
-    grasp.let_go()
-    assert (grasp.finger.friction.state.mu, grasp.finger.friction.state.source) == (0.6, "config")
-    grasp.finger.friction.set_object("mug")
-    grasp.approach_and_slip()
-    grasp.let_go()
-    friction = grasp.finger.friction.state
-    assert (friction.source, friction.object_name) == ("learned", "mug")
-    assert lead_ms(grasp.approach_and_slip()) > 130, "the first slip of the second grasp is warned"

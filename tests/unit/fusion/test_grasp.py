@@ -70,17 +70,6 @@ def test_pads_at_any_pose_give_back_what_the_world_does(force, torque, other, se
     assert world.torque_nm == pytest.approx(torque, abs=1e-8)
 
 
-def test_a_grip_that_nothing_disturbs_is_no_external_wrench() -> None:
-    """Wherever it presses: both forces lie on one line."""
-    at = np.array((0.004, 0.0, 0.11))
-    push = np.array((0.0, 9.0, 0.0))
-    left, right = on_pad(LEFT, push, np.cross(at, push)), on_pad(RIGHT, -push, np.cross(at, -push))
-    world = external_wrench((left, right), (LEFT, RIGHT))
-    assert world.force_n == pytest.approx(np.zeros(3))
-    assert world.torque_nm == pytest.approx(np.zeros(3))
-    assert left[2] == right[2] == pytest.approx(-9.0), "pressed, both"
-
-
 def test_without_a_place_or_a_torque_of_a_finger_the_torque_is_unknown_and_the_force_known() -> None:
     lost = PadPose(RIGHT.rotation, None)
     for poses in ((LEFT, lost), (lost, LEFT)):

@@ -7,6 +7,8 @@ import pytest
 from bench.million import MEDIAN_GAP, WORST_GAP, Answers, Findings, measure
 from chart.scenes import FAMILIES
 
+pytestmark = pytest.mark.statistics
+
 SCENES = 9_000
 EVERY = 301
 """One round of the families in so many is checked; odd, so that the checked ones are of both senses."""

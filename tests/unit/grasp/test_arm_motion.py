@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from arm_rig import COM_M, DOWN, MASS_KG, RIG, STILL, ArmRun
 from engine_rig import GRIPPER, MS
+from run_courses import Step, follow, status, tick, wait, wrench
 from scipy.spatial.transform import Rotation
 
 from slipd import config
@@ -104,32 +105,35 @@ def test_a_finger_further_out_is_pulled_out_more_by_a_turn() -> None:
     assert run.published("wrench.left")[-1]["force_n"][2] == pytest.approx(outward_n, rel=1e-6), "-Z points outwards"
 
 
-@pytest.mark.parametrize(("silent_ms", "state"), [(4, "compensated"), (40, "unknown_orientation")])
-def test_a_stall_of_the_daemon_does_not_make_the_weight_unknown(run: ArmRun, silent_ms: int, state: str) -> None:
-    """Lines are read one after another, so that readings of a sensor are judged before those of the arm arrive."""
-    run.carry_for(1100)
-    for _ in range(silent_ms // 4):
-        run.wait(4)
-        run.tick()
-    run.wait(150)
-    run.wrench(5.0, (1.0, 0.0))
-    assert run.stream("left.wrench")["gravity"] == state, "a stream that was silent before stays so"
-    run.wait(100)
-    run.wrench(5.0, (1.0, 0.0))
-    assert run.stream("left.wrench")["gravity"] == "unknown_orientation", "it counts no longer than gravity.set"
+UNKNOWN, CHECKED = "unknown_orientation", "its gravity is checked for 1 s before it is used"
+LOADED = wrench(5.0, (1.0, 0.0))
 
 
-def test_gravity_is_checked_for_a_second_before_it_is_used(run: ArmRun) -> None:
-    run.carry_for(900)
-    assert run.stream()["message"] == "its gravity is checked for 1 s before it is used"
-    assert run.stream("left.wrench")["gravity"] == "unknown_orientation"
-    run.carry_for(200)
-    assert (run.stream()["message"], run.stream("left.wrench")["gravity"]) == ("", "compensated")
+def carry(ms: float) -> Step:
+    return lambda run: run.carry_for(ms)
 
 
-def test_D6_a_reading_that_is_older_than_its_stream_allows_is_not_used(run: ArmRun) -> None:
-    run.carry_for(1100)
-    run.wait(100)
-    run.carry(t_ns=run.t_ns - 50 * MS)
-    run.tick()
-    assert run.stream("left.wrench")["gravity"] == "unknown_orientation"
+def weight(state: str, **arm: str) -> Step:
+    """Check how the weight of the finger is taken off, and what is said of the stream."""
+    return status(streams={"left.wrench": {"gravity": state}, "arm": arm})
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [carry(900), weight(UNKNOWN, message=CHECKED), carry(200), weight("compensated", message="")],
+        # A reading that is older than its stream allows is not used.
+        [carry(1100), wait(100), lambda run: run.carry(t_ns=run.t_ns - 50 * MS), tick, weight(UNKNOWN)],
+        # In a stall, readings of a sensor are judged before those of the arm arrive: that does not make the weight
+        # unknown, unless the stream was silent before. It counts no longer than gravity.set.
+        *(
+            [
+                carry(1100), *[wait(4), tick] * ticks, wait(150), LOADED, weight(state), wait(100), LOADED,
+                weight(UNKNOWN),
+            ]
+            for ticks, state in ((1, "compensated"), (10, UNKNOWN))
+        ),
+    ],
+)  # fmt: skip
+def test_D6_the_weight_is_taken_off_while_the_stream_is_fresh(run: ArmRun, steps: list[Step]) -> None:
+    follow(run, steps)

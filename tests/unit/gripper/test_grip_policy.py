@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 
 import pytest
@@ -175,28 +174,3 @@ def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
     assert policy.state(T0).budget_left_n == 10.0
     policy.restore(None)
     assert policy.force_n is policy.requested_n is None
-
-
-@pytest.mark.parametrize("fault", ["E-stop", "no reply", "echo differs"])
-def test_A6_D4_D5_the_first_fault_is_kept_until_it_is_acknowledged(policy: GripPolicy, fault: str) -> None:
-    policy.record_force(5.0, T0)
-    policy.latch("")
-    assert first(policy, 5.0) is None
-    policy.latch(fault)
-    policy.latch("what came of it")
-    policy.latch("")
-    refusal = first(policy, 5.0)
-    assert (code(refusal), code(react(policy, 6.0))) == ("fault_latched", "fault_latched")
-    assert re.search(f"{fault}.*fault.ack", refusal.message)
-    assert (policy.fault, policy.force_n) == (fault, 5.0)
-    policy.acknowledge()
-    assert (policy.fault, first(policy, 5.0), react(policy, 6.0)) == ("", None, None)
-
-
-def test_nothing_of_a_grasp_lasts_beyond_its_end(policy: GripPolicy) -> None:
-    policy.adopt(None)
-    assert policy.grips
-    policy.begin_release()
-    assert policy.releasing
-    policy.end_grasp()
-    assert (policy.grips, policy.releasing) == (False, False)

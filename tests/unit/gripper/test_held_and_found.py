@@ -19,7 +19,7 @@ from slipd_client.messages.names import GRIP_UNKNOWN
 pytestmark = pytest.mark.no_cover
 
 HELD_N = 6.0
-FORCE_OUT, WIDTH_OUT, DELTA_OUT = ("out_of_range", "force_n"), ("out_of_range", "width_m"), ("out_of_range", "delta_n")
+FORCE_OUT, WIDTH_OUT = ("out_of_range", "force_n"), ("out_of_range", "width_m")
 NOT_READY, NOT_ACTIVE, ACTIVATING, TOO_FAST = ("not_ready", ""), ("not_active", ""), ("activating", ""), "too_fast"
 BEGUN = ask("gripper.close", force_n=12.0)
 """Another grasp: a first force may be any."""
@@ -120,26 +120,26 @@ COURSES: dict[str, Course] = {
          exerts(HELD_N)],
     ),
     "a grip that is found is held and changed from what it is": (
-        PEERS, HELD_N,
+        [WSG], HELD_N,
         [*FOUND, HOLDS, ask("grip.set", force_n=7.5), ask("grip.adjust", (TOO_FAST, "delta_n"), delta_n=1.0),
          serve(300), exerts(7.5), ask("gripper.close", force_n=9.0), serve(100), exerts(9.0)],
     ),
     "A8 all raises of a grip that is found have one budget": (
-        PEERS, HELD_N,
+        [DRIVER], HELD_N,
         [*FOUND, *[serve(250), ask("grip.adjust", delta_n=STEP_N)] * 5,
          until(lambda cell: cell.code("grip.adjust", delta_n=0.5) == "budget_spent", [serve(250)]),
          exerts(HELD_N + 10.0, HELD_N + BUDGET_N)],
     ),
     "the reflex keeps a grip that is found": (
-        PEERS, HELD_N, [*FOUND, has(pull=0.46), serve(300), acted(), exerts(HELD_N + 0.2, MOST_N)],
+        [ROBOTIQ], HELD_N, [*FOUND, has(pull=0.46), serve(300), acted(), exerts(HELD_N + 0.2, MOST_N)],
     ),
     "a link that is lost in a grip that is found is latched": (
-        PEERS, HELD_N,
+        [WSG], HELD_N,
         [*FOUND, does("replug"), serve(200), sees(latched_fault="link_lost"), lease,
          ask("gripper.close", ("fault_latched", ""), force_n=MOST_N), ask("fault.ack"), FAR],
     ),
     "a grip that is found is not relieved by a width, since nobody knows to where it was closed": (
-        PEERS, HELD_N,
+        [DRIVER], HELD_N,
         [*FOUND, ask("gripper.close", ("not_ready", "width_m"), force_n=HELD_N, width_m=PART_M - 0.001),
          ask("gripper.open", ("in_contact", "drop")), *LET_GO],
     ),
@@ -163,42 +163,42 @@ COURSES: dict[str, Course] = {
         )
         for key, n in (("min_force_n", 9.0), ("max_force_n", 3.5))
     },
-    "free fingers begin a grip with any force after a restart": (PEERS, 0.0, [*FOUND, jaws("put", PART_M), BEGUN]),
+    "free fingers begin a grip with any force after a restart": ([ROBOTIQ], 0.0, [*FOUND, jaws("put", PART_M), BEGUN]),
     **{
         f"F6 a restart in a grasp with a state that is {what} moves nothing and goes on within two seconds": (
-            PEERS, 8.0,
+            grippers, 8.0,
             [*before, *restart([has(mute=False), does("stall", 300)], **kept), serve(800), known, serve(800),
              exerts(8.0), sent(), ask("grip.adjust", delta_n=1.0), serve(500), exerts(8.8, 9.0),
              named(GRIP_UNKNOWN, without=True)],
         )
-        for what, before, kept in (
-            ("kept", [], {"boot": KILLED}), ("lost", [], {}),
-            ("kept while the gripper was silent", [has(mute=True), serve(1000)], {"boot": KILLED}),
+        for what, grippers, before, kept in (
+            ("kept", [ROBOTIQ, DRIVER], [], {"boot": KILLED}), ("lost", [WSG], [], {}),
+            ("kept while the gripper was silent", [ROBOTIQ], [has(mute=True), serve(1000)], {"boot": KILLED}),
         )
     },
     # what is opened
     **{
         f"an open to a narrower width is refused and nothing is sent, with drop = {drop}": (
-            PEERS, 0.0,
+            [gripper], 0.0,
             [jaws("put", PART_M), *(ask("gripper.open", WIDTH_OUT, width_m=m, drop=drop) for m in (0.0, PART_M, 0.078)),
              ask("gripper.open", "gripper.open only widens: width_m must be at least the present ", width_m=0.0),
              serve(1500), sent(), exerts(0.0)],
         )
-        for drop in (True, False)
+        for drop, gripper in ((True, ROBOTIQ), (False, WSG))
     },
     "an open widens from where the fingers are and goes on widening": (
-        PEERS, HELD_N,
+        REPORTING, HELD_N,
         [ask("gripper.open", width_m=PART_M + 0.02, drop=True), serve(60),
          ask("gripper.open", WIDTH_OUT, width_m=PART_M + 0.01, drop=True),  # it may be there already
          serve(1500), lambda cell: opened(cell, PART_M + 0.02), ask("gripper.open")],
     ),
     "fingers that feel nothing, or are silent, have not let go while they move": (
-        PEERS, HELD_N,
+        [ROBOTIQ], HELD_N,
         [feels("silent"), serve(100), DROP, serve(60), sees(moving=True), ask("gripper.close", FORCE_OUT, force_n=12.0),
          serve(1500), sees(moving=False), BEGUN],
     ),
     "open and close at once is no way around the step": (
-        PEERS, HELD_N,
+        [DRIVER], HELD_N,
         [*FOUND, DROP, FAR, ask("grip.set", NOT_READY, force_n=HELD_N),  # nothing is gripped for whoever asks
          serve(1500), BEGUN],
     ),
@@ -227,7 +227,7 @@ COURSES: dict[str, Course] = {
     # with a reflex, what a client states may move the gripper: it needs the lease, as a motion does
     **{
         f"A9 a client without the lease makes the reflex do nothing, {how}": (
-            PEERS, HELD_N,
+            [gripper], HELD_N,
             [has(pull=0.2), serve(200), *free,
              *(step for op, fields in (
                  ("friction.set", {"mu_s": 0.02}), ("friction.set", {"mu_s": 0.5, "mu_d": 0.499}), ("tare.undo", {}),
@@ -236,10 +236,12 @@ COURSES: dict[str, Course] = {
                for step in (refusing(op, finger=finger, **fields), serve(250))),
              refusing("object.set", name="mug"), serve(500), sent(), quiet, exerts(HELD_N)],
         )
-        for how, free in (("while another holds it", []), ("while nobody does", [ask("lease.release"), let_lease_be]))
+        for how, gripper, free in (
+            ("while another holds it", ROBOTIQ, []), ("while nobody does", WSG, [ask("lease.release"), let_lease_be]),
+        )
     },
     "A9 the reflex keeps step and rate, and spends a budget of its own": (
-        PEERS, HELD_N,
+        [DRIVER], HELD_N,
         [has(pull=0.2), serve(200), watch_rate,
          *(ask("friction.set", finger=finger, mu_s=0.02) for finger in ("left", "right")),  # the holder may
          serve(2000), exerts(HELD_N + 8.0, MOST_N),

@@ -5,28 +5,19 @@ from __future__ import annotations
 import pytest
 from arm_rig import ArmRun
 from engine_rig import Run
+from run_courses import follow, gripper, serve, status, tick, wait, wrench
 
 
 def test_status_has_the_clock_of_each_stream_the_lateness_and_a_latched_fault_at_the_gripper(run: Run) -> None:
-    for _ in range(300):
-        run.wrench(0.0, ms=5.0)
-        run.tick()
-    stream = run.ask("status")["result"]["streams"]["left.wrench"]
-    assert stream["clock"] == "locked"
-    assert 0.0 < stream["clock_uncertainty_s"] < 0.01
-    run.gripper.fault, run.gripper.stage = 8, 3
-    run.serve_gripper(50)
-    run.wait(100)
-    run.tick()
-    status = run.ask("status")["result"]
-    assert status["late_s"] == pytest.approx(0.1)
-    latched = {name for name, each in status["streams"].items() if "is latched" in each["message"]}
-    assert latched == {"gripper"}
+    follow(run, [*[wrench(0.0, ms=5.0), tick] * 300, status(streams={"left.wrench": {"clock": "locked"}})])
+    follow(run, [gripper(fault=8, stage=3), serve(50), wait(100), tick, status(late_s=pytest.approx(0.1))])
+    streams = run.ask("status")["result"]["streams"]
+    assert 0.0 < streams["left.wrench"]["clock_uncertainty_s"] < 0.01
+    assert {name for name, each in streams.items() if "is latched" in each["message"]} == {"gripper"}
 
 
 def test_status_says_why_the_motion_of_the_arm_is_not_used() -> None:
     run = ArmRun()
     run.carry_for(200)
-    arm = run.stream()
-    assert (arm["health"], arm["clock"], arm["samples"]) == (0, "host", 50)
-    assert arm["message"] == "its gravity is checked for 1 s before it is used"
+    said = {"health": 0, "clock": "host", "samples": 50, "message": "its gravity is checked for 1 s before it is used"}
+    status(streams={"arm": said})(run)

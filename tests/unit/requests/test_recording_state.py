@@ -5,127 +5,115 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from engine_rig import Run
+from run_courses import Step, ask, down, follow, newest
 
-from slipd.events import LinkUp, Output, Record, RecordingChanged, Reply, Request
+from slipd.events import LinkUp, Record, RecordingChanged, Reply, Request
 from slipd.requests.recording_state import RecordingState
 from slipd.types.clocks import WallClock
 
-Run = Any
 NAME = "slipd-20231114T221500Z-b00t-1.mcap"  # the wall clock of the tests and their first 100 s
+FILE = {"name": NAME, "path": f"/state/{NAME}"}
+START, STOP = ask("record.start", FILE), ask("record.stop", FILE)
+NOT_READY = ("not_ready", "")
+OPEN = ["left.wrench", "right.pad", "gripper"]
 
 
-def records(run: Run) -> list[Record]:
-    return [output for _, output in run.out if isinstance(output, Record)]
+def shows(state: str, name: str | None = NAME, key: str = "recording", **more: Any) -> Step:
+    """Check a recording in the newest status."""
+    usual = {"name": name, "path": name and f"/state/{name}", "state": state, "running": state == "running"}
+    return newest("status", **{key: usual | {"failure": None, "lost": 0} | more})
 
 
-def shown(run: Run, key: str = "recording") -> dict[str, Any]:
-    """A recording in the newest status."""
-    return run.published("status")[-1][key]
+def disk(state: str, *told: Any, name: str = NAME, path: str = FILE["path"], **more: int) -> Step:
+    """The host reports what became of a file."""
+    return lambda run: run.feed(RecordingChanged(name, path, state, *told, **more))
 
 
-def state(name: str | None, state: str, **more: Any) -> dict[str, Any]:
-    path = name and f"/state/{name}"
-    running = state == "running"
-    return {"name": name, "path": path, "state": state, "running": running, "failure": None, "lost": 0} | more
+def disk_says(state: str) -> Step:
+    """Let the host answer each further request for a recording like this."""
+    return lambda run: vars(run).update(disk=lambda name: RecordingChanged(name, f"/state/{name}", state, "why"))
 
 
-def start(run: Run) -> dict[str, Any]:
-    """A request whose answer waits for the disk."""
-    return {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+def asked(number: str, client: bytes, *expected: tuple[bytes, str, Any]) -> Step:
+    """Send a request whose answer waits for the disk; check the replies so far: to whom, which, and its error."""
+
+    def step(run: Run) -> None:
+        run.feed(Request(client, START_BODY | {"id": number}))
+        found = [one for _, one in run.out if isinstance(one, Reply)]
+        assert [(one.client, one.body["id"], one.body.get("error", {}).get("code")) for one in found] == list(expected)
+
+    return step
 
 
-def replies(outputs: list[Output]) -> list[Reply]:
-    return [output for output in outputs if isinstance(output, Reply)]
+def begun(*names: str) -> Step:
+    """Check the names of the files that the host was told to write; "": to write no more."""
+
+    def step(run: Run) -> None:
+        assert [one.name for _, one in run.out if isinstance(one, Record)] == list(names)
+
+    return step
 
 
-def test_K3_a_client_starts_and_stops_a_recording_that_the_daemon_names(run: Run) -> None:
-    for path in ("name", "path", "file"):
-        assert run.refusal("record.start", **{path: "../../etc/passwd"}) == ("unknown_field", path)
-    run.down("left.pad")
-    assert run.published("status")[-1]["recording"] == state(None, "none")
-    assert run.ask("record.start")["result"] == {"name": NAME, "path": f"/state/{NAME}"}
-    assert shown(run) == state(NAME, "running")
-    (begun,) = records(run)
-    assert begun.name == NAME
-    assert LinkUp("left.wrench", "opened left.wrench") in begun.opened
-    assert [up.link for up in begun.opened[1:]] == ["left.wrench", "right.pad", "gripper"], "the links that are open"
-    assert run.refusal("record.start") == ("not_ready", "")
-    assert run.ask("record.stop")["result"] == {"name": NAME, "path": f"/state/{NAME}"}
-    assert shown(run) == state(NAME, "stopped")
-    assert records(run)[1:] == [Record("")]
-    assert run.refusal("record.stop") == ("not_ready", "")
-    assert run.ask("record.start")["result"]["name"] != NAME, "names are never used twice in a run"
+def with_open_links(run: Run) -> None:
+    (record,) = (one for _, one in run.out if isinstance(one, Record))
+    assert record.opened[1:] == tuple(LinkUp(link, f"opened {link}") for link in OPEN)
 
 
-def test_K1_a_failing_disk_ends_the_recording_and_is_published(run: Run) -> None:
-    run.ask("record.start")
-    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the disk is full", 3))
-    assert shown(run) == state(NAME, "failed", failure="the disk is full", lost=3)
-    assert "the disk is full" in run.ask("record.stop")["error"]["message"]
-    assert run.ask("record.start")["ok"]
-    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "reported late"))
-    assert shown(run)["failure"] is None, "of one that is over"
+START_BODY = {"v": 1, "op": "record.start", "boot": "b00t", "deadline_ns": 100_400_000_000}
+WAITS, COPIED = (b"ben", "c", "replayed"), (b"ben", "d", "not_ready")
+ANSWER = (b"ann", "c", None)
+WHOLE = {"name": "", "path": "/data/run.mcap"}
+COURSES: dict[str, list[Step]] = {
+    "K3 a client starts and stops a recording that the daemon names": [
+        *(ask("record.start", ("unknown_field", key), **{key: "../../etc/passwd"}) for key in ("name", "path", "file")),
+        *(down("left.pad"), shows("none", None), START, shows("running"), with_open_links),
+        *(ask("record.start", NOT_READY), STOP, shows("stopped"), begun(NAME, ""), ask("record.stop", NOT_READY)),
+        ask("record.start", {"name": NAME.replace("-1.", "-2.")}),
+    ],
+    "K1 a failing disk ends the recording and is published": [
+        *(START, disk("failed", "the disk is full", 3), shows("failed", failure="the disk is full", lost=3)),
+        *(ask("record.stop", "the disk is full"), ask("record.start"), disk("failed", "reported late")),
+        newest("status", recording={"failure": None}),  # of one that is over
+    ],
+    **{
+        f"the reply waits for the disk and reports its error: {state}": [
+            *(disk_says(state), ask("record.start", (code, "")), shows(state, failure="why")),
+            ask("record.stop", NOT_READY),
+        ]
+        for state, code in (("failed", "record_failed"), ("limited", "no_room"))
+    },
+    "a copy of a waiting request is neither carried out nor answered twice": [
+        *(asked("c", b"ann"), asked("c", b"ann"), asked("c", b"ben", WAITS), asked("d", b"ben", WAITS, COPIED)),
+        *(disk("running"), asked("c", b"ann", WAITS, COPIED, ANSWER, ANSWER), disk("running", lost=5)),
+        *(newest("status", recording={"lost": 5}), begun(NAME)),
+    ],
+    "a recording stopped before its file is created is answered": [
+        *(asked("c", b"ann"), ask("record.stop", FILE | {"path": None}), disk("running"), shows("stopped")),
+    ],
+    "a limit reached after the stop leaves it stopped": [
+        *(START, STOP, disk("limited", "as large as it may be"), shows("stopped")),
+        *(disk("failed", "the last bytes had no room"), shows("failed", failure="the last bytes had no room")),
+    ],
+    "the recording of the whole run is published beside the one on request": [
+        *(START, newest("status", run_recording=None), disk("running", **WHOLE)),
+        shows("running", None, "run_recording", path="/data/run.mcap"),
+        disk("failed", "No space left", 7, **WHOLE),
+        shows("failed", None, "run_recording", path="/data/run.mcap", failure="No space left", lost=7),
+        shows("running"),
+    ],
+    "a recording without events of the disk replays": [
+        *(asked("c", b"ann"), newest("status", recording={"name": NAME, "running": True}), ask("record.stop")),
+        newest("status", recording={"name": NAME, "running": False}),
+        lambda run: run.feed(Request(b"ann", START_BODY | {"id": "d"})),
+        newest("status", recording={"running": True}),
+    ],
+}
 
 
-def test_the_reply_waits_for_the_disk_and_reports_its_error(run: Run) -> None:
-    for state_of, code in (("failed", "record_failed"), ("limited", "no_room")):
-        run.disk = lambda name, state=state_of: RecordingChanged(name, f"/state/{name}", state, "why")
-        assert run.ask("record.start")["error"] == {"code": code, "message": "why", "field": ""}
-        assert shown(run) == state(shown(run)["name"], state_of, failure="why")
-    assert run.refusal("record.stop") == ("not_ready", "")
-
-
-def test_a_copy_of_a_waiting_request_is_neither_carried_out_nor_answered_twice(run: Run) -> None:
-    body = start(run)
-    assert replies(run.feed(Request(b"ann", dict(body)))) == []
-    assert replies(run.feed(Request(b"ann", dict(body)))) == []
-    for again, code in ({}, "replayed"), ({"id": "d"}, "not_ready"):
-        (refused,) = replies(run.feed(Request(b"ben", body | again)))
-        assert refused.body["error"]["code"] == code
-    (answer,) = replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running")))
-    assert (answer.client, answer.body["id"], answer.body["ok"]) == (b"ann", "c", True)
-    assert replies(run.feed(Request(b"ann", dict(body)))) == [answer]
-    assert replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running", lost=5))) == []
-    assert shown(run)["lost"] == 5
-    assert [record.name for record in records(run)] == [NAME]
-
-
-def test_a_recording_stopped_before_its_file_is_created_is_answered(run: Run) -> None:
-    run.feed(Request(b"ann", start(run)))
-    assert run.ask("record.stop")["result"] == {"name": NAME, "path": None}
-    (answer,) = replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running")))
-    assert answer.body["result"]["path"] == f"/state/{NAME}"
-    assert shown(run) == state(NAME, "stopped")
-
-
-def test_a_limit_reached_after_the_stop_leaves_it_stopped(run: Run) -> None:
-    run.ask("record.start")
-    run.ask("record.stop")
-    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "limited", "as large as it may be"))
-    assert shown(run) == state(NAME, "stopped")
-    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the last bytes had no room"))
-    assert shown(run)["failure"] == "the last bytes had no room"
-
-
-def test_the_recording_of_the_whole_run_is_published_beside_the_one_on_request(run: Run) -> None:
-    run.ask("record.start")
-    assert shown(run, "run_recording") is None
-    run.feed(RecordingChanged("", "/data/run.mcap", "running"))
-    assert shown(run, "run_recording") == state(None, "running", path="/data/run.mcap")
-    run.feed(RecordingChanged("", "/data/run.mcap", "failed", "No space left", 7))
-    failed = state(None, "failed", failure="No space left", lost=7, path="/data/run.mcap")
-    assert shown(run, "run_recording") == failed
-    assert shown(run) == state(NAME, "running")
-
-
-def test_a_recording_without_events_of_the_disk_replays(run: Run) -> None:
-    body = start(run)
-    run.feed(Request(b"ann", body))
-    assert (shown(run)["name"], shown(run)["running"]) == (NAME, True)
-    assert run.ask("record.stop")["ok"]
-    assert (shown(run)["name"], shown(run)["running"]) == (NAME, False)
-    run.feed(Request(b"ann", body | {"id": "d"}))
-    assert shown(run)["running"]
+@pytest.mark.parametrize("name", COURSES)
+def test_K1_K3_a_course_of_recordings(run: Run, name: str) -> None:
+    follow(run, COURSES[name])
 
 
 @pytest.mark.parametrize("wall_ns", [0, -(10**30), 2**63 - 1, 10**30])

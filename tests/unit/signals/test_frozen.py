@@ -53,11 +53,6 @@ class Stream:
 ONES, NONE = np.ones(3), np.zeros(3)
 
 
-def test_the_default_is_for_a_noise_of_a_third_of_a_count() -> None:
-    by_chance = {std: math.erf(0.5 / (math.sqrt(2.0) * std)) ** (6 * DEFAULT_REPEATS) for std in (0.28, 0.3)}
-    assert by_chance[0.3] < 1e-12 < by_chance[0.28]
-
-
 def test_F1_a_stuck_sensor_is_reported_as_soon_as_chance_is_ruled_out_and_cleared_at_once() -> None:
     for seed in range(20):
         stream = Stream(seed)
