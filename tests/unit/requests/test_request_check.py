@@ -81,7 +81,9 @@ def judge(**changes: Any) -> tuple[str, str] | None:
         ({"op": "status", "deadline_ns": 0, "force_n": ...}, ("deadline_passed", "deadline_ns")),
     ],
 )
-def test_every_fault_has_its_code_and_names_its_field(changes: dict[str, Any], refusal: tuple[str, str] | None) -> None:
+def test_A1_every_fault_has_its_code_and_names_its_field(
+    changes: dict[str, Any], refusal: tuple[str, str] | None
+) -> None:
     assert judge(**changes) == refusal
 
 
