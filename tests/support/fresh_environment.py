@@ -7,6 +7,8 @@ import subprocess
 import sys
 import sysconfig
 import venv
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 PATIENCE_S = 300.0
@@ -32,8 +34,23 @@ class Environment:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
         assert done.returncode == 0, done.stdout + done.stderr
 
-    def slipd(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    def slipd(self, *arguments: str | Path, module: str = "slipd") -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            (self.python, "-m", "slipd", *arguments),
+            (self.python, "-m", module, *arguments),
             cwd=self._folder, env=self._variables, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
         )  # fmt: skip
+
+    @contextmanager
+    def running(self, until: str, *arguments: str | Path) -> Iterator[str]:
+        """Run a command until the block ends; yield what follows the word ``until`` in its output."""
+        with subprocess.Popen(
+            (self.python, "-m", "slipd", *arguments),
+            cwd=self._folder, env=self._variables, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
+        ) as process:  # fmt: skip
+            try:
+                assert process.stdout is not None
+                lines = iter(process.stdout.readline, "")
+                yield next(line.removeprefix(until).strip() for line in lines if line.startswith(until))
+            finally:
+                process.terminate()
+                process.wait(PATIENCE_S)

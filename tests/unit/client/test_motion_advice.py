@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import msgpack
@@ -19,6 +22,7 @@ from client_peers import Daemon, Publisher, until
 from hypothesis import given
 from hypothesis import strategies as st
 from imu_pusher import Packets, readings
+from ros_peers import typestore
 from scipy.spatial.transform import Rotation
 
 from slipd.devices.external import Decoder
@@ -100,6 +104,9 @@ def test_a_point_is_turned_into_the_gripper_frame_as_by_scipy() -> None:
     assert point == pytest.approx([1.5, *turn.inv().apply(vectors).ravel()])
 
 
+STORE = typestore()
+
+
 class Robot(threading.Thread):
     """The RTDE server of a UR as its guide describes it: it answers the set-up, and sends a package for each input."""
 
@@ -153,12 +160,9 @@ def advised(publisher: Publisher) -> Iterator[None]:
         while not ended.wait(0.02):
             publisher.send("motion", speed_scale=0.6)
 
-    with ThreadPoolExecutor() as threads:
+    with ThreadPoolExecutor() as threads, closing(SimpleNamespace(close=ended.set)):
         threads.submit(advise)
-        try:
-            yield
-        finally:
-            ended.set()
+        yield
 
 
 def test_the_slider_of_a_ur_rises_slowly_from_the_floor_to_the_scale(publisher: Publisher) -> None:
@@ -177,6 +181,64 @@ def test_a_robot_that_has_no_slider_to_move_is_named(publisher: Publisher) -> No
     with pytest.raises(SystemExit, match="does not let this program move the slider: IN_USE,IN_USE"):
         ur_speed.main("127.0.0.1", robot.port, publisher.endpoint)
     robot.join()
+
+
+def ros(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Put stand-ins of rclpy in its place, with the messages of rosbags; return what the node publishes."""
+    published: list[Any] = []
+
+    class Node:
+        def __init__(self, _: str) -> None:
+            self.get_logger = lambda: SimpleNamespace(warning=lambda *_, **__: None)
+
+        def declare_parameter(self, _: str, default: float) -> Any:
+            return SimpleNamespace(value=default)
+
+        def create_publisher(self, *_: Any) -> Any:
+            return SimpleNamespace(publish=published.append)
+
+        def create_subscription(self, kind: Any, _: str, callback: Any, __: int) -> None:
+            self.kind, self.callback = kind, callback
+
+    modules = {
+        "rclpy": {},
+        "rclpy.executors": {"ExternalShutdownException": KeyboardInterrupt},
+        "rclpy.node": {"Node": Node},
+        "geometry_msgs": {},
+        "geometry_msgs.msg": {"TwistStamped": TWIST},
+    }
+    for name, names in modules.items():
+        module = ModuleType(name)
+        vars(module).update(names)
+        monkeypatch.setitem(sys.modules, name, module)
+    return published
+
+
+TWIST = STORE.types["geometry_msgs/msg/TwistStamped"]
+
+
+def twist() -> Any:
+    """Return a twist of ROS's own type: 1 m/s along X and against Z, 1 rad/s about Y."""
+    vector = STORE.types["geometry_msgs/msg/Vector3"]
+    linear, angular = vector(x=1.0, y=0.0, z=-1.0), vector(x=0.0, y=1.0, z=0.0)
+    header = STORE.types["std_msgs/msg/Header"](STORE.types["builtin_interfaces/msg/Time"](1, 2), "tool0")
+    return TWIST(header, STORE.types["geometry_msgs/msg/Twist"](linear, angular))
+
+
+def test_twists_for_servo_are_slowed_to_the_floor_and_then_to_the_scale(
+    publisher: Publisher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    published = ros(monkeypatch)
+    monkeypatch.delitem(sys.modules, "servo_speed", raising=False)
+    with MotionAdvisor(publisher.endpoint) as advisor:
+        node: Any = importlib.import_module("servo_speed").ServoSpeed(advisor)
+        assert node.kind is TWIST
+        node.callback(twist())
+        assert (published[-1].twist.linear.x, published[-1].header.frame_id) == (0.2, "tool0")
+        with advised(publisher):
+            until(lambda: published[-1].twist.linear.x == 0.6, lambda: node.callback(twist()))
+    assert (published[-1].twist.linear.z, published[-1].twist.angular.y) == (-0.6, 0.6)
+    STORE.serialize_cdr(published[-1], TWIST.__msgtype__)
 
 
 def packet(kind: int, *numbers: int) -> bytes:

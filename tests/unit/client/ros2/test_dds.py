@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -13,7 +15,7 @@ from slipd_client.ros.conversion import TYPES, RosMessage
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
-from ros_graph import Heard, Listener, free_domain, joined
+from ros_graph import Heard, Listener, free_domain, joined, reader
 
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.speed_scaling import SpeedScaling
@@ -92,23 +94,39 @@ def test_a_reliable_subscriber_that_hangs_delays_nobody_and_gets_the_last_messag
         until(lambda: listener.hear().data == last)
 
 
-class Advisor(MotionAdvisorBase):
-    """Advice that comes and ends."""
+TOPIC = "/joint_trajectory_controller/speed_scaling_input"
+STORE = typestore()
 
-    def __init__(self, *scales: float | None) -> None:
-        self._scales = iter(scales)
+
+class Advisor(MotionAdvisorBase):
+    """Advice that the test sets."""
+
+    def __init__(self) -> None:
+        self.scale: float | None = None
 
     def speed_scale(self, floor: float | None = None) -> float | None:
-        scale = next(self._scales, None)
-        return floor if scale is None else scale
+        return floor if self.scale is None else self.scale
+
+
+def factors(controller: Any) -> Iterator[float]:
+    """Yield the factors that arrive at a controller, for ever."""
+    until_s = time.monotonic() + 40
+    while time.monotonic() < until_s:
+        for sample in controller.take(20):
+            if sample.sample_info.valid_data:
+                yield STORE.deserialize_cdr(sample.data, "control_msgs/msg/SpeedScalingFactor").factor
+        time.sleep(0.01)
 
 
 def test_a_controller_receives_the_scale_and_is_left_with_the_floor() -> None:
-    sent: list[RosMessage] = []
-    speed = SpeedScaling(sent.append, "/jtc/speed_scaling_input", Advisor(None, 0.7, 0.0), 0.2)
-    speed.start()
-    until(lambda: len(sent) >= 4)
-    speed.stop()
-    message = RosMessage("/jtc/speed_scaling_input", "control_msgs/SpeedScalingFactor", {"factor": 0.2})
-    assert sent[:4] == [message, *(message._replace(value={"factor": scale}) for scale in (0.7, 0.0)), message]
-    assert sent[-1] == message, "a controller keeps the last factor"
+    with joined(free_domain()) as participant:
+        advisor = Advisor()
+        speed = SpeedScaling(RosPublisher(participant, {TOPIC: 1}).publish, TOPIC, advisor, 0.2)
+        speed.start()
+        arrived = factors(reader(participant, TOPIC, "control_msgs/SpeedScalingFactor", latched=True))
+        assert next(arrived) == 0.2, "it is not known yet"
+        advisor.scale = 0.7
+        assert next(factor for factor in arrived if factor != 0.2) == 0.7
+        speed.stop()
+        late = factors(reader(participant, TOPIC, "control_msgs/SpeedScalingFactor", latched=True))
+        assert next(late) == 0.2, "a controller that comes late gets the last factor"
