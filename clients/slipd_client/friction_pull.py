@@ -147,8 +147,7 @@ class PullWatch:
             return self._stop(obstacle)
         judged = self._stop_at_gap(t_s)
         self._keep(t_s, slip)
-        if self.phase != "grip":
-            self.obstacle = ""
+        self.obstacle = ""
         moves = slip.level == SlipLevel.SLIPPING or bool(slip.evidence)
         if self.phase == "grip":
             self._wait_for_rest(t_s, moves=moves)
