@@ -1,4 +1,4 @@
-"""How much is fuzzed: a share in `make check`, many rounds in `make fuzz`."""
+"""How much is fuzzed: a share in `make test`, many rounds in `make fuzz`."""
 
 from __future__ import annotations
 

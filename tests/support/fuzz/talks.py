@@ -11,7 +11,7 @@ from fuzz.outcome import Outcome
 BAD_SHARE = 0.3
 """Of the pieces, in both directions, that suffer a mishap while the line is bad."""
 
-BAD_NS = 6_000_000_000
+BAD_NS = 3_000_000_000
 PATIENCE_NS = 40_000_000_000
 """From the line's getting well to the readings: a device may have to be silent for 10 s before it is begun anew."""
 

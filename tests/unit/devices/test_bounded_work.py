@@ -133,20 +133,25 @@ def run(first: int, count: int) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_search_for_records_finds_what_a_search_place_by_place_finds(seed: int) -> None:
+def test_L1_records_are_those_of_a_search_place_by_place_also_of_whole_datagrams(seed: int) -> None:
     rng = random.Random(seed)
-    stream = b""
+    datagrams = []
     for _ in range(12):
         good = run(rng.choice((1, 70_000, (1 << 32) - 4)), rng.randrange(1, 9))
         junk = (rng.randbytes(rng.randrange(200)), bytes(rng.randrange(200)), good[: rng.randrange(len(good))])
-        stream += good + rng.choice(junk)
+        late = good[:36] + good[36:72] * rng.randrange(3) + good[72:]
+        datagrams += [good, rng.choice((*junk, late, good))]
+    stream = b"".join(datagrams)
     found = []
     for kind in (rdt.RecordScanner, Sliding):
-        for size in (len(stream), 1000, 37):
+        for pieces in (
+            datagrams,
+            *([stream[at : at + n] for at in range(0, len(stream), n)] for n in (8000, 1000, 11)),
+        ):
             health = DecoderHealth()
             records = kind(health, 0xF000)
-            heads = [head for at in range(0, len(stream), size) for head in records.receive(stream[at : at + size])[0]]
-            found.append((heads, health))
+            heads = [(head, *row) for piece in pieces for head, row in zip(*records.receive(piece), strict=True)]
+            found.append((str(heads), health))
     assert all(other == found[0] for other in found[1:])
 
 

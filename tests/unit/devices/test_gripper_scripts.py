@@ -155,6 +155,7 @@ ENDINGS: dict[str, dict[str, tuple[str, ...]]] = {
         "move 8, acknowledge, force 9 | active | 9 N": (W, E)
     },
     "deaf, force 8, send, fault, hear, wait": {"force 8, lost | command lost | 8 N": (W, E)},
+    "fault, run, deaf, wait, wait, acknowledge, run": {" | no reply | no force": (W, E)},
     "fault, run, activate, wait, wait": {
         "acknowledge, activate | active | no force": (W,),
         "activate | no_power | no force": (E,),

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from device_links import MS, T0, Parse, S, frame, health, status
+from device_links import MS, T0, S, frame, health, status
 
-from slipd.devices import DEVICES, tsf85
-from slipd.links.device_link import DeviceLink, make_links
+from slipd.devices import DEVICES
+from slipd.links.device_link import DeviceLink
 from slipd.links.stream_meter import FloodGuard
-from slipd.tools.sim.emulators import make_emulator
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 
@@ -95,38 +94,6 @@ def test_L9_a_slow_stream_may_bring_32_readings_at_once() -> None:
     guard.rate_hz = 1.0
     guard.open(T0)
     assert (guard.left, len(guard.limit(bunch, T0)), guard.dropped, guard.dropped_ns) == (32.0, 32, 1, T0)
-
-
-def test_L9_both_arrays_of_a_tsf85_in_each_of_1000_packets_a_second_are_no_flood(parse: Parse) -> None:
-    """At 160 kB/s and 1 kHz: robotiq/tactile_sensors at 8cb0219, ``sensor_quickstart/README.md``, line 74."""
-    pad = """
-        device = "tsf85"
-        port = "/dev/tsf85"
-        rate_hz = 60.0
-        rows = 7
-        cols = 4
-        pitch_m = 0.005
-        electrode_m = 0.004
-        axis_scale = [1.0]
-        threshold = 3.0
-    """
-    wrench = 'device = "bota"\nrate_hz = 100.0\n'
-    text = "".join(
-        f'[finger.{name}.wrench]\n{wrench}port = "/dev/{name}"\n[finger.{name}.pad]\n{pad}\nsensor = "{n}"\n'
-        for n, name in enumerate(("left", "right"))
-    )
-    link, tips = make_links(parse(text))["left.pad"], make_emulator("tsf85", 1)
-    tips.receive(link.open("port", T0) + tsf85.encode_packet(tsf85.AUTOSEND, b"\1"), 0)
-    sent = 0
-    for ms in range(2000):
-        for packet in tips.advance(ms * MS):
-            sent += len(packet)
-            link.receive(packet, T0 + ms * MS)
-    now = status(link, T0 + 2 * S, "0")
-    assert sent > 2 * 150_000
-    assert (now["dropped"], now["bad_bytes"]) == (0, 0)
-    assert now["samples"] == pytest.approx(120, abs=3)
-    assert health(link, T0 + 2 * S, "0") == (Health.OK, "")
 
 
 LATER = T0 + 2 * S

@@ -8,16 +8,15 @@ from typing import Any
 import msgpack
 import pytest
 from external_gripper_bench import Bench
-from permits import activate, halt, move, set_force
+from permits import halt, move, set_force
 
-from slipd.devices.external_gripper import ANSWER_MS, SILENCE_NS, Session
+from slipd.devices.external_gripper import SILENCE_NS, Session
 from slipd.devices.external_gripper.external_gripper_message import (
     Registration,
     Report,
     encode_registration,
     encode_report,
 )
-from slipd.devices.shared.command_queue import ATTEMPTS
 from slipd.tools.sim.emulated_external_gripper import DRIVER
 
 
@@ -65,17 +64,6 @@ def test_D5_a_force_without_a_request_is_too_high() -> None:
     assert bench.last.echo_ok is False
 
 
-def test_A6_an_unanswered_set_point_is_sent_again_with_its_id_and_then_lost(bench: Bench) -> None:
-    bench.driver.mute = True
-    bench.set_force(10.0, ANSWER_MS * ATTEMPTS / 1000 + 0.1)
-    assert [(body["op"], body["id"]) for body in bench.sent] == [("force", 1)] * ATTEMPTS
-    assert (bench.session.command_lost, bench.session.health.lost) == (True, ATTEMPTS)
-    assert bench.session.state == "command lost: no answer to force"
-    bench.driver.mute = False
-    bench.set_force(11.0)
-    assert not bench.session.command_lost
-
-
 @pytest.fixture
 def unanswered(bench: Bench) -> Bench:
     """Return a session whose driver does not answer to a force."""
@@ -104,30 +92,6 @@ def test_an_implausible_report_is_counted_and_not_accepted(unanswered: Bench, li
     unanswered.deliver([encode_report(lie)])
     assert (len(unanswered.samples), unanswered.session.health.bad) == (seen, 1)
     assert unanswered.session._queue.outstanding is not None
-
-
-def test_a_driver_that_falls_silent_receives_nothing_more(bench: Bench) -> None:
-    bench.deaf = bench.driver.mute = True
-    bench.run(0.45)
-    bench.set_force(10.0, SILENCE_NS * 1e-9)
-    assert (bench.session.state, bench.session.command_lost) == ("no reply", True)
-    assert (set_force(bench.session, 10.0), halt(bench.session)) == (None, False)
-    activate(bench.session, bench.now_ns)
-    bench.session.acknowledge()
-    bench.sent.clear()
-    bench.run(1.0)
-    assert bench.operations() == []
-    bench.deaf = bench.driver.mute = False
-    bench.run(0.1)
-    assert set_force(bench.session, 10.0) == 10.0
-
-
-def test_a_fault_is_forgotten_once_its_driver_falls_silent(bench: Bench) -> None:
-    bench.deaf = bench.driver.mute = True
-    bench.deliver([encode_report(Report(0.05, fault="overheated"))])
-    assert bench.session.state == "overheated"
-    bench.run(SILENCE_NS * 1e-9 + 0.1)
-    assert bench.session.state == "no reply"
 
 
 def test_a_driver_that_does_not_register_is_asked_to(bench: Bench) -> None:
@@ -188,13 +152,3 @@ def test_another_driver_on_the_same_connection_receives_nothing_until_the_first_
     assert (bench.samples, session.command_lost) == ([], True)
     bench.deliver([encode_registration(DRIVER), encode_report(Report(0.05))])
     assert set_force(session, 5.0) == 5.0
-
-
-def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(holding: Bench) -> None:
-    activate(holding.session, holding.now_ns)
-    assert (holding.session.force_sent_n, holding.session.drop()) == (None, True)
-    assert holding.session.force_sent_n == 10.0
-    holding.driver.report = Report(0.04, active=False)
-    holding.driver._goal_m = None
-    holding.run(0.1)
-    assert holding.session.force_sent_n is None

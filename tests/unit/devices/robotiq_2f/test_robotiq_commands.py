@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import pytest
 from permits import activate, forget, halt
-from robotiq_bench import ACTIVATE, CLEAR, GO, MS, Bench
+from robotiq_bench import ACTIVATE, CLEAR, MS, Bench
 
 
 def test_activation_clears_then_activates_and_waits_until_the_gripper_reports_it() -> None:
@@ -64,28 +62,3 @@ def test_a_move_that_was_lost_before_it_was_sent_is_not_a_goal(active: Bench) ->
     halt(active.session)
     active.steps(2)
     assert active.gripper.output[2] & 0xFF == 90
-
-
-def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(active: Bench) -> None:
-    active.gripper.mute = True
-    active.move(200, 128, 60)
-    active.steps(3)
-    assert active.session.state == "active"
-    active.steps(4)
-    assert active.commands() == [GO] * 3
-    assert (active.session.state, active.session.command_lost, active.session.health.lost) == ("no reply", True, 6)
-    times = [time for time, _ in active.sent]
-    assert all(later - earlier == 100 * MS for earlier, later in pairwise(times))
-
-
-def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_new_status(active: Bench) -> None:
-    active.gripper.mute = True
-    active.steps(5)
-    assert active.session.state == "no reply"
-    assert active.move(1, 2, 3) is None
-    active.gripper.mute = False
-    active.steps(2)
-    assert active.session.state == "active"
-    assert active.move(200, 128, 60)
-    active.steps(1)
-    assert (active.commands(), active.session.command_lost) == ([GO], False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from permits import activate, halt, move, set_force
+from permits import activate, move
 from robotiq_bench import FORCE, GO, MS, OLD_POLL, OPEN, POLL, Bench, Gripper
 
 from slipd.devices import robotiq_2f
@@ -42,28 +42,6 @@ def test_commands_keep_five_milliseconds_from_the_last_reply_and_one_transaction
     active.session.receive(active.gripper.respond(POLL), active.now_ns + 50 * MS)
     assert active.session.on_time(active.now_ns + 55 * MS - 1) == b""
     assert active.session.on_time(active.now_ns + 55 * MS) == GO
-
-
-def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
-    active.move(200, 128, 60)
-    active.steps(1)
-    halt(active.session)
-    active.set_force(90)
-    active.steps(3)
-    assert active.gripper.output == (0x0100, 200, 0x805A)
-    active.steps(1)
-    assert active.samples[-1].active
-
-
-def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> None:
-    assert move(active.session, 0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
-    assert set_force(active.session, 7.999) == 7.0
-    assert set_force(active.session, 0.2) == 1.0, "the gripper's smallest force"
-    assert set_force(active.session, 1e9) == 256.0
-    active.steps(1)
-    output = sim.parse_output(active.gripper.output)
-    assert (output.position, output.speed, output.force) == (155, 128, 255)
-    assert active.session.force_acknowledged_n == 256.0
 
 
 def test_the_ranges_are_those_of_the_tables(active: Bench) -> None:
@@ -133,11 +111,9 @@ def test_a_flood_of_commands_leaves_every_third_turn_to_the_poll(active: Bench) 
     assert [data == POLL for _, data in active.sent] == [False, False, True] * 3
 
 
-def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
-    for cut in range(12):
-        active.now_ns += 20 * MS
-        reply = active.gripper.respond(active.session.on_time(active.now_ns))
-        pieces = [b"\x09\x04" + reply[:cut], reply[cut:]]
-        samples = [sample for piece in pieces for sample in active.session.receive(piece, active.now_ns)]
-        assert len(samples) == 1
-    assert active.session.health.bad_bytes == 24
+def test_noise_is_counted_between_the_replies_and_before_one(active: Bench) -> None:
+    active.session.receive(b"\x09\x04", active.now_ns)
+    active.now_ns += 20 * MS
+    reply = active.gripper.respond(active.session.on_time(active.now_ns))
+    assert len(active.session.receive(b"\x00" + reply, active.now_ns)) == 1
+    assert active.session.health.bad_bytes == 3

@@ -16,19 +16,6 @@ LOST_S = ANSWER_NS * 1e-9 * ATTEMPTS + 0.1
 """Longer than a command waits for its answers."""
 
 
-def test_activation_homes_and_is_over_when_the_gripper_reports_it() -> None:
-    bench = Bench()
-    bench.gripper.words.clear()
-    bench.start()
-    assert (bench.session.state, bench.last.active) == ("inactive", False)
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    assert (bench.session.state, bench.last.active) == ("activating", False)
-    bench.run(1.0)
-    assert (bench.session.state, bench.last.active, bench.last.width_m) == ("active", True, pytest.approx(0.110))
-    assert bench.commands() == [wire.HOME]
-
-
 def test_homing_without_an_end_is_lost(bench: Bench) -> None:
     activate(bench.session, bench.now_ns)
     bench.write(bench.session.on_time(bench.now_ns))
@@ -78,30 +65,9 @@ def test_D4_a_fault_is_named_and_nothing_is_tried_against_it(holding: Bench, fau
     assert (holding.commands(), holding.last.fault, holding.set_force(12.0)) == ([wire.ACKNOWLEDGE], "", 12.0)
 
 
-def test_D4_a_goal_from_before_a_fault_is_not_resumed(bench: Bench) -> None:
-    bench.move(0.1, 0.05, 5.0)
-    bench.gripper.receive(wire.encode(wire.STOP), bench.now_ns)
-    bench.gripper.words.add("fast_stop")
-    bench.run(0.1)
-    bench.session.acknowledge()
-    bench.run(0.1)
-    stood_m = bench.last.width_m
-    assert (bench.set_force(10.0, 1.0), bench.last.width_m) == (10.0, stood_m)
-
-
 def test_a_connection_that_broke_is_a_fault_of_the_gripper(holding: Bench) -> None:
     holding.start()
     assert (holding.last.fault, holding.move(0.0, None, 5.0)) == ("fast_stop", None)
-
-
-def test_a_fault_that_is_acknowledged_while_the_gripper_is_silent_sends_and_loses_nothing(bench: Bench) -> None:
-    bench.gripper.words.add("fast_stop")
-    bench.run(0.1)
-    bench.mute = True
-    bench.run(1.5)
-    bench.session.acknowledge()
-    bench.run(0.1)
-    assert (bench.commands(), bench.session.command_lost) == ([], False)
 
 
 @pytest.mark.parametrize("blocked", ["blocked_plus", "blocked_minus"])
@@ -119,18 +85,6 @@ def test_a_force_never_opens_or_resumes_after_a_stop(bench: Bench, blocked: str,
     assert bench.set_force(12.0, 1.0) == 12.0
     assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
     assert (bench.last.width_m, bench.gripper.limit) == (stood_m, 24.0)
-
-
-@pytest.mark.parametrize("lost", GO)
-def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(bench: Bench, lost: int) -> None:
-    bench.swallow = lambda packet: packet.id == lost
-    bench.move(0.02, None, 10.0, LOST_S)
-    assert bench.commands() == [*GO[: GO.index(lost)], *[lost] * ATTEMPTS]
-    assert (bench.session.command_lost, bench.session.health.lost) == (True, ATTEMPTS)
-    assert bench.session.state.startswith("command lost: no answer to ")
-    bench.swallow = lambda _: False
-    bench.move(0.02, None, 10.0)
-    assert not bench.session.command_lost
 
 
 @pytest.mark.parametrize("status", [*range(1, 26), *range(27, 31)])

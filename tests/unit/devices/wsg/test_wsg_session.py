@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 from itertools import permutations
 
 import pytest
@@ -106,19 +105,6 @@ def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(b
     bench.deliver([sim.encode_number(wire.GET_FORCE, 20.0)])
     bench.run(0.03)
     assert bench.last.echo_ok is True
-
-
-def test_every_state_gives_a_reading_in_whatever_order_the_updates_come() -> None:
-    """Ids may repeat before the next state: the Robotics Library keeps the newest of each (`Decoder`)."""
-    rng = random.Random(5)
-    decoder, numbers = Decoder(), []
-    for number in range(500):
-        parts = rng.sample(updates(float(number), 2.0 * number), 4)
-        numbers += [(1e3 * sample.width_m, sample.force_n) for sample in decoder.receive(b"".join(parts), 0)]
-    assert len(numbers) >= 499  # the first state may come before its updates
-    for number, (width_mm, force_n) in enumerate(numbers, start=500 - len(numbers)):
-        assert width_mm in (pytest.approx(number), pytest.approx(number - 1))
-        assert force_n in (number, number - 1)
 
 
 def test_an_update_that_is_missing_costs_no_reading_and_a_missing_state_only_its_own() -> None:

@@ -16,7 +16,7 @@ import serial as pyserial
 from link_ends import Device, downs, kinds, serving, ups
 from loop_waits import eventually, open_files
 
-from slipd.events import Bytes, HostNotice, LinkDown, LinkSpec, LinkUp
+from slipd.events import HostNotice, LinkSpec, LinkUp
 from slipd.io.transport import serial_port
 from slipd.io.transport.serial_port import why_not_opened
 
@@ -91,23 +91,6 @@ async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
     async with serving(device.spec) as (_, events):
         assert "plug it in again" in downs(events)[0]
     await eventually(lambda: open_files() <= files)
-
-
-async def test_L5_L6_three_hundred_reconnections_leak_no_file_and_no_task(device: Device, quick: None) -> None:
-    async with serving(device.spec) as (links, events):
-        files, tasks = open_files(), len(asyncio.all_tasks())
-        for cycle in range(1, 301):
-            device.plug()
-            await eventually(lambda: ups(events) == cycle)  # noqa: B023
-            device.send(b"mid-fra")
-            links.write("left.wrench", b"poll")
-            if cycle % 3:
-                await eventually(lambda: isinstance(events[-1], Bytes))
-            device.unplug()
-            await eventually(lambda: isinstance(events[-1], LinkDown))
-        await eventually(lambda: "no such port" in downs(events)[-1])
-        assert open_files() <= files + 1  # the executor's second thread has none, the last attempt may be under way
-        assert len(asyncio.all_tasks()) == tasks
 
 
 async def test_a_port_that_fails_to_write_is_lost_although_it_can_be_read(device: Device) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from link_ends import Device, FarEnd, downs, kinds, pieces, received, serving, ups
-from loop_waits import eventually
+from loop_waits import eventually, open_files
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import link_connection
@@ -37,6 +37,7 @@ async def test_bytes_pass_both_ways_unchanged_and_in_order(far: FarEnd) -> None:
 
 async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_again(far: FarEnd, quick: None) -> None:
     async with serving(far.spec, waits=False) as (links, events):
+        files, tasks = open_files(), len(asyncio.all_tasks())
         for times in range(1, 4):
             await eventually(far.plug)
             await eventually(lambda: ups(events) == times)  # noqa: B023
@@ -47,6 +48,8 @@ async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_
             far.unplug()
             await eventually(lambda: isinstance(events[-1], LinkDown))
             assert far.spec.address in downs(events)[-1]
+        assert open_files() <= files + 2, "the next attempt may be under way"
+        assert len(asyncio.all_tasks()) <= tasks + 1
     assert received(events) == b"half a fr" * 3
 
 
