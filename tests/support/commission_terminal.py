@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from commission_person import PULLS, touch_for
-from rig_parts import ENDS_S, first_line, part
+from rig_parts import ENDS_S, emulating, first_line, part
 
 from slipd.tools.sim.emulate_command import touch_command
 
@@ -53,10 +53,7 @@ class CommissionTerminal:
         self.lines: list[str] = []
 
     def __enter__(self) -> CommissionTerminal:
-        source = self._folder / "true.toml"
-        source.write_text(self._true, encoding="utf-8")
-        first_line(self._start("slipd", "emulate", str(source), "--dir", str(self._hand)))
-        text = (self._hand / source.name).read_text(encoding="utf-8")
+        _, text = self._stack.enter_context(emulating(self._folder, self._true))
         for right, other in self._wrong.items():
             assert right in text
             text = text.replace(right, other)

@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
-from rig_parts import first_line, part
+from rig_parts import emulating, first_line, part
 
 RIG = """
 [finger.left]
@@ -64,10 +64,8 @@ class EmulatedRig:
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> EmulatedRig:
-        (self._folder / "true.toml").write_text(RIG, encoding="utf-8")
         listen = ("--listen", "127.0.0.1:0", "--emulation", str(self.hand.parent), "--config", str(self.config))
-        self.emulator = self.emulate()
-        first_line(self.emulator)
+        self.emulate()
         self.write_config(self._wrong)
         viewing = self._start("slipd_client.slipctl", "view", *listen)
         self.daemon = self._start("slipd", "run", "--config", str(self.config))
@@ -80,14 +78,14 @@ class EmulatedRig:
 
     def write_config(self, wrong: Mapping[str, str] = {}) -> None:
         """Write the config of the daemon, which states something ``wrong`` or is right."""
-        text = (self.hand.parent / "true.toml").read_text(encoding="utf-8")
+        text = self._true
         for right, other in wrong.items():
             text = text.replace(right, other)
         self.config.write_text(text, encoding="utf-8")
 
-    def emulate(self) -> subprocess.Popen[str]:
+    def emulate(self) -> None:
         """Start the emulation."""
-        return self._start("slipd", "emulate", str(self._folder / "true.toml"), "--dir", str(self.hand.parent))
+        self.emulator, self._true = self._stack.enter_context(emulating(self._folder, RIG))
 
     def _start(self, *command: str) -> subprocess.Popen[str]:
         return self._stack.enter_context(part(self._folder, *command))

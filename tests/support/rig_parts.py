@@ -41,6 +41,16 @@ def part(folder: Path, name: str, *arguments: str, **variables: str) -> Iterator
                 process.kill()
 
 
+@contextmanager
+def emulating(folder: Path, text: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Emulate the devices of a config in ``folder/emulated``; yield the process, and the config with its addresses."""
+    rig, emulated = folder / "true.toml", folder / "emulated"
+    rig.write_text(text, encoding="utf-8")
+    with part(folder, "slipd", "emulate", str(rig), "--dir", str(emulated)) as process:
+        first_line(process)
+        yield process, (emulated / rig.name).read_text(encoding="utf-8")
+
+
 def first_line(process: subprocess.Popen[str]) -> str:
     """Wait for the first line that a part prints, and return it."""
     assert process.stdout is not None

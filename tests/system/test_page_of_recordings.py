@@ -104,7 +104,19 @@ def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
         assert sought(browser) == pytest.approx(browser.value("slipd.source.seconds"))
 
 
-def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_known(browser: Browser) -> None:
+ODD = """([part, more]) => {
+    const [finger] = slipd.state.fingers();
+    const slip = slipd.state.last(`slip.${finger}`);
+    const body = { ...slip, seq: slip.seq + 1000, ...more };
+    slipd.source.handlers.onFrame({ now_ns: slip.t_ns, topics: { [`${part}.${finger}`]: body }, changes: [] });
+}"""
+TAXEL = {"rows": 1, "cols": 1, "pitch_m": 0.001, "rows_along": "+y", "cols_along": "+x", "loads_n": 5}
+"""An image whose loads are no list."""
+
+
+def test_one_finger_is_shown_as_far_as_it_is_known_and_what_cannot_be_drawn_is_never_shown_as_live(
+    browser: Browser,
+) -> None:
     last = dict(replay(open_recording(RECORDINGS / "bota.mcap")))
     (topic,) = (topic for topic in last if topic.startswith("slip."))
     with shown(browser, RECORDINGS / "bota.mcap"):
@@ -120,23 +132,12 @@ def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_k
         unknown = {field for field, value in last[topic].items() if value is None} & texts.keys()
         assert {"pole_m", "tipping_margin_m", "required_friction"} <= unknown
         assert {field: texts[field] for field in unknown} == dict.fromkeys(unknown, "unknown")
-
-
-def test_odd_words_are_shown_and_a_message_that_cannot_be_drawn_is_never_shown_as_live(browser: Browser) -> None:
-    send = """([part, more]) => {
-        const [finger] = slipd.state.fingers();
-        const slip = slipd.state.last(`slip.${finger}`);
-        const body = { ...slip, seq: slip.seq + 1000, ...more };
-        slipd.source.handlers.onFrame({ now_ns: slip.t_ns, topics: { [`${part}.${finger}`]: body }, changes: [] });
-    }"""
-    taxel = {"rows": 1, "cols": 1, "pitch_m": 0.001, "rows_along": "+y", "cols_along": "+x", "loads_n": 5}
-    with shown(browser, RECORDINGS / "bota.mcap"):
-        played(browser)
-        browser.do(lambda page: page.evaluate(send, ["slip", {"level": "stable", "reasons": ["constructor"]}]))
+        odd = ["slip", {"level": "stable", "reasons": ["constructor"]}]
+        browser.do(lambda page: page.evaluate(ODD, odd))
         browser.until("document.querySelector('.why').textContent.startsWith('constructor')")
         assert set(levels(browser).values()) == {"STABLE"}
         assert browser.problems == []
-        browser.do(lambda page: page.evaluate(send, ["tactile", taxel]))
+        browser.do(lambda page: page.evaluate(ODD, ["tactile", TAXEL]))
         browser.until("document.getElementById('connection').dataset.state === 'stale'")
         assert set(levels(browser).values()) == {"UNKNOWN"}
         browser.problems.clear()

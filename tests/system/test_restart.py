@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import signal
 import subprocess
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from emulation_thread import emulation
 from gripper_table import external_gripper_table, gripper_table
 from own_address import free_port, own_host
 from pushed_sensors import HELD, PADS, Sensors
@@ -19,7 +18,7 @@ from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
 from viewed_rig import finger_tables, leased
 
 from slipd.service_run import Endpoints
-from slipd.tools.sim.emulate import emulated, emulator_for
+from slipd.tools.sim.emulate import emulator_for
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.health.repairs import repairs
@@ -33,40 +32,13 @@ KINDS = ("robotiq_2f", "wsg", "external_gripper")
 WSG = '[gripper]\ndevice = "wsg"\nport = "{}"\nrate_hz = 50.0\nmax_force_n = 30.0\n'
 
 
-class Hardware(threading.Thread):
-    """An emulated gripper on its line, in this process.
+class Place:
+    """A rig of one gripper and two fingers in a folder, and the daemons that are started on it.
 
     Attributes:
-        forces_n: Every force of the grip so far.
+        gripper: The emulated gripper.
+        forces_n: Every force of its grip so far.
     """
-
-    def __init__(self, device: str, address: str) -> None:
-        super().__init__(daemon=True)
-        self._device, self._address = device, address
-        self.gripper: Any = emulator_for(device, address)
-        self.gripper.set_part(0.04)
-        self.forces_n: list[float] = []
-        self._ended = threading.Event()
-
-    def run(self) -> None:
-        asyncio.run(self._serve())
-
-    async def _serve(self) -> None:
-        async with emulated([(self._device, self.gripper, self._address)], self._look) as emulation:
-            running = asyncio.create_task(emulation.run())
-            await asyncio.to_thread(self._ended.wait)
-            running.cancel()
-
-    def _look(self, _: int) -> None:
-        self.forces_n.append(self.gripper.grip_n)
-
-    def end(self) -> None:
-        self._ended.set()
-        self.join(PATIENCE_S)
-
-
-class Place:
-    """A rig of one gripper and two fingers in a folder, and the daemons that are started on it."""
 
     def __init__(self, kind: str, folder: Path) -> None:
         self._folder = folder
@@ -78,8 +50,15 @@ class Place:
         }[kind]
         self.file = folder / "rig.toml"
         self.file.write_text(finger_tables(folder) + table, encoding="utf-8")
-        self.hardware = Hardware(kind, address)
+        self.gripper: Any = emulator_for(kind, address)
+        self.gripper.set_part(0.04)
+        self.forces_n: list[float] = []
+        self._devices = [(kind, self.gripper, address)]
         self.sensors = Sensors(f"ipc://{folder}/readings")
+
+    def hardware(self) -> AbstractContextManager[None]:
+        """Serve the gripper."""
+        return emulation(self._devices, lambda _: self.forces_n.append(self.gripper.grip_n))
 
     @contextmanager
     def daemon(self, state: str) -> Iterator[tuple[subprocess.Popen[str], Endpoints]]:
@@ -102,9 +81,9 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
     """A gripper that held an object when its daemon was killed."""
     place = Place(request.param, tmp_path)
     with ExitStack() as stack:
-        for thread, end in ((place.hardware, place.hardware.end), (place.sensors, place.sensors.stop)):
-            thread.start()
-            stack.callback(end)
+        stack.enter_context(place.hardware())
+        place.sensors.start()
+        stack.callback(place.sensors.stop)
         with place.daemon("state") as (_, endpoints), GripClient(endpoints.requests) as client:
             wait_for(lambda: client.status()["gripper"]["width_m"] is not None)
             for finger in PADS:
@@ -112,12 +91,12 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
             wait_for(lambda: leased(client, lambda: client.gripper_activate(drop=True)))
             wait_for(lambda: client.status()["gripper"]["active"])
             wait_for(lambda: leased(client, lambda: client.gripper_close(GRIP_N)))
-            wait_for(lambda: place.hardware.gripper.grip_n)
+            wait_for(lambda: place.gripper.grip_n)
             place.sensors.contacts.update(HELD)
             wait_for(lambda: client.status()["fingers"]["left"]["level"] == "stable")
             wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
             wait_for(place.is_kept)
-            place.hardware.forces_n = [place.hardware.gripper.grip_n]
+            place.forces_n = [place.gripper.grip_n]
         yield place
 
 
@@ -134,13 +113,13 @@ def first_verdicts(publish: str) -> set[tuple[str, tuple[str, ...], str | None]]
 
 
 def test_A10_F6_P2_P4_what_is_held_is_known_again_and_can_be_raised_and_a_reload_moves_nothing(place: Place) -> None:
-    held_n = place.hardware.forces_n[0]
+    held_n = place.forces_n[0]
     with place.daemon("state") as (daemon, endpoints):
         verdicts = first_verdicts(endpoints.publish)
         with GripClient(endpoints.requests) as client:
             assert not wait_for(client.status)["lease"]["held"]
             wait_for(lambda: leased(client, lambda: client.grip_adjust(0.5)))
-            wait_for(lambda: place.hardware.gripper.grip_n > held_n + 0.3)
+            wait_for(lambda: place.gripper.grip_n > held_n + 0.3)
             advised = [repair.id for repair in repairs(client.status())]
             boot = wait_for(client.hello)["boot"]
         place.file.write_text(place.file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
@@ -151,8 +130,8 @@ def test_A10_F6_P2_P4_what_is_held_is_known_again_and_can_be_raised_and_a_reload
             wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
     assert {(level, origin) for level, _, origin in verdicts} <= {("stable", "stored"), ("caution", "stored")}
     assert "gripper-force-unknown" not in advised
-    assert min(place.hardware.forces_n) == held_n, "nothing opened or lowered it"
-    assert max(place.hardware.forces_n) <= held_n + 0.6
+    assert min(place.forces_n) == held_n, "nothing opened or lowered it"
+    assert max(place.forces_n) <= held_n + 0.6
 
 
 @pytest.mark.parametrize("place", ["robotiq_2f"], indirect=True)
@@ -171,7 +150,7 @@ def test_A10_F6_where_nothing_is_known_nothing_moves_and_status_says_so_first(pl
     assert codes == ["not_ready"] * len(codes)
     first = repairs(status)[0]
     assert (first.id, first.command) == ("gripper-force-unknown", "slipctl grip open --drop")
-    assert set(place.hardware.forces_n) == {place.hardware.forces_n[0]}
+    assert set(place.forces_n) == {place.forces_n[0]}
 
 
 def code(client: GripClient, request: Callable[[], object]) -> str:
