@@ -178,9 +178,7 @@ def remaining(client: GripClient, settled: Callable[[dict[str, Any]], bool]) -> 
 
 
 @pytest.mark.parametrize("text", RIGS.values(), ids=RIGS)
-def test_L5_L6_all_devices_are_read_go_away_and_come_back(
-    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_L5_L6_all_devices_go_away_and_come_back(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(emulate, "TICK_NS", 5_000_000)  # enough for these rates, and lighter
     devices = TouchedDevices(config.parse(text, "rig.toml"), tmp_path)
     rig = tmp_path / "rig.toml"
