@@ -78,6 +78,8 @@ STREAM = [
         "finger.left.pad.options",
         "must not contain rows: write them",
     ),
+    ("rate_hz = 60.0", "rate_hz = 60.0\npoll_s = 1.01", "finger.right.pad.poll_s", "got 1.01"),
+    ("rate_hz = 60.0", "rate_hz = 60.0\npoll_s = -0.01", "finger.right.pad.poll_s", "got -0.01"),
     ('port = "ws://127.0.0.1:5000"', 'port = "ws://"', "finger.right.pad.port", "no host"),
     *(
         (
@@ -178,6 +180,8 @@ WHOLE = [
     ),
     ('port = "/dev/gripper"', 'port = "/dev/left-pad"', "gripper.port", "must differ from the port of left.pad"),
     ("caution = 0.6", "caution = 0.9", "levels.caution", "must be below levels.warning, 0.85, got 0.9"),
+    ("caution = 0.6", "caution = 0.0", "levels.caution", "must be above 0, got 0"),
+    ("caution = 0.6", "caution = 1.0", "levels.caution", "must be below 1, got 1"),
     ("caution = 0.6", "caution = 0.04", "levels.hysteresis", "must be below levels.caution, 0.04, got 0.05"),
     ("[levels]", "[rates]\nslip_hz = 1e300\n[levels]", "rates.slip_hz", "must be at most 1000000"),
     (

@@ -75,13 +75,6 @@ def test_options_reach_the_commands_and_a_refused_one_is_named_and_repeated_unti
     assert (made.session.state, made.written[-1]) == ("running", b"R\n")
 
 
-def test_frames_replace_a_lost_answer_to_run() -> None:
-    made = booted()
-    made.told = lambda answer: b"" if answer.startswith(b"r,0,R") else answer
-    opened(made, 0.1)
-    assert (made.session.state, made.written) == ("running", COMMANDS)
-
-
 def test_a_sensor_that_resets_while_running_is_configured_again() -> None:
     made = opened(booted(), 0.5)
     made.device.opened(made.device_ns)

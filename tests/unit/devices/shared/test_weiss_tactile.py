@@ -85,6 +85,7 @@ def test_options_reach_the_requests_and_a_long_interval_is_not_silence() -> None
     bench.start()
     bench.run(4.5)
     assert bench.written[-2:] == [dsacon32.acquire(0, rle=False), dsacon32.acquire(1, rle=False)]
+    assert bench.session.next_deadline() == bench.samples[-1].t_ns + 3_000_000_000
     assert bench.session.stop() == dsacon32.acquire(0, rle=False)
     assert len(bench.samples) == 8
 

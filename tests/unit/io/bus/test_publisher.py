@@ -112,18 +112,6 @@ async def test_a_stalled_subscriber_does_not_keep_the_daemon_from_ending(endpoin
             publisher.publish("status", bytes(2000))
 
 
-@pytest.mark.parametrize("garbage", [b"", b"\x07hello", b"\x01" + bytes(300), b"\xff" * 1_000_000])
-async def test_invalid_messages_of_a_subscriber_harm_nobody(
-    garbage: bytes, endpoint: str, subscribe: Subscribe, peer: Clients
-) -> None:
-    with Publisher(endpoint) as publisher:
-        rude = peer(zmq.XSUB, endpoint)
-        for _ in range(10):
-            rude.socket.send(garbage)
-            rude.socket.send_multipart([garbage, garbage])
-        await hear(publisher, subscribe(b"slip"), "slip.left")
-
-
 @pytest.mark.parametrize(
     "flood",
     [

@@ -26,14 +26,6 @@ def test_an_account_gets_its_share_for_long_and_a_burst_at_once() -> None:
     assert account._left_s == BURST_S
 
 
-def test_a_dear_turn_is_paid_off_before_the_next() -> None:
-    account = TimeAccount(b"a", SHARE)
-    assert account.has_time(10.0)
-    account.charge(BURST_S + 0.010)
-    assert not account.has_time(10.039)
-    assert account.has_time(10.041)
-
-
 async def test_those_that_wait_have_their_turns_in_order_when_there_is_time() -> None:
     account, turns = TimeAccount(b"a", SHARE), []
 
