@@ -1,6 +1,6 @@
 """Measure objects that an arm carries: what is known of them, faults of the arm stream, and slip reports.
 
-``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults|slips [N]``
+``PYTHONPATH=benchmarks:tests/support python -m carry weigh|faults|slips [N]``; ``slips N FIRST``: seeds from FIRST on.
 """
 
 from __future__ import annotations
@@ -11,22 +11,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from carry.scenes import carried
-from carry.weigh import LIFT_S, Carry, Distortion, log_uniform, play
-from evaluate import playing
-from evaluate.reports import SLIPPING
-from evaluate.running import Variant, record
-from evaluate.running import reports as reports_of_run
-from evaluate.scene import STEP_S, Kind, Scene
-from evaluate.score import score
-from simulated_grasp.trace import GraspTrace
+from carry.faults import FAULTS
+from carry.slips import measure_slips
+from carry.weigh import LIFT_S, Carry, log_uniform, play
 
 from slipd.types.arrays import Array
 
 MASSES_KG = (0.1, 3.0)
 TURN_S = LIFT_S + 1.0
-KINDS: tuple[Kind, ...] = ("safe", "slips")
-WINDOW = round(0.15 / STEP_S)
 
 
 class Weighed(NamedTuple):
@@ -75,28 +67,6 @@ def _within(stds: Array) -> float:
     return float((abs(known) < 2.0).mean())
 
 
-def _axes(matrix: Array) -> Distortion:
-    return lambda gravity, omega, alpha: (gravity @ matrix.T, omega @ matrix.T, alpha @ matrix.T)
-
-
-def _late(gravity: Array, omega: Array, alpha: Array) -> tuple[Array, Array, Array]:
-    steps = 13  # of 4 ms
-    return tuple(
-        np.concatenate((np.repeat(each[:1], steps, axis=0), each[:-steps])) for each in (gravity, omega, alpha)
-    )  # type: ignore[return-value]
-
-
-FAULTS: dict[str, tuple[Distortion | None, str]] = {
-    "none": (None, ""),
-    "sign": (lambda gravity, omega, alpha: (-gravity, omega, alpha), "sign"),
-    "axes swapped": (_axes(np.eye(3)[[1, 0, 2]]), "frame"),
-    "turned by 90 degrees": (_axes(np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))), "frame"),
-    "10 % more": (lambda gravity, omega, alpha: (1.1 * gravity, omega, alpha), "length"),
-    "50 ms late": (_late, "late"),
-}
-"""Faults of a sender, and the word by which ``status`` names each."""
-
-
 def measure_faults(count: int) -> None:
     """Print how often each fault is named while an object is carried, and while the fingers are free."""
     for held in (True, False):
@@ -134,47 +104,11 @@ def _arm_messages(carry: Carry, seed: int) -> list[tuple[float, str]]:
     return found
 
 
-def measure_slips(count: int) -> None:
-    """Print false slip reports, and slips that are reported in time, by a finger that does not know of the motion.
-
-    A false report is explained where the load that the motion asks for falls by half as much as the measured one.
-    """
-    false, explained, reports, held, slid, found = 0, 0, 0, 0, 0, 0
-    for seed in range(count):
-        for kind in KINDS:
-            scene = carried(seed, kind)
-            trace = playing.play(scene)
-            truth = playing.truth_of(scene, trace, needs=False)
-            published = reports_of_run(scene, record(scene, trace, "", seed), Variant())
-            figures = score(truth, published, steady=None, closed_s=scene.closed_s)
-            long = [episode for episode in figures.episodes if episode.long]
-            slid, found = slid + len(long), found + sum(not episode.missed for episode in long)
-            if kind == "safe" and not figures.episodes:
-                held, false = held + 1, false + (figures.false_slipping > 0)
-                begun_s = [span.begin_s for span in published.spans(trace.t_s[-1]) if span.level == SLIPPING]
-                reports, explained = (
-                    reports + len(begun_s),
-                    explained + sum(_explained(scene, trace, t) for t in begun_s),
-                )
-        print(
-            f"{seed}: false in {false} of {held} grasps that hold, {explained} of {reports} reports explained;", end=" "
-        )
-        print(f"{found} of {slid} slips reported within 0.1 s", flush=True)
-
-
-def _explained(scene: Scene, trace: GraspTrace, t_s: float) -> bool:
-    """Return whether the load of the last 0.15 s falls by the motion, at least by half of what the finger measured."""
-    end = int(np.searchsorted(trace.t_s, t_s))
-    asked, carried_n = scene.load[:end][-WINDOW:, :2], 2.0 * trace.wrench_left[:end][-WINDOW:, :2]
-    falls = [1.0 - size[-1] / size.max() for size in (np.linalg.norm(asked, axis=1), np.linalg.norm(carried_n, axis=1))]
-    return bool(falls[0] >= 0.5 * falls[1] > 0.0)
-
-
-PROGRAMS: dict[str, Callable[[int], None]] = {
+PROGRAMS: dict[str, Callable[..., None]] = {
     "weigh": measure_weighing,
     "faults": measure_faults,
     "slips": measure_slips,
 }
 
 if __name__ == "__main__":
-    PROGRAMS[sys.argv[1]](int(sys.argv[2]) if len(sys.argv) > 2 else 200)
+    PROGRAMS[sys.argv[1]](*map(int, sys.argv[2:] or ["200"]))

@@ -96,8 +96,8 @@ def _direction(rng: Random) -> Array:
     return np.array((math.cos(angle), math.sin(angle)))
 
 
-def carried(seed: int, kind: Kind) -> Scene:
-    """Draw a grasp that is carried, and holds ("safe") or slides ("slips")."""
+def carried(seed: int, kind: Kind) -> tuple[Scene, Motion]:
+    """Draw a grasp that is carried, and holds ("safe") or slides ("slips"), and the motion."""
     rng = np.random.default_rng((31, seed, len(kind)))
     contact = draw_contact(rng)
     course = Course(rng, contact, SECONDS)
@@ -121,4 +121,4 @@ def carried(seed: int, kind: Kind) -> Scene:
     held = GraspedObject(mass_kg=mass, inertia_kgm2=mass * GYRATION_M**2, centre_of_mass_m=(com[0], com[1]))
     scene = course.scene(kind)
     pads = damped(contact.compliance, contact.patch, held)
-    return replace(scene, held=held, compliance=pads, load=mass * per_kg)
+    return replace(scene, held=held, compliance=pads, load=mass * per_kg), motion

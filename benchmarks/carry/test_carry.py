@@ -20,6 +20,6 @@ def test_object_at_rest_loads_the_fingers_by_its_weight_at_its_centre_of_mass() 
 
 @pytest.mark.parametrize(("kind", "slides"), [("safe", False), ("slips", True)])
 def test_carried_object_slides_where_it_is_meant_to(kind: str, slides: bool) -> None:
-    scene = carried(2, kind)  # type: ignore[arg-type]
+    scene, _ = carried(2, kind)  # type: ignore[arg-type]
     trace = playing.play(scene)
     assert bool(playing.truth_of(scene, trace, needs=False).episodes()) is slides

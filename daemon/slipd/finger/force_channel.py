@@ -194,6 +194,12 @@ class ForceChannel:
         if self.tare.busy:
             self._give_up_turned_tare(gravity_mps2)
 
+    def set_motion(self, gravity_mps2: Sequence[float], t_ns: int, fresh_ns: int) -> None:
+        """Set the apparent gravity of a moving arm, as `set_gravity` does; it also explains how the load changes."""
+        self.set_gravity(gravity_mps2, t_ns, fresh_ns)
+        now = self._conditions
+        now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity_mps2[:2], t_ns * 1e-9, fresh_ns * 1e-9
+
     def _give_up_turned_tare(self, gravity_mps2: Sequence[float]) -> None:
         """Give up a tare over which the mean weight differs from that at its begin by more than the noise."""
         before = self._gravity_before = gravity_mps2 if self._gravity_before is None else self._gravity_before

@@ -129,7 +129,10 @@ def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: b
         forget_load(drop)
         drop["exact"] = exact
     std = math.hypot(now["force_std_n"] * math.hypot(1.0, ratio), now["torque_std_nm"] / SPIN_ARM_M) / normal
-    dropped = follow_load(drop, ring, row["t_s"], q, normal, contact["fx_n"], contact["fy_n"], std, mu)
+    gx, gy = now["felt_mps2"][0], now["felt_mps2"][1]
+    if not abs(row["t_s"] - now["felt_s"]) <= now["felt_lasts_s"]:
+        gx, gy = math.nan, math.nan
+    dropped = follow_load(drop, ring, row["t_s"], q, normal, contact["fx_n"], contact["fy_n"], std, mu, gx, gy)
     if dropped:
         found["evidence"], found["drop_surprise"] = LOAD_DROP_BIT, drop["surprise"]
         if exact:

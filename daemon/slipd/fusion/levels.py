@@ -121,6 +121,7 @@ class ContactWatch:
             now[name] = getattr(levels, name)
         now["matrix"], now["zero_known"], now["spin_scale"] = np.eye(6), True, 1.0
         now["pulled_n"], now["mu"], now["half_pitch_m"] = math.inf, math.nan, half_pitch_m
+        now["felt_s"] = -math.inf
         now["begins_n"], now["lasts_n"] = begins_n, CONTACT_HYSTERESIS * begins_n
         self.drop["least_drop"], self.drop["window_s"], self.drop["hold_s"] = slip.drop, slip.window_s, slip.hold_s
         self.drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / levels.false_alarms_per_hour)

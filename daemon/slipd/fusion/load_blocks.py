@@ -59,6 +59,7 @@ def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
     drop["top"], drop["smooth"], drop["crest"], drop["trough"] = q, q, q, q
     row = ring[0]
     row["q"], row["q2"], row["normal"], row["fx"], row["fy"] = 0.0, 0.0, 0.0, 0.0, 0.0
+    row["gx"], row["gy"], drop["unfelt"] = 0.0, 0.0, 0
 
 
 @compiled
@@ -105,6 +106,7 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
     row["normal"] = before["normal"] + normal
     row["fx"] = before["fx"] + fx
     row["fy"] = before["fy"] + fy
+    _add_motion(drop, before, row, k)
     drop["block"], drop["count"] = k, count
     short = mean_q(ring, k, min(count, LEVEL))
     drop["smooth"] += (q - drop["smooth"]) * dt / (CARRIED_S + dt)
@@ -122,6 +124,15 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
     if not drop["sliding"]:
         _follow_swings(drop, short, dt)
     row["swing"] = drop["swing"]
+
+
+@compiled
+def _add_motion(drop: Row, before: Row, row: Row, k: int) -> None:
+    """Add what the gripper feels to the running sums of block ``k``; where that is not known, they begin anew."""
+    if math.isnan(drop["gx"]):
+        row["gx"], row["gy"], drop["unfelt"] = 0.0, 0.0, k
+    else:
+        row["gx"], row["gy"] = before["gx"] + drop["gx"], before["gy"] + drop["gy"]
 
 
 @compiled

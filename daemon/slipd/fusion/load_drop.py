@@ -11,7 +11,7 @@ let go, an object that is set down, a collision, a swing. A fall is a slip only 
 - it ended on a plateau that is shown to be flat and has lasted longer than the fall: a load that is let go falls on, or
   swings about its new value on the springs of the pads,
 - the load itself gave way, along its own direction, and not the grip that became tighter,
-- it is not the way back from a push.
+- it is not the way back from a push, and the motion of the arm does not explain it (`slipd.fusion.explained`).
 
 **False alarms.** The deviation of the fall is that of white noise in two means, stated or measured, and of measured
 coloured noise. Gaussian noise exceeds the least surprise, ln(looks an hour / false alarms an hour), at the stated rate;
@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import (
     BLOCK_S,
     GAP_S,
@@ -90,8 +91,9 @@ from the mean over the third, s, where the fall is deeper."""
 
 @compiled
 def follow_load(
-    drop: Row, ring: Rows, t_s: float, q: float, normal: float, fx: float, fy: float, std: float, mu: float
-) -> bool:
+    drop: Row, ring: Rows, t_s: float, q: float, normal: float, fx: float, fy: float, std: float, mu: float,
+    gx: float, gy: float,
+) -> bool:  # fmt: skip
     """Add a reading and return whether the load shows that the object slides.
 
     Args:
@@ -104,6 +106,8 @@ def follow_load(
         fy: Likewise.
         std: Standard deviation of q by the stated noise.
         mu: Coefficient of static friction; NaN: unknown.
+        gx: Apparent gravity along the pad by the arm's motion, m/s²; NaN: unknown.
+        gy: Likewise.
     """
     if not math.isfinite(q) or t_s <= drop["last_s"]:
         return bool(drop["sliding"])
@@ -116,6 +120,7 @@ def follow_load(
     drop["normal"] += normal
     drop["fx"] += fx
     drop["fy"] += fy
+    drop["gx"], drop["gy"] = gx, gy
     if t_s - drop["end_s"] >= 0.9 * BLOCK_S:
         close_block(drop, ring, t_s, std / math.sqrt(n))
         if drop["sliding"]:
@@ -178,7 +183,9 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     tighter = mean_normal(ring, k, p) > (1.0 + 0.5 * fall / high) * mean_normal(ring, top, b)
     if tighter or is_closing(ring, k, drop["count"]) or goes_aside(ring, k, p, top, b):
         return 0.0
-    return 0.0 if _is_push(drop, ring, g, top - b, b, high, fall, std) else surprise
+    if _is_push(drop, ring, g, top - b, b, high, fall, std) or is_explained(drop, ring, p, top, b, low, high):
+        return 0.0
+    return surprise
 
 
 @compiled

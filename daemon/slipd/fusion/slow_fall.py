@@ -10,7 +10,8 @@ of it is gone. So a fall that slows down early shows slip before it has ended. I
   let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
 - it is not the way back from a push: below the coefficient of friction, q falls farther than it rose before,
-- the load gives way along its own direction, and the grip becomes no tighter.
+- the load gives way along its own direction, the grip becomes no tighter, and the motion of the arm does not explain
+  the fall.
 
 If the tangential force grows meanwhile, or the normal force falls, a contact that sticks would need more friction than
 at the peak. It needs less, so noise may then hide by how much the fall slows down.
@@ -21,6 +22,7 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.explained import is_explained
 from slipd.fusion.load_blocks import LEVEL, RING, ROUGH, goes_aside, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
@@ -89,7 +91,8 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     risen = peak - mean_q(ring, max(k - 2 * back, k - count + level), level)
     if not peak >= BEYOND_PUSH * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
         return
-    if mean_normal(ring, k, level) <= (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level):
+    tighter = mean_normal(ring, k, level) > (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level)
+    if not tighter and not is_explained(drop, ring, level, k - back, level, low, peak):
         begin_slide(drop, t_s, peak, low, peak, surprise)
 
 

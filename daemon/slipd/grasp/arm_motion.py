@@ -82,7 +82,7 @@ class ArmMotion:
             if self.misfit:
                 continue
             for name, gravity in felt.items():
-                self._fingers[name].force.set_gravity(gravity, acquired_ns, self._stale_ns)
+                self._fingers[name].force.set_motion(gravity, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
 
     def bridge_stall(self, since_ns: int) -> None:

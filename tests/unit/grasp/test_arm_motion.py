@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from arm_rig import COM_M, DOWN, MASS_KG, RIG, STILL, ArmRun
-from engine_rig import GRIPPER, MS
+from arm_rig import ARM, COM_M, DOWN, MASS_KG, RIG, STILL, ArmRun
+from engine_rig import GRIPPER, LEFT, MS, RIGHT
+from grasp_table import grasp_table
+from load_course import line
 from run_courses import Step, follow, status, tick, wait, wrench
 from scipy.spatial.transform import Rotation
 
@@ -137,3 +141,35 @@ def weight(state: str, **arm: str) -> Step:
 )  # fmt: skip
 def test_D6_the_weight_is_taken_off_while_the_stream_is_fresh(run: ArmRun, steps: list[Step]) -> None:
     follow(run, steps)
+
+
+STRONG = 14.0
+"""Apparent gravity while the arm lifts, m/s²."""
+
+
+@pytest.mark.parametrize(
+    ("stream", "slips"),
+    [
+        (lambda felt_mps2, lifted: felt_mps2, False),
+        (lambda felt_mps2, lifted: -felt_mps2, False),
+        (lambda felt_mps2, lifted: felt_mps2 if felt_mps2 < STRONG and not lifted else STRONG, True),
+        (lambda felt_mps2, lifted: felt_mps2 / 9.80665, True),
+        (lambda felt_mps2, lifted: 1.1 * felt_mps2, True),
+        (lambda felt_mps2, lifted: None if lifted else felt_mps2, True),
+        (lambda felt_mps2, lifted: None, True),
+    ],
+    ids=["braking", "wrong sign", "object slides", "in g", "10 % more", "lost", "no stream"],
+)
+def test_a_load_that_falls_because_the_arm_brakes_is_no_slip(
+    stream: Callable[[float, bool], float | None], slips: bool
+) -> None:
+    """A lift begins within 0.1 s and ends within 15 ms; the object weighs 0.35 kg on this pad."""
+    run, rng = ArmRun(LEFT + RIGHT + grasp_table() + ARM), np.random.default_rng(1)
+    pad = Rotation.from_quat(PADS["left"].quat_xyzw)
+    course = line((9.80665, 9.80665, 1100), (9.80665, STRONG, 100), (STRONG, 10.5, 15), (10.5, 10.5, 100))
+    for k, felt_mps2 in enumerate(course):
+        if k % 4 == 0 and (sent := stream(felt_mps2, k >= 1200)) is not None:
+            run.carry(pad.apply((sent, 0.0, 0.0)))
+        run.wrench(10.0 + rng.normal(0.0, 0.01), (0.35 * felt_mps2 + rng.normal(0.0, 0.01), 0.0))
+        run.tick()
+    assert ("slipping" in {body["level"] for body in run.published("slip.left")}) is slips
