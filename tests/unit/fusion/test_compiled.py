@@ -125,7 +125,7 @@ assert round(surprise_of(2.0), 3) == 3.612
 PLAIN = {
     "limit_surface": ("closed_form", "bad_data", "duplicate", "no_load"),
     "limit_passes": ("follow",),
-    "levels": ("reached", "left", "mu_changes", "nor_above"),
+    "levels": ("reached", "mu_changes", "nor_above"),
     "contact": ("gives_it_back", "follow", "any_size", "not_measured"),
 }
 """Words of the tests that are run without compilation, by file."""

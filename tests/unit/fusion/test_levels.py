@@ -27,41 +27,6 @@ def gate() -> Watch:
     return Watch()
 
 
-@pytest.mark.parametrize(
-    ("utilisation", "step"),
-    [(0.0, STABLE), (0.699, STABLE), (0.70, CAUTION), (0.849, CAUTION), (0.85, WARNING), (math.inf, WARNING)],
-)
-def test_a_level_is_reached_at_its_threshold(gate: Watch, utilisation: float, step: int) -> None:
-    assert gate.step(utilisation) == step
-
-
-@pytest.mark.parametrize(
-    ("path", "steps"),
-    [
-        ((0.70, 0.651, 0.649), (CAUTION, CAUTION, STABLE)),
-        ((0.85, 0.801, 0.799, 0.651, 0.649), (WARNING, WARNING, CAUTION, CAUTION, STABLE)),
-        ((0.85, 0.66), (WARNING, CAUTION)),
-        ((0.85, 0.5), (WARNING, STABLE)),
-        ((0.66, 0.81), (STABLE, CAUTION)),
-        ((math.inf, 0.5), (WARNING, STABLE)),
-    ],
-)
-def test_a_level_is_left_a_hysteresis_below_it(gate: Watch, path: tuple[float, ...], steps: tuple[int, ...]) -> None:
-    assert tuple([gate.step(used) for _ in range(DWELL)][-1] for used in path) == steps
-
-
-def test_a_level_is_left_only_after_a_while(gate: Watch) -> None:
-    gate.step(0.9)
-    steps = [gate.step(0.5) for _ in range(DWELL)]
-    assert steps[:240] == [WARNING] * 240
-    assert steps[-1] == STABLE
-
-
-def test_a_load_that_returns_within_the_dwell_changes_nothing(gate: Watch) -> None:
-    steps = [gate.step(0.9 if k % 200 == 0 else 0.4) for k in range(600)]
-    assert set(steps) == {WARNING}
-
-
 def test_another_mu_changes_the_level_at_once(gate: Watch) -> None:
     gate.step(0.9)
     rows = contact_rows(1, 0.4 * 10.0 * MU, 10.0, 0.4, 1e-3)
@@ -140,54 +105,6 @@ def test_readings_too_far_apart_show_no_growth() -> None:
     assert rows["utilisation"]["value"][np.argmax(steps == WARNING)] >= 0.85
 
 
-def test_the_noise_of_a_light_grip_is_no_danger() -> None:
-    spins = np.random.default_rng(4).normal(0.0, NOISE.torque_std_nm, 100)
-    rows = spun(spins)
-    assert (rows["utilisation"]["value"] > 1.0).sum() > 20
-    assert rows["assessment"]["friction_step"].max() == STABLE
-
-
-@pytest.mark.parametrize("stds", [10.0, 60.0])
-def test_a_spin_beyond_the_noise_is_a_danger_at_once(stds: float) -> None:
-    rows = spun(np.array([0.0, stds * NOISE.torque_std_nm]))
-    assert rows["assessment"]["friction_step"].tolist() == [STABLE, WARNING]
-
-
-def test_a_spin_that_lasts_is_a_danger_soon_however_large_its_noise() -> None:
-    noise = np.random.default_rng(5).normal(0.0, NOISE.torque_std_nm, 2000)
-    steps = spun(5.0 * NOISE.torque_std_nm + noise)["assessment"]["friction_step"]
-    assert steps[0] == STABLE
-    assert steps[-1] == WARNING
-
-
-def test_a_load_that_no_friction_holds_is_a_danger_where_its_spin_is_beyond_the_noise() -> None:
-    for times, step in ((0.5, STABLE), (60.0, WARNING)):
-        spins = np.full(3, times * NOISE.torque_std_nm)
-        rows = contact_rows(3, 0.0, LIGHT_N, math.inf, np.arange(3) * 1e-3)
-        rows["contact"]["spin_nm"], rows["utilisation"]["twist"][:, 2] = spins, 1.0
-        watch().assess(rows, MU, NOISE, 0.0)
-        assert rows["assessment"]["friction_step"].max() == step
-
-
-def test_the_friction_ratio_alone_counts_as_its_noise_allows() -> None:
-    for std_n, step in ((0.2, STABLE), (0.005, WARNING)):
-        rows = contact_rows(3, 0.9 * MU * LIGHT_N, LIGHT_N, 0.0, np.arange(3) * 1e-3)
-        rows["utilisation"]["kind"] = -1
-        watch().assess(rows, MU, Uncertainty(std_n), 0.0)
-        assert rows["assessment"]["friction_step"].max() == step
-
-
-@pytest.mark.parametrize("kind", [0, -1])
-def test_an_unknown_load_is_no_noise_and_counts_fully(kind: int) -> None:
-    """A mean over readings makes noise smaller, and not what the unknown weight of the finger may add."""
-    load = 0.02 if kind == 0 else 0.9 * MU * 2.0
-    rows = contact_rows(3, load, 2.0, load / 2.0 / MU, np.arange(3) * 1e-3)
-    rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, 0] = kind, 1.0
-    rows["contact"]["friction_ratio_std"] = 0.5
-    watch().assess(rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.0)
-    assert rows["assessment"]["friction_step"].tolist() == [WARNING] * 3
-
-
 def test_a_growth_within_its_noise_does_not_count() -> None:
     growing = watch()
     load = np.arange(0.3, 0.81, 0.3e-3) * MU * 10.0
@@ -222,3 +139,90 @@ def test_F5_noise_and_vibration_change_the_level_of_a_steady_hold_at_most_once_a
 
 def test_a_slow_load_passes_each_level_once_on_its_way_up() -> None:
     assert np.count_nonzero(np.diff(course(np.linspace(0.4, 0.99, 4000))["assessment"]["level"])) == 2
+
+
+HOLD, ONCE = DWELL, 1
+
+
+@pytest.mark.parametrize(
+    ("path", "steps"),
+    [
+        # reached at its threshold
+        *(
+            ([(used, ONCE)], [step])
+            for used, step in (
+                (0.0, STABLE), (0.699, STABLE), (0.70, CAUTION), (0.849, CAUTION), (0.85, WARNING), (math.inf, WARNING),
+            )
+        ),
+        # left a hysteresis below it, and only after a while
+        ([(0.70, HOLD), (0.651, HOLD), (0.649, HOLD)], [CAUTION, CAUTION, STABLE]),
+        (
+            [(0.85, HOLD), (0.801, HOLD), (0.799, HOLD), (0.651, HOLD), (0.649, HOLD)],
+            [WARNING, WARNING, CAUTION, CAUTION, STABLE],
+        ),
+        ([(0.85, HOLD), (0.66, HOLD)], [WARNING, CAUTION]),
+        ([(0.85, HOLD), (0.5, HOLD)], [WARNING, STABLE]),
+        ([(0.66, HOLD), (0.81, HOLD)], [STABLE, CAUTION]),
+        ([(math.inf, HOLD), (0.5, HOLD)], [WARNING, STABLE]),
+        ([(0.9, ONCE), (0.5, 240), (0.5, 20)], [WARNING, WARNING, STABLE]),
+        # not where the load returns meanwhile
+        ([(0.9, ONCE), (0.4, 199)] * 3, [WARNING] * 6),
+    ],
+)  # fmt: skip
+def test_a_level_is_reached_at_its_threshold_and_left_a_hysteresis_below_it_after_a_while(
+    gate: Watch, path: list[tuple[float, int]], steps: list[int]
+) -> None:
+    assert [[gate.step(used) for _ in range(count)][-1] for used, count in path] == steps
+
+
+LASTING = np.random.default_rng(5).normal(5.0 * NOISE.torque_std_nm, NOISE.torque_std_nm, 2000)
+
+
+@pytest.mark.parametrize(
+    ("spins", "first", "last"),
+    [
+        # the noise of a light grip is no danger, a spin beyond it is one at once, and one that lasts soon
+        (np.random.default_rng(4).normal(0.0, NOISE.torque_std_nm, 100), STABLE, STABLE),
+        *((np.array([0.0, stds * NOISE.torque_std_nm]), STABLE, WARNING) for stds in (10.0, 60.0)),
+        (LASTING, STABLE, WARNING),
+    ],
+)
+def test_a_spin_is_a_danger_beyond_its_noise(spins: Array, first: int, last: int) -> None:
+    rows = spun(spins)
+    steps = rows["assessment"]["friction_step"]
+    assert (steps[0], steps[-1], steps.max()) == (first, last, last)
+    assert rows["utilisation"]["value"].max() > 1.0
+
+
+SHEAR_N, RATIO_ALONE = 0.9 * MU, -1
+
+
+UNKNOWN_WEIGHT = Uncertainty(0.02, 0.0, force_n=1.0)
+
+
+@pytest.mark.parametrize(
+    ("load_n", "normal_n", "used", "spin_nm", "axis", "kind", "noise", "step"),
+    [
+        # a load that no friction holds
+        *(
+            (0.0, LIGHT_N, math.inf, stds * NOISE.torque_std_nm, 2, 0, NOISE, step)
+            for stds, step in ((0.5, STABLE), (60.0, WARNING))
+        ),
+        # the friction ratio alone
+        *(
+            (SHEAR_N * LIGHT_N, LIGHT_N, 0.0, 0.0, 0, RATIO_ALONE, Uncertainty(std_n), step)
+            for std_n, step in ((0.2, STABLE), (0.005, WARNING))
+        ),
+        # what the unknown weight of the finger may add is no noise: a mean over readings makes it no smaller
+        (0.02, 2.0, 0.01 / MU, 0.0, 0, 0, UNKNOWN_WEIGHT, WARNING),
+        (SHEAR_N * 2.0, 2.0, 0.9, 0.0, 0, RATIO_ALONE, UNKNOWN_WEIGHT, WARNING),
+    ],
+)
+def test_a_reading_counts_as_its_noise_allows(
+    load_n: float, normal_n: float, used: float, spin_nm: float, axis: int, kind: int, noise: Uncertainty, step: int
+) -> None:
+    rows = contact_rows(3, load_n, normal_n, used, np.arange(3) * 1e-3)
+    rows["contact"]["spin_nm"], rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, axis] = spin_nm, kind, 1.0
+    rows["contact"]["friction_ratio_std"] = 0.5 * (noise.force_n > 0.0)
+    watch().assess(rows, MU, noise, 0.0)
+    assert rows["assessment"]["friction_step"].tolist() == [step] * 3

@@ -148,7 +148,9 @@ CASES: list[tuple[Intent, Situation, str | Permit | None]] = [
     # the reflex lowers no further than requested, and may raise below it
     *(
         (forces("reflex", wanted_n, now_n), situation(replace(HELD, force_n=now_n, requested_n=8.0)), refused)
-        for now_n, wanted_n, refused in ((6.0, 6.5, ""), (6.0, 6.0, ""), (9.0, 8.0, ""), (9.0, 7.9, "out_of_range"))
+        for now_n, wanted_n, refused in (
+            (6.0, 6.5, ""), (6.0, 6.0, ""), (9.0, 8.0, ""), (9.0, 8.0 - 1e-9, ""), (9.0, 7.9, "out_of_range"),
+        )
     ),
     # open only widens: a width is at least the widest that the fingers may be
     (opens(0.0499), situation(), "out_of_range"),
@@ -233,6 +235,10 @@ def test_a_session_that_takes_nothing_is_explained(refused: str) -> None:
         ),
         (forces("set", 6.5), BLIND, "force_n", "stale or not trusted: right"),
         (forces("reflex", 6.5), BLIND, "", "stale or not trusted: right"),
+        (
+            forces("reflex", 7.9, 9.0), situation(replace(HELD, force_n=9.0, requested_n=8.0)), "",
+            "must not lower below the requested 8 N$",
+        ),
         (
             opens(0.0, 0.0412), situation(), "width_m",
             "gripper.open only widens: width_m must be at least the present 0.0412 m, got 0; "
