@@ -11,7 +11,7 @@ from permits import move
 def bench() -> Bench:
     made = Bench().start()
     assert made.session.state == "active"
-    assert made.driver.notices == [{"v": 1, "registered": "emulated driver"}]
+    assert made.gripper.notices == [{"v": 1, "registered": "emulated driver"}]
     made.sent.clear()
     return made
 

@@ -32,7 +32,7 @@ def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
     assert (bench.operations(), bench.session.identity) == ([], "emulated driver")
     assert ranges(bench.session) == (DRIVER.width_range_m, DRIVER.force_range_n, DRIVER.speed_range_mps)
     assert (bench.last.width_m, bench.last.active, bench.last.echo_ok) == (0.08, True, None)
-    assert len(bench.samples) == pytest.approx(55, abs=1)
+    assert len(bench.samples) == pytest.approx(65, abs=1)
     assert bench.session.stop() == b""
     assert (bench.session.state, bench.session.next_deadline(), bench.session.identity) == ("closed", None, "")
 
@@ -45,11 +45,11 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
 
 
 def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -> None:
-    bench.driver.excess = 0.01
+    bench.gripper.excess = 0.01
     move(bench.session, 0.02, None, 10.0)
     bench.run(0.5)
     assert {sample.echo_ok for sample in bench.samples[-20:]} == {False}
-    bench.driver.excess = -0.01
+    bench.gripper.excess = -0.01
     bench.set_force(10.0)
     assert bench.last.echo_ok is True
 
@@ -67,7 +67,7 @@ def test_D5_a_force_without_a_request_is_too_high() -> None:
 @pytest.fixture
 def unanswered(bench: Bench) -> Bench:
     """Return a session whose driver does not answer to a force."""
-    bench.driver.mute = True
+    bench.gripper.mute = True
     bench.set_force(10.0, 0.01)
     return bench
 
@@ -128,13 +128,13 @@ def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
 
 @pytest.mark.parametrize("sent", [False, True])
 def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again(bench: Bench, sent: bool) -> None:
-    bench.driver.mute = True
+    bench.gripper.mute = True
     bench.set_force(10.0, 0.01 * sent)
     bench.deliver([encode_registration(DRIVER)])
     assert bench.session.command_lost
     bench.run(1.0)
     assert (bench.operations(), bench.session.state) == (["force"] * sent, "command lost: the driver registered again")
-    bench.driver.mute = False
+    bench.gripper.mute = False
     bench.set_force(11.0)
     assert bench.session.state == "active"
 
