@@ -138,7 +138,7 @@ class FileConnection(Connection):
         self._stop_reading()
         until_s = self._loop.time() + DRAIN_TIMEOUT_S
         try:
-            while self._unsent() and not self.ended and self._loop.time() < until_s:  # noqa: ASYNC110 - there is no event
+            while not self.ended and self._unsent() and self._loop.time() < until_s:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(DRAIN_POLL_S)
         finally:
             self._stop()
