@@ -136,6 +136,8 @@ CASES: list[tuple[Intent, Situation, str | Permit | None]] = [
     # a force is within the limits, known, and raised only where it is felt
     *((forces(kind, force_n), situation(HELD), "out_of_range") for kind in FORCING for force_n in (2.9, 25.1, -1.0)),
     *((forces(kind, force_n), situation(HELD), "not_finite") for kind in FORCING for force_n in (math.nan, math.inf)),
+    # what asks for no force breaks no limit
+    (intent("close", force_in_force_n=6.0), situation(HELD), Permit("move", 0.0)),
     *((forces(kind, 6.5), BLIND, "not_ready") for kind in FORCING),
     *((forces(kind, 5.5), BLIND, "not_ready" if kind == "reflex" else "") for kind in FORCING),
     (forces("close", 20.0, None), situation(blind=("right",)), Permit("move", 0.0, None, 20.0)),
