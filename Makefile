@@ -93,7 +93,7 @@ evaluate: $(MEASURES) $(MEASURED)
 
 fuzz: $(KERNELS)
 	@echo "== every split of every device's frames, a million damaged frames, 2 GB of noise, every byte of a recording (about 15 minutes)"
-	@FUZZ_ROUNDS=150 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/unit/devices/test_every_decoder.py tests/unit/recording/test_reader.py
+	@FUZZ_ROUNDS=250 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/unit/devices/test_every_decoder.py tests/unit/recording/test_reader.py
 
 soak: $(KERNELS) $(MEASURED)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
