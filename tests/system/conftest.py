@@ -32,7 +32,7 @@ def chromium() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def browser(chromium: Browser) -> Browser:
-    """The browser with an empty page."""
+def browser(chromium: Browser) -> Iterator[Browser]:
+    """The browser with an empty page; a page that stays open goes on drawing beside all other tests."""
+    yield chromium
     chromium.forget()
-    return chromium
