@@ -130,7 +130,9 @@ def watched(publisher: Publisher, slipctl: Start) -> Iterator[Callable[..., tupl
             looks = ("NO_COLOR", "LC_ALL", "LC_CTYPE")
             kept = {key: value for key, value in os.environ.items() if key not in looks}
             environment = kept | {"LANG": "C.UTF-8", "TERM": term}
-            process = slipctl("--publish", publisher.endpoint, "watch", stdout=terminal.slave, env=environment)
+            # In the group of a test run that nobody waits for, the kernel does not stop a process.
+            options = {"stdout": terminal.slave, "env": environment, "process_group": 0}
+            process = slipctl("--publish", publisher.endpoint, "watch", **options)
             os.close(terminal.slave)
             publisher.wait_for()
             return terminal, process
