@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import inspect
 import signal
+import tomllib
 from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
 
 import pytest
 import pytest_asyncio
@@ -33,9 +35,19 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+ROOT = Path(__file__).parent
+COVERED = tuple(
+    ROOT / "tests" / "unit" / Path(*package.split(".")[1:])
+    for package in tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["coverage"]["run"]["source_pkgs"]
+)
+"""Tests of the rooms that are covered to the last branch. Tracing doubles the time of a test, so others go without."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let every asynchronous test end without a pending task; the others need no event loop, and get none."""
     for item in items:
+        if item.get_closest_marker("statistics") or not any(map(item.path.is_relative_to, COVERED)):
+            item.add_marker(pytest.mark.no_cover)
         if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
             item.fixturenames.insert(0, _no_task_is_leaked.__name__)
 

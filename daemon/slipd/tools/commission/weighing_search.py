@@ -103,6 +103,10 @@ SURELY_MM_M = 1.0
 WXYZ = "the orientations were given in the order w, x, y, z, and are read so"
 
 
+LEAST_SPREAD = 1e-12
+"""Forces that spread less across their main direction than this part of what they spread along it are on one line."""
+
+
 @dataclass(frozen=True, slots=True)
 class Pose:
     """Mean readings of a finger that is held still, in the frame of its sensor, without sign.
@@ -228,7 +232,8 @@ def _fit(forces: Array, gravities: Array) -> _Fit | None:
     d_force, d_gravity = forces - forces.mean(axis=0), gravities - gravities.mean(axis=0)
     if np.linalg.svd(d_gravity, compute_uv=False)[-1] < LEAST_CHANGE_MPS2 * math.sqrt(len(gravities) - 1):
         return None
-    if not d_force.any():
+    spread = np.linalg.svd(d_force, compute_uv=False)
+    if spread[1] <= LEAST_SPREAD * spread[0]:  # on one line: no rotation follows, and no weight fits
         return _Fit(1, Rotation.identity(), 0.0, math.inf)
     fits = ((Rotation.align_vectors(d_gravity, sign * d_force), sign) for sign in (1, -1))
     (rotation, _), sign = min(fits, key=lambda fit: fit[0][1])

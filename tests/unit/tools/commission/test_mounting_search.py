@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -226,7 +226,13 @@ def test_any_touches_give_a_mounting_or_problems(touches: dict[str, Touch]) -> N
     assert (signs is None) == bool(found.problems)
 
 
+TYPED = 9.81 * np.array(((0, 0, 0), (0, 1, 0), (1, 0, 0), (0, 0, 1)))
+ALONG_Z = [Pose(np.array((0.0, 0.0, k == 3)), np.zeros(3), np.zeros(3), TYPED[k]) for k in range(4)]
+"""Forces on one line, from which no rotation follows."""
+
+
 @given(st.lists(st.builds(Pose, VECTORS, VECTORS, VECTORS, st.none() | VECTORS), min_size=3, max_size=5))
+@example(ALONG_Z)
 def test_any_poses_give_a_weight_or_problems(poses: list[Pose]) -> None:
     findings = find_weight(poses, LEVEL)
     assert (findings.found is None) <= bool(findings.problems)
