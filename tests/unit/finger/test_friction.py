@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finger_bench import Parse, Press, make_finger, pull, teach
+from finger_bench import FULL, MS, T0, Parse, Press, Wrench, make_finger, pull, read_force, teach
 
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body
+from slipd.types.samples import TactileSample
 
 
 @pytest.mark.parametrize(
@@ -100,3 +101,19 @@ def test_what_is_more_lenient(
     finger = make_finger(left if stated else left.replace("mu = 0.5\n", ""), parse)
     before(finger)
     assert finger.friction.is_more_lenient(*given) is lenient
+
+
+def test_friction_against_rotation_is_learned_from_the_spin_before_a_turn_and_forgotten_with_the_contact(
+    left: str, parse: Parse, wrench: Wrench
+) -> None:
+    finger = make_finger(left.replace("mu = 0.5", "mu = 0.5\nmu_rotation = 0.4"), parse)
+    rotation, turned_s = finger.friction.rotation, T0 * 1e-9 + 1.0
+    read_force(finger, wrench(T0, 10.0, (0.0, 0.0), 0.02))
+    rotation.slip(turned_s)
+    assert rotation.learned is None, "without an image no spin has a lever"
+    finger.update_image(TactileSample(T0, None, FULL.ravel()))
+    read_force(finger, wrench(T0 + MS, 10.0, (0.0, 0.0), 0.02))
+    rotation.slip(turned_s)
+    assert rotation.learned is not None
+    read_force(finger, wrench(T0 + 2 * MS, 0.0))
+    assert rotation.learned is None
