@@ -20,7 +20,10 @@ MODULES := tests/support:benchmarks
 # What runs whole daemons, in real time: of these `make test` runs one demo, one client, one page in a browser, and an
 # example of each fault that only a process can have.
 DAEMONS := tests/system
-ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py \
+ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py \
+	page.py::test_the_numbers_of_a_finger_are_those_of_the_message \
+	page.py::test_a_change_of_the_grip_force_reaches_the_gripper \
+	page.py::test_sensors_that_fall_silent_are_unknown_with_the_reason \
 	service.py::test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised \
 	service_process.py::test_P4_a_signal_ends_the_process_well \
 	service_unit.py::test_P5_a_daemon_that_crashes_is_started_again_without_limit \
@@ -29,10 +32,10 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py page.py \
 LONG := $(addprefix benchmarks/,bench chart soak)
 # The tests of one file stay together on one core: they share a daemon, or what takes long to compute.
 PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
-# `make check` alone tests fleets, ROS 2, viewers, simulated scenes, what guides a person, and what draws and exports
-# recordings.
+# `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled, what guides a person,
+# and what draws and exports recordings.
 LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_fleet_command.py client/ros client/ros2 \
-	client/test_viewers.py tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/sim \
+	client/test_viewers.py fusion/test_compiled.py tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/sim \
 	tools/test_carry_story.py)
 
 .PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
