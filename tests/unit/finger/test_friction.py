@@ -11,7 +11,7 @@ from finger_bench import FULL, MS, T0, Parse, Press, Wrench, make_finger, pull, 
 
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body
-from slipd.types.samples import TactileSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 
 @pytest.mark.parametrize(
@@ -117,3 +117,9 @@ def test_friction_against_rotation_is_learned_from_the_spin_before_a_turn_and_fo
     assert rotation.learned is not None
     read_force(finger, wrench(T0 + 2 * MS, 0.0))
     assert rotation.learned is None
+
+
+def test_without_mu_and_torque_there_is_no_utilisation(left: str, parse: Parse) -> None:
+    finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
+    state = read_force(finger, WrenchSample(T0, None, np.array((1.0, 0.0, -10.0)), None))
+    assert (state.verdict.reasons, state.utilisation, state.model) == (("no_mu",), None, "none")
