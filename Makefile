@@ -35,8 +35,8 @@ PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-
 # `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled, what guides a person,
 # and what draws and exports recordings.
 LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_fleet_command.py client/ros client/ros2 \
-	client/test_viewers.py fusion/test_compiled.py tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/sim \
-	tools/test_carry_story.py)
+	client/test_viewers.py fusion/test_compiled.py tools/commission tools/discovery tools/evaluation tools/export \
+	tools/plot tools/sim tools/test_carry_story.py)
 
 .PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
 
@@ -95,7 +95,7 @@ evaluate: $(MEASURES) $(MEASURED)
 	@PYTHONPATH=$(MODULES) $(BIN)/python -m evaluate --into $(MEASURED) $(EVALUATE)
 
 fuzz: $(KERNELS)
-	@echo "== every split of every device's frames, a million damaged frames, 2 GB of noise, every byte of a recording (about 15 minutes)"
+	@echo "== every split of every device's frames, a million damaged frames, 2 GB of noise, every byte of a recording"
 	@FUZZ_ROUNDS=250 $(BIN)/pytest --quiet --numprocesses=2 --timeout=3600 tests/unit/devices/test_every_decoder.py tests/unit/recording/test_reader.py
 
 soak: $(KERNELS) $(MEASURED)

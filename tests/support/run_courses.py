@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import pytest
 from engine_rig import FULL_IMAGE, NO_IMAGE, Run, refusal_of
+
+from slipd_client.messages import Health
 
 Step = Callable[[Any], object]
 """Does something to a run, or checks it."""
@@ -172,3 +175,30 @@ def during(steps: Sequence[Step], topic: str, least: int, most: int | None = Non
         count(topic, before + least, before + (least if most is None else most))(run)
 
     return step
+
+
+def health(stream: str, *words: str, severity: Health | None = None, without: str = "-") -> Step:
+    """Check the message of a stream, and its severity: below an error unless it is named."""
+
+    def step(run: Run) -> None:
+        found = run.ask("status")["result"]["streams"][stream]
+        assert found["health"] < Health.ERROR if severity is None else found["health"] == severity
+        assert all(word in found["message"] for word in words), found["message"]
+        assert without == "-" or without not in found["message"]
+
+    return step
+
+
+def got(expected_id: int, stream: str = "wrench", **more: Any) -> Step:
+    """Check a tare of the left finger."""
+    return ask("tare.get", {"tare_id": expected_id, "stream": stream} | more, finger="left", stream=stream)
+
+
+def mu(value: float, by: str | None = "ann", source: str = "request") -> Step:
+    """Check the friction of the left finger in ``status``."""
+    return status(fingers={"left": {"mu": value, "mu_source": source, "mu_by": by}})
+
+
+def approx(*offset: float) -> Any:
+    """Return what an offset must be, to a millionth."""
+    return pytest.approx(list(offset), abs=1e-6)

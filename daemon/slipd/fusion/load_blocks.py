@@ -128,7 +128,7 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
 
 @compiled
 def _add_motion(drop: Row, before: Row, row: Row, k: int) -> None:
-    """Add what the gripper feels to the running sums of block ``k``; where that is not known, they begin anew."""
+    """Add the apparent gravity along the pad to the sums of block ``k``; where it is unknown, the sums restart at 0."""
     if math.isnan(drop["gx"]):
         row["gx"], row["gy"], drop["unfelt"] = 0.0, 0.0, k
     else:

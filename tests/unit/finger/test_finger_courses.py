@@ -13,7 +13,9 @@ from run_courses import (
     ask,
     bring_up,
     follow,
+    got,
     grip,
+    health,
     image,
     lease,
     level,
@@ -30,7 +32,6 @@ from run_courses import (
 from slipd.devices import xela
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
-from slipd_client.messages import Health
 
 RIG = LEFT + RIGHT + GRIPPER
 RAW_PAD = RIGHT.partition("tare =")[0]
@@ -80,22 +81,6 @@ def raw(times: int = 3, press: int = 0, counts: np.ndarray = RAW) -> Step:
             run.feed(Bytes("right.pad", xela.encode_message(run._message, {"2": shown}, 1.7e9)))
 
     return step
-
-
-def health(stream: str, *words: str, severity: Health | None = None, without: str = "-") -> Step:
-    """Check the message of a stream, and its severity: below an error unless it is named."""
-
-    def step(run: Run) -> None:
-        found = run.ask("status")["result"]["streams"][stream]
-        assert found["health"] < Health.ERROR if severity is None else found["health"] == severity
-        assert all(word in found["message"] for word in words), found["message"]
-        assert without == "-" or without not in found["message"]
-
-    return step
-
-
-def got(expected_id: int, stream: str = "wrench", **more: Any) -> Step:
-    return ask("tare.get", {"tare_id": expected_id, "stream": stream} | more, finger="left", stream=stream)
 
 
 PAD_ALIKE: Any = pytest.approx([300.0] * 16)

@@ -13,7 +13,9 @@ from run_courses import (
     bring_up,
     feel,
     follow,
+    got,
     grip,
+    health,
     image,
     level,
     newest,
@@ -54,22 +56,6 @@ def raw(times: int = 3, press: int = 0, counts: np.ndarray = RAW) -> Step:
 
 def not_pulled(run: Run) -> None:
     assert run.level()[1] != ["pulled"]
-
-
-def health(stream: str, *words: str, severity: Health | None = None, without: str = "-") -> Step:
-    """Check the message of a stream, and its severity: below an error unless it is named."""
-
-    def step(run: Run) -> None:
-        found = run.ask("status")["result"]["streams"][stream]
-        assert found["health"] < Health.ERROR if severity is None else found["health"] == severity
-        assert all(word in found["message"] for word in words), found["message"]
-        assert without == "-" or without not in found["message"]
-
-    return step
-
-
-def got(expected_id: int, stream: str = "wrench", **more: Any) -> Step:
-    return ask("tare.get", {"tare_id": expected_id, "stream": stream} | more, finger="left", stream=stream)
 
 
 COURSES: dict[str, tuple[str, bool, list[Step]]] = {

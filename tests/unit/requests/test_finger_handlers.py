@@ -16,6 +16,7 @@ from run_courses import (
     image,
     lease,
     level,
+    mu,
     newest,
     sleep,
     status,
@@ -31,15 +32,6 @@ FREE = "\n[requests]\nfriction_without_lease = true\n"
 RIG_OF_TWO = LEFT + RIGHT + GRIPPER
 DOWN, TURNED = {"gravity_mps2": [0.0, 0.0, -9.8]}, {"gravity_mps2": [0.0, 0.0, 9.8]}
 NEAR = wrench(10.0, (4.6, 0.0))
-
-
-def mu(value: float, by: str | None = "ann", source: str = "request") -> Step:
-    """Check the friction of the left finger in ``status``."""
-    return status(fingers={"left": {"mu": value, "mu_source": source, "mu_by": by}})
-
-
-def approx(*offset: float) -> Any:
-    return pytest.approx(list(offset), abs=1e-6)
 
 
 COURSES: dict[str, tuple[str, list[Step]]] = {

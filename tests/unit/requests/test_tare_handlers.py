@@ -9,6 +9,7 @@ import pytest
 from engine_rig import GRIPPER, LEFT, RIGHT, Run
 from run_courses import (
     Step,
+    approx,
     ask,
     bring_up,
     feel,
@@ -20,7 +21,6 @@ from run_courses import (
     newest,
     no_image,
     skin,
-    status,
     tick,
     wait,
     wrench,
@@ -34,17 +34,8 @@ BIASED = wrench(25.0, (3.0, 0.0))
 ONCE: dict[str, Any] = {"id": "c-1", "deadline_ns": 100_400_000_000, "finger": "left"}
 
 
-def mu(value: float, by: str | None = "ann", source: str = "request") -> Step:
-    """Check the friction of the left finger in ``status``."""
-    return status(fingers={"left": {"mu": value, "mu_source": source, "mu_by": by}})
-
-
 def tared(number: int, **more: Any) -> Step:
     return ask("tare.get", {"tare_id": number} | more, **L)
-
-
-def approx(*offset: float) -> Any:
-    return pytest.approx(list(offset), abs=1e-6)
 
 
 COURSES: dict[str, tuple[str, list[Step]]] = {
