@@ -26,7 +26,7 @@ from slipd.tools.sim.carry_program import CARRY_PLAN, CarryProgram, carry_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2
-from slipd.tools.sim.stickslip import FrictionLaw
+from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw
 from slipd.tools.sim.virtual_gripper import VirtualRig, carried_rig
 
 PEAK = 10.0 / math.sqrt(3.0)

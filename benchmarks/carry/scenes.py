@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from evaluate.draw import GRAVITY_MPS2, Course, Random, damped, draw_contact, log_uniform
 from evaluate.scene import Kind, Scene
+from simulated_grasp.grasp_parts import GraspedObject
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.trace import simulate
 
 from slipd.fusion import utilisations
-from slipd.tools.sim.stickslip import GraspedObject
 from slipd.types.arrays import Array
 
 SECONDS = 3.2

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing
 from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd.types.arrays import Array
 
 Random = np.random.Generator

@@ -9,9 +9,9 @@ import numpy as np
 from evaluate.draw import KINDS, Course, Random, combined, draw_contact, draw_sensors, log_uniform, pull
 from evaluate.finger_sensing import PadSensing
 from evaluate.scene import Contact, Load, Scene
+from simulated_grasp.grasp_parts import FrictionMap
 
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
-from slipd.tools.sim.stickslip.grasp_parts import FrictionMap
 
 BUILD_UP_S = (0.8, 2.5)
 """How long a load takes that builds up, from none to the limit; faster ones are sudden, and a family of their own."""

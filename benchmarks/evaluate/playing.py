@@ -7,10 +7,10 @@ import math
 import numpy as np
 from evaluate.scene import STEP_S, Scene
 from evaluate.truth import Truth
+from simulated_grasp.general_grasp import GeneralGrasp
 from simulated_grasp.trace import GraspTrace, empty_trace, write_sample
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.stickslip import SteppedGrasp
 from slipd.types.arrays import Array
 
 SAFETY = 1.3
@@ -25,7 +25,7 @@ NEED_EVERY_S = 0.05
 
 def play(scene: Scene) -> GraspTrace:
     """Simulate a scene; the trace ends where the object is lost."""
-    grasp = SteppedGrasp(
+    grasp = GeneralGrasp(
         scene.held, scene.patch, scene.friction, scene.compliance, grip_n=float(scene.grip_n[0]),
         largest_grip_n=float(scene.grip_n.max()),
     )  # fmt: skip
@@ -47,7 +47,7 @@ def play(scene: Scene) -> GraspTrace:
 
 
 def load_at(
-    scene: Scene, i: int, load: list[float], grasp: SteppedGrasp, held_at: Array | None
+    scene: Scene, i: int, load: list[float], grasp: GeneralGrasp, held_at: Array | None
 ) -> tuple[float, float, float]:
     """Return the load at a step: what is given, and the spring of a hand that took the object at a displacement."""
     fx, fy, torque = load

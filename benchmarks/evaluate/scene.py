@@ -8,11 +8,12 @@ from typing import Literal
 
 import numpy as np
 from evaluate.finger_sensing import FingerSensing
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.trace import simulate
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd.types.arrays import Array
 
 STEP_S = 5e-4

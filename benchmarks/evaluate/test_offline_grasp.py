@@ -7,6 +7,8 @@ import pytest
 from evaluate import offline_grasp
 from evaluate.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
 from evaluate.offline_grasp import BEGIN_NS, BOOT, Asked, run_offline
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.trace import simulate
 
@@ -14,7 +16,6 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd_client.messages import encode
 
 CENTRE_M = (0.002, -0.001)

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from motion_grips import DOWN, PITCH_M, STILL, TURNS, Advised, Grip, X
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.general_grasp import GeneralGrasp
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 
 from slipd.fusion import contact_from_wrench, matched_loads, utilisation
 from slipd.grasp.motion_advice import GYRATION_M
-from slipd.tools.sim.stickslip.contact_patch import ContactPatch
-from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
-from slipd.tools.sim.stickslip.stepped_grasp import SteppedGrasp
 from slipd.types.arrays import Array
 
 STEP_S = 0.005
@@ -71,7 +71,7 @@ def compare(rng: np.random.Generator, build_s: float) -> Compared:
     patch = ContactPatch(str(rng.choice(KINDS)), half, half * rng.uniform(0.7, 0.9), exponent=rng.choice((0.1, 0.5)))
     held = GraspedObject(mass, mass * GYRATION_M**2, tuple(com.tolist()))
     law = FrictionLaw(mu, 0.85 * mu)
-    grasp = SteppedGrasp(
+    grasp = GeneralGrasp(
         held, patch, law, PadCompliance(), grip_n=normal, largest_grip_n=normal, about_m=held.centre_of_mass_m
     )
     com_m = TURNS[0] @ np.array((*com, 0.0))
@@ -107,7 +107,7 @@ def motion(rng: np.random.Generator, build_s: float) -> Array:
 
 
 def _occurs(
-    grasp: SteppedGrasp, points: Array, mass: float, com_m: Array, normal: float, mu: float, predicted: float
+    grasp: GeneralGrasp, points: Array, mass: float, com_m: Array, normal: float, mu: float, predicted: float
 ) -> Compared:
     """Carry the motion out; gravity is taken not to turn meanwhile."""
     used, slid = [], False
@@ -120,7 +120,7 @@ def _occurs(
     return Compared(predicted, max(used), slid)
 
 
-def _true(grasp: SteppedGrasp, mu: float, *, right: bool) -> float:
+def _true(grasp: GeneralGrasp, mu: float, *, right: bool) -> float:
     """Return the utilisation of a pad by its true pressure."""
     wrench, image = grasp.wrench(right=right), grasp.taxel_loads(FINE, right=right)
     contact = contact_from_wrench(wrench[:3], wrench[3:])

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from evaluate.scene import Scene
 from second_world.rubber_kernels import AGE, Law, press, slide, stored
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionMap
 
-from slipd.tools.sim.stickslip import ContactPatch
-from slipd.tools.sim.stickslip.grasp_parts import FrictionMap
 from slipd.types.arrays import Array
 
 ELEMENT_M = 0.001

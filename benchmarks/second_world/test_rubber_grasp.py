@@ -12,10 +12,8 @@ from evaluate.scene import STEP_S
 from second_world.rubber_grasp import Rubber, RubberGrasp, gaps_of
 from second_world.rubber_kernels import HEAT, LOST, VISCOUS, WORK
 from second_world.rubber_scene import RubberScene
-
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
-from slipd.tools.sim.stickslip.contact_patch import KINDS
-from slipd.tools.sim.stickslip.grasp_parts import FrictionMap
+from simulated_grasp.contact_patch import KINDS, ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, PadCompliance
 
 GRIP_N, MU_S, MU_D = 10.0, 0.6, 0.48
 LIMIT_N = 2.0 * MU_S * GRIP_N

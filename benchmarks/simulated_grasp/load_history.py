@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from simulated_grasp.grasp_parts import Pair
 
-from slipd.tools.sim.stickslip.grasp_parts import Pair
 from slipd.types.arrays import Array
 
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.trace import GraspTrace
 from simulated_grasp.trace import simulate as simulate_grasp
-
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 
 Load = tuple[float, float, float]
 

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw
 from simulated_grasp.short_loads import GRIP_N, STEADY, history, onset, ramp, simulate
 
 from slipd.fusion import utilisation
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw
 
 A = 0.010
 MU = STEADY.mu_s

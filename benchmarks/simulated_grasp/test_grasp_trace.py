@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pad_wrenches import finger_load, pad_wrench
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import GraspedObject
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.short_loads import GRIP_N, STEADY, history, ramp, simulate
 
 from slipd.fusion import contact_from_wrench
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip import ContactPatch, GraspedObject
 from slipd.types.arrays import Array
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, centre_m=(0.002, -0.001))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from simulated_grasp.contact_patch import FIELD, ContactPatch, PressedPatch
+from simulated_grasp.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.short_loads import GRIP_N, PAD, STEADY, history, onset, ramp, simulate
 
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, PadCompliance
-from slipd.tools.sim.stickslip.contact_patch import FIELD, PressedPatch
 
 NOTHING = (0.0, 0.0, 0.0)
 PATCH = ContactPatch("rectangle", 0.018, 0.009)

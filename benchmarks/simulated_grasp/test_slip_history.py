@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject
 from simulated_grasp.short_loads import GRIP_N, PAD, history, kinetic_j, onset, simulate
-
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject
 
 NOTHING = (0.0, 0.0, 0.0)
 PATCH = ContactPatch("rounded", 0.018, 0.009)

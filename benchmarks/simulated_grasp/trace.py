@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from simulated_grasp.contact_patch import FIELD, ContactPatch, PressedPatch
+from simulated_grasp.general_grasp import CELL_M, GeneralGrasp
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
 
 from slipd.fusion import utilisations
-from slipd.tools.sim.stickslip.contact_patch import FIELD, ContactPatch, PressedPatch, Taxels
-from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
-from slipd.tools.sim.stickslip.stepped_grasp import CELL_M, STEP_S, SteppedGrasp
+from slipd.tools.sim.scene_parts import Pad
+from slipd.tools.sim.stickslip.stepped_grasp import STEP_S
 from slipd.types.arrays import Array, Indices
 
 UTILISATION_S = 0.01
@@ -97,7 +99,7 @@ class GraspTrace:
         x, y = contact.on_pad.copy()
         return CellLoads(x, y, loads, holds)
 
-    def taxel_loads(self, pad: Taxels, times_s: ArrayLike, *, right: bool = False) -> Array:
+    def taxel_loads(self, pad: Pad, times_s: ArrayLike, *, right: bool = False) -> Array:
         """Return the readings of a pad's taxels, shape (m, taxels), N.
 
         Args:
@@ -166,7 +168,7 @@ def simulate(
     Returns:
         The trace, with the samples of the history.
     """
-    grasp = SteppedGrasp(
+    grasp = GeneralGrasp(
         obj, patch, friction, pad, grip_n=float(history.grip_n[0]), largest_grip_n=float(np.max(history.grip_n)),
         grip_lag_s=history.grip_lag_s, about_m=history.about_m, cell_m=cell_m, step_s=step_s,
     )  # fmt: skip
@@ -186,7 +188,7 @@ def simulate(
     return trace
 
 
-def empty_trace(patch: ContactPatch, friction: FrictionLaw, grasp: SteppedGrasp, t_s: Array) -> GraspTrace:
+def empty_trace(patch: ContactPatch, friction: FrictionLaw, grasp: GeneralGrasp, t_s: Array) -> GraspTrace:
     """Return a trace of zeros at n times, for `write_sample` to fill; ``tilt_nm`` is left to the caller."""
     n = len(t_s)
     return GraspTrace(
@@ -198,7 +200,7 @@ def empty_trace(patch: ContactPatch, friction: FrictionLaw, grasp: SteppedGrasp,
     )  # fmt: skip
 
 
-def write_sample(trace: GraspTrace, i: int, grasp: SteppedGrasp) -> None:
+def write_sample(trace: GraspTrace, i: int, grasp: GeneralGrasp) -> None:
     """Write the present state of a grasp into sample ``i`` of a trace."""
     trace.normal_n[i], trace.motion[i], trace.fields[i] = grasp.normal_n, grasp.motion, grasp.fields
     trace.wrench_left[i], trace.wrench_right[i] = grasp.wrench(), grasp.wrench(right=True)

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
 from simulated_grasp.trace import GraspTrace, simulate
 
@@ -17,7 +19,6 @@ from slipd.motion.image_shift import ImageShift
 from slipd.motion.shift_path import AGAIN_M, LONG_STEP, LONGEST_NS, SHORTEST_NS, PathNoise
 from slipd.signals.pad import PadGeometry
 from slipd.tools.sim.scene_parts import Pad
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 from slipd.types.arrays import Array
 
 GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)

@@ -18,7 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slipd.tools.sim.scene_parts import FrictionLimit, Load, Patch, Script
-from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
+from slipd.tools.sim.stickslip.bristle_kernels import Body
+from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, FrictionLaw, SteppedGrasp
 from slipd.types.arrays import Array
 
 LARGEST_STEP_S = 0.002
@@ -26,9 +27,6 @@ LARGEST_STEP_S = 0.002
 
 LET_GO_N = 0.05
 """Force at which the fingers of an opening gripper leave the box, N."""
-
-STRONGEST_N = 100.0
-"""No gripper presses harder, N."""
 
 SLIDES_MPS = 1e-3
 """The box slides if all of its contact does and is faster than this, m/s: elastic motion of the pads is slower."""
@@ -77,7 +75,6 @@ class Scene:
         script: The loads over time.
         patch: The contact on the left pad; that on the right one is its mirror image.
         friction: True friction of both pads.
-        pad: Compliance of both pads.
         object_width_m: Distance between the pads when they touch the box.
         open_width_m: Distance between the pads at the start.
         mass_kg: Mass of the box.
@@ -99,7 +96,6 @@ class Scene:
     script: Script = field(default_factory=Script)
     patch: Patch = field(default_factory=Patch)
     friction: FrictionLaw = field(default_factory=FrictionLaw)
-    pad: PadCompliance = field(default_factory=PadCompliance)
     object_width_m: float = 0.060
     open_width_m: float = 0.085
     mass_kg: float = 0.25
@@ -179,11 +175,10 @@ class Scene:
 
     def _grip(self) -> SteppedGrasp:
         """Return the box at rest between pads that do not press yet; its centre of mass is that of the contact."""
-        held = GraspedObject(self.mass_kg, self.inertia_kgm2, self.patch.centre_m)
-        return SteppedGrasp(
-            held, self.patch.for_stick_slip(), self.friction, self.pad, grip_n=0.0, largest_grip_n=STRONGEST_N,
-            grip_lag_s=self.grip_lag_s, about_m=self.patch.centre_m, cell_m=self.cell_m,
-        )  # fmt: skip
+        cells, shares, area_m2 = self.patch.cells(self.cell_m)
+        law = self.friction.of_cell(STIFFNESS_N_PER_M3 * area_m2, DAMPING_NS_PER_M3 * area_m2)
+        body = Body(self.mass_kg, self.inertia_kgm2, load_x=0.0, load_y=0.0)
+        return SteppedGrasp(law, body, self.patch.centre_m, cells, shares, grip_lag_s=self.grip_lag_s)
 
     def _follow_script(self) -> None:
         """Record a change of the phase, and what follows from it."""
@@ -218,7 +213,8 @@ class Scene:
         fx, fy, spin = self._load()
         squeeze = self._squeezes(command)
         self._grasp.advance(dt_s, (fx, fy), spin, command.force_n if squeeze else 0.0)
-        self._wrench = self._grasp.wrench()
+        (fx_n, fy_n, spin_nm), (x_m, y_m) = self._grasp.carried(), self.patch.centre_m
+        self._wrench = np.array((fx_n, fy_n, -self.normal_n, -y_m * self.normal_n, x_m * self.normal_n, spin_nm))
         self._judge_motion((fx, fy, spin))
         if not self._present or (not squeeze and self.normal_n <= LET_GO_N):
             self._stop_sliding()

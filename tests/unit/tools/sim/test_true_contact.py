@@ -3,11 +3,8 @@ import math
 import numpy as np
 import pytest
 from pad_wrenches import finger_load, pad_wrench
-from simulated_grasp.load_history import LoadHistory
-from simulated_grasp.trace import simulate
 
 from slipd.tools.sim.scene_parts import FrictionLimit, Pad, Patch
-from slipd.tools.sim.stickslip import FrictionLaw, GraspedObject, PadCompliance
 
 MU = 0.6
 
@@ -23,13 +20,6 @@ def test_a_round_hertz_contact_resists_the_spin_of_the_closed_form():
 
 def test_a_pure_pull_needs_its_size_over_mu_whatever_the_patch():
     assert FrictionLimit(Patch()).need_n((3.0, -4.0, 0.0), MU) == pytest.approx(5.0 / MU, rel=1e-6)
-
-
-@pytest.mark.parametrize("patch", [Patch(), disc(0.012)])
-def test_the_physical_simulator_presses_the_same_patch(patch):
-    history = LoadHistory(np.array([0.0, 0.001]), np.zeros((2, 2)), np.zeros(2), np.full(2, 6.0))
-    trace = simulate(GraspedObject(), patch.for_stick_slip(), FrictionLaw(), PadCompliance(), history)
-    assert trace.taxel_loads(Pad(), [0.0])[0] == pytest.approx(6.0 * Pad().shares(patch), rel=0.02, abs=1e-3)
 
 
 def test_the_image_carries_the_force_and_its_centroid():

@@ -5,16 +5,14 @@ and without seed: the same scene moves in the same way.
 
 - Motion. The object has three degrees of freedom: x, y and the angle about the normal of the pads. Weight, inertia,
   pulls and collisions are a load over time at a point of the object.
-- Friction. The contact is divided into cells of 1 mm. In each, a spring and damper (a bristle) in series with a
+- Friction. The contact is divided into cells of 1 or 2 mm. In each, a spring and damper (a bristle) in series with a
   slider carries T = k z + c ż, and never more than (μ(w) + ν |ṡ|) p: p is the normal force on the cell, ṡ the speed
   of the slider, and μ(w) = μ_d + (μ_s − μ_d) / (1 + (w / v_s)²) falls with the sliding speed w from the static to the
   dynamic coefficient (Hess and Soom 1990). w follows the speed of the object with a lag of a millisecond, the
   frictional memory. With ν > 0 the contact creeps. A slider does not drift below its limit, as a bristle of the LuGre
   model does (Dupont et al. 2002).
-- Pressure. It has the profile of the patch, grows with f_n^γ, and is tilted by moments that tip the object, to
-  opposite sides on the two pads, until a part lifts off. A patch stays on the pad, or moves with the object and takes
-  its image along. Beyond the faces of the object or the pad nothing presses. A wet spot is a map of a factor on μ,
-  fixed to the object.
+- Pressure. Here it stays on the pad and keeps its shape, as with a crowned pad on a flat box. A grasp whose patch
+  grows, moves, tilts or is wet derives from this one, for benchmarks.
 - Steps. The velocity of the object is advanced before the bristles, the slider is implicit; a step is at most 0.25
   ms, and 0.25 rad of the fastest oscillation. A finer step or grid moves the onset of slip by less than 1 ms in 0.4
   s, and the energy balance closes within 2 % of the work done.
@@ -25,22 +23,8 @@ and without seed: the same scene moves in the same way.
 
 It does not model: motion along the normal of the pads, tipping as a motion, bending of the fingers, shear waves in
 the pad (bristles do not couple), adhesion, wear, ageing of a resting contact, heat, and the hysteresis of taxels,
-which belongs to the emulated sensors. Material of the pad that a moving patch reaches anew is as strained as that
-which it leaves. Its damping is viscous, so slow oscillations of a small contact fade too slowly.
+which belongs to the emulated sensors. Its damping is viscous, so slow oscillations of a small contact fade too slowly.
 
 All coordinates are in the frame of the left pad. The right pad is the same hardware turned by half a turn about x, so
 it sees the mirror image: y, the spin and the moment about y change sign, x does not.
 """
-
-from slipd.tools.sim.stickslip.contact_patch import ContactPatch
-from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, PadCompliance
-from slipd.tools.sim.stickslip.stepped_grasp import SteppedGrasp
-
-__all__ = [
-    "ContactPatch",
-    "FrictionLaw",
-    "FrictionMap",
-    "GraspedObject",
-    "PadCompliance",
-    "SteppedGrasp",
-]

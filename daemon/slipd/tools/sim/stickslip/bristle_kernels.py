@@ -143,16 +143,6 @@ def _drag(
 
 
 @compiled
-def stored_energy(stiffness: float, loads: Array, bristles: Array) -> float:
-    """Return what the bristles of the pads store, J, from shapes (pads, n) and (pads, 3, n)."""
-    total = 0.0
-    for p in range(loads.shape[0]):
-        for i in range(loads.shape[1]):
-            total += bristles[p, 0, i] * bristles[p, 0, i] + bristles[p, 1, i] * bristles[p, 1, i]
-    return 0.5 * stiffness * total
-
-
-@compiled
 def sliding_shares(loads: Array, slid: NDArray[np.bool_], on_pad: Array, motion: Array, shares: Array) -> None:
     """Write the share of the normal load on cells that slid, and of the frictional power of the motion under way."""
     total, sliding, power, sliding_power = 0.0, 0.0, 0.0, 0.0

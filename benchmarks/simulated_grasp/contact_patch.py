@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-
-from slipd.tools.sim.stickslip.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
-from slipd.tools.sim.stickslip.pressure_kernels import (
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
+from simulated_grasp.pressure_kernels import (
     DISC,
     EDGE,
     RECTANGLE,
@@ -25,6 +21,8 @@ from slipd.tools.sim.stickslip.pressure_kernels import (
     place_cells,
     press,
 )
+
+from slipd.tools.sim.scene_parts import Pad, electrode_points
 from slipd.types.arrays import Array
 
 KINDS = {
@@ -122,30 +120,12 @@ def _middles(half_m: float, cell_m: float) -> Array:
     return np.asarray((np.arange(n) - (n - 1) / 2) * cell_m, dtype=np.float64)
 
 
-ELECTRODE_SAMPLES = 7
-"""Points across an electrode for its mean pressure; 7 by 7 are within 0.5 % of the integral."""
-
 FIELD = 7
 """Numbers with which `press` describes a pressure."""
 
 
 CELLS_ACROSS = 2
 """Least number of cells across a patch, or across a strip or ring."""
-
-
-class Taxels(Hashable, Protocol):
-    """The geometry of a pad's taxels, as `slipd.tools.sim.scene_parts.Pad` has it."""
-
-    @property
-    def pitch_m(self) -> float:
-        """Distance between neighbouring centres."""
-
-    @property
-    def electrode_m(self) -> float:
-        """Diameter of the round electrode of a taxel."""
-
-    def centres(self) -> tuple[Array, Array]:
-        """Return the centres in the pad frame, x and y, shapes (taxels,), m."""
 
 
 class PressedPatch:
@@ -233,13 +213,13 @@ class PressedPatch:
         else:
             map_factors(wet.x0_m, wet.y0_m, wet.cell_m, wet.factor, self.on_object, loads, holds)
 
-    def read(self, taxels: Taxels, motion: Array, normal_n: float, field: Array, *, right: bool) -> Array:
+    def read(self, taxels: Pad, motion: Array, normal_n: float, field: Array, *, right: bool) -> Array:
         """Return the reading of each taxel, shape (taxels,), N: its mean pressure times its cell's area.
 
         The sum is only near the normal force, because the gaps between the electrodes sense nothing.
 
         Args:
-            taxels: Their geometry; hashable.
+            taxels: Their geometry.
             motion: As in `place`.
             normal_n: Normal force, N.
             field: As `press` wrote it for that pad.
@@ -253,13 +233,3 @@ class PressedPatch:
             scale = self._scale(normal_n)
             electrode_loads(self._shape, scale, self._pose(motion), field, points, mirror, area, out)
         return out
-
-
-@functools.lru_cache(maxsize=8)
-def electrode_points(taxels: Taxels) -> Array:
-    """Return points across the electrode of every taxel, shape (2, taxels, points), m, in the frame of their pad."""
-    offset = (np.arange(ELECTRODE_SAMPLES) - (ELECTRODE_SAMPLES - 1) / 2) / ELECTRODE_SAMPLES * taxels.electrode_m
-    dx, dy = (grid.ravel() for grid in np.meshgrid(offset, offset))
-    round_ = np.hypot(dx, dy) <= taxels.electrode_m / 2
-    x, y = taxels.centres()
-    return np.ascontiguousarray(np.stack((x[:, None] + dx[round_], y[:, None] + dy[round_])))

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 
 import pytest
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.general_grasp import GeneralGrasp
+from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
+from slipd.tools.sim.scene_parts import Patch
+from slipd.tools.sim.stickslip.bristle_kernels import Body
+from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, SteppedGrasp
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, growth=1 / 3)
 LAW = FrictionLaw()
 
 
-def grasp(grip_n: float = 10.0, **options: float) -> SteppedGrasp:
-    return SteppedGrasp(GraspedObject(), PATCH, LAW, PadCompliance(), grip_n=grip_n, largest_grip_n=20.0, **options)
+def grasp(grip_n: float = 10.0, **options: float) -> GeneralGrasp:
+    return GeneralGrasp(GraspedObject(), PATCH, LAW, PadCompliance(), grip_n=grip_n, largest_grip_n=20.0, **options)
 
 
 def test_a_load_that_answers_the_motion_is_possible() -> None:
@@ -57,3 +62,24 @@ def test_a_tilt_that_begins_under_load_keeps_what_the_bristles_carry() -> None:
 def test_bad_steps_are_refused(dt_s: float, fx: float, grip_n: float) -> None:
     with pytest.raises(ValueError, match="must be"):
         grasp().advance(dt_s, (fx, 0.0), 0.0, grip_n)
+
+
+@pytest.mark.parametrize("force_n", [(6.0, 0.0), (0.0, 6.0), (9.0, 8.5)])
+@pytest.mark.parametrize("shape", [Patch(), Patch(0.012, 0.012, exponent=2.0)])
+def test_the_grasp_of_the_demo_moves_and_slides_like_this_one(shape: Patch, force_n: tuple[float, float]) -> None:
+    kind = "disc" if shape.exponent == 2.0 else "rounded"
+    patch = ContactPatch(kind, shape.half_length_m, shape.half_width_m, centre_m=shape.centre_m)
+    held = GraspedObject(centre_of_mass_m=shape.centre_m)
+    general = GeneralGrasp(held, patch, LAW, PadCompliance(), grip_n=8.0, largest_grip_n=8.0, about_m=shape.centre_m)
+    cells, shares, area_m2 = shape.cells(0.001)
+    law = LAW.of_cell(STIFFNESS_N_PER_M3 * area_m2, DAMPING_NS_PER_M3 * area_m2)
+    plain = SteppedGrasp(law, Body(0.25, 1e-3, 0.0, 0.0), shape.centre_m, cells, shares, grip_lag_s=0.0)
+    plain.normal_n = 8.0
+    for i in range(1, 301):
+        part = min(i / 200, 1.0)
+        load = (part * force_n[0], part * force_n[1]), part * 0.01
+        general.advance(0.001, *load, 8.0)
+        plain.advance(0.001, *load, 8.0)
+    assert plain.gross == general.gross == (math.hypot(*force_n) > 9.6)
+    assert plain.carried() == pytest.approx(general.carried(), rel=0.02, abs=3e-4)
+    assert plain.motion[:2] - shape.centre_m == pytest.approx(general.motion[:2] - shape.centre_m, rel=0.05, abs=1e-6)

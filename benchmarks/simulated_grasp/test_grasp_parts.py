@@ -7,13 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from simulated_grasp.contact_patch import ContactPatch
+from simulated_grasp.general_grasp import GeneralGrasp
+from simulated_grasp.grasp_parts import FrictionLaw, FrictionMap, GraspedObject, PadCompliance
+from simulated_grasp.pressure_kernels import map_factors
 
-from slipd.tools.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, PadCompliance, SteppedGrasp
-from slipd.tools.sim.stickslip.pressure_kernels import map_factors
 
-
-def grasp(**options: float) -> SteppedGrasp:
-    return SteppedGrasp(
+def grasp(**options: float) -> GeneralGrasp:
+    return GeneralGrasp(
         GraspedObject(), ContactPatch(), FrictionLaw(), PadCompliance(), grip_n=1.0, largest_grip_n=1.0, **options
     )
 

@@ -1,4 +1,4 @@
-"""Friction between the object and the pads."""
+"""A grasped object, the friction between it and the pads, and the compliance of the pads."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, Pair
+from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw as DryFriction
 from slipd.types.arrays import Array
 
 
@@ -45,30 +47,16 @@ class FrictionMap:
 
 
 @dataclass(frozen=True)
-class FrictionLaw:
-    """Friction of a cell that slides at a speed v: μ(v) = μ_d + (μ_s − μ_d) / (1 + (v / v_s)²) + ν v.
-
-    The first two terms follow v with a lag, the frictional memory; the viscous term does not.
+class FrictionLaw(DryFriction):
+    """Friction of a cell that slides at a speed.
 
     Attributes:
-        mu_s: Static coefficient.
-        mu_d: Dynamic coefficient, at most ``mu_s``.
-        stribeck_mps: v_s, at which half of the drop is done.
-        viscous_s_per_m: ν, strengthening with speed; about 0.02 / 1 mm/s makes a contact creep before it slides.
-        memory_s: Time constant of the frictional memory.
         wet: Factor on all of μ over the surface of the object; None is 1 everywhere.
 
     Raises:
         ValueError: A number is out of range.
-
-    Source: Stribeck curve with a Lorentzian, and frictional memory: Hess and Soom, J. Tribology 112 (1990) 147.
     """
 
-    mu_s: float = 0.6
-    mu_d: float = 0.45
-    stribeck_mps: float = 0.01
-    viscous_s_per_m: float = 0.0
-    memory_s: float = 0.001
     wet: FrictionMap | None = None
 
     def __post_init__(self) -> None:
@@ -79,9 +67,6 @@ class FrictionLaw:
                 "stribeck_mps must be > 0, viscous_s_per_m and memory_s ≥ 0, got "
                 f"{self.stribeck_mps}, {self.viscous_s_per_m} and {self.memory_s}"
             )
-
-
-Pair = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -118,9 +103,6 @@ class GraspedObject:
 class PadCompliance:
     """Compliance of the surface of a pad under shear.
 
-    The defaults are those of 2 mm of a silicone of 0.3 MPa shear modulus (stiffness G / thickness), whose loss factor
-    near 60 Hz is 0.2 (damping = 0.2 · stiffness / (2π · 60 Hz)).
-
     Attributes:
         stiffness_n_per_m3: Tangential stiffness per area.
         damping_ns_per_m3: Tangential damping per area.
@@ -131,8 +113,8 @@ class PadCompliance:
         ValueError: A number is out of range.
     """
 
-    stiffness_n_per_m3: float = 1.5e8
-    damping_ns_per_m3: float = 8e4
+    stiffness_n_per_m3: float = STIFFNESS_N_PER_M3
+    damping_ns_per_m3: float = DAMPING_NS_PER_M3
     half_length_m: float = math.inf
     half_width_m: float = math.inf
 
