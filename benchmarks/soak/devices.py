@@ -47,4 +47,5 @@ def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
 if __name__ == "__main__":
     made = make(Plan(json.loads(sys.argv[1])))
     prepare_process()
-    asyncio.run(serve_until_ended(made))
+    addresses = "\n".join(address for _, _, address in made)
+    asyncio.run(serve_until_ended(made, ready=lambda: print(addresses, flush=True)))

@@ -64,7 +64,7 @@ def run(folder: Path, *, quick: bool) -> Table:
 async def _case(folder: Path, kind: str, rate_hz: float, seconds: float) -> tuple[float, ...]:
     with ExitStack() as stack:
         stack.enter_context(_process("soak.flooder", kind, str(rate_hz), str(folder / "flooding")))
-        stack.enter_context(_process("slipd.tools.sim.emulate", "bota", "--at", str(folder / "calm")))
+        stack.enter_context(_process("soak.calm_sensor", str(folder / "calm")))
         async with running(folder, CONFIG.format(folder=folder)) as (endpoints, _):
             await asyncio.sleep(SETTLE_S)
             before, begin_s, cpu_s = await status(endpoints), time.monotonic(), time.process_time()

@@ -5,32 +5,42 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 
 from slipd.tools.sim.emulate import emulated
-from slipd.tools.sim.emulators import Emulator
+from slipd.tools.sim.emulators import Emulator, make_emulator
 
 
 @contextmanager
-def emulation(devices: list[tuple[str, Emulator, str]], advance: Callable[[int], object]) -> Iterator[None]:
+def emulation(
+    devices: list[tuple[str, Emulator, str]], advance: Callable[[int], object] = lambda _: None
+) -> Iterator[None]:
     """Serve devices until the block ends; each is its name, its emulator and its address.
 
     Args:
         devices: The devices.
         advance: Told the time of the devices, ns, before each of their steps.
     """
-    ended = threading.Event()
+    ready, ended = threading.Event(), threading.Event()
 
     async def serve() -> None:
         async with emulated(devices, advance) as served:
             running = asyncio.create_task(served.run())
+            ready.set()
             await asyncio.to_thread(ended.wait)
             running.cancel()
 
     thread = threading.Thread(target=asyncio.run, args=(serve(),), name="emulation")
     thread.start()
     try:
+        assert ready.wait(60.0)
         yield
     finally:
         ended.set()
         thread.join()
+
+
+def plugged(folder: Path, *names: str) -> AbstractContextManager[None]:
+    """Emulate devices on lines of their names until the block ends."""
+    return emulation([(name, make_emulator(name, 1), str(folder / name)) for name in names])

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from emulation_thread import emulation
 from grasp_table import grasp_table
 from gripper_table import external_gripper_table
 from known_zeros import keep_zeros
@@ -19,6 +20,7 @@ from pushed_sensors import PADS, Contact, Sensors
 from rig_parts import endpoints_of, first_line, part, wait_for
 
 from slipd import config as configs
+from slipd.tools.sim.emulators import make_emulator
 from slipd_client.grip import GripClient
 from slipd_client.keys import Keys, create, load
 from slipd_client.subscriber import Subscriber
@@ -90,11 +92,9 @@ class ViewedRig:
 
     def __enter__(self) -> ViewedRig:
         with contextlib.ExitStack() as stack:
-            gripper = f"unix://{self._folder}/gripper"
-            emulated = ("slipd.tools.sim.emulate", "external_gripper", "--at", gripper)
-            emulator = stack.enter_context(part(self._folder, *emulated))
+            gripper = make_emulator("external_gripper")
+            stack.enter_context(emulation([("external_gripper", gripper, f"unix://{self._folder}/gripper")]))
             self.daemon = stack.enter_context(self.start_daemon())
-            first_line(emulator)
             self.url = stack.enter_context(self.view("requester"))
             listener = threading.Thread(target=self._listen, name="listener")
             listener.start()

@@ -12,12 +12,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from emulation_thread import emulation
 from grip_goals import GoalError, Joint, Outcome
 from grip_motion import carry_out
 from gripper_table import external_gripper_table
 from rig_parts import PATIENCE_S, endpoints_of, part
 from service_rig import Rig
 
+from slipd.tools.sim.emulators import make_emulator
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.subscriber import Subscriber
@@ -51,8 +53,8 @@ class Hand:
 def hand(rig: Rig, tmp_path: Path) -> Iterator[Hand]:
     gripper = external_gripper_table(tmp_path, step_n=5.0)
     rig.file.write_text(rig.file.read_text(encoding="utf-8") + gripper, encoding="utf-8")
-    emulate = ("slipd.tools.sim.emulate", "external_gripper", "--at", f"unix://{tmp_path}/gripper")
-    with part(tmp_path, "slipd", "run", str(rig.file)) as daemon, part(tmp_path, *emulate):
+    devices = [("external_gripper", make_emulator("external_gripper"), f"unix://{tmp_path}/gripper")]
+    with part(tmp_path, "slipd", "run", str(rig.file)) as daemon, emulation(devices):
         endpoints = endpoints_of(daemon)
         with (
             GripClient(endpoints.requests, timeout_s=PATIENCE_S) as client,

@@ -18,7 +18,7 @@ from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
 from viewed_rig import finger_tables, leased
 
 from slipd.service_run import Endpoints
-from slipd.tools.sim.emulate import emulator_for
+from slipd.tools.sim.emulators import make_emulator
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.health.repairs import repairs
@@ -50,7 +50,7 @@ class Place:
         }[kind]
         self.file = folder / "rig.toml"
         self.file.write_text(finger_tables(folder) + table, encoding="utf-8")
-        self.gripper: Any = emulator_for(kind, address)
+        self.gripper: Any = make_emulator(kind)
         self.gripper.set_part(0.04)
         self.forces_n: list[float] = []
         self._devices = [(kind, self.gripper, address)]

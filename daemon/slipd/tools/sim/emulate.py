@@ -1,17 +1,12 @@
-"""Run emulated devices on real lines, in real time: ``python -m slipd.tools.sim.emulate DEVICE --at ADDRESS``.
-
-A daemon whose config has the same address reads them like the device.
-"""
+"""Run emulated devices on real lines, in real time; a daemon whose config has their addresses reads them as devices."""
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import contextlib
 import gc
 import os
 import signal
-import sys
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack
@@ -20,7 +15,7 @@ from urllib.parse import urlsplit
 
 from slipd.devices import DEVICES, Inquiry
 from slipd.tools.sim.device_line import Line, open_line
-from slipd.tools.sim.emulators import Emulator, make_emulator
+from slipd.tools.sim.emulators import Emulator
 
 TICK_NS = 1_000_000
 """Period at which lines are read and devices advance, ns: a device answers within a millisecond."""
@@ -142,47 +137,6 @@ async def _serve_inquiries(device: Inquired, host: str | None, port: int) -> asy
     return await asyncio.start_server(answer, host, port)
 
 
-def emulator_for(device: str, address: str, seed: int = 0) -> Emulator:
-    """Return the emulator of a device for the kind of line in an address.
-
-    Raises:
-        ValueError: The device is unknown, or does not have such a line.
-    """
-    if device not in DEVICES:
-        raise ValueError(f"DEVICE must be one of {', '.join(sorted(DEVICES))}, got {device!r}")
-    kinds = {"udp": "udp", "tcp": "tcp", "ws": "websocket", "ipc": "external", "unix": "local"}
-    transport = kinds.get(address.partition("://")[0], "serial") if "://" in address else "serial"
-    if transport not in DEVICES[device].transports:
-        raise ValueError(
-            f"the address of {device} must be of kind {' or '.join(DEVICES[device].transports)}, got {address}"
-        )
-    return make_emulator(device, seed, **({"wiring": transport} if DEVICES[device].needs_wiring else {}))
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one device until SIGTERM, SIGINT, or the end of standard input; return the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m slipd.tools.sim.emulate", description="Run an emulated device until Ctrl-C."
-    )
-    parser.add_argument("device", metavar="DEVICE", help=", ".join(sorted(DEVICES)))
-    parser.add_argument(
-        "--at",
-        required=True,
-        metavar="ADDRESS",
-        help="path of a new pseudo-terminal, udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT, ipc:///PATH or unix:///PATH",
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
-    options = parser.parse_args(argv)
-    try:
-        device = emulator_for(options.device, options.at, options.seed)
-        prepare_process()
-        asyncio.run(serve_until_ended([(options.device, device, options.at)]))
-    except (OSError, ValueError) as error:
-        print(f"emulate: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
 def prepare_process() -> None:
     """Make this process as prompt as hardware; call it once its devices exist."""
     with contextlib.suppress(PermissionError):
@@ -195,7 +149,7 @@ async def serve_until_ended(
     devices: Sequence[tuple[str, Emulator, str]],
     load: Callable[[int], None] = lambda _: None,
     hear: Callable[[bytes], None] = lambda _: None,
-    ready: Callable[[], None] | None = None,
+    ready: Callable[[], None] = lambda: None,
 ) -> Emulation:
     """Serve devices until a signal or the end of standard input; return the emulation, which has ended.
 
@@ -203,7 +157,7 @@ async def serve_until_ended(
         devices: See `emulated`.
         load: See `Emulation`.
         hear: Called with what arrives at the standard input.
-        ready: Called once all are served; None: their addresses are printed.
+        ready: Called once all are served.
 
     Raises:
         OSError: A line cannot be served at its address.
@@ -220,10 +174,7 @@ async def serve_until_ended(
             stop.set()
 
     async with emulated(devices, load) as emulation:
-        if ready is None:
-            print(*(address for _, _, address in devices), sep="\n", flush=True)
-        else:
-            ready()
+        ready()
         with contextlib.suppress(PermissionError):  # a file or nothing, which does not close
             loop.add_reader(STDIN, read_stdin)
         running = asyncio.create_task(emulation.run(), name="emulation")
@@ -234,7 +185,3 @@ async def serve_until_ended(
         with contextlib.suppress(asyncio.CancelledError):
             await running
     return emulation
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from emulation_thread import plugged
 from other_packages import Install, install
-from plugged_devices import plugged
 
 from slipd.devices import DEVICES, external, gauges
 from slipd.devices.gauges import encode_frame

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from plugged_devices import plugged
+from emulation_thread import plugged
 
 from slipd import config
 from slipd.errors import SlipdError

@@ -21,8 +21,8 @@ from slipd.tools.discovery.port_probe import (
     list_ports,
     recognise,
 )
-from slipd.tools.sim.emulate import emulated, emulator_for
-from slipd.tools.sim.emulators import Emulator
+from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.emulators import Emulator, make_emulator
 
 ATTEMPTS = 10
 SERIAL = [name for name, device in DEVICES.items() if "serial" in device.transports]
@@ -44,7 +44,7 @@ async def identify(folder: Path, devices: dict[str, Emulator], attempts: int = 1
 
 
 async def test_every_serial_device_is_identified_on_a_real_line(tmp_path: Path) -> None:
-    devices = {name: emulator_for(name, str(tmp_path / name), 1) for name in SERIAL}
+    devices = {name: make_emulator(name, 1) for name in SERIAL}
     results = await identify(tmp_path, devices, ATTEMPTS)
     assert {name: found and found.device for name, found in results.items()} == {name: name for name in SERIAL}
     assert (results["pvdf"].rows, results["pvdf"].taxels) == (8, 128)
@@ -54,7 +54,7 @@ async def test_every_serial_device_is_identified_on_a_real_line(tmp_path: Path) 
 
 async def test_asking_writes_no_setting_and_moves_no_gripper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(port_probe, "LISTEN_S", 0.05)
-    devices = {name: emulator_for(name, str(tmp_path / name), 1) for name in ("robotous", "robotiq_2f")}
+    devices = {name: make_emulator(name, 1) for name in ("robotous", "robotiq_2f")}
     received: list[bytes] = []
     gripper = devices["robotiq_2f"]
     receive = gripper.receive
@@ -74,7 +74,7 @@ async def test_a_port_that_is_silent_or_missing_is_none_of_them(
 ) -> None:
     monkeypatch.setattr(port_probe, "LISTEN_S", 0.02)
     monkeypatch.setattr(port_probe, "ASK_S", 0.02)
-    silent = emulator_for("robotiq_2f", str(tmp_path / "x"))
+    silent = make_emulator("robotiq_2f")
     silent.receive = lambda data, t_ns: []  # type: ignore[method-assign]
     assert await identify(tmp_path, {"robotiq_2f": silent}) == {"robotiq_2f": None}
     with pytest.raises(OSError, match="No such file"):

@@ -1,16 +1,11 @@
 from __future__ import annotations
 
 import asyncio
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from slipd.devices.gauges import Decoder
 from slipd.tools.sim import emulate
 from slipd.tools.sim.emulate import emulated
 from slipd.tools.sim.emulators import EmulatedDevice
@@ -31,44 +26,6 @@ class Clocked(EmulatedDevice):
         if self.fails:
             raise ArithmeticError("a fault of the emulator")
         return []
-
-
-END: dict[str, Callable[[subprocess.Popen[bytes]], object]] = {
-    "told": lambda process: process.send_signal(signal.SIGTERM),
-    "closed": lambda process: process.stdin.close(),  # type: ignore[union-attr]
-}
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("how", END)
-def test_a_device_runs_on_a_pseudo_terminal_until_its_process_is_ended(tmp_path: Path, how: str) -> None:
-    path, decoder, count = tmp_path / "gauges", Decoder(), 0
-    command = [sys.executable, "-m", "slipd.tools.sim.emulate", "gauges", "--at", str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout.readline() == f"{path}\n".encode()  # type: ignore[union-attr]
-        with path.open("rb", buffering=0) as port:
-            while count < 50:
-                count += len(decoder.receive(port.read(4096), 0))
-        assert decoder.health.bad == 0
-        END[how](process)
-        assert process.wait(PATIENCE_S) == 0
-    assert not path.is_symlink()
-
-
-@pytest.mark.parametrize(
-    ("device", "address", "words"),
-    [
-        ("gauge", "/tmp/x", "DEVICE must be one of bota, "),
-        ("gauges", "udp://127.0.0.1:5", "the address of gauges must be of kind serial, got udp://127.0.0.1:5"),
-        ("netft", "udp://127.0.0.1", "must have host and port"),
-        ("gauges", "/nowhere/at/all", "No such file"),
-    ],
-)
-def test_wrong_arguments_are_refused_with_a_reason(
-    device: str, address: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert emulate.main([device, "--at", address]) == 2
-    assert words in capsys.readouterr().err
 
 
 class Chatter(EmulatedDevice):
@@ -122,11 +79,8 @@ def test_what_a_device_sends_in_a_long_pause_is_lost_and_its_answers_are_not() -
     assert line.sent == [[b"answer"], [b"answer", b"reading"]]
 
 
-async def test_a_device_that_fails_ends_the_run_with_its_fault(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+async def test_a_device_that_fails_ends_the_run_with_its_fault(tmp_path: Path) -> None:
     device = Clocked()
     device.fails = True
     with pytest.raises(ArithmeticError, match="of the emulator"):
         await emulate.serve_until_ended([("gauges", device, str(tmp_path / "line"))])
-    assert capsys.readouterr().out == f"{tmp_path}/line\n"
