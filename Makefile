@@ -29,7 +29,8 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py \
 	service_unit.py::test_P5_a_daemon_that_crashes_is_started_again_without_limit \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
-LONG := $(addprefix benchmarks/,bench chart soak)
+EVALUATION := $(addprefix benchmarks/,evaluate fit second_world simulated_grasp)
+LONG := $(EVALUATION) $(addprefix benchmarks/,bench campaign chart soak)
 # The tests of one file stay together on one core: they share a daemon, or what takes long to compute.
 PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
 # `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled, what guides a person,
@@ -92,6 +93,7 @@ pictures: $(READY)
 
 evaluate: $(MEASURES) $(MEASURED)
 	@echo "== warnings and reports of slip on simulated grasps, against what really happened (about 20 minutes)"
+	@$(BIN)/pytest --quiet -m "not long" $(EVALUATION)
 	@PYTHONPATH=$(MODULES) $(BIN)/python -m evaluate --into $(MEASURED) $(EVALUATE)
 
 fuzz: $(KERNELS)
@@ -100,7 +102,7 @@ fuzz: $(KERNELS)
 
 soak: $(KERNELS) $(MEASURED)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
-	@$(BIN)/pytest --quiet benchmarks/soak
+	@$(BIN)/pytest --quiet benchmarks/soak benchmarks/campaign
 	@$(BIN)/pytest --quiet -m long tests benchmarks
 	@PYTHONPATH=$(MODULES) $(BIN)/python -m soak --report $(MEASURED)/soak.md $(SOAK)
 	@PYTHONPATH=$(MODULES) $(BIN)/python -m campaign $(CAMPAIGN)

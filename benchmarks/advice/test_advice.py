@@ -20,6 +20,7 @@ def test_a_grasp_that_is_drawn_holds_at_rest_and_its_peaks_are_as_stated() -> No
             assert 3.0 <= max(peaks) <= 10.001
 
 
+@pytest.mark.long
 def test_the_oracle_is_the_fastest_motion_that_holds() -> None:
     grasp = draw(1)
     limits = [holds_scale(move, grasp.mass_kg, grasp.grip_n, grasp.mu) for move in grasp.path]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 
+import pytest
 from mutate.__main__ import PROJECT, equivalents, wire_draw
 from mutate.mutations import mutate, mutations
 
@@ -35,6 +36,7 @@ def test_a_byte_order_is_reversed() -> None:
     assert "'>hH'" in changed[0]
 
 
+@pytest.mark.long
 def test_a_mutant_that_is_called_equal_exists() -> None:
     on_the_wire = {(path, mutation.line, mutation.text) for _, path, mutation in wire_draw(())}
     for path, source, change in equivalents():
