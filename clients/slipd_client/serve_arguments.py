@@ -138,6 +138,19 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
         help="factor while that is not known, 0 (the arm pauses) to less than 1",
     )
     ros2.add_argument(
+        "--check-plans",
+        type=topic,
+        metavar="/TOPIC",
+        help="answer every trajectory_msgs/MultiDOFJointTrajectory of the gripper with a slipd_msgs/MotionCheck on "
+        "PREFIX/motion_check: does the grip hold it?",
+    )
+    ros2.add_argument(
+        "--plan-frame",
+        type=frame,
+        metavar="FRAME",
+        help="frame of their poses, whose Z points up (default: that of --orientation-from)",
+    )
+    ros2.add_argument(
         "--tf-topic",
         type=topic,
         default=TRANSFORMS_TOPIC,

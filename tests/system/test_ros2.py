@@ -42,7 +42,27 @@ def imu() -> RosMessage:
     return RosMessage("/imu", "sensor_msgs/Imu", value)
 
 
-async def test_the_daemon_takes_the_orientation_of_an_imu_and_its_messages_reach_ros(rig: Rig, tmp_path: Path) -> None:
+ZERO = dict.fromkeys("xyz", 0.0)
+POINTS = [
+    {
+        "transforms": [{"translation": ZERO, "rotation": ZERO | {"w": 1.0}}],
+        "velocities": [{"linear": ZERO, "angular": ZERO}],
+        "accelerations": [{"linear": ZERO, "angular": ZERO}],
+        "time_from_start": {"sec": sec, "nanosec": 0},
+    }
+    for sec in (0, 1)
+]
+PLAN = RosMessage(
+    "/plan",
+    "trajectory_msgs/MultiDOFJointTrajectory",
+    {"header": {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "base"}, "joint_names": ["tool0"], "points": POINTS},
+)
+"""A gripper that stands still."""
+
+
+async def test_the_daemon_takes_the_orientation_of_an_imu_its_messages_reach_ros_and_it_checks_plans(
+    rig: Rig, tmp_path: Path
+) -> None:
     variables = free_domain()
     text = RIG.format(wrench=rig.wrench.path, pad=rig.pad.path).replace(
         'device = "bota"', 'device = "bota"\nmass_kg = 0.02'
@@ -51,7 +71,8 @@ async def test_the_daemon_takes_the_orientation_of_an_imu_and_its_messages_reach
     (tmp_path / "pads.toml").write_text(PADS, encoding="utf-8")
     async with serving(rig.config) as client:
         endpoints = ("--publish", client.endpoints.publish, "--requests", client.endpoints.requests)
-        command = (*endpoints, "serve", "ros2", "--config", str(tmp_path / "pads.toml"), "--imu", "/imu")
+        serve = ("serve", "ros2", "--config", str(tmp_path / "pads.toml"), "--imu", "/imu")
+        command = (*endpoints, *serve, "--check-plans", "/plan", "--plan-frame", "base")
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "slipd_client.slipctl", *command, env=os.environ | variables
         )
@@ -72,6 +93,10 @@ async def test_the_daemon_takes_the_orientation_of_an_imu_and_its_messages_reach
                 sample: Any = (await until(lambda: wrenches.take(1), move))[0]
                 message = STORE.deserialize_cdr(sample.data, "geometry_msgs/msg/WrenchStamped")
                 assert message.header.frame_id == "left_pad"
+                answers = reader(participant, "/slipd/motion_check", "slipd_msgs/MotionCheck", latched=False)
+                sample = (await until(lambda: answers.take(1), lambda: arm.publish(PLAN)))[0]
+                answer = STORE.deserialize_cdr(sample.data, "slipd_msgs/msg/MotionCheck")
+                assert (answer.header.stamp.sec, answer.unknown != "") == (7, True)
             finally:
                 process.terminate()
                 await process.wait()

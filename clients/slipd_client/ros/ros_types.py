@@ -142,6 +142,10 @@ _TEXTS = {
         int32 sec
         uint32 nanosec
     """,
+    "builtin_interfaces/Duration": """
+        int32 sec
+        uint32 nanosec
+    """,
     "std_msgs/Header": """
         builtin_interfaces/Time stamp
         string frame_id
@@ -182,6 +186,21 @@ _TEXTS = {
         std_msgs/Header header
         string child_frame_id
         geometry_msgs/Transform transform
+    """,
+    "geometry_msgs/Twist": """
+        geometry_msgs/Vector3 linear
+        geometry_msgs/Vector3 angular
+    """,
+    "trajectory_msgs/MultiDOFJointTrajectoryPoint": """
+        geometry_msgs/Transform[] transforms
+        geometry_msgs/Twist[] velocities
+        geometry_msgs/Twist[] accelerations
+        builtin_interfaces/Duration time_from_start
+    """,
+    "trajectory_msgs/MultiDOFJointTrajectory": """
+        std_msgs/Header header
+        string[] joint_names
+        trajectory_msgs/MultiDOFJointTrajectoryPoint[] points
     """,
     "tf2_msgs/TFMessage": """
         geometry_msgs/TransformStamped[] transforms

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from slipd_client.messages.schema import topics
 from slipd_client.messages.schema.fields import Field, fields_of
 from slipd_client.messages.schema.kinds import FLAG, INTEGER, LEVEL, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind
 from slipd_client.messages.schema.parts import HeldObject, LeaseStatus, ReflexAct
+from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.ros.ros_types import RosField, RosType
 
 PACKAGE = "slipd_msgs"
@@ -33,6 +34,7 @@ NAMES: dict[type[Any], str] = {
     LeaseStatus: "LeaseStatus",
     ReflexAct: "ReflexAct",
     HeldObject: "HeldObject",
+    MotionReply: "MotionCheck",
 }
 """Name of the type of each class of the wire; ``status`` becomes a ``diagnostic_msgs/DiagnosticArray``."""
 
@@ -40,8 +42,9 @@ _IN_HEADER = ("v", "timestamp", "frame")
 """Fields of every message that the header replaces; the version belongs to the wire."""
 
 _HEADER = RosField("header", "std_msgs/Header", None, "time of acquisition, and frame of the vectors")
+_OF_PLAN = RosField("header", "std_msgs/Header", None, "that of the planned motion")
 _LEVELS = tuple(("int32", f"LEVEL_{level.upper()}", level_code(level)) for level in LEVELS)
-_ASCII = str.maketrans({"−": "-", "π": "pi", "μ": "mu", "×": "x", "→": "->", "`": "'"})  # noqa: RUF001
+_ASCII = str.maketrans({"−": "-", "π": "pi", "μ": "mu", "×": "x", "→": "->", "≤": "<=", "²": "^2", "`": "'"})  # noqa: RUF001
 _UNITS = {
     "_n": "N", "_nm": "N m", "_m": "m", "_m2": "m^2", "_s": "s", "_hz": "Hz", "_a": "A", "_rad": "rad",
     "_mps2": "m/s^2", "_radps2": "rad/s^2",
@@ -180,7 +183,7 @@ NAMED_WORDS = RosType(
 
 
 def _declare(cls: type[Any]) -> RosType:
-    fields = [_HEADER] if issubclass(cls, topics.Message) else []
+    fields = [_HEADER] if issubclass(cls, topics.Message) else [_OF_PLAN] if cls is MotionReply else []
     fields += [_declared(field) for field in _kept(cls)]
     constants = _LEVELS if any(field.name == "level_code" for field in fields) else ()
     comment = _ascii((cls.__doc__ or "").strip().partition("\n")[0].replace("``", "`"))
@@ -208,3 +211,16 @@ SLIPD_TYPES = {kind.name: kind for kind in (NAMED_NUMBER, NAMED_WORDS, *map(_dec
 
 CONVERTERS: dict[type[Any], Convert] = {cls: _part(cls) for cls in NAMES if issubclass(cls, topics.Message)}
 """Returns the fields of the type of each class of messages from a map of the wire, without the header."""
+
+CHECKED = f"{PACKAGE}/{NAMES[MotionReply]}"
+_checked = _part(MotionReply)
+
+
+def motion_check(header: Mapping[str, Any], reply: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the reply to ``motion.check`` as a value of `CHECKED`.
+
+    Args:
+        header: Header of the planned motion.
+        reply: Map of the reply; with ``unknown`` alone nothing is known of the motion.
+    """
+    return {"header": header, **_checked(reply)}

@@ -178,11 +178,22 @@ class OrientationFeed(RosFeed):
         return (Health.OK, "") if refused is None else (Health.ERROR, str(refused))
 
 
-def ros_reader(participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False) -> DataReader[Any]:
-    """Return a reader of a topic; ``latched``: also of the messages from before, for publishers that keep them."""
-    latching = (Policy.Reliability.Reliable(max_blocking_time=0), Policy.Durability.TransientLocal)
+def ros_reader(
+    participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False, reliable: bool = False
+) -> DataReader[Any]:
+    """Return a reader of a topic.
+
+    Args:
+        participant: Of the domain.
+        topic: The topic.
+        kind: Its type, "package/Name".
+        latched: Receive the messages from before too, from publishers that keep them.
+        reliable: Lose none, from publishers that send again what was lost; so does ``latched``.
+    """
+    lossless = Policy.Reliability.Reliable(max_blocking_time=0)
     qos = Qos(
-        *(latching if latched else (Policy.Reliability.BestEffort, Policy.Durability.Volatile)),
+        lossless if reliable or latched else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(DEPTH),
         Policy.DataRepresentation(use_cdrv0_representation=True),
         Policy.Userdata(f"typehash={type_hash(kind, TYPES)};".encode()),

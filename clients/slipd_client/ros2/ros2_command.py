@@ -36,7 +36,15 @@ from slipd_client.ros2.arm_feed import ArmFeed, ImuReadings, MotionSource, Trans
 from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY
-from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, OrientationSource, RosFeed, TransformSource
+from slipd_client.ros2.orientation_feed import (
+    ImuSource,
+    OrientationFeed,
+    OrientationSource,
+    RosFeed,
+    TransformSource,
+    ros_reader,
+)
+from slipd_client.ros2.plan_check import PLAN, PlanCheck
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
 from slipd_client.ros2.speed_scaling import SpeedScaling
 from slipd_client.serving import follow, pads_of, read_config
@@ -151,6 +159,18 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
             speed = SpeedScaling(controller.publish, chosen.speed_scaling, advisor, chosen.speed_floor)
             speed.start()
             stack.callback(speed.stop)
+        if chosen.check_plans is not None:
+            client = stack.enter_context(GripClient(chosen.requests, keys=keys))
+            plans = PlanCheck(
+                ros_reader(participant, chosen.check_plans, PLAN, reliable=True),
+                RosPublisher(participant, {}).publish,
+                f"{chosen.prefix}/motion_check",
+                client.motion_check,
+                chosen.plan_frame or chosen.orientation_from,
+                chosen.hand or PARENT,
+            )
+            plans.start()
+            stack.callback(plans.stop)
         static_transforms = f"{chosen.tf_topic}_static"
         publisher = RosPublisher(participant, {static_transforms: 1, f"{chosen.prefix}/warning": LATCHED_WARNINGS})
         forwarder = RosForwarder(
@@ -192,6 +212,8 @@ def _check(chosen: argparse.Namespace) -> None:
         raise CallError("--imu needs --config FILE, which has the orientation of the pads in the gripper's frame")
     if (chosen.speed_scaling is None) is not (chosen.speed_floor is None):
         raise CallError("--speed-scaling needs --speed-floor, the factor while the speed that holds is not known")
+    if chosen.check_plans is not None and not (chosen.plan_frame or chosen.orientation_from):
+        raise CallError("--check-plans needs --plan-frame FRAME, in which the poses of the plans are")
     for name, value in (("--imu-mount", chosen.imu_mount), ("--imu-at", chosen.imu_at)):
         if value is not None and chosen.imu is None:
             raise CallError(f"{name} belongs to --imu")

@@ -38,6 +38,7 @@ def pads(tmp_path: Path) -> str:
         ("--imu-at 0 0 0", "--imu-at belongs to --imu"),
         ("--imu /imu --imu-mount 0 0 0 2 --config PADS", "must be a unit quaternion x y z w, got one of length 2"),
         ("--speed-scaling /jtc/speed_scaling_input", "needs --speed-floor"),
+        ("--check-plans /plan", "needs --plan-frame FRAME"),
         ("--speed-floor 1", "must be from 0 to less than 1, got 1"),
         ("--imu /imu --orientation-from base", "not allowed with"),
         ("--prefix arm", "must be the full name of a topic"),

@@ -1,0 +1,86 @@
+"""Planned motions of the gripper from ROS, as points for ``motion.check``. Pure: no ROS, no DDS, no clock.
+
+A plan is a ``trajectory_msgs/MultiDOFJointTrajectory``: poses of the gripper in a frame whose Z points up, with or
+without velocities and accelerations.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+from slipd_client.motion import point_of
+from slipd_client.ros2.arm_stream import POSE_SPAN_S, PoseMotion
+from slipd_client.ros2.orientation import OrientationUnknown, Pose, unit, vector
+
+SPAN_NS = round(POSE_SPAN_S * 1e9)
+LONGEST_STEP_NS = SPAN_NS // 2
+"""Longest time between poses from which the motion is derived: three of them span the filter."""
+
+NS = 1_000_000_000
+
+
+class PlanError(ValueError):
+    """A plan that cannot be checked; the text says what is wrong and what would be right."""
+
+
+def points_of(plan: Any, base: str, hand: str) -> list[list[float]]:
+    """Return the points of a plan, as `slipd_client.motion.point_of` makes them.
+
+    Velocities and accelerations of the plan are used where every point has them. Else they are derived from the poses
+    with the filter of the arm stream, and the plan counts as at rest before its first pose and after its last.
+
+    Args:
+        plan: The message; its ``joint_names`` are frames.
+        base: Frame of its poses: it stands still, and its Z points up.
+        hand: Frame that is the gripper's frame. Where the plan has one frame only, it is that, whatever its name.
+
+    Raises:
+        PlanError: The plan is of another frame, has fewer than two points, times that do not rise, a rotation that is
+            no unit quaternion, or poses too far apart to derive the motion.
+    """
+    if plan.header.frame_id != base:
+        raise PlanError(f"the poses must be in {base!r}, whose Z points up, got {plan.header.frame_id!r}")
+    if len(plan.joint_names) != 1 and hand not in plan.joint_names:
+        raise PlanError(f"joint_names must have {hand!r}, got {', '.join(plan.joint_names) or 'none'}")
+    index = plan.joint_names.index(hand) if hand in plan.joint_names else 0
+    times_ns = [point.time_from_start.sec * NS + point.time_from_start.nanosec for point in plan.points]
+    steps_ns = [after - before for before, after in pairwise(times_ns)]
+    if not steps_ns or min(steps_ns) <= 0:
+        raise PlanError("a plan must have at least two points, at rising times")
+    try:
+        poses = [_pose(t_ns, point.transforms[index]) for t_ns, point in zip(times_ns, plan.points, strict=True)]
+        if all(point.velocities and point.accelerations for point in plan.points):
+            return [_stated(pose, point, index) for pose, point in zip(poses, plan.points, strict=True)]
+    except IndexError:
+        raise PlanError("every point must have a transform, velocity and acceleration for each frame") from None
+    if max(steps_ns) > LONGEST_STEP_NS:
+        raise PlanError(
+            f"poses without velocities and accelerations must be at most {LONGEST_STEP_NS / 1e6:g} ms apart, "
+            f"got {max(steps_ns) / 1e6:g} ms"
+        )
+    return _derived(poses)
+
+
+def _pose(t_ns: int, transform: Any) -> Pose:
+    try:
+        rotation = unit(transform.rotation, f"the rotation at {t_ns / 1e9:g} s")
+    except OrientationUnknown as error:
+        raise PlanError(str(error)) from None
+    return Pose(t_ns, vector(transform.translation), rotation)
+
+
+def _stated(pose: Pose, point: Any, index: int) -> list[float]:
+    velocity, acceleration = point.velocities[index], point.accelerations[index]
+    turns = vector(velocity.angular), vector(acceleration.angular)
+    return point_of(pose.stamp_ns / NS, pose.rotation, vector(acceleration.linear), *turns)
+
+
+def _derived(poses: list[Pose]) -> list[list[float]]:
+    first, last = poses[0], poses[-1]
+    ahead, rest_ns = SPAN_NS // LONGEST_STEP_NS, range(0, SPAN_NS + 1, LONGEST_STEP_NS)
+    begin = [first._replace(stamp_ns=first.stamp_ns + t_ns - SPAN_NS) for t_ns in rest_ns[:ahead]]
+    end = [last._replace(stamp_ns=last.stamp_ns + t_ns) for t_ns in rest_ns[1:]]
+    motion = PoseMotion()
+    readings = filter(None, map(motion.add, (*begin, *poses, *end)))
+    return [[one.stamp_ns / NS, *(each for vector_ in one[1:] for each in vector_)] for one in readings]
