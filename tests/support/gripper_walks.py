@@ -6,9 +6,6 @@ link. Whatever the session writes is read back from the bytes and judged against
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator
-from enum import Enum
 from random import Random
 from typing import Any
 
@@ -23,18 +20,13 @@ FORCE_STEP_N = 0.2
 
 
 class Walk:
-    """One walk; it stops with an AssertionError at the first thing that must not be.
-
-    Attributes:
-        pairs: How often each (state, event) was handled, and whether the state took it.
-    """
+    """One walk; it stops with an AssertionError at the first thing that must not be."""
 
     def __init__(self, device: str, seed: int) -> None:
         self.rng = rng = Random(f"{device} {seed}")
         self.peer = PEERS[device](rng)
         self.session: Any = self.peer.session
         self.now_ns = 0
-        self.pairs: Counter[tuple[Enum, Enum, bool]] = Counter()
         self.loss, self.refusal = rng.choice(((0.0, 0.0), (0.05, 0.0), (0.02, 0.1), (0.5, 0.1)))
         self.eager = rng.choice((0.02, 0.1, 0.4))
         self.anew = rng.choice((1, 1, 8))
@@ -46,7 +38,7 @@ class Walk:
         self.sent: set[SentCommand] = set()
         self.obeyed_n: set[float] = set()  # forces that the gripper received
 
-    def run(self) -> Counter[tuple[Enum, Enum, bool]]:
+    def run(self) -> None:
         self.open()
         for _ in range(STEPS):
             self.now_ns += MS
@@ -57,7 +49,6 @@ class Walk:
                 self.disturb()
             while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
                 self.write(self.session.on_time(self.now_ns))
-        return self.pairs
 
     def open(self) -> None:
         self.replies.clear()
@@ -66,20 +57,6 @@ class Walk:
         self.goal_m, self.may_activate = None, False
         self.peer.opened(self.now_ns)
         self.write(self.session.start(self.now_ns))
-        self.watch()
-
-    def watch(self) -> None:
-        """Count what the session's machine handles."""
-        machine, pairs = self.session._machine, self.pairs
-        handle = machine.handle
-
-        def counted(event: Enum) -> bool:
-            state = machine.state
-            taken: bool = handle(event)
-            pairs[state, event, taken] += 1
-            return taken
-
-        machine.handle = counted
 
     def receive(self) -> None:
         self.replies += [(self.now_ns, data) for data in self.peer.advance(self.now_ns)]
@@ -162,7 +139,6 @@ class Walk:
         elif chance < 0.33:
             self.session.stop()
             assert self.session.next_deadline() is None
-            self.watch()
             for permit in map(self.make, ("activate", "move", "set_force", "halt")):
                 assert not self.session.execute(permit, self.now_ns)
             assert self.session.on_time(self.now_ns) == b""
@@ -171,11 +147,11 @@ class Walk:
             self.replies += [(self.now_ns, data) for data in self.peer.disturb()]
 
 
-def walks(device: str, seeds: range) -> Iterator[Counter[tuple[Enum, Enum, bool]]]:
+def walk(device: str, seeds: range) -> None:
     """Walk, once a seed."""
     for seed in seeds:
         try:
-            yield Walk(device, seed).run()
+            Walk(device, seed).run()
         except AssertionError as error:
             error.add_note(f"{device}, seed {seed}")
             raise

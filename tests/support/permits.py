@@ -22,8 +22,3 @@ def set_force(session: GripperSession, force_n: float) -> float | None:
 
 def halt(session: GripperSession) -> bool:
     return session.execute(Permit("halt"), 0)
-
-
-def forget(session: GripperSession, how: str) -> bool:
-    """Take back what was not sent: with a "halt", or with a "drop"."""
-    return halt(session) if how == "halt" else session.drop()

@@ -44,9 +44,11 @@ class Bench:
     states: list[str] = field(default_factory=list)
     samples: list[Any] = field(default_factory=list)
 
-    def start(self) -> None:
+    def start(self, seconds: float = 0.0) -> Bench:
+        """Open the line, and run."""
         self.device.opened(self.device_ns)
         self.write(self.session.start(self.now_ns))
+        return self.run(seconds)
 
     def write(self, data: bytes) -> None:
         self._note()
@@ -68,7 +70,7 @@ class Bench:
         answers = [self.device.inquire(self.inquiry.request)] if self.inquiry is not None and asks else []
         return answers + list(self.device.advance(self.device_ns))
 
-    def run(self, seconds: float) -> None:
+    def run(self, seconds: float) -> Bench:
         for _ in range(round(seconds * 1e9 / STEP_NS)):
             self.now_ns += STEP_NS
             for data in [] if self.off else self.sent():
@@ -80,12 +82,14 @@ class Bench:
                 self.write(self.session.on_time(self.now_ns))
             else:
                 pytest.fail("it never stops asking")
+        return self
 
-    def run_until(self, state: str, seconds: float = 20.0) -> None:
-        while self.session.state != state:
-            seconds -= 0.05
-            assert seconds > 0, self.states
+    def run_until_it_runs(self) -> Bench:
+        for _ in range(400):
+            if self.session.state == "running":
+                return self
             self.run(0.05)
+        pytest.fail(f"it does not run: {self.states}")
 
     def _note(self) -> None:
         if self.session.state not in self.states[-1:]:
@@ -109,8 +113,3 @@ def bench_of(name: str, **options: Any) -> Bench:
 def nothing(_: bytes) -> bytes:
     """Lose everything."""
     return b""
-
-
-def instead(packet_id: int, wrong: bytes) -> Callable[[bytes], bytes]:
-    """Return a line on which every answer of a Weiss controller with the id is ``wrong``."""
-    return lambda answer: wrong if answer[3] == packet_id else answer

@@ -43,5 +43,6 @@ class Bench(GripperBench):
             answers = self.gripper.receive(wire.encode(*packet), self.now_ns) if forged is None else []
             self.deliver(answers if forged is None else [sim.encode_reply(packet.id, forged)])
 
-    def commands(self) -> list[int]:
-        return [packet.id for packet in self.sent if packet.id < wire.STATE]
+    def commands(self, *, all_ids: bool = False) -> list[int]:
+        """Return the ids of the commands, or of the queries too."""
+        return [packet.id for packet in self.sent if all_ids or packet.id < wire.STATE]

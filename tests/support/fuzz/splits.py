@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
+from itertools import pairwise
 from random import Random
 from typing import Any
 
@@ -30,9 +31,9 @@ def fuzz(corpus: Corpus, seed: int, share: float = 1.0, frames: int = FRAMES) ->
         frames: How many of the recorded ones.
     """
     rng, outcome = Random(seed), Outcome()
-    for units in (corpus.units[:frames], _some_damaged(corpus, frames, rng)):
+    for units in (list(corpus.units[:frames]), _some_damaged(corpus, frames, rng)):
         whole = _heard(corpus, units)
-        for name, pieces in _splits(units, corpus.messages):
+        for name, pieces in _splits(units):
             if rng.random() >= share and name != BYTEWISE:
                 continue
             if _heard(corpus, pieces) != whole:
@@ -48,12 +49,8 @@ def _some_damaged(corpus: Corpus, frames: int, rng: Random) -> list[bytes]:
     return units
 
 
-def _splits(units: Iterable[bytes], messages: bool) -> Iterator[tuple[str, Iterable[bytes]]]:
-    """Every split that is tried: each frame cut at each of its bytes, and the whole in short pieces of each length.
-
-    Messages travel whole; all that can happen to them is to come in one read.
-    """
-    units = list(units)
+def _splits(units: list[bytes]) -> Iterator[tuple[str, Iterable[bytes]]]:
+    """Every split that is tried: each frame cut at each of its bytes, and the whole in short pieces of each length."""
     longest = max(map(len, units))
     for at in range(1, longest):
         yield f"each frame at byte {at}", _at_byte(units, at)
@@ -63,11 +60,7 @@ def _splits(units: Iterable[bytes], messages: bool) -> Iterator[tuple[str, Itera
 
 
 def _at_byte(units: list[bytes], at: int) -> list[bytes]:
-    pieces, begun = [], b""
-    for unit in units:
-        pieces.append(begun + unit[:at])
-        begun = unit[at:]
-    return [*pieces, begun]
+    return [before[at:] + unit[:at] for before, unit in pairwise([b"", *units, b""])]
 
 
 def _heard(corpus: Corpus, pieces: Iterable[bytes]) -> tuple[list[Any], dict[str, int]]:

@@ -13,18 +13,18 @@ from slipd.devices import DEVICES, external, xela
 from slipd.devices.papillarray import papillarray_frames as pts
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.devices.shared.msgpack_messages import BYTES_PER_TRY, FREE_TRIES
 from slipd.tools.sim import emulated_papillarray as sim
 
 READ = 1024
+SIZE = 64 * READ
 CALLS_A_BYTE = 12
 """A good stream takes about one call per ten bytes, a search byte by byte with checksums about ten calls per byte."""
 
 XELA_NUMBERS = b'{"message":1,"1":{"taxels":368,"calibrated":[' + b".5," * 1103 + b".5]}}"
 
 
-def repeat(piece: bytes, size: int) -> bytes:
+def repeat(piece: bytes, size: int = SIZE) -> bytes:
     return (piece * (size // len(piece) + 1))[:size]
 
 
@@ -75,21 +75,19 @@ def calls(work: Callable[[], object]) -> int:
     return count
 
 
+def receiving(reader: Any, stream: bytes, piece: int = READ) -> int:
+    """Count the calls that a decoder or session makes of a stream."""
+    return calls(lambda: [reader.receive(stream[at : at + piece], at * 1000) for at in range(0, len(stream), piece)])
+
+
 @pytest.mark.parametrize(("name", "number"), STREAMS)
 def test_a_decoder_makes_a_bounded_number_of_calls_per_byte(name: str, number: int) -> None:
     device = DEVICES[name]
-    size = 64 * READ
-    pieces = [*HOSTILE[name], random.Random(1).randbytes(size)]
-    stream = repeat(pieces[number], size)
+    pieces = [*HOSTILE[name], random.Random(1).randbytes(SIZE)]
     reader: Any = (device.session or device.decoder)(**OPTIONS.get(name, {}))
     if device.session is not None:
         reader.start(0)
-
-    def read() -> None:
-        for at in range(0, size, READ):
-            reader.receive(stream[at : at + READ], at * 1000)
-
-    assert calls(read) <= CALLS_A_BYTE * size
+    assert receiving(reader, repeat(pieces[number])) <= CALLS_A_BYTE * SIZE
 
 
 @pytest.mark.parametrize("size", [1 << 12, 1 << 15, 1 << 17])
@@ -113,19 +111,9 @@ def test_xela_parses_no_character_more_than_twice(text: bytes, size: int, monkey
 
     real, counting = xela._JSON, Counting()
     monkeypatch.setattr(xela, "_JSON", counting)
-    decoder, stream = xela.Decoder(), repeat(text, size)
-    for at in range(0, size, READ):
-        decoder.receive(stream[at : at + READ], 0)
-    zeros = stream.count(b".")
-    assert counting.parsed <= 2 * size + zeros
-
-
-class Sliding(rdt.RecordScanner):
-    """A scanner that checks every place, one by one."""
-
-    def __init__(self, health: DecoderHealth, reserved: int) -> None:
-        super().__init__(health, reserved)
-        self._frames = FrameScanner(b"", self._measure, rdt.RECORD_LENGTH, health)
+    stream = repeat(text, size)
+    receiving(xela.Decoder(), stream)
+    assert counting.parsed <= 2 * size + stream.count(b"."), "a zero is put before each dot"
 
 
 def run(first: int, count: int) -> bytes:
@@ -133,7 +121,9 @@ def run(first: int, count: int) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_L1_records_are_those_of_a_search_place_by_place_also_of_whole_datagrams(seed: int) -> None:
+def test_L1_records_are_those_of_a_search_place_by_place_also_of_whole_datagrams(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rng = random.Random(seed)
     datagrams = []
     for _ in range(12):
@@ -142,17 +132,16 @@ def test_L1_records_are_those_of_a_search_place_by_place_also_of_whole_datagrams
         late = good[:36] + good[36:72] * rng.randrange(3) + good[72:]
         datagrams += [good, rng.choice((*junk, late, good))]
     stream = b"".join(datagrams)
-    found = []
-    for kind in (rdt.RecordScanner, Sliding):
-        for pieces in (
-            datagrams,
-            *([stream[at : at + n] for at in range(0, len(stream), n)] for n in (8000, 1000, 11)),
-        ):
-            health = DecoderHealth()
-            records = kind(health, 0xF000)
-            heads = [(head, *row) for piece in pieces for head, row in zip(*records.receive(piece), strict=True)]
-            found.append((str(heads), health))
-    assert all(other == found[0] for other in found[1:])
+    splits = [datagrams, *([stream[at : at + n] for at in range(0, len(stream), n)] for n in (8000, 1000, 11))]
+    found = [records_of(pieces) for pieces in splits]
+    monkeypatch.setattr(rdt.RecordScanner, "_seek", lambda _, buffer, at: buffer.find(b"", at))
+    assert found == [records_of(splits[3])] * 4
+
+
+def records_of(pieces: list[bytes]) -> tuple[str, DecoderHealth]:
+    health = DecoderHealth()
+    records = rdt.RecordScanner(health, 0xF000)
+    return str([each for piece in pieces for each in zip(*records.receive(piece), strict=True)]), health
 
 
 @pytest.mark.parametrize("junk", [bytes(60_000), random.Random(3).randbytes(60_000), repeat(RECORD, 60_000)])
@@ -161,16 +150,10 @@ def test_a_search_for_records_in_garbage_takes_far_fewer_calls_than_it_checks_pl
     assert calls(lambda: scanner.receive(junk)) < len(junk) // 20
 
 
-@pytest.mark.parametrize("piece", [b"\x83\xa3", b"\x83\xa6stream", b"\x83\xa4t_ns\x01"])
-@pytest.mark.parametrize("read", [100, 1 << 16])
+@pytest.mark.parametrize("piece", HOSTILE["external"][:3])
+@pytest.mark.parametrize("read", [100, SIZE])
 def test_garbage_full_of_beginnings_of_readings_takes_less_than_a_call_per_byte(piece: bytes, read: int) -> None:
-    decoder, stream = external.Decoder(), repeat(piece, 1 << 16)
-
-    def receive() -> None:
-        for at in range(0, len(stream), read):
-            decoder.receive(stream[at : at + read], 0)
-
-    assert calls(receive) < len(stream)
+    assert receiving(external.Decoder(), repeat(piece), read) < SIZE
 
 
 def test_a_reading_after_a_stretch_of_garbage_is_found_and_the_next_stretch_is_checked_again() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 import re
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from typing import Any
 import pytest
 from project import DOCS
 
-from slipd.devices import DEVICES, EVIDENCE, Device, RateOption
+from slipd.devices import DEVICES, EVIDENCE, Device
 from slipd.tools.sim.emulators import make_emulator
 
 devices = pytest.mark.parametrize("device", list(DEVICES.values()), ids=list(DEVICES))
@@ -69,13 +68,6 @@ def test_a_device_names_rates_that_its_emulator_and_its_line_have(device: Device
     assert (device.grip is not None) == (device.kind == "gripper" and device.name != "external_gripper")
 
 
-def test_the_folder_of_shared_parts_is_not_a_device() -> None:
-    for name in ("framing", "crc", "health", "no_such_device", "", "bota.py", "../errors"):
-        assert name not in DEVICES
-    with pytest.raises(KeyError, match="framing"):
-        DEVICES["framing"]
-
-
 @devices
 def test_an_unknown_option_is_refused(device: Device) -> None:
     for make in filter(None, (device.decoder, device.session)):
@@ -83,39 +75,18 @@ def test_an_unknown_option_is_refused(device: Device) -> None:
             make(colour="red")
 
 
-def default_of(name: str) -> float:
-    """Return the default of the option that sets the rate; 0: it leaves the rate of the device as it is."""
-    device = DEVICES[name]
-    option = device.rate_option
-    return (
-        0.0 if option is None else inspect.signature(device.session or device.decoder).parameters[option.name].default
-    )
-
-
-SET = [name for name in DEVICES if default_of(name)]
-
-
-@pytest.mark.parametrize("name", SET)
-def test_the_default_of_the_option_sets_a_rate_that_the_device_has(name: str) -> None:
-    device = DEVICES[name]
-    assert device.rate_option is not None
-    default = default_of(name)
-    rate_hz = device.rate_option.convert(default)
-    least_hz, most_hz = device.rates_hz
-    assert least_hz <= rate_hz <= most_hz
-    assert device.rate_option.convert(rate_hz) == pytest.approx(default), "and back"
-
-
-def test_no_interval_is_as_fast_as_the_device_can() -> None:
-    assert RateOption("interval_ms", 1000.0).convert(0.0) == math.inf
+@devices
+def test_the_default_of_the_option_sets_a_rate_that_the_device_has(device: Device) -> None:
+    """A default of 0 leaves the rate of the device as it is."""
+    option, make = device.rate_option, device.session or device.decoder
+    if option is not None and (default := inspect.signature(make).parameters[option.name].default):
+        assert device.rates_hz[0] <= option.convert(default) <= device.rates_hz[1]
+        assert option.convert(option.convert(default)) == pytest.approx(default), "and back"
 
 
 def test_an_option_that_is_needed_is_one_that_the_decoder_takes() -> None:
-    for device in DEVICES.values():
-        for need in device.needs:
-            name = need.key.removeprefix("options.")
-            if name != need.key:
-                assert name in inspect.signature(device.decoder).parameters
+    needed = [(device, need.key.partition("options.")[2]) for device in DEVICES.values() for need in device.needs]
+    assert all(not name or name in inspect.signature(device.decoder).parameters for device, name in needed)
 
 
 @pytest.mark.process

@@ -106,13 +106,6 @@ def bench(name: str) -> Bench:
     return bench_of(name.split()[0], **dict(KNOWN[name].options))
 
 
-def running(name: str) -> Bench:
-    made = bench(name)
-    made.start()
-    made.run_until("running")
-    return made
-
-
 @every
 @pytest.mark.parametrize("piece", [13, 1 << 20])
 def test_a_session_asks_what_is_documented_until_the_device_runs_and_stops_it(name: str, piece: int) -> None:
@@ -120,9 +113,7 @@ def test_a_session_asks_what_is_documented_until_the_device_runs_and_stops_it(na
     made.piece = piece
     session = made.session
     assert (session.state, session.next_deadline(), session.identity) == ("closed", None, "")
-    made.start()
-    made.run_until("running")
-    made.run(0.05)
+    made.start().run_until_it_runs().run(0.05)
     assert [*dict.fromkeys(made.written)] == [*known.asked]
     assert ", ".join(made.states) == known.states
     assert session.identity == known.identity
@@ -148,14 +139,12 @@ def test_a_session_asks_what_is_documented_until_the_device_runs_and_stops_it(na
 def test_a_silent_device_is_named_asked_for_ever_and_runs_once_it_answers(name: str) -> None:
     known, made = KNOWN[name], bench(name)
     made.off = True
-    made.start()
-    assert made.states == [known.states.split(", ")[0]]
-    made.run(25.0)
-    assert made.session.state == known.silent
+    made.start(25.0)
+    assert (made.states[0], made.session.state) == (known.states.split(", ")[0], known.silent)
     assert set(made.written) <= {*known.asked}
     assert known.silent == "no calibration" or 10 <= len(made.written) <= 80
     made.off = False
-    made.run_until("running")
+    made.run_until_it_runs()
 
 
 @every
@@ -167,11 +156,9 @@ def test_whichever_request_or_answer_is_lost_once_the_device_runs_in_the_end(nam
             made.heard = lambda data: b"" if data in left and not left.remove(data) else data  # type: ignore[func-returns-value] # noqa: B023
         else:
             made.told = lambda data: b"" if made.written[-1:] == left else data  # noqa: B023
-        made.start()
-        made.run(0.9)
+        made.start(0.9)
         left.clear()
-        made.run_until("running")
-        made.run(1.1)
+        made.run_until_it_runs().run(1.1)
         assert made.session.state == "running", (lost, made.states)
         assert made.written.count(lost) <= 4
         assert made.written[-1] == KNOWN[name].asked[-1]
@@ -182,31 +169,26 @@ def test_a_device_that_ignores_a_request_runs_if_that_is_an_optional_one(name: s
     for number, ignored in enumerate(KNOWN[name].asked):
         made = bench(name)
         made.heard = lambda data: b"" if data == ignored else data  # noqa: B023
-        made.start()
-        made.run(6.0)
+        made.start(6.0)
         assert (made.session.state == "running") is (number in KNOWN[name].optional), number
         assert 3 <= made.written.count(ignored) <= 13 or number in KNOWN[name].optional
 
 
 @every
 def test_a_device_that_falls_silent_is_brought_back(name: str) -> None:
-    made = running(name)
-    made.run(0.1)
+    made = bench(name).start().run_until_it_runs().run(0.1)
     asked = [*made.written]
     made.off = True
-    made.run(0.95)
-    assert (made.session.state, made.written) == ("running", asked)
-    made.run(0.3)
-    assert made.session.state != "running"
-    made.run(3.0)
-    assert made.written[len(asked)] == asked[0]
+    assert (made.run(0.95).session.state, made.written) == ("running", asked)
+    assert made.run(0.3).session.state != "running"
+    assert made.run(3.0).written[len(asked)] == asked[0]
     made.off = False
-    made.run_until("running")
+    made.run_until_it_runs()
 
 
 @every
 def test_readings_of_a_device_that_runs_already_are_returned_before_it_answers(name: str) -> None:
-    before, made = running(name), bench(name)
+    before, made = bench(name).start().run_until_it_runs(), bench(name)
     made.device, made.now_ns, made.device_ns = before.device, before.device_ns, before.device_ns
     made.heard = nothing
     made.write(made.session.start(made.now_ns))

@@ -130,19 +130,6 @@ def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found == [(counts(n).ravel().tolist(), 40_000) for n in (259, 260)]
 
 
-@given(st.sets(st.integers(0, 5 * 8 - 1), max_size=20))
-def test_whatever_rows_are_lost_each_scan_is_whole_or_counted(gone: set[int]) -> None:
-    seen = [at for at in range(40) if at not in gone]
-    whole = [number for number in range(5) if not gone & set(range(8 * number, 8 * number + 8))]
-    first, last = seen[0] // 8, seen[-1] // 8
-    joined_midway = seen[0] % 8 != 0
-    last_open = (
-        last not in whole and gone.isdisjoint(range(8 * last, seen[-1])) and not (joined_midway and first == last)
-    )
-    lost = last - first + 1 - len(whole) - joined_midway - last_open
-    Case(stream([rows_of(at // 8)[at % 8] for at in seen]), scans(*whole), {"lost": lost}).check(pvdf.Decoder)
-
-
 def test_the_documented_frame_is_encoded() -> None:
     page = (DOCS / "devices.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"<!-- pvdf frame -->\n+```\n(.*?)```", page, re.DOTALL)

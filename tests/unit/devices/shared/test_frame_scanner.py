@@ -77,11 +77,3 @@ def test_the_rest_of_a_frame_after_a_pause_does_not_count(late_ns: int, found: i
     assert frames.receive(frame(2)[1:3], 11)[1] == []
     assert len(frames.receive(frame(2)[3:] + frame(3), 11 + late_ns)[1]) == 1 + found
     assert health.bad_bytes == 4 - 4 * found
-
-
-@pytest.mark.parametrize("junk", [b"\xab", b"\xab\xcd", b"\xab\xcd\x01", b"\x00"])
-def test_L3_endless_garbage_is_not_kept(junk: bytes) -> None:
-    frames = scanner(DecoderHealth())
-    for _ in range(1000):
-        frames.receive(junk * 100)
-        assert len(frames._tail) < 4

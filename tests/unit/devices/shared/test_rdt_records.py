@@ -130,11 +130,8 @@ def test_D3_L2_L3_a_stream_gives_these_records_and_counts(name: str) -> None:
     assert read(*pieces) == (numbers, health)
 
 
-def test_L3_noise_yields_no_record_before_or_after_good_ones() -> None:
-    rng = random.Random(6)
-    numbers, health = read(rng.randbytes(100_000))
-    assert (numbers, health.bad_bytes > 99_500) == ([], True)
-    assert read(record(1), rng.randbytes(100_000), *stream(2, 3, 4, 5))[0] == [1, 2, 3, 4, 5]
+def test_L3_noise_yields_no_record_between_good_ones() -> None:
+    assert read(record(1), random.Random(6).randbytes(100_000), *stream(2, 3, 4, 5))[0] == [1, 2, 3, 4, 5]
 
 
 def test_L3_the_counts_of_a_resting_sensor_are_not_mistaken_for_records() -> None:
@@ -148,14 +145,12 @@ def test_L3_the_counts_of_a_resting_sensor_are_not_mistaken_for_records() -> Non
 def test_L2_lost_or_added_bytes_cost_one_record_and_the_next_at_most() -> None:
     rng = random.Random(4)
     for _ in range(2000):
-        hit, at, junk = record(103), rng.randrange(36), rng.randbytes(rng.randrange(1, 30))
+        hit, at, count = record(103), rng.randrange(36), rng.randrange(1, 30)
         flipped = bytes((hit[at] ^ 1 << rng.randrange(8),))
-        spoilt = rng.choice(
-            (hit[:at] + hit[at + len(junk) :], hit[:at] + junk + hit[at:], hit[:at] + flipped + hit[at + 1 :])
-        )
+        change = rng.choice((hit[at + count :], rng.randbytes(count) + hit[at:], flipped + hit[at + 1 :]))
+        spoilt = hit[:at] + change
         numbers, health = read(b"".join((*stream(101, 102), spoilt, *stream(*range(104, 109)))))
-        assert numbers[:2] == [101, 102]
-        assert numbers[-4:] == [105, 106, 107, 108], (spoilt.hex(), numbers)
+        assert (numbers[:2], numbers[-4:]) == ([101, 102], [105, 106, 107, 108]), spoilt.hex()
         assert (health.restarts, health.lost <= 2) == (0, True)
 
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE
 
-SEEDS = (SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE)
 LONGEST = 40
 
 
@@ -39,16 +36,11 @@ def test_check_values_are_the_published_ones() -> None:
     assert weiss.checksum(weiss.PREAMBLE) == SEED_WITH_PREAMBLE
 
 
-@given(st.binary(max_size=120), st.integers(0, 0xFFFF))
-def test_the_checksum_equals_its_definition(data: bytes, seed: int) -> None:
-    assert weiss.checksum(data, seed) == defined(data, seed)
-    assert weiss.checksum(data + weiss.checksum(data).to_bytes(2, "little")) == 0
-
-
 @pytest.mark.parametrize("size", [*range(200), 977, 982, 4106])
-def test_the_checksum_of_a_long_packet_equals_its_definition(size: int) -> None:
+def test_the_checksum_equals_its_definition(size: int) -> None:
     data = random.Random(size).randbytes(size)
-    assert [weiss.checksum(data, seed) for seed in SEEDS] == [defined(data, seed) for seed in SEEDS]
+    for seed in (SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE, size):
+        assert weiss.checksum(data, seed) == defined(data, seed)
 
 
 def test_a_packet_with_a_residue_of_0_but_a_wrong_checksum_is_rejected() -> None:
@@ -87,9 +79,7 @@ def test_L3_a_false_beginning_costs_no_packet_after_it(begin: bytes) -> None:
 
 def test_text_between_packets_is_no_damage() -> None:
     reader = packets(text=b"boot")
-    good = weiss.encode(1, b"abc", SEED_WITH_PREAMBLE)
-    assert len(reader.packets(b"boot" + good + b"boot" + good)) == 2
-    reader.packets(b"b\0")
+    assert len(reader.packets(b"boot" + GOOD + b"boot" + GOOD + b"b\0")) == 2
     assert reader._health.bad_bytes == 1
 
 

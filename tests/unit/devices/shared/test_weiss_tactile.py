@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from session_bench import Bench, bench_of, instead, nothing
+from session_bench import Bench, bench_of, nothing
 
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import BOOT_TEXT
@@ -42,9 +42,7 @@ def sizes(bench: Bench) -> list[tuple[str, int]]:
 
 
 def test_the_reported_matrices_split_the_images_and_another_controller_has_its_own() -> None:
-    bench = dsacon()
-    bench.start()
-    bench.run(0.2)
+    bench = dsacon().start(0.2)
     assert [(sample.source, sample.values.tolist()) for sample in bench.samples[:2]] == [
         ("0", list(range(8))),
         ("1", list(range(8, 12))),
@@ -54,15 +52,13 @@ def test_the_reported_matrices_split_the_images_and_another_controller_has_its_o
     assert bench.session.health.bad_bytes > 0
     bench.device = Dsacon32([(3, 3)], np.random.default_rng(0))
     bench.samples.clear()
-    bench.run(2)
-    assert {*sizes(bench)} == {("0", 9)}
+    assert {*sizes(bench.run(2))} == {("0", 9)}
 
 
 def test_matrices_take_effect_when_all_are_known() -> None:
     bench = dsacon()
     bench.told = lambda answer: b"" if len(bench.written) == 4 else answer
-    bench.start()
-    bench.run(0.1)
+    bench.start(0.1)
     bench.deliver(dsacon32_sim.encode_error(dsacon32.ACQUIRE))
     assert bench.written == ASKED, "the answer to something else"
     bench.deliver(dsacon32.encode_frame(range(12), 0))
@@ -72,18 +68,14 @@ def test_matrices_take_effect_when_all_are_known() -> None:
 def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix() -> None:
     bench = dsacon()
     bench.told = lambda answer: b"" if bench.written.count(ASKED[2]) == 1 and answer[3] == 0x0B else answer
-    bench.start()
-    bench.run(0.6)
+    bench.start(0.6)
     bench.deliver(dsacon32_sim.encode_matrix(4, 2))
-    bench.run(1)
-    assert bench.session.state == "running"
+    assert bench.run(1).session.state == "running"
     assert sizes(bench)[:2] == [("0", 8), ("1", 4)]
 
 
 def test_options_reach_the_requests_and_a_long_interval_is_not_silence() -> None:
-    bench = dsacon(rate_hz=1, rle=False)
-    bench.start()
-    bench.run(4.5)
+    bench = dsacon(rate_hz=1, rle=False).start(4.5)
     assert bench.written[-2:] == [dsacon32.acquire(0, rle=False), dsacon32.acquire(1, rle=False)]
     assert bench.session.next_deadline() == bench.samples[-1].t_ns + 3_000_000_000
     assert bench.session.stop() == dsacon32.acquire(0, rle=False)
@@ -92,9 +84,7 @@ def test_options_reach_the_requests_and_a_long_interval_is_not_silence() -> None
 
 @pytest.mark.parametrize(("interval_ms", "count"), [(0, 1745), (2000, 3)])
 def test_a_module_sends_at_its_interval(interval_ms: int, count: int) -> None:
-    module = bench_of("wts", interval_ms=interval_ms)
-    module.start()
-    module.run(7)
+    module = bench_of("wts", interval_ms=interval_ms).start(7)
     assert (len(module.written), module.written[-1]) == (4, wts.encode_start(interval_ms))
     assert len(module.samples) == pytest.approx(count, abs=10)
 
@@ -102,26 +92,22 @@ def test_a_module_sends_at_its_interval(interval_ms: int, count: int) -> None:
 def test_D1_a_booting_controller_is_awaited_without_an_error() -> None:
     bench = dsacon()
     bench.heard = nothing
-    bench.start()
-    bench.run(7.9)
+    bench.start(7.9)
     bench.deliver(BOOT_TEXT * 3)
     assert (bench.states, bench.samples) == (["waiting"], [])
     bench.heard = bytes
-    bench.run(1)
-    assert bench.states == ["waiting", "configuring", "waiting for images", "running"]
+    assert bench.run(1).states == ["waiting", "configuring", "waiting for images", "running"]
     assert bench.session.health.bad_bytes == 0
 
 
 def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
     bench = dsacon()
     bench.told = nothing
-    bench.start()
-    bench.run(0.1)
+    bench.start(0.1)
     partial = weiss.PREAMBLE + b"\0\xa5\x0f" + bytes(4) + b"\1"
     bench.deliver(partial)
     bench.told = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
+    assert bench.run(2).session.state == "running"
     assert bench.session.health.bad_bytes == len(partial)
 
 
@@ -167,15 +153,12 @@ def test_D2_a_refusal_or_a_device_that_cannot_be_read_is_named_asked_again_and_n
     name: str, packet_id: int, wrong: bytes, state: str
 ) -> None:
     bench = made(name)
-    bench.told = instead(packet_id, wrong)
-    bench.start()
-    bench.run(3)
-    assert bench.session.state.startswith(state)
+    bench.told = lambda answer: wrong if answer[3] == packet_id else answer
+    assert bench.start(3).session.state.startswith(state)
     assert bench.written[-1] == bench.written[-2] == bench.written[-3]
     assert packet_id in (0x03, 0x21) or bench.samples == []
     bench.told = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
+    assert bench.run(2).session.state == "running"
 
 
 @pytest.mark.parametrize(
@@ -190,6 +173,4 @@ def test_D2_a_refusal_or_a_device_that_cannot_be_read_is_named_asked_again_and_n
 def test_a_device_that_already_runs_or_has_nothing_to_stop_is_accepted(name: str, asked: bytes, wrong: bytes) -> None:
     bench = made(name)
     bench.told = lambda answer: wrong if bench.written[-1] == asked and answer[3] == wrong[3] else answer
-    bench.start()
-    bench.run(1)
-    assert bench.session.state == "running"
+    assert bench.start(1).session.state == "running"

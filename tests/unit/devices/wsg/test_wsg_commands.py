@@ -20,10 +20,8 @@ def test_homing_without_an_end_is_lost(bench: Bench) -> None:
     activate(bench.session, bench.now_ns)
     bench.write(bench.session.on_time(bench.now_ns))
     bench.gripper._goal = None
-    bench.run(HOMING_NS * 1e-9 - 0.001)
-    assert bench.session.state == "activating"
-    bench.run(0.002)
-    assert bench.session.state == "command lost: no end of homing"
+    assert bench.run(HOMING_NS * 1e-9 - 0.001).session.state == "activating"
+    assert bench.run(0.002).session.state == "command lost: no end of homing"
 
 
 @pytest.mark.parametrize("status", [None, 7])
@@ -125,5 +123,4 @@ def test_a_refused_query_is_repeated() -> None:
     bench = Bench(forge=lambda asked: 10 if asked == wire.LIMITS else None).start()
     assert bench.session.state == "refused limits: insufficient resources"
     bench.forge = lambda _: None
-    bench.run(2.0)
-    assert bench.session.state == "active"
+    assert bench.run(2.0).session.state == "active"
