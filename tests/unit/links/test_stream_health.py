@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from device_links import MS, T0, S, frame, health, status
+from device_links import MS, T0, Parse, S, frame, health, status
 
-from slipd.devices import DEVICES
-from slipd.links.device_link import DeviceLink
+from slipd.devices import DEVICES, tsf85
+from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.stream_meter import FloodGuard
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
@@ -94,6 +94,21 @@ def test_L9_a_slow_stream_may_bring_32_readings_at_once() -> None:
     guard.rate_hz = 1.0
     guard.open(T0)
     assert (guard.left, len(guard.limit(bunch, T0)), guard.dropped, guard.dropped_ns) == (32.0, 32, 1, T0)
+
+
+def test_L9_an_array_that_comes_in_every_packet_of_a_tsf85_is_no_flood(left: str, parse: Parse) -> None:
+    size = 'rows = 7\ncols = 4\nsensor = "0"'
+    text = (
+        left.replace('"pvdf"', '"tsf85"')
+        .replace("rows = 4\ncols = 4", size)
+        .replace("rate_hz = 100.0", "rate_hz = 60.0")
+    )
+    link = make_links(parse(text))["left.pad"]
+    link.open("port", T0)
+    for ms in range(3000):
+        array = tsf85.encode_block(tsf85.STATIC, 0, [ms // 16] * tsf85.TAXELS)
+        link.receive(tsf85.encode_packet(tsf85.AUTOSEND, array), T0 + ms * MS)
+    assert (link.flood.dropped, link.streams["0"].count) == (0, 188)
 
 
 LATER = T0 + 2 * S
