@@ -8,15 +8,13 @@ from typing import Any
 
 import pytest
 import zmq
-from hypothesis import given
-from hypothesis import strategies as st
 from loop_waits import eventually
 from zeromq_peers import Clients, Peer, StandingClock
 
 from slipd.io.bus import request_server
 from slipd.io.bus.request_server import RequestServer
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
-from slipd_client.messages import CHECK_LIMITS, PROTOCOL_VERSION, MessageError, decode, encode
+from slipd_client.messages import CHECK_LIMITS, PROTOCOL_VERSION, decode, encode
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
@@ -96,47 +94,6 @@ async def test_what_is_no_request_is_refused_once_with_the_reason(
         assert reply["error"]["message"]
         await expect_service(client)
     assert (server.malformed, len(server.requests)) == (1, 1)
-
-
-class _Judged(RequestServer):
-    """Judges messages without a socket."""
-
-    def __init__(self) -> None:
-        self.requests: list[dict[str, Any]] = []
-        self.replies: list[dict[str, Any]] = []
-        super().__init__("", lambda _, body: self.requests.append(body), per_second=1e6)
-
-    def reply(self, client: bytes, body: dict[str, Any]) -> None:
-        self.replies.append(body)
-
-
-class _Stranger:
-    """What the server reads of a peer."""
-
-    kind, key, route, address, slot = b"DEALER", b"", b"", b":0:0:1", 0
-
-    class account:  # noqa: N801 - an attribute of a peer
-        name = b":0:0:1"
-
-
-VALID = encode(HELLO | {"deadline_ns": 1 << 40, "force_n": 12.5})
-
-
-@given(st.binary(max_size=200), st.lists(st.tuples(st.integers(0, len(VALID) - 1), st.integers(0, 255)), max_size=3))
-def test_any_bytes_are_a_request_or_are_refused_and_raise_nothing(data: bytes, damage: list[tuple[int, int]]) -> None:
-    damaged = bytearray(VALID)
-    for at, value in damage:
-        damaged[at] = value
-    server, peer = _Judged(), _Stranger()
-    server.on_ready(peer)  # type: ignore[arg-type]
-    for message in (data, bytes(damaged)):
-        server.on_message(peer, [message])  # type: ignore[arg-type]
-        try:
-            assert server.requests.pop() == decode(message)
-        except IndexError:
-            assert not server.replies.pop()["ok"]
-            with pytest.raises(MessageError):
-                decode(message)
 
 
 async def test_a_REQ_socket_gets_replies_and_refusals(endpoint: str, peer: Clients) -> None:

@@ -7,7 +7,6 @@ import os
 import stat
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from loop_waits import open_files
 
 from slipd.errors import LinkError
 from slipd.io.bus.runtime_directory import RuntimeDirectory
-from slipd.io.zmtp.endpoint import bind, release
 
 GROUP = "daemon"
 """Root may give files to any group; one that every machine has."""
@@ -30,7 +28,6 @@ with RuntimeDirectory(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
-CONNECT = "import socket, sys; socket.socket(socket.AF_UNIX).connect(sys.argv[1])"
 
 
 @pytest.fixture
@@ -90,21 +87,6 @@ def test_a_socket_of_the_group_is_shared_where_the_systemd_unit_forbids_to_give_
         monkeypatch.setattr(os, "chown", refuse)
         home.share(f"ipc://{path}/publish")
         assert modes(path)["publish"] == (0o660, GROUP)
-
-
-@root_only
-def test_a_member_of_the_group_can_connect_and_nobody_else_can() -> None:
-    with tempfile.TemporaryDirectory(dir="/tmp") as parent:
-        Path(parent).chmod(0o711)
-        path = Path(parent) / "slipd"
-        with RuntimeDirectory(path, group=GROUP) as home:
-            server, endpoint = bind(f"ipc://{path}/requests")
-            home.share(endpoint)
-            nobody, command = 65534, ["/usr/bin/python3", "-c", CONNECT, f"{path}/requests"]
-            for group, connects in ((grp.getgrnam(GROUP).gr_gid, True), (nobody, False)):
-                done = subprocess.run(command, user=nobody, group=group, extra_groups=[], capture_output=True)
-                assert (done.returncode == 0) == connects, done.stderr
-            release(server, endpoint)
 
 
 def test_Z6_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -> None:

@@ -97,13 +97,6 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Daemon]:
     os.close(port)
 
 
-async def test_P2_a_daemon_that_works_has_no_stalled_stage(daemon: Daemon) -> None:
-    await daemon.until_stalled()
-    async with asyncio.timeout(PATIENCE_S):  # the kernel may still carry the last reading
-        while [await daemon.stages["links"]() for _ in range(3)] != [""] * 3:  # noqa: ASYNC110 - there is no event
-            await asyncio.sleep(0.01)
-
-
 def _stop_reading(daemon: Daemon) -> None:
     asyncio.get_running_loop().remove_reader(daemon.links._links["left.wrench"]._connection._fd)  # type: ignore[union-attr]
 

@@ -17,7 +17,7 @@ from loop_waits import PATIENCE_S, eventually
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec, LinkUp
-from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_socket, open_push_socket
+from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_socket
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
@@ -58,23 +58,6 @@ async def test_each_message_is_delivered_as_one_piece_and_nothing_is_written(spe
     assert links.refused_writes == {"left.wrench": 1}
     assert events[0] == LinkUp("left.wrench", spec.address)
     assert pieces(events) == [*sent, b"part", b"part", b"of another"]
-
-
-async def test_a_failing_consumer_of_readings_gets_no_more_of_them(spec: LinkSpec, pusher: Pusher) -> None:
-    got = []
-
-    def fail(data: bytes) -> None:
-        got.append(data)
-        raise ArithmeticError("a fault of ours")
-
-    push = pusher()
-    for data in (b"1", b"2"):
-        push.send(data)
-    connection = await open_push_socket(spec, fail)
-    with pytest.raises(ArithmeticError):
-        await connection.until_lost()
-    await connection.close()
-    assert got == [b"1"]
 
 
 def connect(path: Path) -> socket.socket:

@@ -106,14 +106,6 @@ async def test_a_port_that_fails_to_write_is_lost_although_it_can_be_read(device
     os.close(writable)
 
 
-async def test_a_port_that_was_unplugged_is_closed_without_an_error(device: Device) -> None:
-    device.plug()
-    connection = await serial_port.open_serial(device.spec, print)
-    device.unplug()
-    await connection.until_lost()
-    await connection.close()
-
-
 async def test_closing_keeps_the_control_lines_as_they_are(device: Device) -> None:
     device.plug()
     port = os.open(device.path, os.O_RDWR | os.O_NOCTTY)

@@ -35,7 +35,9 @@ async def test_bytes_pass_both_ways_unchanged_and_in_order(far: FarEnd) -> None:
     assert max(map(len, pieces(events))) <= READ_BYTES
 
 
-async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_again(far: FarEnd, quick: None) -> None:
+async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_again(
+    far: FarEnd, quick: None, caplog: pytest.LogCaptureFixture
+) -> None:
     async with serving(far.spec, waits=False) as (links, events):
         files, tasks = open_files(), len(asyncio.all_tasks())
         for times in range(1, 4):
@@ -51,6 +53,7 @@ async def test_L5_L6_a_loss_is_reported_after_the_last_bytes_and_the_link_opens_
         assert open_files() <= files + 2, "the next attempt may be under way"
         assert len(asyncio.all_tasks()) <= tasks + 1
     assert received(events) == b"half a fr" * 3
+    assert "closing failed" not in caplog.text
 
 
 async def test_L10_a_device_that_never_reads_refuses_commands_and_is_still_read(far: FarEnd, tmp_path: Path) -> None:

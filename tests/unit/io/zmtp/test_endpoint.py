@@ -64,13 +64,6 @@ def test_a_free_port_is_chosen_and_returned(host: str, access: Access) -> None:
     assert int(endpoint.rpartition(":")[2]) > 0
 
 
-def test_a_port_in_use_is_a_clear_error() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as holder:
-        endpoint = f"tcp://127.0.0.1:{holder.getsockname()[1]}"
-        with pytest.raises(LinkError, match=f"{endpoint}: cannot be bound: Address already in use"):
-            bind(endpoint, ANYBODY_HERE)
-
-
 def test_the_longest_path_is_bound_for_the_user_alone_and_a_longer_one_is_refused(tmp_path: Path) -> None:
     longest = f"{tmp_path}/".ljust(MAX_IPC_PATH_BYTES, "x")
     umask = os.umask(0)

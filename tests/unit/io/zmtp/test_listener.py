@@ -16,7 +16,7 @@ from collections.abc import Callable
 import pytest
 import zmq
 from loop_waits import PATIENCE_S, eventually, open_files
-from zeromq_peers import Clients, Context, Plain, introduction, read
+from zeromq_peers import Clients, Plain, introduction, read
 
 from slipd.io.zmtp import listener as listener_module
 from slipd.io.zmtp.connection import PeerRules
@@ -122,6 +122,7 @@ async def test_one_process_gets_half_of_the_connections_at_most(
 
 def reset(connection: socket.socket) -> None:
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    connection.close()
 
 
 def cut(connection: socket.socket) -> None:
@@ -132,28 +133,19 @@ def cut(connection: socket.socket) -> None:
 
 @pytest.mark.parametrize(("end", "least_s"), [(reset, 0.0), (cut, 1.0)])
 async def test_Z3_a_connection_that_is_reset_or_whose_cable_is_cut_is_forgotten(
-    end: Callable[[socket.socket], None], least_s: float, clients: Context
+    end: Callable[[socket.socket], None], least_s: float, plain: Plain
 ) -> None:
     """Cut: packets of the server are dropped before the kernel of the client acknowledges them."""
-    with Echo(TCP) as listener, clients.socket(zmq.DEALER) as dealer:
-        monitor = dealer.get_monitor_socket(zmq.EVENT_CONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED)
-        dealer.setsockopt(zmq.RECONNECT_IVL, -1)
-        dealer.connect(listener.endpoint)
-        await eventually(lambda: monitor.poll(0))
-        _, descriptor = struct.unpack("=Hi", monitor.recv_multipart()[0])
+    with Echo(TCP) as listener:
+        connection = plain(listener.endpoint)
+        await eventually(lambda: listener._pending)
+        connection.sendall(introduction(b"DEALER"))
         await eventually(lambda: listener.peers)
         await asyncio.sleep(0.1)  # nothing may be on its way, or the kernel tries that for some seconds more
-        connection = socket.socket(fileno=descriptor)
         begun_s = time.monotonic()
         end(connection)
-        connection.detach()
-        if end is reset:
-            dealer.close(linger=0)
         await eventually(lambda: not listener.peers)
         assert time.monotonic() - begun_s > least_s
-        if end is cut:
-            dealer.disable_monitor()
-        monitor.close()
 
 
 async def test_nothing_is_left_open_behind_a_listener(plain: Plain, endpoint: str) -> None:

@@ -179,15 +179,21 @@ def connection(server: Curve) -> Connection:
     return connection
 
 
-def test_a_connection_with_keys_takes_hello_initiate_and_sealed_frames_and_nothing_else(
-    connection: Connection,
-) -> None:
+@pytest.fixture
+def greeted(connection: Connection) -> Client:
+    """The client of the connection, after the WELCOME."""
     client = Client()
     connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
     assert [connection.next_event() for _ in range(3)] == [Event.PART, Event.PART, Event.NEED_DATA]
-    assert connection.state is State.INITIATE
     client.welcome(connection.data_to_send())
-    connection.receive_data(wire_of(b"INITIATE", client.initiate()) + encode_frame(client.seal(3, b"slip")))
+    return client
+
+
+def test_a_connection_with_keys_takes_hello_initiate_and_sealed_frames_and_nothing_else(
+    connection: Connection, greeted: Client
+) -> None:
+    assert connection.state is State.INITIATE
+    connection.receive_data(wire_of(b"INITIATE", greeted.initiate()) + encode_frame(greeted.seal(3, b"slip")))
     assert [connection.next_event() for _ in range(2)] == [Event.READY, [b"slip"]]
     assert connection.key == z85.encode(CLIENT[0])
     connection.receive_data(encode_frame(b"slip"))
@@ -204,12 +210,8 @@ def test_a_step_of_the_handshake_out_of_order_ends_the_connection(
         list(iter(connection.next_event, Event.NEED_DATA))
 
 
-def test_a_client_whose_key_is_refused_gets_the_reason(connection: Connection, server: Curve) -> None:
-    client = Client()
-    connection.receive_data(GREETING + wire_of(b"HELLO", client.hello()))
-    assert [connection.next_event() for _ in range(3)][-1] is Event.NEED_DATA
-    client.welcome(connection.data_to_send())
-    connection.receive_data(wire_of(b"INITIATE", client.initiate(key=OTHER, claimed=OTHER[0])))
+def test_a_client_whose_key_is_refused_gets_the_reason(connection: Connection, greeted: Client, server: Curve) -> None:
+    connection.receive_data(wire_of(b"INITIATE", greeted.initiate(key=OTHER, claimed=OTHER[0])))
     with pytest.raises(KeyRefusedError, match="not allowed"):
         connection.next_event()
     assert connection.data_to_send().endswith(b"\x04\x0a\x05ERROR\x03400")
