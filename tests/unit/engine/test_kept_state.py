@@ -84,14 +84,20 @@ def unchanged(_: dict[str, Any]) -> None:
     """The state is as it was kept."""
 
 
+def begin_beside(before: Run) -> Run:
+    """Begin a new run beside the same devices, a second later; its links are not open yet."""
+    run = Run(RIG, zeros=False)
+    run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+    return run
+
+
 def restart(*steps: Step, change: Change = unchanged, damage: Callable[[str], str] = str) -> Step:
     """Begin a new run beside the same devices, with what this one kept, and follow it; its links are not open yet."""
 
     def step(before: Run) -> None:
         state = kept(before)
         change(state)
-        run = Run(RIG, zeros=False)
-        run.gripper, run.t_ns = before.gripper, before.t_ns + SECOND
+        run = begin_beside(before)
         run.feed(StateRestored(damage(seal(json.dumps(state)))))
         follow(run, steps)
 
@@ -177,6 +183,7 @@ def set_equal(found: Any, expected: Any) -> None:
 
 ADJUSTED = ask("grip.adjust", {"applied_n": pytest.approx(6.0)}, delta_n=1.0)
 LEARNED = pytest.approx(0.21, abs=0.01)
+UNKNOWN = ("unknown", "not_tared")
 FREE: list[Step] = [feel(0.0), serve(10)] * 5
 WHY = "the state of the run before is not used: state.json: Permission denied"
 COURSES: dict[str, tuple[str, list[Step]]] = {
@@ -208,7 +215,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             restart(
                 *RESUMED, zero("stored"), *[feel(-4.0)] * 30, zero(None),
                 said("the stored zero does not fit: the normal force is clearly negative"), *[feel(5.0)] * 30,
-                level("unknown", "not_tared"),
+                level(*UNKNOWN),
             )
         ],
     ),
@@ -335,14 +342,20 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         )
     },
     **{
-        f"a state that is {what} is not used": (
-            "held", [restart(*RESUMED, zero(None), said("is not used: ", ""), damage=damaged)],
+        f"after a state that is {what} no finger is believed": (
+            "held",
+            [restart(*RESUMED, zero(None), said("is not used: ", ""), level(*UNKNOWN), damage=damaged)],
         )
         for what, damaged in (
             ("truncated", lambda text: text[:-9]),
+            ("empty", lambda text: ""),
+            ("another in one bit", lambda text: text.replace('"id": 1', '"id": 3')),
             ("not a number", lambda text: seal(text.partition(" ")[2].replace("[0.0", "[NaN"))),
         )
     },
+    "without a state no finger is believed": (
+        "held", [lambda before: follow(begin_beside(before), [*RESUMED, zero(None), level(*UNKNOWN)])],
+    ),
 }  # fmt: skip
 
 
