@@ -1,14 +1,13 @@
-"""Entries of a run of every kind, and how to write them: fixtures of the tests of recordings."""
+"""Entries of a run of every kind, how to write them, and a disk that fills up: for the tests of recordings."""
 
 from __future__ import annotations
 
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-
-import pytest
+from typing import Any
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.entry_walk import Entered, Published
@@ -19,6 +18,9 @@ from slipd_client import messages
 CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
 PATIENCE_S = 60.0
 WALL_NS = 1_700_000_000_000_000_000
+ABOUT_RUN: dict[str, Any] = {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
+"""Arguments of a recorder that describe the run."""
+
 TWO_PADS = "".join(
     f"""
 [finger.{name}]
@@ -57,6 +59,11 @@ def _entry(n: int) -> Entry:
     return Entered(n, t_ns, events[n // 2 % len(events)])
 
 
+def entries(count: int) -> list[Entry]:
+    """Return the first entries of a run: events of every kind, each followed by a message."""
+    return [_entry(n) for n in range(count)]
+
+
 def wait_until(condition: Callable[[], object]) -> None:
     """Wait until other threads have done something."""
     end_s = time.monotonic() + PATIENCE_S
@@ -87,55 +94,27 @@ def begun_like(recording: Recording, path: Path, config_text: str | None = None)
     )
 
 
-@pytest.fixture
-def entries() -> Callable[[int], list[Entry]]:
-    """The first entries of a run: events of every kind, each followed by a message."""
-    return lambda count: [_entry(n) for n in range(count)]
-
-
-@pytest.fixture
-def two_pads() -> str:
-    """Config of two XELA pads at one server."""
-    return TWO_PADS
-
-
-@pytest.fixture
-def about_run() -> dict[str, object]:
-    """Arguments of a recorder that describe the run."""
-    return {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
-
-
-@pytest.fixture
-def write(about_run: dict[str, object]) -> Callable[[Path, Iterable[Entry], int], None]:
+def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
     """Write entries as a finished recording, in chunks of a given number."""
-
-    def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
-        file = RecordingFile(path, **about_run)
-        end = 0
-        for item in entries:
-            if isinstance(item, Entered):
-                file.event(item.n, item.t_ns, item.event)
-            else:
-                file.published(item.n, item.t_ns, item.topic, item.payload)
-            end = item.n + 1
-            if end % chunk == 0:
-                file.flush()
-        file.finish(end)
-
-    return write
+    file = RecordingFile(path, **ABOUT_RUN)
+    end = 0
+    for item in entries:
+        if isinstance(item, Entered):
+            file.event(item.n, item.t_ns, item.event)
+        else:
+            file.published(item.n, item.t_ns, item.topic, item.payload)
+        end = item.n + 1
+        if end % chunk == 0:
+            file.flush()
+    file.finish(end)
 
 
 @contextmanager
-def _small_disk(size: int) -> Iterator[None]:
+def small_disk(size: int) -> Iterator[None]:
+    """In the ``with`` block, the kernel limits the files of this process to a size."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-@pytest.fixture
-def small_disk() -> Callable[[int], AbstractContextManager[None]]:
-    """In the ``with`` block, the kernel limits the files of this process to a size."""
-    return _small_disk

@@ -110,14 +110,6 @@ def test_a_replay_is_published_to_subscribers(
     assert captured.err.startswith("slipd: replays at 4 times real time; as fast as possible: --speed max\n")
 
 
-def test_an_incomplete_recording_is_shown_and_reported(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recording.write_bytes(recording.read_bytes()[:-600])
-    assert main(["replay", str(recording), "--speed", "max"]) == 1
-    captured = capsys.readouterr()
-    assert "left: unknown → caution" in captured.out
-    assert captured.err.startswith("slipd: the recording is incomplete: ")
-
-
 @pytest.mark.process
 def test_a_closed_output_pipe_is_not_an_error(recording: Path) -> None:
     """``slipd replay FILE --json | head -1``."""

@@ -15,10 +15,8 @@ from replays import RECORDINGS
 from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
-from slipd.tools.plot.report_page import GENERATOR
 
 DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
-PAGE = f'<!doctype html>\n<meta name="generator" content="{GENERATOR}">'
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
 
@@ -29,8 +27,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_page_is_written_into_this_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plot", DEMO]) == 0
-    assert capsys.readouterr().out == "demo.html: written\n"
+    for _ in range(2):
+        assert main(["plot", DEMO]) == 0
+        assert capsys.readouterr().out == "demo.html: written\n"
     assert [path.name for path in here.iterdir()] == ["demo.html"]
     text = (here / "demo.html").read_text(encoding="utf-8")
     assert "Replayed with its own config" in text
@@ -97,24 +96,10 @@ def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path, capsys: pytest.
     assert capsys.readouterr().err == "slipd: --from 2 must be before --to 1\n"
 
 
-def test_a_recording_that_was_cut_off_is_drawn_as_far_as_it_goes(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("cut.mcap").write_bytes(Path(REFLEX).read_bytes()[:-20_000])
-    assert main(["plot", "cut.mcap"]) == 1
-    captured = capsys.readouterr()
-    assert captured.out == "cut.html: written\n"
-    assert captured.err.startswith("slipd: the recording is incomplete: cut.mcap: ")
-    assert 'class="fault">cut.mcap: ' in (here / "cut.html").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("call", "ends", "told"),
     [
-        (["plot", "foreign"], 1, "slipd: foreign: not an MCAP file, and so not a recording of slipd"),
-        (["plot", "empty"], 1, "slipd: empty: is empty: the writer ended before it wrote anything"),
         (["plot", "no_event.mcap"], 1, "slipd: no_event.mcap: no events in it, so there is nothing to draw"),
-        (["plot", "none.mcap"], 2, "slipd: none.mcap: cannot be opened: No such file or directory"),
         (["plot", DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
         (["plot", DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
         (["plot", DEMO, "--out", "none/a.html"], 2, "slipd: none/a.html: cannot be written: No such file or directory"),
@@ -143,8 +128,6 @@ def test_wrong_files_are_told_before_anything_is_replayed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(here))
-    Path("foreign").write_bytes(b"\xff\xfe no recording")
-    Path("empty").touch()
     Path("bad.toml").write_text("[finger.left]\nmu = 9.0\n")
     Path("folder.html").mkdir()
     text = open_recording(Path(DEMO)).config_text
@@ -155,17 +138,3 @@ def test_wrong_files_are_told_before_anything_is_replayed(
     assert told in captured.err
     assert captured.out == ""
     assert sorted(here.iterdir()) == before, "nothing is left behind"
-
-
-def test_only_an_earlier_plot_is_replaced(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("mine.html").write_text("<!doctype html>\n<title>thesis</title>")
-    Path("plot.html").write_text(PAGE)
-    Path("link.html").symlink_to("plot.html")
-    for name, why in (("mine.html", "is not a plot of slipd"), ("link.html", "is a symbolic link")):
-        assert main(["plot", REFLEX, "--out", name]) == 2
-        assert capsys.readouterr().err == f"slipd: {name}: {why}, and is not overwritten; give another name\n"
-    assert Path("link.html").is_symlink()
-    assert "thesis" in Path("mine.html").read_text()
-    for _ in range(2):
-        assert main(["plot", REFLEX, "--to", "1", "--out", "plot.html"]) == 0
-    assert "Replayed with its own config" in Path("plot.html").read_text()

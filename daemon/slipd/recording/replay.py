@@ -6,7 +6,6 @@ other clock. So a replay publishes the messages of the live run, byte for byte.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -23,7 +22,7 @@ class Pace:
     """Let recorded time pass like real time, or faster by a factor.
 
     Args:
-        speed: Recorded seconds per second.
+        speed: Recorded seconds per second, above 0.
         sleep: Waits for a number of seconds.
         now_ns: The clock that runs during ``sleep``, ns.
     """
@@ -34,8 +33,6 @@ class Pace:
         sleep: Callable[[float], None] = time.sleep,
         now_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        if not 0.0 < speed < math.inf:
-            raise ValueError(f"speed must be a finite number above 0, got {speed}")
         self._speed = speed
         self._sleep = sleep
         self._now_ns = now_ns
@@ -52,12 +49,7 @@ class Pace:
 
 
 def replay(
-    recording: Recording,
-    *,
-    speed: float | None = None,
-    sleep: Callable[[float], None] = time.sleep,
-    settings: Config | None = None,
-    on_event: Callable[[int], object] | None = None,
+    recording: Recording, settings: Config | None = None, on_event: Callable[[int], object] = lambda _: None
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield ``(topic, body)`` of every message that the recorded events cause, in order.
 
@@ -66,39 +58,31 @@ def replay(
 
     Args:
         recording: The recording.
-        speed: Recorded seconds per second; None: as fast as possible.
-        sleep: Waits for a number of seconds.
         settings: Another config than the recorded one, with the same streams; None: the recorded one.
-        on_event: Called with the time of each event, ns, before its messages are yielded.
+        on_event: Called with the time of each event, ns, before it enters the engine; `Pace.wait_until`, for example.
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).
         RecordingError: The file can no longer be opened, or its events do not fit its config.
-        ValueError: The speed is not a finite number above 0.
     """
-    pace = None if speed is None else Pace(speed, sleep)
-    messages = _run(_engine(recording, settings), recording, pace, on_event)
-    return ((topic, body) for _, topic, body in messages)
+    return ((topic, body) for _, topic, body in replay_dated(recording, settings, on_event))
 
 
 def replay_dated(
-    recording: Recording, settings: Config | None = None, on_event: Callable[[int], object] | None = None
+    recording: Recording, settings: Config | None = None, on_event: Callable[[int], object] = lambda _: None
 ) -> Iterator[tuple[int, str, dict[str, Any]]]:
-    """Yield ``(t_ns, topic, body)`` of every message, as fast as possible; arguments and errors are those of `replay`.
+    """Yield ``(t_ns, topic, body)`` of every message; arguments and errors are those of `replay`.
 
     ``t_ns`` is when the message was published, CLOCK_MONOTONIC of the recorded run.
     """
-    return _run(_engine(recording, settings), recording, None, on_event)
-
-
-def _engine(recording: Recording, settings: Config | None) -> Engine:
     if settings is None:
         settings = config.parse(recording.config_text, f"{recording.path}: config")
-    return Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
+    engine = Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
+    return _run(engine, recording, on_event)
 
 
 def _run(
-    engine: Engine, recording: Recording, pace: Pace | None, on_event: Callable[[int], object] | None = None
+    engine: Engine, recording: Recording, on_event: Callable[[int], object]
 ) -> Iterator[tuple[int, str, dict[str, Any]]]:
     links = engine.links
     for t_ns, event in recording.events():
@@ -106,10 +90,7 @@ def _run(
             known = ", ".join(sorted(links)) or "none"
             text = f"{recording.path}: the config must have the link {event.link!r} of an event, got {known}"
             raise RecordingError(text)
-        if pace is not None:
-            pace.wait_until(t_ns)
-        if on_event is not None:
-            on_event(t_ns)
+        on_event(t_ns)
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 yield t_ns, output.topic, output.body

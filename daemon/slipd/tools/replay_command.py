@@ -12,7 +12,7 @@ from typing import Any
 
 from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.recording.reader import open_recording
-from slipd.recording.replay import replay
+from slipd.recording.replay import Pace, replay
 
 
 def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: str | None) -> bool:
@@ -33,7 +33,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
     """
     recording = open_recording(path)
     with interruptible():
-        messages = replay(recording, speed=speed)
+        messages = replay(recording, on_event=Pace(speed).wait_until) if speed else replay(recording)
         compile_kernels()
     if speed is not None:
         pace = "in real time" if speed == 1.0 else f"at {speed:g} times real time"

@@ -6,7 +6,7 @@ import os
 from itertools import chain
 from pathlib import Path
 
-from recorded_entries import complete, wait_until
+from recorded_entries import ABOUT_RUN, complete, wait_until
 
 from slipd.config import Continuous
 from slipd.events import LinkUp, RecordingChanged, Tick
@@ -23,11 +23,11 @@ OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)
 class Run:
     """A continuous recording of ticks."""
 
-    def __init__(self, folder: Path, about_run: dict[str, object], prepare=lambda: None, **limits: object) -> None:
+    def __init__(self, folder: Path, prepare=lambda: None, **limits: object) -> None:
         self.folder, self.prepare = folder, prepare
         self.recording = ContinuousRecording(
             folder,
-            lambda path, prepare: Recorder(path, prepare=prepare, **about_run),
+            lambda path, prepare: Recorder(path, prepare=prepare, **ABOUT_RUN),
             lambda: self.prepare(),
             Continuous(**limits),
             run_name("b00t", WallClock(0)),
@@ -41,8 +41,8 @@ class Run:
         return sorted(self.folder.iterdir())
 
 
-def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves(tmp_path: Path, about_run) -> None:
-    run = Run(tmp_path, about_run, file_s=1.0)
+def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves(tmp_path: Path) -> None:
+    run = Run(tmp_path, file_s=1.0)
     for n in range(30):
         run.poll(n * SECOND_NS // 10)
         wait_until(lambda: run.recording._running.recorder.begun)
@@ -56,8 +56,8 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
     assert ticks == list(range(30))
 
 
-def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path: Path, about_run) -> None:
-    run = Run(tmp_path, about_run, file_bytes=1_000_000)
+def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path: Path) -> None:
+    run = Run(tmp_path, file_bytes=1_000_000)
     run.poll(0)
     for _ in range(120):
         run.recording.published("tactile.left", os.urandom(10_000), 1)
@@ -68,11 +68,11 @@ def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path: Path, abo
     assert all(open_recording(path).closed for path in run.files())
 
 
-def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried(tmp_path: Path, about_run) -> None:
+def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried(tmp_path: Path) -> None:
     def full() -> None:
         raise RecordingLimitError("the disk is full")
 
-    run = Run(tmp_path, about_run, prepare=full)
+    run = Run(tmp_path, prepare=full)
     run.poll(0)
     wait_until(lambda: run.poll(1) or run.changes)
     (path,) = {change.path for change in run.changes}

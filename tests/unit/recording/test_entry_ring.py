@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from recorded_entries import complete
+from recorded_entries import ABOUT_RUN, complete
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
 from slipd.recording import entry_ring
@@ -18,11 +18,11 @@ UP = LinkUp("left.wrench", "a")
 
 
 @pytest.fixture
-def written(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch):
+def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Write a ring of small blocks, and return its entries."""
 
     def write(ring: EntryRing) -> list:
-        file = RecordingFile(tmp_path / "ring.mcap", **about_run, first=ring.first)
+        file = RecordingFile(tmp_path / "ring.mcap", **ABOUT_RUN, first=ring.first)
         ring.write(file)
         return complete(tmp_path / "ring.mcap")
 

@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 
 import pytest
-from recorded_entries import complete
+from recorded_entries import ABOUT_RUN, complete, small_disk
 
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
@@ -23,13 +23,13 @@ WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
 
 
 @pytest.fixture
-def incidents(tmp_path: Path, about_run):
+def incidents(tmp_path: Path):
     def make(prepare=lambda: None, **limits: object) -> Incidents:
         return Incidents(
             RunFiles(tmp_path, "b00t"),
             Limits(**limits),
             run_name("b00t", WallClock(0)),
-            lambda path, first: RecordingFile(path, first=first, **about_run),
+            lambda path, first: RecordingFile(path, first=first, **ABOUT_RUN),
             prepare,
         )
 
@@ -130,7 +130,7 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
 
 
 def test_a_disk_without_room_or_that_fails_costs_the_file_only(
-    tmp_path: Path, incidents, small_disk, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, incidents, caplog: pytest.LogCaptureFixture
 ) -> None:
     def full() -> None:
         raise RecordingError("no room")

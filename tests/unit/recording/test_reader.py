@@ -1,5 +1,6 @@
 """A recording is read whole; one that is cut off, damaged or foreign is read up to the fault, or refused."""
 
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -7,7 +8,7 @@ import pytest
 from fuzz.extent import ROUNDS, SEED
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recorded_entries import contents
+from recorded_entries import contents, entries, write
 
 from slipd.errors import RecordingError
 from slipd.recording.reader import GAP_S, EventGaps, Gap, Recording, open_recording
@@ -41,12 +42,12 @@ class Run:
 
 
 @pytest.fixture
-def run(tmp_path: Path, write, entries) -> Run:
+def run(tmp_path: Path) -> Run:
     write(tmp_path / "run.mcap", entries(60), 20)
     return Run(tmp_path / "run.mcap")
 
 
-def test_a_recording_reads_as_events_as_messages_or_as_both(run: Run, entries) -> None:
+def test_a_recording_reads_as_events_as_messages_or_as_both(run: Run) -> None:
     recording, both = run.recording, run.entries
     assert both == entries(60)
     assert list(recording.events()) == [(e.t_ns, e.event) for e in both[::2]]
@@ -83,25 +84,23 @@ def test_K4_noise_in_a_recording_raises_only_recording_errors(run: Run, place: f
     run.read(run.data[:at] + noise + run.data[at + cut :])
 
 
-@pytest.mark.parametrize(
-    ("data", "text"),
-    [
-        (b"", "is empty"),
-        (b"\x89MCA", "not an MCAP file"),
-        (b"time,force\n0,1\n", "not an MCAP file"),
-        (b"\x89MCAP0\r\n", "an MCAP file, but not a recording of slipd"),
-    ],
-)
-def test_a_file_that_is_not_a_recording_is_refused_with_a_reason(tmp_path: Path, data: bytes, text: str) -> None:
-    (tmp_path / "some.mcap").write_bytes(data)
+FOREIGN: list[tuple[Callable[[Path], object], str]] = [
+    (lambda path: path.write_bytes(b""), "is empty"),
+    (lambda path: path.write_bytes(b"\x89MCA"), "not an MCAP file"),
+    (lambda path: path.write_bytes(b"time,force\n0,1\n"), "not an MCAP file"),
+    (lambda path: path.write_bytes(b"\x89MCAP0\r\n"), "an MCAP file, but not a recording of slipd"),
+    (Path.mkdir, "Is a directory"),
+    (Path.exists, "No such file"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), FOREIGN, ids=[text for _, text in FOREIGN])
+def test_a_file_that_is_not_a_recording_is_refused_with_a_reason(
+    tmp_path: Path, make: Callable[[Path], object], text: str
+) -> None:
+    make(tmp_path / "some.mcap")
     with pytest.raises(RecordingError, match=rf"^{tmp_path}/some\.mcap: .*{text}"):
         open_recording(tmp_path / "some.mcap")
-
-
-def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -> None:
-    for path, text in ((tmp_path / "none.mcap", "No such file"), (tmp_path, "Is a directory")):
-        with pytest.raises(RecordingError, match=text):
-            open_recording(path)
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
-from recorded_entries import PATIENCE_S, complete, wait_until
+from recorded_entries import PATIENCE_S, complete, small_disk, wait_until
 
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
@@ -93,9 +92,7 @@ def test_an_existing_file_is_neither_overwritten_nor_followed(
     assert caplog.messages == [failed.reason]
 
 
-def test_K1_a_disk_that_fails_is_reported_and_nothing_else(
-    recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
-) -> None:
+def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: RequestedRecordings, state: Path) -> None:
     recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
     recorder = recordings._running.recorder

@@ -7,10 +7,8 @@ import fcntl
 from pathlib import Path
 
 import pytest
-from recorded_entries import wait_until
 
 from slipd.recording.run_files import RunFiles
-from slipd.recording.writer import Recorder
 
 
 def record(files: RunFiles, stamp: str, boot: str) -> Path:
@@ -74,12 +72,3 @@ def test_on_a_disk_without_locks_nothing_of_a_run_that_may_go_on_is_deleted(
     monkeypatch.setattr(fcntl, "flock", unable)
     run.delete_oldest("run", 0)
     assert (mine.exists(), other.exists()) == (False, True)
-
-
-def test_K3_a_file_that_is_deleted_while_it_is_written_is_reported(tmp_path: Path, about_run) -> None:
-    recorder = Recorder(tmp_path / "run.mcap", **about_run)
-    recorder.published("status", b"\x80", 1)
-    (tmp_path / "run.mcap").unlink()
-    wait_until(lambda: recorder.failure)
-    assert recorder.failure.endswith("run.mcap: the recording stopped: the file was deleted while it was written")
-    recorder.end()

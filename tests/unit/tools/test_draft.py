@@ -10,7 +10,9 @@ from replays import RECORDINGS
 from slipd.errors import SlipdError
 from slipd.tools.draft import RECORDING as RECORDING_KIND
 from slipd.tools.draft import Kind, draft
+from slipd.tools.evaluation.run_table import TABLE
 from slipd.tools.export.export_command import EXPORT
+from slipd.tools.plot.plot_command import PLOT
 
 EXPORTED = "published_ns,v\n"
 
@@ -21,7 +23,7 @@ def names(folder: Path) -> list[str]:
 
 def test_a_result_stands_in_its_place_only_when_it_is_whole(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with draft(out, EXPORT, overwrite=False) as written:
+    with draft(out, EXPORT) as written:
         written.mkdir()
         (written / "a.csv").write_text("1")
         assert not out.exists()
@@ -31,7 +33,7 @@ def test_a_result_stands_in_its_place_only_when_it_is_whole(tmp_path: Path) -> N
 
 def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
     def fail() -> None:
-        with draft(tmp_path / "out", EXPORT, overwrite=False) as written:
+        with draft(tmp_path / "out", EXPORT) as written:
             written.write_text("half")
             raise KeyboardInterrupt
 
@@ -43,9 +45,9 @@ def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
 def test_a_result_has_the_permissions_that_the_user_wants(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
-        with draft(tmp_path / "file", EXPORT, overwrite=False) as written:
+        with draft(tmp_path / "file", EXPORT) as written:
             written.write_text("")
-        with draft(tmp_path / "folder", EXPORT, overwrite=False) as written:
+        with draft(tmp_path / "folder", EXPORT) as written:
             written.mkdir()
     finally:
         os.umask(before)
@@ -54,26 +56,30 @@ def test_a_result_has_the_permissions_that_the_user_wants(tmp_path: Path) -> Non
 
 RECORDING = (RECORDINGS / "bota.mcap").read_bytes()[:4000]
 REFUSED = [
-    ({"out": EXPORTED}, False, "out: exists already; give a new name, or --overwrite"),
-    ({"out/a.csv": EXPORTED}, False, "out: exists already; give a new name, or --overwrite"),
-    ({"out": Path("nowhere")}, False, "out: exists already; give a new name, or --overwrite"),
-    ({"out": Path("file")}, True, "is a symbolic link, and is not overwritten"),
-    ({"out": Path("/dev/null")}, True, "is a symbolic link, and is not overwritten"),
-    ({"out/a.csv": EXPORTED, "out/thesis.tex": "years of work"}, True, "is a folder that also holds 'thesis.tex', and"),
-    ({"out/xela_sensor1.csv": "time,force\n"}, True, "is a folder that also holds 'xela_sensor1.csv', and is not"),
-    ({"out/rosbag_0.mcap": b"\x89MCAP0\r\n"}, True, "is a folder that also holds 'rosbag_0.mcap', and is not"),
-    ({"out/rig.yaml": "a: 1"}, True, "is a folder that also holds 'rig.yaml', and is not overwritten"),
-    ({"out/damaged.mcap": RECORDING}, True, "is a folder that also holds 'damaged.mcap', and is not overwritten"),
-    ({"out": "time,force\n"}, True, "is not an export of slipd, and is not overwritten"),
-    ({"out": b"\x89MCAP0\r\n"}, True, "is not an export of slipd, and is not overwritten"),
-    ({"out": RECORDING}, True, "is a recording of slipd, and is not overwritten"),
+    ({"out": EXPORTED}, None, "out: exists already; give a new name, or --overwrite"),
+    ({"out/a.csv": EXPORTED}, None, "out: exists already; give a new name, or --overwrite"),
+    ({"out": Path("nowhere")}, None, "out: exists already; give a new name, or --overwrite"),
+    ({"out": Path("file")}, EXPORT, "is a symbolic link, and is not overwritten"),
+    ({"out": Path("/dev/null")}, EXPORT, "is a symbolic link, and is not overwritten"),
+    ({"out/a.csv": EXPORTED, "out/thesis.tex": "of years"}, EXPORT, "is a folder that also holds 'thesis.tex', and"),
+    ({"out/xela_sensor1.csv": "time,force\n"}, EXPORT, "is a folder that also holds 'xela_sensor1.csv', and is not"),
+    ({"out/rosbag_0.mcap": b"\x89MCAP0\r\n"}, EXPORT, "is a folder that also holds 'rosbag_0.mcap', and is not"),
+    ({"out/rig.yaml": "a: 1"}, EXPORT, "is a folder that also holds 'rig.yaml', and is not overwritten"),
+    ({"out/damaged.mcap": RECORDING}, EXPORT, "is a folder that also holds 'damaged.mcap', and is not overwritten"),
+    ({"out": "time,force\n"}, EXPORT, "is not an export of slipd, and is not overwritten"),
+    ({"out": b"\x89MCAP0\r\n"}, EXPORT, "is not an export of slipd, and is not overwritten"),
+    ({"out": RECORDING}, EXPORT, "is a recording of slipd, and is not overwritten"),
+    ({"out": "<!doctype html>\n<title>thesis</title>"}, PLOT, "is not a plot of slipd, and is not overwritten"),
+    ({"out/a.csv": EXPORTED}, PLOT, "is a folder, and is not overwritten"),
+    ({"out": RECORDING}, TABLE, "is a recording of slipd, and is not overwritten"),
+    ({"out": b"PAR1 notes"}, TABLE, "is not a table of slipd evaluate, and is not overwritten"),
 ]
-"""Files and links that are there, whether they may be overwritten, and why they are not."""
+"""Files and links that are there, what may replace an earlier one of its kind, and why it does not."""
 
 
-@pytest.mark.parametrize(("there", "overwrite", "why"), REFUSED)
+@pytest.mark.parametrize(("there", "kind", "why"), REFUSED)
 def test_what_is_no_earlier_result_is_never_replaced(
-    tmp_path: Path, there: dict[str, str | bytes | Path], overwrite: bool, why: str
+    tmp_path: Path, there: dict[str, str | bytes | Path], kind: Kind | None, why: str
 ) -> None:
     for name, content in there.items():
         path = tmp_path / name
@@ -83,49 +89,37 @@ def test_what_is_no_earlier_result_is_never_replaced(
         else:
             path.write_bytes(content.encode() if isinstance(content, str) else content)
     with pytest.raises(SlipdError, match=re.escape(why)):
-        draft(tmp_path / "out", EXPORT, overwrite=overwrite).__enter__()
+        draft(tmp_path / "out", kind or EXPORT, overwrite=kind is not None).__enter__()
     assert names(tmp_path) == ["out"]
     assert {path.name for path in tmp_path.rglob("*")} == {Path(name).name for name in there} | {"out"}
 
 
-def test_a_device_is_not_overwritten() -> None:
-    with pytest.raises(SlipdError, match="is not a regular file, and is not overwritten"):
-        draft(Path("/dev/null"), EXPORT, overwrite=True).__enter__()
-
-
-def test_an_earlier_result_is_replaced_as_a_whole(tmp_path: Path) -> None:
+@pytest.fixture
+def earlier(tmp_path: Path) -> Path:
+    """An earlier export, a folder."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "old.csv").write_text(EXPORTED)
     (out / "metadata.yaml").write_text("old")
-    with draft(out, EXPORT, overwrite=True) as written:
+    return out
+
+
+def test_an_earlier_result_is_replaced_as_a_whole(earlier: Path) -> None:
+    with draft(earlier, EXPORT, overwrite=True) as written:
         written.mkdir()
         (written / "new.csv").write_text("new")
-    assert names(out) == ["new.csv"]
-    assert names(tmp_path) == ["out"]
+    assert (names(earlier), names(earlier.parent)) == (["new.csv"], ["out"])
 
 
-def test_an_earlier_result_stays_where_the_new_one_fails(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.write_text(EXPORTED)
-    with pytest.raises(ValueError, match="bad"), draft(out, EXPORT, overwrite=True):
-        raise ValueError("bad")
-    assert out.read_text() == EXPORTED
-
-
-def test_an_earlier_result_returns_where_the_new_one_is_gone(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "old.csv").write_text(EXPORTED)
-
+def test_an_earlier_result_returns_where_the_new_one_is_gone(earlier: Path) -> None:
     def lose() -> None:
-        with draft(out, EXPORT, overwrite=True) as written:
+        with draft(earlier, EXPORT, overwrite=True) as written:
             written.mkdir()
             (written.parent / "replaced").write_text("in the way")
 
     with pytest.raises(SlipdError, match="out: cannot be written"):
         lose()
-    assert names(out) == ["old.csv"]
+    assert sorted(names(earlier)) == ["metadata.yaml", "old.csv"]
 
 
 @pytest.mark.parametrize(
@@ -137,7 +131,7 @@ def test_what_came_meanwhile_stays_and_the_remedy_is_one_that_the_command_has(
     out = tmp_path / "out"
 
     def meet() -> None:
-        with draft(out, kind, overwrite=False) as written:
+        with draft(out, kind) as written:
             written.write_text("new")
             out.write_text("of another program")
 
@@ -147,13 +141,18 @@ def test_what_came_meanwhile_stays_and_the_remedy_is_one_that_the_command_has(
     assert names(tmp_path) == ["out"]
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SlipdError, match="nowhere/out: cannot be written: No such file or directory"):
-        draft(tmp_path / "nowhere" / "out", EXPORT, overwrite=False).__enter__()
-    with pytest.raises(SlipdError, match="out: cannot be written: No space left"):
-        fill(tmp_path / "out")
-
-
-def fill(out: Path) -> None:
-    with draft(out, EXPORT, overwrite=False), Path("/dev/full").open("w") as file:
+@pytest.mark.parametrize(
+    ("out", "why"),
+    [
+        ("nowhere/out", "nowhere/out: cannot be written: No such file or directory"),
+        ("/dev/null", "is not a regular file, and is not overwritten"),
+        ("out", "out: cannot be written: No space left"),
+    ],
+)
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, out: str, why: str) -> None:
+    with (
+        pytest.raises(SlipdError, match=why),
+        draft(tmp_path / out, EXPORT, overwrite=True),
+        Path("/dev/full").open("w") as file,
+    ):
         file.write("x")

@@ -40,12 +40,6 @@ def test_the_zero_of_a_pad_stays_that_of_the_recording(config_file: Write) -> No
     assert run_config(GRIPS, other, "a.toml").spans == run_config(GRIPS, None, RECORDED).spans
 
 
-def test_a_recording_that_was_cut_off_is_used_as_far_as_it_goes(tmp_path: Path) -> None:
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(GRIPS.read_bytes()[: GRIPS.stat().st_size * 3 // 4])
-    assert run_config(cut, None, RECORDED).fault.startswith(f"{cut}: ")
-
-
 def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
     run = run_config(lossy(DEMO, tmp_path), None, RECORDED)
     assert "lost" in run.fault

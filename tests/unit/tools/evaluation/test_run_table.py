@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 from replays import RECORDINGS
 
-from slipd.errors import SlipdError
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED
 from slipd.tools.evaluation.evaluate import finished_runs
@@ -51,14 +49,3 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     assert row["compute_s"] > 0.0
     write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache))
     assert rows(tmp_path / "a.parquet") == [row], "the time of computing is that of the first evaluation"
-
-
-def test_a_table_replaces_neither_a_recording_nor_another_file(tmp_path: Path) -> None:
-    recording, foreign = tmp_path / "run.mcap", tmp_path / "notes.parquet"
-    shutil.copy(DEMO, recording)
-    foreign.write_bytes(b"PAR1 notes")
-    for path, why in ((recording, "is a recording of slipd"), (foreign, "is not a table of slipd evaluate")):
-        with pytest.raises(SlipdError, match=why):
-            write_table(path, [])
-    assert recording.read_bytes() == DEMO.read_bytes()
-    assert foreign.read_bytes() == b"PAR1 notes"

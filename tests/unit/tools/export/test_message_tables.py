@@ -86,22 +86,6 @@ def test_every_value_of_every_message_is_in_its_column(to: str, exported: dict[s
                 assert row[name] == value, (topic, name)
 
 
-def kind(text: str) -> str:
-    try:
-        float(text)
-    except ValueError:
-        return "flag" if text in ("true", "false") else "text"
-    return "integer" if text.lstrip("-").isdigit() else "float"
-
-
-def test_a_column_has_one_type_and_every_number_has_its_unit(exported: dict[str, Path]) -> None:
-    for path in exported["csv"].iterdir():
-        rows = rows_of(path)
-        for name in rows[0]:
-            kinds = {kind(row[name]) for row in rows if row[name] not in ("", "unknown")}
-            assert len(kinds) <= 1 or name == "config_id" or name.endswith("boot"), (path.name, name, kinds)
-
-
 def test_a_text_that_a_spreadsheet_would_compute_is_quoted_and_a_number_is_not(tmp_path: Path) -> None:
     texts = ("=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "a=1", "")
     with csv_files(tmp_path / "csv", RIG) as write:

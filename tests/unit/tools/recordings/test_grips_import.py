@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from grip_trials import write_trial
 from project import CONFIG, TRIAL
+from recorded_entries import TWO_PADS
 
 from slipd.cli import main
 from slipd.devices.xela import Decoder
@@ -36,12 +37,12 @@ def spoil(path: Path, line: int, column: int, cell: str) -> None:
     path.write_text("\n".join(map(",".join, rows)))
 
 
-def test_a_trial_becomes_the_events_of_a_live_run(tmp_path: Path, two_pads: str) -> None:
-    import_trial(TRIAL, tmp_path / "out.mcap", two_pads)
+def test_a_trial_becomes_the_events_of_a_live_run(tmp_path: Path) -> None:
+    import_trial(TRIAL, tmp_path / "out.mcap", TWO_PADS)
     recording = open_recording(tmp_path / "out.mcap")
     events = list(recording.events())
     assert recording.complete
-    assert recording.config_text == two_pads
+    assert recording.config_text == TWO_PADS
     assert events[:2] == [
         (1_000_000_000, LinkUp("left.pad", "ws://127.0.0.1:5000")),
         (1_000_000_000, Bytes("left.pad", b'{"message":"Welcome"}')),
@@ -54,8 +55,8 @@ def test_a_trial_becomes_the_events_of_a_live_run(tmp_path: Path, two_pads: str)
     assert list(recording.messages()) == []
 
 
-def test_the_decoder_reads_every_count_of_every_row_at_its_time(tmp_path: Path, two_pads: str) -> None:
-    import_trial(TRIAL, tmp_path / "out.mcap", two_pads)
+def test_the_decoder_reads_every_count_of_every_row_at_its_time(tmp_path: Path) -> None:
+    import_trial(TRIAL, tmp_path / "out.mcap", TWO_PADS)
     decoder = Decoder()
     samples = [
         sample
@@ -110,11 +111,11 @@ DAMAGES: list[tuple[str, Callable[[Path], object], str]] = [
 
 @pytest.mark.parametrize(("name", "damage", "error"), DAMAGES, ids=[f"{name}{error}" for name, _, error in DAMAGES])
 def test_a_damaged_trial_is_refused_with_file_line_and_rule(
-    trial: Path, tmp_path: Path, two_pads: str, name: str, damage: Callable[[Path], object], error: str
+    trial: Path, tmp_path: Path, name: str, damage: Callable[[Path], object], error: str
 ) -> None:
     damage(trial / name)
     with pytest.raises(RecordingError) as caught:
-        import_trial(trial, tmp_path / "out.mcap", two_pads)
+        import_trial(trial, tmp_path / "out.mcap", TWO_PADS)
     assert str(caught.value) == f"{trial / name}{error}"
     assert list(tmp_path.iterdir()) == [trial]
 
@@ -122,8 +123,8 @@ def test_a_damaged_trial_is_refused_with_file_line_and_rule(
 @pytest.mark.parametrize(
     ("old", "new"), [('sensor = "2"', 'sensor = "3"'), ("ws://127.0.0.1:5000", "ws://127.0.0.1:5001")]
 )
-def test_a_config_with_other_sensors_or_addresses_is_refused(tmp_path: Path, two_pads: str, old: str, new: str) -> None:
-    head, tail = two_pads.rsplit(old, 1)
+def test_a_config_with_other_sensors_or_addresses_is_refused(tmp_path: Path, old: str, new: str) -> None:
+    head, tail = TWO_PADS.rsplit(old, 1)
     with pytest.raises(RecordingError, match="must have the XELA sensors 1 and 2 at one address"):
         import_trial(TRIAL, tmp_path / "out.mcap", head + new + tail)
     assert list(tmp_path.iterdir()) == []

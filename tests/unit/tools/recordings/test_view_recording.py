@@ -81,19 +81,6 @@ def test_a_recording_that_was_cut_off_is_shown_with_the_fault(tmp_path: Path, sh
     assert "cut.mcap" in data_of(shown(cut), "/data/recording/0")["fault"]
 
 
-@pytest.mark.parametrize("kind", ["missing", "text", "folder", "empty"])
-def test_a_file_that_is_no_recording_is_an_error_that_names_it(
-    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / f"{kind}.mcap"
-    if kind == "folder":
-        path.mkdir()
-    elif kind != "missing":
-        path.write_text("no recording\n" if kind == "text" else "")
-    assert cli.main(["view", str(path), "--listen", "127.0.0.1:0"]) == (2 if kind == "missing" else 1)
-    assert str(path) in capsys.readouterr().err
-
-
 def test_a_port_in_use_is_an_error_that_names_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(DATA / "replays" / "bota.mcap", tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
