@@ -13,6 +13,7 @@ from typing import Any
 from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import Pace, replay
+from slipd.types.device_text import printable
 
 
 def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: str | None) -> bool:
@@ -44,7 +45,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: s
         for topic, body in messages:
             _print_message(topic, body, as_json=as_json)
     if not recording.complete:
-        print(f"slipd: the recording is incomplete: {recording.gap}", file=sys.stderr)
+        print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
     return recording.complete
 
 
