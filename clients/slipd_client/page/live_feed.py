@@ -145,7 +145,7 @@ class Newest:
             return None
 
 
-TOPICS = (b"slip", b"tactile", b"warning", b"grasp", b"gripper", b"status")
+TOPICS = (b"slip", b"tactile", b"warning", b"grasp", b"motion", b"gripper", b"status")
 
 FRAME_S = 1 / 30
 """Shortest time between two frames: nobody reads faster."""

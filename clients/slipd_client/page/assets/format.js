@@ -87,6 +87,6 @@ export class Rows {
       this.values.set(name, value);
     }
     setText(value, text);
-    value.classList.toggle("unknown", text === UNKNOWN);
+    value.classList.toggle("unknown", text.startsWith(UNKNOWN));
   }
 }

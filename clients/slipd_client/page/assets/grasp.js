@@ -1,6 +1,6 @@
-// The grasp as a whole: internal and external force, width, grip force now, needed and allowed.
+// The grasp as a whole: internal and external force, width, grip force now, needed and allowed, object, speed of the arm.
 
-import { UNKNOWN, Rows, isNumber, parts, quantity } from "./format.js";
+import { UNKNOWN, Rows, isNumber, parts, quantity, withSpread } from "./format.js";
 import { drawGrip } from "./gauges.js";
 
 const yesOrNo = (value, yes, no) => (value === true ? yes : value === false ? no : UNKNOWN);
@@ -26,6 +26,7 @@ export class GraspCard {
     const [grasp, gripper] = [state.fresh("grasp"), state.fresh("gripper")];
     const { rows } = this;
     if (state.last("grasp")) this.#drawGrasp(grasp);
+    if (state.last("motion")) this.#drawMotion(grasp?.object, state.fresh("motion"));
     if (state.last("gripper")) this.#drawGripper(gripper);
     const now_n = grasp ? grasp.internal_n : gripper?.force_n;
     this.drawn = drawGrip(this.canvas, now_n, grasp?.grip_needed_n, gripper?.force_limit_n);
@@ -44,6 +45,18 @@ export class GraspCard {
       : UNKNOWN;
     rows.set("share of the load", shares, "load_share");
     rows.set("asymmetry", quantity(grasp?.asymmetry, 2), "asymmetry");
+  }
+
+  #drawMotion(object, motion) {
+    const { rows } = this;
+    const unknown = (why) => (why ? `${UNKNOWN}: ${why}` : UNKNOWN);
+    const weighed = isNumber(object?.mass_kg);
+    rows.set("object", weighed ? withSpread(object.mass_kg, object.mass_std_kg, 3, "kg") : unknown(object?.unknown), "mass_kg");
+    const limit = quantity(motion?.acceleration_limit_mps2, 1, "m/s²");
+    const speed = isNumber(motion?.speed_scale)
+      ? `${quantity(motion.speed_scale, 0, "%", 100)}; ${limit} in every direction`
+      : unknown(motion?.unknown);
+    rows.set("speed that the grip holds", speed, "speed_scale");
   }
 
   #drawGripper(gripper) {

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from slipd.recording.reader import EventGaps
 from slipd.tools.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
-from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC
+from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, MOTION_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.names import SlipLevel
 from slipd_client.pad_picture import PadImage, pad_image
 
@@ -205,7 +205,8 @@ class RunTracks:
         fingers: By name.
         streams: By name.
         grasp: Grip force that both fingers share ("now"), the least such force that would hold the load ("needed"), and
-            that which was sent to the gripper last ("commanded"), N.
+            that which was sent to the gripper last ("commanded"), N; and the time scale at which the grip holds the
+            motion of the arm ("speed_scale").
         changes: Changes of level, and the image of the pad at each alarm.
     """
 
@@ -240,6 +241,8 @@ class RunTracks:
         elif topic == GRASP_TOPIC:
             self.grasp.note("now", t_s, body["internal_n"], body["internal_n"])
             self.grasp.note("needed", t_s, body["grip_needed_n"], body["grip_needed_n"])
+        elif topic == MOTION_TOPIC:
+            self.grasp.note("speed_scale", t_s, body["speed_scale"], body["speed_scale"])
         elif topic == GRIPPER_TOPIC:
             self.grasp.note("commanded", t_s, body["force_command_n"], body["force_command_n"])
         elif topic == STATUS_TOPIC:

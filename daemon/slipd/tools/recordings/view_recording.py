@@ -33,7 +33,7 @@ BLOCK_NS = 1_000_000_000
 FRAME_NS = 33_333_333
 """Shortest time between two frames, ns: what the live view draws."""
 
-SHOWN = ("slip", "tactile", "grasp", "gripper", "status")
+SHOWN = ("slip", "tactile", "grasp", "motion", "gripper", "status")
 """Topics that the page draws, by their first word."""
 
 Messages = Iterator[tuple[str, dict[str, Any]]]
