@@ -104,7 +104,7 @@ class Engine:
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
         self._arm = make_arm_motion(config.grasp, self._fingers)
-        self._held = make_held_object(config.grasp, view, self._fingers, self._arm)
+        self._held = make_held_object(config.grasp, view, self._fingers, self._arm, named)
         advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view, self._arm)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)

@@ -16,8 +16,8 @@ from slipd.finger.trust import is_trusted
 from slipd.fusion.grasp import PadPose, external_wrench
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_motion import ArmMotion
-from slipd.grasp.grasp_view import GraspView, Place
-from slipd.grasp.object_estimate import SCALE_STD, WAITING, Felt, ObjectEstimate
+from slipd.grasp.grasp_view import GraspView, NamedObject, Place
+from slipd.grasp.object_estimate import NOT_MOVED, SCALE_STD, WAITING, Felt, ObjectEstimate
 from slipd.grasp.object_state import NOTHING_HELD, ObjectState, unknown_object
 from slipd.types.arrays import Array, cross_matrix
 
@@ -31,6 +31,10 @@ LEAST_NOISE_N, LEAST_NOISE_NM = 0.005, 5e-5
 """Least noise of a sensor, even if its config states less."""
 SLOW_READINGS = 8
 """The orientation that requests set (`gravity.set`) is uncertain by its change over so many readings, 0.16 s."""
+SAME_WEIGHT = 0.03
+"""A named object is known again where the load differs from its weight by no more than this part of it …"""
+SAME_READINGS = 10
+"""… in so many readings in a row, 0.2 s: then no table carries a part of it."""
 
 NO_SENSOR = "a force sensor is needed in both fingers"
 NOT_TARED = "a finger is not tared"
@@ -79,10 +83,13 @@ class HeldObject:
         view: Both fingers as one grasp.
         sides: Its fingers.
         arm: Motion of the arm; None: no stream reports it.
+        named: Name of the object; what was learned of a named one is kept for its next grasp.
     """
 
-    def __init__(self, view: GraspView, sides: Sequence[Side], arm: ArmMotion | None) -> None:
-        self._view, self._sides, self._arm = view, sides, arm
+    def __init__(self, view: GraspView, sides: Sequence[Side], arm: ArmMotion | None, named: NamedObject) -> None:
+        self._view, self._sides, self._arm, self._named = view, sides, arm, named
+        self._known: dict[str, ObjectState] = {}
+        self._same = 0
         self._noise_n = min(side.noise_n for side in sides)
         self._estimate = ObjectEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
@@ -104,7 +111,7 @@ class HeldObject:
         self._next_ns = t_ns + PERIOD_NS
         touching = tuple(side.finger.in_contact for side in self._sides)
         if touching != self._touching:
-            self._touching = touching
+            self._touching, self._same = touching, 0
             self._waiting.clear()
             self._estimate.forget(WAITING)
             self._check.forget()
@@ -148,9 +155,20 @@ class HeldObject:
             self._learn(load, felt)
 
     def _learn(self, load: _Load, felt: Felt) -> None:
-        if load.own is not None:
-            rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
-            self._estimate.update(load.own, felt, load.geometry.noise, rise, load.geometry.lever_m)
+        if load.own is None:
+            return
+        name, estimate = self._named.name, self._estimate
+        known = None if name is None else self._known.get(name)
+        if known is not None and estimate.state.unknown == NOT_MOVED:
+            weight_n = (known.mass_kg or 0.0) * felt.gravity_mps2
+            same = np.linalg.norm(load.own[:3] - weight_n) <= SAME_WEIGHT * np.linalg.norm(weight_n)
+            self._same = self._same + 1 if same else 0
+            if self._same == SAME_READINGS:
+                estimate.recognise(known)
+        rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
+        estimate.update(load.own, felt, load.geometry.noise, rise, load.geometry.lever_m)
+        if name is not None and not estimate.state.unknown:
+            self._known[name] = estimate.state
 
     def _slow_felt(self, t_ns: int) -> Felt | None:
         """Return what a gripper feels whose orientation is set by requests, and which otherwise counts as at rest."""
@@ -232,7 +250,11 @@ def _geometry(sides: Sequence[Side], width_m: float | None) -> _Geometry:
 
 
 def make_held_object(
-    grasp: Grasp | None, view: GraspView | None, fingers: dict[str, Finger], arm: ArmMotion | None
+    grasp: Grasp | None,
+    view: GraspView | None,
+    fingers: dict[str, Finger],
+    arm: ArmMotion | None,
+    named: NamedObject,
 ) -> HeldObject | None:
     """Return what follows the object; None where the rig cannot weigh it, which `GraspView.object` then says."""
     if grasp is None or view is None:
@@ -243,4 +265,4 @@ def make_held_object(
             view.object = unknown_object(NO_SENSOR)
             return None
         sides.append(Side(fingers[name], force, Place(place)))
-    return HeldObject(view, sides, arm)
+    return HeldObject(view, sides, arm, named)

@@ -44,6 +44,9 @@ SIGNIFICANT = 4.0
 """A lighter object than so many standard deviations is not known."""
 KNOWN_COM_M = 0.02
 """A component of the centre of mass with a larger standard deviation is unknown."""
+GRIPPED_ELSEWHERE_M = 0.01
+"""How far the centre of mass may lie from where it was in an earlier grasp of the same object, as a standard deviation:
+the gripper does not grip it at the same place."""
 AXES = "xyz"
 
 WAITING = "the load is weighed"
@@ -86,10 +89,25 @@ class ObjectEstimate:
         free = FREE_MASS_KG * FREE_COM_M
         self._mean = np.zeros(10)
         self._covariance = np.diag([FREE_MASS_KG**2, free**2, free**2, free**2, *[0.0] * 6])
-        self._begun, self._rejected = False, 0
+        self._begun, self._rejected, self._recognised = False, 0, False
         self._least, self._most = np.full(3, math.inf), np.full(3, -math.inf)
         self.state = unknown_object(why)
         self.residual = np.full(6, math.nan)
+
+    def recognise(self, known: ObjectState) -> None:
+        """Go on with what an earlier grasp showed of the object: its weight shows that nothing else carries it.
+
+        Args:
+            known: Mass and centre of mass, both known.
+        """
+        mass, mass_std, com = known.mass_kg or 0.0, known.mass_std_kg or 0.0, np.array(known.com_m)
+        com_std = np.hypot(np.array(known.com_std_m), GRIPPED_ELSEWHERE_M)
+        slope = np.block([[np.ones((1, 1)), np.zeros((1, 3))], [com[:, None], mass * np.eye(3)]])
+        self._mean[:4] = mass, *(mass * com)
+        self._covariance[:4, :] = 0.0
+        self._covariance[:, :4] = 0.0
+        self._covariance[:4, :4] = slope @ np.diag([mass_std**2, *com_std**2]) @ slope.T
+        self._recognised = True
 
     def update(self, load: Array, felt: Felt, noise: Array, rise: float, lever_m: float) -> None:
         """Learn from one reading.
@@ -151,7 +169,7 @@ class ObjectEstimate:
 
     def _summary(self, *, placed: bool, lever_m: float) -> ObjectState:
         """Return what is known, with the errors of scale that no turn can show."""
-        if float(np.linalg.norm(self._most - self._least)) < MOVED_MPS2:
+        if not self._recognised and float(np.linalg.norm(self._most - self._least)) < MOVED_MPS2:
             return unknown_object(NOT_MOVED)
         mass, own = float(self._mean[0]), self._covariance
         mass_std = math.hypot(math.sqrt(own[0, 0]), SCALE_STD * mass)

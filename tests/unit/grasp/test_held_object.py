@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from slipd.devices import bota
 from slipd.events import Bytes
 from slipd.grasp import held_object, object_estimate
+from slipd.grasp.grasp_view import NamedObject
 from slipd_client.messages import Health
 
 STEP_MS = 20
@@ -107,7 +108,16 @@ def not_tared(run: HeldRun) -> None:
     run.engine._fingers["left"].zero_known = False
 
 
+def named(name: str) -> Step:
+    def name_it(run: HeldRun) -> None:
+        run.lease()
+        ask("object.set", name=name)(run)
+
+    return name_it
+
+
 REST: Step = HeldRun.rest
+RELEASED = hold(8, grip_n=0.0, mass_kg=0.0)
 WEIGHED = held(mass_kg=pytest.approx(MASS_KG, rel=0.02))
 RIG_OF_GRIPPER = RIG + GRIPPER
 COURSES: dict[str, tuple[str, list[Step]]] = {
@@ -116,8 +126,18 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         [
             *(REST, unknown("nothing is held"), hold(20), unknown(object_estimate.NOT_MOVED), move(1.0), WEIGHED),
             held(unknown="", com_m=pytest.approx(COM_M, abs=0.002)),
-            hold(8, grip_n=0.0, mass_kg=0.0),
+            RELEASED,
             held(mass_kg=None, mass_std_kg=None, com_m=None, com_std_m=None, unknown="nothing is held"),
+        ],
+    ),
+    "a named object is known again once the grip carries its whole weight": (
+        RIG_OF_GRIPPER,
+        [
+            *(REST, named("glass"), move(1.0), held(unknown=""), RELEASED),
+            *(hold(30, mass_kg=0.9 * MASS_KG), unknown(object_estimate.NOT_MOVED)),
+            *(hold(5), unknown(object_estimate.NOT_MOVED)),
+            *(hold(12), WEIGHED, held(unknown="", com_m=pytest.approx(COM_M, abs=0.002)), RELEASED),
+            *(named("bottle"), hold(30), unknown(object_estimate.NOT_MOVED)),
         ],
     ),
     "D6 a stream of the wrong sign is named at once, not used, and used again when mended": (
@@ -159,5 +179,5 @@ def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp() -> None:
     run, blind = HeldRun(), ArmRun(ONE_SENSOR)
     held, t_ns = run.engine._held, run.t_ns + 1_000_000_000
     assert held.update(t_ns, None) == held.update(t_ns + 1, None) == t_ns + held_object.PERIOD_NS
-    assert held_object.make_held_object(None, None, {}, None) is None
+    assert held_object.make_held_object(None, None, {}, None, NamedObject()) is None
     follow(blind, [tick, unknown(held_object.NO_SENSOR)])

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from slipd.grasp import object_estimate
 from slipd.grasp.motion_history import KEPT_NS, MOST_GAP_NS, MotionHistory
 from slipd.grasp.object_estimate import Felt, ObjectEstimate
+from slipd.grasp.object_state import ObjectState
 from slipd.types.samples import ArmSample
 
 NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)
@@ -83,6 +84,19 @@ def test_set_down_begins_anew() -> None:
     assert estimate.state.mass_kg == pytest.approx(0.5, rel=0.1), "a short touch is only left out"
     learn(estimate, load_of(DOWN, 0.1), DOWN)
     assert estimate.state.unknown == object_estimate.UNEXPLAINED
+
+
+def test_object_that_is_recognised_may_be_gripped_elsewhere_and_is_forgotten_if_it_was_another() -> None:
+    estimate, com_std_m = ObjectEstimate(), (0.001, 0.001, 0.002)
+    learn(estimate, load_of(DOWN), DOWN, 10)
+    estimate.recognise(ObjectState(0.5, 0.005, (0.01, 0.0, 0.02), com_std_m, ""))
+    learn(estimate, load_of(DOWN), DOWN)
+    x_m, y_m, z_m = estimate.state.com_m
+    assert (x_m, y_m, z_m) == pytest.approx((*COM_M[:2], 0.02), abs=0.002), "the load shows it across gravity"
+    assert estimate.state.com_std_m[2] == pytest.approx(0.0102, rel=0.05)
+    learn(estimate, load_of(DOWN, 0.3), DOWN, object_estimate.MOST_REJECTED)
+    learn(estimate, load_of(DOWN, 0.3), DOWN, 10)
+    assert estimate.state.unknown == object_estimate.NOT_MOVED
 
 
 def test_load_within_the_noise_is_not_weighed() -> None:

@@ -166,7 +166,11 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         Panel("tangential force", force, list(_of_each(fingers, "tangential", extent))),
         Panel("spin", torque, list(_of_each(fingers, "spin_nm", extent))),
         Panel("grip force on one pad", force, list(_grip(tracks, fingers))),
-        Panel("speed scale that the grip holds", "", list(_curve("of the arm", "now", tracks.grasp["speed_scale"], extent))),
+        Panel(
+            "speed scale that the grip holds",
+            "",
+            list(_curve("of the arm", "now", tracks.grasp["speed_scale"], extent)),
+        ),
         Panel("friction coefficient μ", "", list(_friction(fingers, extent)), most=2.0),
         StripGroup("source of μ", [Strip(name, list(_sources(one, extent))) for name, one, _ in fingers]),
         _health(tracks),
