@@ -170,11 +170,6 @@ class RecordingFile:
         """Size of the file, bytes, up to the last flush."""
         return self._stream.tell()
 
-    @property
-    def free_bytes(self) -> int:
-        """Free space of its disk, bytes."""
-        return self._stream.free_bytes()
-
     def event(self, n: int, t_ns: int, event: Event) -> None:
         """Write an event that entered the engine at ``t_ns``; ``n`` is its running index."""
         self.published(n, t_ns, EVENTS, encode_event(n, t_ns, event))

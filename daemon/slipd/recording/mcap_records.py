@@ -200,11 +200,6 @@ class RecordStream:
         if not os.fstat(self._file.fileno()).st_nlink:
             raise OSError(errno.ENOENT, "the file was deleted while it was written")
 
-    def free_bytes(self) -> int:
-        """Return the free space of the disk, bytes."""
-        found = os.fstatvfs(self._file.fileno())
-        return found.f_bavail * found.f_frsize
-
     def cut_back(self) -> None:
         """Remove everything after the last `flush`; leave a device file unchanged."""
         with suppress(OSError):

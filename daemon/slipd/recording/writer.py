@@ -6,6 +6,7 @@ slow, full or gone harms the recording, never the run.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -56,7 +57,17 @@ class Room:
         """
         if file.size_bytes >= self.max_bytes:
             raise RecordingLimitError(f"the recording reached recording.max_bytes, {self.max_bytes}")
-        free_bytes = file.free_bytes
+        self.check_disk(file.path)
+
+    def check_disk(self, place: Path) -> None:
+        """Check the free space of the disk of a file or folder.
+
+        Raises:
+            RecordingLimitError: There is too little.
+            OSError: The disk cannot tell.
+        """
+        disk = os.statvfs(place)
+        free_bytes = disk.f_bavail * disk.f_frsize
         if free_bytes < self.min_free_bytes:
             raise RecordingLimitError(
                 f"the disk has {free_bytes} free bytes, less than recording.min_free_bytes, {self.min_free_bytes}"
@@ -201,15 +212,12 @@ class Recorder:
 
     def _end_at_limit(self, file: RecordingFile | None, error: RecordingLimitError) -> None:
         """Finish the file after the entries written so far; the disk may fail here too."""
-        if file is None:
-            self.limit = str(error)
-            self._discard_until_closed()
-            return
-        try:
-            file.finish(self._next_entry)
-        except Exception as worse:
-            self._fail(file, worse)
-            return
+        if file is not None:
+            try:
+                file.finish(self._next_entry)
+            except Exception as worse:
+                self._fail(file, worse)
+                return
         self.limit = f"{self.path}: {error}"
         self._discard_until_closed()
 

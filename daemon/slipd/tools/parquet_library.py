@@ -83,19 +83,14 @@ def parquet_rows(path: Path, schema: Any, at_once: int) -> Iterator[Callable[[di
             flush()
 
 
-def is_marked(path: Path) -> bool:
-    """Return whether a file is a Parquet file of an export, by the metadata at its end.
+def stored_schema(path: Path, option: str, extra: str = "parquet") -> Any:
+    """Return the schema of a Parquet file; None where the file is none. Other arguments are those of `parquet_library`.
 
     Raises:
-        OSError: It cannot be read.
+        UsageError: pyarrow is not installed.
     """
-    with path.open("rb") as file:
-        size = file.seek(0, 2)
-        if size < 12:
-            return False
-        file.seek(size - 8)
-        length, magic = int.from_bytes(file.read(4), "little"), file.read(4)
-        if magic != b"PAR1" or length > size - 12:
-            return False
-        file.seek(size - 8 - length)
-        return MARK.encode() in file.read(length)
+    arrow, parquet = parquet_library(option, extra)
+    try:
+        return parquet.read_schema(path)
+    except (OSError, arrow.ArrowInvalid):
+        return None

@@ -16,7 +16,7 @@ from slipd.tools.draft import Kind, draft
 from slipd.tools.evaluation.config_run import ConfigRun, StreamHealth
 from slipd.tools.evaluation.executors import Finished
 from slipd.tools.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
-from slipd.tools.parquet_library import parquet_library, storable
+from slipd.tools.parquet_library import parquet_library, storable, stored_schema
 
 KEYS = ("recording", "config", "key", "version")
 """The first columns of a table."""
@@ -36,7 +36,7 @@ def write_table(path: Path, finished: Iterable[Finished], inputs: Iterable[Path]
     Raises:
         SlipdError: pyarrow is not installed, or the file cannot be written or is something else.
     """
-    arrow, parquet = parquet_library("--table", "batch")
+    arrow, parquet = parquet_library("--out", "batch")
     rows: Iterator[dict[str, Any]] = map(_row, finished)
     with (
         draft(path, TABLE, inputs, overwrite=True) as written,
@@ -48,12 +48,8 @@ def write_table(path: Path, finished: Iterable[Finished], inputs: Iterable[Path]
 
 def is_table(path: Path) -> bool:
     """Return whether a file is a table of this module, of any version: by the names of its first columns."""
-    arrow, parquet = parquet_library("--table", "batch")
-    try:
-        names = parquet.read_schema(path).names
-    except (OSError, arrow.ArrowInvalid):
-        return False
-    return bool(names[: len(KEYS)] == list(KEYS))
+    schema = stored_schema(path, "--out", "batch")
+    return schema is not None and schema.names[: len(KEYS)] == list(KEYS)
 
 
 TABLE = Kind("a table of slipd evaluate", is_table, replaceable=False)

@@ -21,7 +21,7 @@ from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
 from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
 from slipd.tools.export.ros2_bag import ros2_bag
-from slipd.tools.parquet_library import is_marked, storable
+from slipd.tools.parquet_library import MARK, storable, stored_schema
 from slipd.types.device_text import printable
 
 FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
@@ -178,10 +178,11 @@ def is_exported(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             start = file.read(64)
-        if start.startswith(b"PAR1"):
-            return is_marked(path)
     except OSError:
         return False
+    if start.startswith(b"PAR1"):
+        schema = stored_schema(path, "a Parquet file that is to be replaced")
+        return schema is not None and MARK.encode() in (schema.metadata or {})
     return start.startswith(f"{LOG_TIME},".encode()) or (_MCAP_LIBRARY in start and not is_recording(path))
 
 

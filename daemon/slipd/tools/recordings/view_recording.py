@@ -13,7 +13,6 @@ import json
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -35,8 +34,6 @@ FRAME_NS = 33_333_333
 
 SHOWN = ("slip", "tactile", "grasp", "motion", "gripper", "status")
 """Topics that the page draws, by their first word."""
-
-Messages = Iterator[tuple[str, dict[str, Any]]]
 
 
 def view_recording(path: Path, address: ListenAddress) -> None:
@@ -84,7 +81,9 @@ class RecordingView:
     def replay(self) -> None:
         """Replay the whole recording."""
         try:
-            self.blocks.add_all(self._messages)
+            for topic, body in self._messages:
+                self.blocks.add(topic, body)
+            self.blocks.end()
         except Exception as error:
             self._failure = f"the replay ended early: {error}"
             self.blocks.end()
@@ -115,15 +114,8 @@ class RecordingView:
             "ended": ended,
             "changes": blocks.changes[known:],
             "gaps": [[round(gap.begin_s * 1e9), round(gap.end_s * 1e9)] for gap in self._gaps.found],
-            "fault": self._fault() if ended else "",
+            "fault": self._failure or self._recording.gap if ended else "",
         }
-
-    def _fault(self) -> str:
-        """Return why what is shown may not be the whole recording; "" where it is."""
-        recording = self._recording
-        if self._failure or recording.complete:
-            return self._failure
-        return recording.fault or (f"{recording.lost} entries are missing" if recording.lost else "the end is missing")
 
 
 class RecordedBlocks:
@@ -156,12 +148,6 @@ class RecordedBlocks:
         """How much of the recording can be shown, s."""
         return 0.0 if self.begin_ns is None else (self._now_ns - self.begin_ns) * 1e-9
 
-    def add_all(self, messages: Messages) -> None:
-        """Add every message of a replay."""
-        for topic, body in messages:
-            self.add(topic, body)
-        self.end()
-
     def add(self, topic: str, body: dict[str, Any]) -> None:
         """Add one message; time runs on with those of the messages, and never back."""
         t_ns: int = body["t_ns"]
@@ -187,10 +173,6 @@ class RecordedBlocks:
         """Return a block, a JSON list of frames compressed with gzip; None where nothing was recorded then."""
         place = self._places.get(number)
         return None if place is None else os.pread(self._fd, place[1], place[0])
-
-    def close(self) -> None:
-        """Delete the blocks; nothing can be read or added any more."""
-        os.close(self._fd)
 
     def _end_frame(self) -> None:
         """Make a frame of what is new, in the block of its last message."""

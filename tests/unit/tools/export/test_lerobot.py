@@ -13,9 +13,12 @@ import pytest
 from replays import RECORDINGS
 
 from slipd import cli
+from slipd.errors import SlipdError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
+from slipd.tools.draft import draft
 from slipd.tools.export import lerobot_dataset as module
+from slipd.tools.export.export_command import EXPORT
 from slipd.tools.export.frames import ACTION, LEVEL, STATE, Feature, FrameLayout
 from slipd.tools.export.lerobot_dataset import lerobot_dataset
 
@@ -26,10 +29,6 @@ RUN = RECORDINGS / "demo.mcap"
 
 def export(*arguments: Path | str) -> int:
     return cli.main(["export", *map(str, arguments), "--to", "lerobot"])
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.fixture(scope="module")
@@ -65,21 +64,6 @@ def test_frames_have_the_newest_messages_of_the_replay(dataset: Path) -> None:
     assert json.loads((dataset / "meta" / "info.json").read_text())["robot_type"] == "slipd"
 
 
-@pytest.mark.parametrize("added", ["videos/front.mp4", "data/notes.txt", "meta/info.json"])
-def test_a_data_set_to_which_something_was_added_is_never_replaced(
-    added: str, tmp_path: Path, dataset: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "set"
-    shutil.copytree(dataset, out)
-    (out / added).parent.mkdir(exist_ok=True)
-    (out / added).write_text("{}")
-    assert export(RUN, out, "--rate", "10", "--overwrite") == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"slipd: {out}: is a folder that also holds '")
-    assert error.endswith("', and is not overwritten; give another name\n")
-    assert (out / added).read_text() == "{}"
-
-
 def test_recordings_of_another_rig_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = RECORDINGS / "netft.mcap"
     assert export(RUN, other, tmp_path / "out", "--rate", "20") == 2
@@ -88,7 +72,7 @@ def test_recordings_of_another_rig_are_refused(tmp_path: Path, capsys: pytest.Ca
         f"slipd: {other}: its rig must have the features of {RUN}, because one data set has one rig; "
     )
     assert " it lacks " in error
-    assert names(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 LAYOUT = FrameLayout(
@@ -96,7 +80,7 @@ LAYOUT = FrameLayout(
 )
 
 
-def write(folder: Path, lengths: list[int]) -> None:
+def write(folder: Path, lengths: list[int]) -> Path:
     """Write episodes of some lengths; the first number of the state counts the frames of all."""
     with lerobot_dataset(folder, LAYOUT, 50, "hold a box") as dataset:
         number = 0
@@ -106,58 +90,81 @@ def write(folder: Path, lengths: list[int]) -> None:
                 number += 1
             assert dataset.end_episode(f"{episode}.mcap", 1000 + episode, "hold a box") == length
         assert dataset.end_episode("empty.mcap", 0, "hold a box") == 0, "an episode without a frame is none"
+    return folder
 
 
-def frames(folder: Path) -> dict[str, list[Any]]:
-    found: dict[str, list[Any]] = parquet.read_table(folder / "data").to_pydict()
-    return found
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three episodes, in blocks of four frames."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "BLOCK", 4)
+        return write(tmp_path_factory.mktemp("written") / "set", [3, 9, 1])
 
 
-def read_json(folder: Path, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((folder / "meta" / name).read_text())
-    return found
+def read_json(folder: Path, name: str) -> Any:
+    return json.loads((folder / "meta" / name).read_text())
 
 
-def test_frames_of_all_episodes_follow_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "BLOCK", 4)
-    write(tmp_path / "set", [3, 9, 1])
-    found = frames(tmp_path / "set")
-    assert [x for x, _ in found[STATE]] == found["index"] == list(range(13))
+def test_frames_of_all_episodes_follow_each_other(written: Path) -> None:
+    found = parquet.read_table(written / "data").to_pydict()
     assert all(math.isnan(y) for _, y in found[STATE])
-    assert found[LEVEL] == found["episode_index"] == [0] * 3 + [1] * 9 + [2]
-    assert found["frame_index"] == [*range(3), *range(9), 0]
-    assert found["timestamp"] == [np.float32(number / 50) for number in found["frame_index"]]
-    assert set(found["task_index"]) == {0}
-    assert set(found[ACTION]) == {2.0}
+    in_episode = [*range(3), *range(9), 0]
+    assert {name: column for name, column in found.items() if name != STATE} == {
+        LEVEL: [0] * 3 + [1] * 9 + [2],
+        ACTION: [2.0] * 13,
+        "timestamp": [np.float32(number / 50) for number in in_episode],
+        "frame_index": in_episode,
+        "episode_index": [0] * 3 + [1] * 9 + [2],
+        "index": [x for x, _ in found[STATE]],
+        "task_index": [0] * 13,
+    }
+    assert found["index"] == list(range(13))
 
 
-def test_an_episode_has_its_place_its_origin_and_its_statistics(tmp_path: Path) -> None:
-    write(tmp_path / "set", [3, 9])
-    first, second = parquet.read_table(tmp_path / "set" / "meta" / "episodes").to_pylist()
-    assert (first["dataset_from_index"], first["dataset_to_index"], first["length"]) == (0, 3, 3)
-    assert (second["dataset_from_index"], second["dataset_to_index"], second["length"]) == (3, 12, 9)
-    assert (second["episode_index"], second["tasks"]) == (1, ["hold a box"])
-    assert (second["recording"], second["begin_unix_ns"]) == ("1.mcap", 1001)
-    assert second[f"stats/{STATE}/mean"] == [7.0, 0.0]
-    assert second["stats/index/max"] == [11.0]
-    assert second["stats/frame_index/count"] == [9]
+def test_an_episode_has_its_place_its_origin_and_its_statistics(written: Path) -> None:
+    episodes = parquet.read_table(written / "meta" / "episodes").to_pylist()
+    places = [(each["dataset_from_index"], each["dataset_to_index"], each["length"]) for each in episodes]
+    assert places == [(0, 3, 3), (3, 12, 9), (12, 13, 1)]
+    assert (
+        episodes[1]
+        | {
+            "episode_index": 1,
+            "tasks": ["hold a box"],
+            "recording": "1.mcap",
+            "begin_unix_ns": 1001,
+            f"stats/{STATE}/mean": [7.0, 0.0],
+            "stats/index/max": [11.0],
+            "stats/frame_index/count": [9],
+        }
+        == episodes[1]
+    )
 
 
-def test_the_meta_data_describe_every_feature(tmp_path: Path) -> None:
-    write(tmp_path / "set", [3, 9])
-    info, stats = read_json(tmp_path / "set", "info.json"), read_json(tmp_path / "set", "stats.json")
-    assert (info["codebase_version"], info["fps"], info["splits"]) == ("v3.0", 50, {"train": "0:2"})
-    assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (2, 12, 1)
+def test_the_meta_data_describe_every_feature(written: Path) -> None:
+    info, stats = read_json(written, "info.json"), read_json(written, "stats.json")
+    counts = {"total_episodes": 3, "total_frames": 13, "total_tasks": 1}
+    assert info | {"codebase_version": "v3.0", "fps": 50, "splits": {"train": "0:3"}, **counts} == info
     assert info["features"][STATE] == {"dtype": "float32", "shape": [2], "names": ["x", "y"]}
     assert info["features"]["index"] == {"dtype": "int64", "shape": [1], "names": None}
-    schema = parquet.read_schema(tmp_path / "set" / "data" / "chunk-000" / "file-000.parquet")
+    schema = parquet.read_schema(written / "data" / "chunk-000" / "file-000.parquet")
     assert list(info["features"]) == list(stats) == schema.names
-    assert str(schema.field(STATE).type) == "fixed_size_list<element: float>[2]"
-    assert [str(schema.field(name).type) for name in (LEVEL, ACTION, "timestamp")] == ["int64", "float", "float"]
-    assert stats[STATE]["mean"] == [5.5, 0.0]
-    tasks = parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet")
+    types = [str(schema.field(name).type) for name in (STATE, LEVEL, ACTION, "timestamp")]
+    assert types == ["fixed_size_list<element: float>[2]", "int64", "float", "float"]
+    assert stats[STATE]["mean"] == [6.0, 0.0]
+    tasks = parquet.read_table(written / "meta" / "tasks.parquet")
     assert tasks.to_pylist() == [{"task_index": 0, "task": "hold a box"}]
     assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+
+
+@pytest.mark.parametrize("added", ["videos/front.mp4", "data/notes.txt", "meta/info.json"])
+def test_a_data_set_to_which_something_was_added_is_never_replaced(added: str, tmp_path: Path, written: Path) -> None:
+    out = shutil.copytree(written, tmp_path / "set")
+    (out / added).parent.mkdir(exist_ok=True)
+    (out / added).write_text("{}")
+    with pytest.raises(
+        SlipdError, match=r"is a folder that also holds '.*', and is not overwritten; give another name"
+    ):
+        draft(out, EXPORT, overwrite=True).__enter__()
 
 
 def test_a_full_file_is_followed_by_another_and_full_folders_likewise(
@@ -165,9 +172,9 @@ def test_a_full_file_is_followed_by_another_and_full_folders_likewise(
 ) -> None:
     monkeypatch.setattr(module, "FILE_MB", 0)
     monkeypatch.setattr(module, "FILES_OF_CHUNK", 2)
-    write(tmp_path / "set", [3, 9, 1])
-    episodes = parquet.read_table(tmp_path / "set" / "meta" / "episodes").to_pylist()
+    written = write(tmp_path / "set", [3, 9, 1])
+    episodes = parquet.read_table(written / "meta" / "episodes").to_pylist()
     assert [(each["data/chunk_index"], each["data/file_index"]) for each in episodes] == [(0, 0), (0, 1), (1, 0)]
     for each in episodes:
         path = module.DATA_PATH.format(chunk_index=each["data/chunk_index"], file_index=each["data/file_index"])
-        assert parquet.read_table(tmp_path / "set" / path).num_rows == each["length"]
+        assert parquet.read_table(written / path).num_rows == each["length"]
