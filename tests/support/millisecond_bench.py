@@ -30,10 +30,15 @@ class GripperBench:
     sent: list[Any] = field(default_factory=list)
     mute: bool = False
 
-    def start(self) -> Any:
+    def open(self) -> Any:
+        """Open the line, which takes no time."""
         self.gripper.opened(self.now_ns)
         self.write(self.session.start(self.now_ns))
-        return self.run(0.3)
+        return self
+
+    def start(self) -> Any:
+        """Open the line, and run until the gripper is known."""
+        return self.open().run(0.3)
 
     def write(self, data: bytes) -> None:
         """Keep what the session sends, and deliver the answers."""
@@ -43,12 +48,16 @@ class GripperBench:
         for piece in [] if self.mute else pieces:
             self.samples += self.session.receive(piece, self.now_ns)
 
+    def send(self) -> None:
+        """Let the session write what is due now."""
+        while (due_ns := self.session.next_deadline()) is not None and due_ns <= self.now_ns:
+            self.write(self.session.on_time(self.now_ns))
+
     def run(self, seconds: float) -> Any:
         for _ in range(round(seconds * 1000)):
             self.now_ns += MS
             self.deliver(self.gripper.advance(self.now_ns))
-            while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
-                self.write(self.session.on_time(self.now_ns))
+            self.send()
         return self
 
     def move(self, width_m: float, speed_mps: float | None, force_n: float, seconds: float = 0.1) -> float | None:

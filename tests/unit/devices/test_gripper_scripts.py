@@ -60,7 +60,7 @@ def ending(talk: Talk) -> str:
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_A6_a_script_of_permits_gives_the_same_commands_on_every_gripper(name: str, device: str) -> None:
     script, expected = SCRIPTS[name]
-    assert sent(ready(device).play(script).run(250)) == expected
+    assert sent(ready(device).play(script).run(0.25)) == expected
 
 
 R, W, E = "robotiq_2f", "wsg", "external_gripper"
@@ -135,7 +135,7 @@ ENDINGS: dict[str, dict[str, tuple[str, ...]]] = {
 def test_A6_D4_a_script_ends_with_these_commands_this_state_and_this_force(script: str) -> None:
     for expected, devices in ENDINGS[script].items():
         for device in devices:
-            assert ending(ready(device).play(script).run(250)) == expected, device
+            assert ending(ready(device).play(script).run(0.25)) == expected, device
 
 
 @pytest.mark.parametrize("device", PEERS)
@@ -168,7 +168,7 @@ def test_N2_a_permit_that_is_incomplete_or_that_no_gripper_can_obey_is_refused_a
     for permit in IMPOSSIBLE[words]:
         with pytest.raises(ValueError, match=words):
             talk.session.execute(permit, talk.now_ns)
-    assert sent(talk.run(250)) == ""
+    assert sent(talk.run(0.25)) == ""
 
 
 def test_no_table_gives_a_force_that_is_not_finite() -> None:

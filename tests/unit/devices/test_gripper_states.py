@@ -84,14 +84,14 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
     assert talk.ask(kind) is (kind in outcomes)
     if kind in outcomes:
         assert session.activating or kind != "activate"
-        talk.deaf = False
-        commands = talk.run(200).commands[sent:]
+        talk.mute = False
+        commands = talk.run(0.2).commands[sent:]
         assert [each.kind for each in commands[: len(outcomes[kind])]] == outcomes[kind]
         assert outcomes[kind] or not commands
         return
     assert session._machine.state is untouched.session._machine.state
     if kind != "drop":  # an unanswered command is not repeated after a drop
-        assert talk.run(300).written == untouched.run(300).written
+        assert talk.run(0.3).sent == untouched.run(0.3).sent
         assert session.state == untouched.session.state
 
 
