@@ -109,8 +109,9 @@ def plain() -> Iterator[Plain]:
 
 
 def read(connection: socket.socket) -> bytes:
-    """Return bytes that have arrived."""
-    try:
-        return connection.recv(1 << 20)
-    except BlockingIOError:
-        return b""
+    """Return all bytes that have arrived."""
+    data = b""
+    with contextlib.suppress(BlockingIOError):
+        while piece := connection.recv(1 << 20):
+            data += piece
+    return data

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
 import pytest
-from external_gripper_bench import Bench
+from millisecond_bench import GripperBench
 from permits import halt, move, set_force
 
 from slipd.devices.external_gripper import SILENCE_NS, Session
@@ -17,7 +18,42 @@ from slipd.devices.external_gripper.external_gripper_message import (
     encode_registration,
     encode_report,
 )
-from slipd.tools.sim.emulated_external_gripper import DRIVER
+from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver
+
+
+@dataclass
+class Bench(GripperBench):
+    """A session and a driver; keeps the messages to the driver."""
+
+    session: Session = field(default_factory=Session)
+    gripper: Driver = field(default_factory=Driver)
+
+    def write(self, data: bytes) -> None:
+        unpacker = msgpack.Unpacker()
+        unpacker.feed(data)
+        self.sent += unpacker
+        self.deliver(self.gripper.receive(data, self.now_ns))
+
+    def operations(self) -> list[str]:
+        return [body["op"] for body in self.sent if "op" in body]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    """An active driver."""
+    made = Bench().start()
+    assert (made.session.state, made.gripper.notices) == ("active", [{"v": 1, "registered": "emulated driver"}])
+    made.sent.clear()
+    return made
+
+
+@pytest.fixture
+def holding(bench: Bench) -> Bench:
+    """A gripper that holds an object."""
+    assert bench.move(0.0, 0.2, 10.0, 0.4) == 10.0
+    assert (bench.last.object, bench.last.width_m) == ("contact_closing", 0.04)
+    bench.sent.clear()
+    return bench
 
 
 def ranges(session: Session) -> tuple[Any, ...]:
@@ -46,8 +82,7 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
 
 def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -> None:
     bench.gripper.excess = 0.01
-    move(bench.session, 0.02, None, 10.0)
-    bench.run(0.5)
+    bench.move(0.02, None, 10.0, 0.5)
     assert {sample.echo_ok for sample in bench.samples[-20:]} == {False}
     bench.gripper.excess = -0.01
     bench.set_force(10.0)

@@ -24,9 +24,8 @@ def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
 
 
 def test_the_tables_of_a_config_without_any_end_where_data_sheet_and_driver_do() -> None:
-    assert FORCE_TABLE == ((0, 20.0), (255, 235.0))
-    assert WIDTH_TABLE == ((3 / 255, 0.085), (230 / 255, 0.0))
-    assert SPEED_TABLE == ((0, 0.020), (255, 0.150))
+    tables = ((0, 20.0), (255, 235.0)), ((3 / 255, 0.085), (230 / 255, 0.0)), ((0, 0.020), (255, 0.150))
+    assert tables == (FORCE_TABLE, WIDTH_TABLE, SPEED_TABLE)
 
 
 @pytest.mark.parametrize(
@@ -89,12 +88,9 @@ def test_status_words_describe_the_motion() -> None:
         registers = status_registers(output, stage=stage, found=found, fault=0, position=51, current_a=0.5)
         sample = parse_status(registers, 0, 9)
         moving = stage == 1 or (go and found == 0)
-        assert sample.active == (stage == 3)
-        assert sample.moving == moving
-        names = ("moving" if moving else "none", "contact_opening", "contact_closing", "none")
-        assert sample.object == ("moving" if stage == 1 and found == 0 else names[found])
-        assert (sample.current_a, sample.echo_ok) == (0.5, True)
-        assert is_activating(registers) is (stage == 1)
+        thing = ("moving" if moving else "none", "contact_opening", "contact_closing", "none")[found]
+        assert (sample.active, sample.moving, sample.object) == (stage == 3, moving, thing)
+        assert (sample.current_a, sample.echo_ok, is_activating(registers)) == (0.5, True, stage == 1)
 
 
 def test_a_gripper_whose_activation_bit_is_clear_is_not_active() -> None:

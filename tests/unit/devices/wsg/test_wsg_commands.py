@@ -31,13 +31,11 @@ def test_an_activation_that_was_lost_before_it_was_sent_blocks_nothing(bench: Be
     bench.swallow = lambda packet: status is None and packet.id == wire.ACKNOWLEDGE
     bench.forge = lambda asked: status if asked == wire.ACKNOWLEDGE else None
     activate(bench.session, bench.now_ns)
-    bench.run(LOST_S)
-    assert bench.session.state.startswith("command lost: ")
+    assert bench.run(LOST_S).session.state.startswith("command lost: ")
     assert (bench.session.activating, wire.HOME in bench.commands()) == (False, False)
     bench.swallow, bench.forge = lambda _: False, lambda _: None
     bench.session.acknowledge()
-    bench.run(0.1)
-    assert move(bench.session, 0.02, None, 5.0) == 5.0
+    assert move(bench.run(0.1).session, 0.02, None, 5.0) == 5.0
 
 
 def test_a_first_activation_that_ends_while_a_second_waits_does_not_end_the_second(bench: Bench) -> None:

@@ -31,16 +31,14 @@ def test_starting_sends_queries_and_repeats_one_that_is_lost_alone_and_moves_not
 def test_updates_arrive_at_the_period_in_complete_rounds(bench: Bench) -> None:
     bench.samples.clear()
     bench.run(1.0)
-    assert len(bench.samples) == 50
-    assert (bench.session.health.lost, bench.session.health.bad) == (0, 0)
-    assert (bench.last.width_m, bench.last.active, bench.last.fault) == (0.06, True, "")
-    assert (bench.last.echo_ok, bench.last.current_a) == (None, None)
+    assert (len(bench.samples), bench.session.health.lost, bench.session.health.bad) == (50, 0, 0)
+    last = bench.last
+    assert (last.width_m, last.active, last.fault, last.echo_ok, last.current_a) == (0.06, True, "", None, None)
 
 
 def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
     bench.gripper.words |= {"temperature_warning", "script_running"}
-    bench.run(0.1)
-    assert bench.session.state == "active (temperature_warning, script_running)"
+    assert bench.run(0.1).session.state == "active (temperature_warning, script_running)"
     assert bench.last.fault == ""
 
 

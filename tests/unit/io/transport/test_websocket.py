@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 
@@ -152,26 +153,23 @@ async def test_a_flood_leaves_the_loop_its_turns_and_keeps_nothing(
     frame: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flood = frame * (100_000 // len(frame))
-    turns, reads, taken = 0, 0, 0
+    count = Counter[str]()
     real_read = WebsocketConnection._read
 
     def turn() -> None:
-        nonlocal turns
-        turns += 1
+        count["turns"] += 1
         asyncio.get_running_loop().call_soon(turn)
 
     def read(self: WebsocketConnection) -> None:
-        nonlocal reads, taken
-        reads += 1
-        taken += self._read_bytes
+        count.update(reads=1, taken=self._read_bytes)
         real_read(self)
         assert len(self._rest) <= 8 * READ_BYTES  # of the pongs that nobody reads
 
     turn()
     monkeypatch.setattr(WebsocketConnection, "_read", read)
     async with websocket_server(flood, reads=False) as spec, serving(spec):
-        await eventually(lambda: taken >= len(flood) // 2)
-        assert turns >= reads
+        await eventually(lambda: count["taken"] >= len(flood) // 2)
+        assert count["turns"] >= count["reads"]
 
 
 @pytest.mark.parametrize(

@@ -37,20 +37,6 @@ class Server(Listener):
         self.got.append(frames)
 
 
-async def test_who_breaks_the_protocol_is_disconnected_and_the_next_is_served(endpoint: str, plain: Plain) -> None:
-    with Server(endpoint) as server:
-        wrong = plain(endpoint, INTRODUCTION + encode_frame(bytes(1001)))
-        await eventually(lambda: server.refused == 1)
-        assert wrong.recv(65536).startswith(b"\xff")
-        with contextlib.suppress(ConnectionError):
-            assert wrong.recv(65536) == b"", "it is closed"
-        assert not server.peers
-        connection = plain(endpoint, INTRODUCTION + encode_frame(b"another"))
-        await eventually(lambda: server.got == [[b"another"]])
-        connection.close()
-        await eventually(lambda: not server.peers)
-
-
 async def test_a_stock_client_sends_long_messages_and_its_heartbeats_are_answered(endpoint: str, peer: Clients) -> None:
     with Server(endpoint) as server:
         client = peer(zmq.DEALER, endpoint, HEARTBEAT_IVL=10, HEARTBEAT_TIMEOUT=60_000, RECONNECT_IVL=-1)
