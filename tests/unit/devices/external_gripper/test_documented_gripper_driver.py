@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,28 +36,24 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
             line.settimeout(0.005)
             session.start(0)  # the time of the session stands still: no pause of this process is a silent driver
 
-            def go_on(reached: Callable[[], bool]) -> None:
-                while not reached():
+            def settle() -> None:
+                """Go on until the driver has obeyed."""
+                while session.state != "active" or session._queue.due_ns is not None:
                     assert time.monotonic() < until_s, session.state
                     line.sendall(session.on_time(0))
-                    try:
+                    with suppress(TimeoutError):
                         session.receive(line.recv(4096), 0)
-                    except TimeoutError:
-                        continue
 
-            go_on(lambda: session.state == "active")
+            settle()
             assert move(session, 0.0, None, 100.0) == 60.0
-            go_on(lambda: session._queue.due_ns is None)
+            settle()
             assert set_force(session, 7.0) == 7.0
-            go_on(lambda: session._queue.due_ns is None)
+            settle()
             assert halt(session)
-            go_on(lambda: session._queue.due_ns is None)
+            settle()
     driver.join(PATIENCE_S)
     assert not driver.is_alive()
-    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in setpoints] == [
-        ("move", 60.0),
-        ("force", 7.0),
-        ("stop", None),
-    ]
+    obeyed = [(setpoint["op"], setpoint.get("force_n")) for setpoint in setpoints]
+    assert obeyed == [("move", 60.0), ("force", 7.0), ("stop", None)]
     assert (session.identity, session.command_lost, session._queue.echo_ok) == ("my gripper", False, True)
     assert (session.health.bad, session.health.lost) == (0, 0)

@@ -109,8 +109,7 @@ def unanswered(bench: Bench) -> Bench:
 
 def test_A6_a_driver_that_refuses_is_not_asked_again(unanswered: Bench) -> None:
     unanswered.deliver([encode_report(Report(0.05, id=1, error="finger guard is open"))])
-    unanswered.run(0.3)
-    assert unanswered.operations() == ["force"]
+    assert unanswered.run(0.3).operations() == ["force"]
     assert unanswered.session.state == "command lost: force: finger guard is open"
 
 
@@ -157,8 +156,7 @@ def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
     holding.deliver([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
     assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
     assert (holding.session.force_range_n, holding.session.force_sent_n) == ((1.0, 2.0), None)
-    holding.run(0.1)
-    assert (holding.operations(), holding.session.command_lost, holding.session.state) == ([], False, "active")
+    assert (holding.run(0.1).operations(), holding.session.command_lost, holding.session.state) == ([], False, "active")
 
 
 @pytest.mark.parametrize("sent", [False, True])
@@ -167,8 +165,10 @@ def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again
     bench.set_force(10.0, 0.01 * sent)
     bench.deliver([encode_registration(DRIVER)])
     assert bench.session.command_lost
-    bench.run(1.0)
-    assert (bench.operations(), bench.session.state) == (["force"] * sent, "command lost: the driver registered again")
+    assert (bench.run(1.0).operations(), bench.session.state) == (
+        ["force"] * sent,
+        "command lost: the driver registered again",
+    )
     bench.gripper.mute = False
     bench.set_force(11.0)
     assert bench.session.state == "active"

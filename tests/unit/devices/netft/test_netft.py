@@ -166,8 +166,7 @@ def test_the_calibration_is_awaited_and_then_records_are_asked_for() -> None:
     session = started()
     assert (session.state, session.next_deadline()) == ("waiting for calibration", RETRY_PAUSE_NS)
     assert session.receive(ANSWER, 5) == []
-    assert (session.state, session.next_deadline()) == ("waiting", 5)
-    assert session.on_time(5) == START_BUFFERED
+    assert (session.state, session.next_deadline(), session.on_time(5)) == ("waiting", 5, START_BUFFERED)
     (sample,) = session.receive(record(900), 6)
     assert (sample.force_n[0], sample.torque_nm[0]) == pytest.approx((12_345.678, 15_000))
     assert (session.state, session.identity) == ("running", "")

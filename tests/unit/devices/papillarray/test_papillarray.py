@@ -128,12 +128,9 @@ def test_D3_N3_a_stream_gives_these_images_and_counts(name: str) -> None:
 def test_the_encoders_write_a_frame_that_the_makers_parser_accepts() -> None:
     forces_n = [np.array(pad) for pad in ACCEPTED_FORCES_N.values()]
     displaced_mm = [np.array([[0.25, -0.5, 0.75], [1.25, 1.5, -1.75]]), np.array([[2.25, 2.5, 2.75]])]
-    totals = [
-        sim.encode_vectors((5, 3, -3), (10, -20, 30)),
-        sim.encode_vectors((7, 8, 9), (40, 50, 60)),
-    ]
-    states = [[struct.pack("<Hbf", 1, -2, 0.5), struct.pack("<Hbf", 1, 3, 0.75)], [struct.pack("<Hbf", 1, 1, -1)]]
-    sensor_states = [struct.pack("<HBff", 1, 2, 0.625, 12.5), struct.pack("<HBff", 1, 0, -1, -1)]
+    totals = [sim.encode_vectors((5, 3, -3), (10, -20, 30)), sim.encode_vectors((7, 8, 9), (40, 50, 60))]
+    states = [[struct.pack("<Hbf", 1, *one) for one in pad] for pad in (((-2, 0.5), (3, 0.75)), ((1, -1),))]
+    sensor_states = [struct.pack("<HBff", 1, *one) for one in ((2, 0.625, 12.5), (0, -1, -1))]
     blocks = [
         sim.encode_hub(7, 123_456),
         sim.encode_pillars(forces_n, displaced_mm),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -78,48 +79,41 @@ def test_a_priority_is_that_of_the_thread_alone_and_ends_with_the_run() -> None:
 BYTES = 60
 
 
+Wait = tuple[PollingSelector, socket.socket, socket.socket]
+
+
 @pytest.fixture(params=[False, True], ids=["sleeps", "polls"])
-def selector(request: pytest.FixtureRequest) -> Iterator[PollingSelector]:
-    with PollingSelector() as made:
-        made.polls = request.param
-        yield made
-
-
-@pytest.fixture
-def pipe(selector: PollingSelector) -> Iterator[tuple[int, int]]:
-    reading, writing = os.pipe()
-    selector.register(reading, EVENT_READ)
-    yield reading, writing
-    os.close(reading)
-    os.close(writing)
+def wait(request: pytest.FixtureRequest) -> Iterator[Wait]:
+    """A selector, the socket that it watches, and the other end."""
+    reading, writing = socket.socketpair()
+    with PollingSelector() as selector, reading, writing:
+        selector.polls = request.param
+        selector.register(reading, EVENT_READ)
+        yield selector, reading, writing
 
 
 @pytest.mark.parametrize("timeout_s", [None, 30.0])
-def test_every_event_of_another_thread_ends_a_wait(
-    selector: PollingSelector, pipe: tuple[int, int], timeout_s: float | None
-) -> None:
-    reading, writing = pipe
+def test_every_event_of_another_thread_ends_a_wait(wait: Wait, timeout_s: float | None) -> None:
+    selector, reading, writing = wait
 
     def feed() -> None:
         for _ in range(BYTES):
             time.sleep(0.001)
-            os.write(writing, b"x")
+            writing.send(b"x")
 
     thread = threading.Thread(target=feed)
     thread.start()
     got = 0
     while got < BYTES:
         [(key, events)] = selector.select(timeout_s)
-        assert (key.fd, events) == (reading, EVENT_READ)
-        got += len(os.read(reading, BYTES))
+        assert (key.fileobj, events) == (reading, EVENT_READ)
+        got += len(reading.recv(BYTES))
     thread.join()
     assert selector.select(0) == []
 
 
 @pytest.mark.parametrize("timeout_s", [-1.0, 0.0, 0.02])
-def test_a_wait_without_an_event_lasts_as_long_as_it_may(
-    selector: PollingSelector, pipe: tuple[int, int], timeout_s: float
-) -> None:
+def test_a_wait_without_an_event_lasts_as_long_as_it_may(wait: Wait, timeout_s: float) -> None:
     before_s = time.monotonic()
-    assert selector.select(timeout_s) == []
+    assert wait[0].select(timeout_s) == []
     assert time.monotonic() - before_s >= timeout_s

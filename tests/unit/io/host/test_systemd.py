@@ -18,6 +18,7 @@ from slipd.io.bus.publisher import Publisher
 from slipd.io.bus.request_server import RequestServer
 from slipd.io.host.systemd import FEEDS_PER_TIMEOUT, SystemdNotifier, Watchdog, stage_checks
 from slipd.io.transport import Links
+from slipd.io.zmtp.listener import Listener
 
 
 @pytest.mark.parametrize("abstract", [False, True])
@@ -105,13 +106,9 @@ def _stop_ticking(daemon: Daemon) -> None:
     daemon.ticking = False
 
 
-def _stop_accepting(server: str) -> Callable[[Daemon], None]:
-    def stop(daemon: Daemon) -> None:
-        listener = getattr(daemon, server)
-        listener._over = True  # it accepts no more
-        listener._stop_listening()
-
-    return stop
+def _stop_accepting(listener: Listener) -> None:
+    listener._over = True  # it accepts no more
+    listener._stop_listening()
 
 
 @pytest.mark.parametrize(
@@ -119,8 +116,8 @@ def _stop_accepting(server: str) -> Callable[[Daemon], None]:
     [
         ("links", _stop_reading),
         ("engine", _stop_ticking),
-        ("publishing", _stop_accepting("publisher")),
-        ("requests", _stop_accepting("requests")),
+        ("publishing", lambda daemon: _stop_accepting(daemon.publisher)),
+        ("requests", lambda daemon: _stop_accepting(daemon.requests)),
     ],
 )
 async def test_P2_a_stalled_stage_is_found_and_only_that(
