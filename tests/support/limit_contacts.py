@@ -1,11 +1,10 @@
-"""Contacts for the tests of the friction limit, and a minimiser that shares nothing with the daemon's."""
+"""Contacts for the tests of the friction limit."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from scipy.optimize import minimize
 
 MU = 0.5
 
@@ -15,25 +14,6 @@ def disc(radius: float, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     x, y = (a.ravel() for a in np.meshgrid(grid, grid))
     inside = x**2 + y**2 <= radius**2
     return x[inside], y[inside], np.full(inside.sum(), 1.0 / inside.sum())
-
-
-def gyration(x: np.ndarray, y: np.ndarray, loads: np.ndarray) -> float:
-    cx, cy = loads @ x / loads.sum(), loads @ y / loads.sum()
-    return math.sqrt(loads @ ((x - cx) ** 2 + (y - cy) ** 2) / loads.sum())
-
-
-def dual(x, y, loads, mu, f, about, sense) -> float:
-    """Φ minimised by a method that shares nothing with ours, from the best taxel and from the centroid."""
-
-    def phi(p: np.ndarray) -> float:
-        lever = (p[0] - about[0]) * f[1] - (p[1] - about[1]) * f[0]
-        return float(mu * (loads @ np.hypot(x - p[0], y - p[1])) + sense * lever)
-
-    starts = sorted([(phi(np.array(p)), p) for p in zip(x, y, strict=True)])[:2]
-    starts.append((0.0, (loads @ x / loads.sum(), loads @ y / loads.sum())))
-    options = {"xatol": 1e-12, "fatol": 1e-15, "maxiter": 4000, "maxfev": 8000}
-    found = [minimize(phi, p, method="Nelder-Mead", options=options).fun for _, p in starts]
-    return min(*found, starts[0][0])
 
 
 def random_contact(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:

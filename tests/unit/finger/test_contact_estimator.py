@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Parse, Press, Wrench, make_finger, pull, read_force
+from finger_bench import MS, T0, Parse, Press, Wrench, make_finger, read_force
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -186,14 +186,3 @@ def test_batch_is_indexed_from_both_ends(finger: Finger, wrench: Wrench) -> None
     assert batch[-1].t_ns == batch[2].t_ns == finger.state.t_ns
     with pytest.raises(IndexError):
         batch[3]
-
-
-def test_contact_begins_at_min_normal_n_and_ends_a_fifth_below(press: Press) -> None:
-    levels = [press(normal).verdict.level for normal in (0.49, 0.5, 0.41, 0.39, 0.45, 0.5)]
-    assert levels == ["no_contact", "stable", "stable", "no_contact", "no_contact", "stable"]
-
-
-def test_new_contact_has_no_memory_of_the_last(press: Press) -> None:
-    pull(press, [4.8, 4.8])
-    press(0.0)
-    assert press(10.0, (4.1, 0.0)).verdict.level == "caution", "no hysteresis, and no slip from the last one's load"

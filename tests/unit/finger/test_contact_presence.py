@@ -9,7 +9,7 @@ import pytest
 from finger_bench import EMPTY, FULL, MS, T0, Image, Parse, Press, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
-from slipd.types.samples import TactileSample, WrenchSample
+from slipd.types.samples import TactileSample
 
 
 @pytest.mark.parametrize(
@@ -59,17 +59,6 @@ def test_three_axis_taxels_count_once_tared(right: str, parse: Parse) -> None:
             finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
             found.append(finger.presence.is_pressed())
         assert found == known
-
-
-@pytest.mark.parametrize("shown", [True, False])
-def test_drift_is_learned_while_untouched_with_and_without_image(left: str, parse: Parse, shown: bool) -> None:
-    port = 'port = "/dev/left-wrench"'
-    finger = make_finger(left.replace(port, f"{port}\ndrift_tau_s = 1.0"), parse)
-    for ms in range(0, 100_000, 100):
-        if shown:
-            finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
-        read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.1, 0.0, 0.0)), np.zeros(3)))
-    assert finger.force.drift.value[0] == pytest.approx(0.1, abs=0.01)
 
 
 def test_contact_force_is_that_of_a_sensor_with_a_known_zero_that_is_trusted(

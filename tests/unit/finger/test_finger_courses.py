@@ -30,7 +30,6 @@ from run_courses import (
 )
 
 from slipd.devices import xela
-from slipd.devices.external import encode_reading
 from slipd.events import Bytes
 
 RIG = LEFT + RIGHT + GRIPPER
@@ -309,29 +308,3 @@ def test_tare_of_a_charge_pad_keeps_its_loads() -> None:
         loads.append(run.published("tactile.left")[-1]["loads_n"])
     assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
     assert loads[1] == pytest.approx(loads[0], abs=1e-9)
-
-
-STREAM = 'device = "external"\nport = "ipc:///run/slipd/readings"\nrate_hz = 100.0\nstuck_after = 0\n'
-FORCE = f'[finger.left.wrench]\n{STREAM}sensor = "wrench"\n'
-TAXELS = f'[finger.left.pad]\n{STREAM}sensor = "pad"\nrows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n'
-
-
-@pytest.mark.parametrize("axes", [1, 3])
-def test_readings_marked_invalid_are_left_out_of_a_tare(axes: int) -> None:
-    """A pad with a force sensor behind it, and one of three-axis taxels."""
-    scale = "[1.0]" if axes == 1 else "[1.0, 1.0, -1.0]"
-    run = Run(f"[finger.left]\nmu = 0.5\n{FORCE if axes == 1 else ''}{TAXELS}axis_scale = {scale}\n", zeros=False)
-    run.up()
-    offsets = {"pad": [40.0] * 4 if axes == 1 else [0.0, 0.0, 0.04] * 4, "wrench": [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]}
-    for k in range(40):
-        run.wait(10.0)
-        wrong = k % 3 > 0
-        more = {"seq": k, "status": ["invalid"] if wrong else []}
-        values: list[Any] = [500.0 if wrong else 40.0] * 4 if axes == 1 else [[0.0, 0.0, 90.0 if wrong else 0.04]] * 4
-        felt = {"force_n": [0.0, 0.0, 9.0 if wrong else 0.2], "torque_nm": [0.0] * 3}
-        for stream, reading in (("pad", {"values": values}), *([("wrench", felt)] if axes == 1 else [])):
-            run.feed(Bytes(next(iter(run.engine.links)), encode_reading(stream, run.t_ns, **reading, **more)))
-        if k == 3:
-            ask("tare", stream="all", seconds=0.2, **L)(run)
-    for stream in ("pad", "wrench")[: 2 if axes == 1 else 1]:
-        got(1, stream, given_up=None, offset=pytest.approx(offsets[stream], abs=1e-9))(run)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,6 +118,16 @@ def test_friction_against_rotation_is_learned_from_the_spin_before_a_turn_and_fo
     assert rotation.learned is not None
     read_force(finger, wrench(T0 + 2 * MS, 0.0))
     assert rotation.learned is None
+
+
+def test_another_zero_of_a_sensor_ends_what_is_more_lenient_and_a_lost_pad_nothing(finger: Finger) -> None:
+    teach(finger, 0.6)
+    finger.disconnect_image()
+    assert finger.friction.state.mu == pytest.approx(0.6)
+    for tare in (finger.image.tare, finger.tare):
+        tare.put(replace(tare.current, id=7))
+        assert finger.friction.state.mu == 0.5
+        teach(finger, 0.6)
 
 
 def test_without_mu_and_torque_there_is_no_utilisation(left: str, parse: Parse) -> None:

@@ -27,8 +27,6 @@ from run_courses import (
     wrench,
 )
 
-from slipd.devices import xela
-from slipd.events import Bytes
 from slipd_client.messages import Health
 
 RIG = LEFT + RIGHT + GRIPPER
@@ -37,21 +35,6 @@ L: dict[str, Any] = {"finger": "left"}
 R: dict[str, Any] = {"finger": "right"}
 NOT_READY, IN_CONTACT, DROP = ("not_ready", "finger"), ("in_contact", "finger"), ("in_contact", "drop")
 NOT_TARED, PULLED = level("unknown", "not_tared"), level("unknown", "pulled")
-RAW = np.array([[16456, 16671, 37526], [16310, 16789, 37346], [16149, 16718, 37182], [15712, 16733, 37971]])
-"""Counts of a real pad without a load: 150 N, if they were forces."""
-
-
-def raw(times: int = 3, press: int = 0, counts: np.ndarray = RAW) -> Step:
-    """Messages of the right pad, whose counts flicker a little."""
-
-    def step(run: Run) -> None:
-        for k in range(times):
-            run.wait(10)
-            run._message += 1
-            shown = counts + np.array((0, 0, press + k % 2))
-            run.feed(Bytes("right.pad", xela.encode_message(run._message, {"2": shown}, 1.7e9)))
-
-    return step
 
 
 def not_pulled(run: Run) -> None:

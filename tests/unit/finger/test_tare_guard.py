@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from finger_bench import EMPTY, MS, T0, NoisyFinger, Press, verdict
+from finger_bench import EMPTY, MS, T0, NoisyFinger, Parse, Press, make_finger, verdict
 
 from slipd.finger.finger import Finger
-from slipd.types.samples import WrenchSample
+from slipd.types.samples import TactileSample, WrenchSample
 
 
 def test_tare_removes_the_bias_and_leaves_out_readings_that_the_sensor_marks(untared: Finger, image, wrench) -> None:  # type: ignore[no-untyped-def]
@@ -18,6 +18,21 @@ def test_tare_removes_the_bias_and_leaves_out_readings_that_the_sensor_marks(unt
     assert untared.tare.current.id == 1
     assert untared.tare.current.value == pytest.approx((1.0, 0.0, -2.0, 0.0, 0.0, 0.0))
     assert verdict(untared.state) == ("no_contact", ())
+
+
+@pytest.mark.parametrize(("name", "values"), [("left", [40.0] * 16), ("right", [[1000.0, 1000.0, 1040.0]] * 4)])
+def test_images_that_the_device_marks_invalid_are_left_out_of_a_tare(
+    rig: str, parse: Parse, name: str, values: list[float]
+) -> None:
+    """A pad with a force sensor behind it, and one of three-axis taxels."""
+    finger = make_finger(rig, parse, name, zeros=False)
+    finger.begin_tare(T0, 0.1, "someone", "pad")
+    for k in range(40):
+        marked = k % 3 > 0
+        sample = TactileSample(T0 + 10 * k * MS, None, np.array(values) + 500.0 * marked, ("invalid",) * marked)
+        finger.update_image(sample)
+    assert finger.image.tare.current.id == 1
+    assert finger.image.tare.current.value.tolist() == values
 
 
 def test_tare_averages_readings_that_arrive_together(noisy: NoisyFinger) -> None:

@@ -38,13 +38,6 @@ def test_a_wrench_built_from_a_centroid_gives_it_back(c, f, fn, m) -> None:
     assert contact.friction_ratio == pytest.approx(math.hypot(*f) / fn)
 
 
-def test_equation_3_as_printed_gives_another_spin() -> None:
-    force, torque = np.array((2.0, 1.0, -10.0)), np.cross((0.01, 0.004, 0.0), (2.0, 1.0, -10.0))
-    printed = torque[2] + (torque[1] * force[1] + torque[0] * force[1]) / force[2]
-    assert contact_from_wrench(force, torque).spin_nm == pytest.approx(0.0, abs=1e-15)
-    assert abs(printed) > 0.003
-
-
 def test_the_centroid_is_less_certain_the_less_the_contact_is_pressed() -> None:
     noise = {"force_std_n": 0.02, "torque_std_nm": 0.0005}
     rng = np.random.default_rng(1)

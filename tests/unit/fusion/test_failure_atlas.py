@@ -5,13 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 
-import numpy as np
 import pytest
 from chart.failures import ROWS
 from chart.row import Row
-from chart.scenes import MU
 
-from slipd.fusion import TorqueLimit, torque_limit, torque_limits, utilisation, utilisations
+from slipd.fusion import TorqueLimit, torque_limit, utilisation
 
 GAP = 1e-9
 """Certified, of the contact's own torque."""
@@ -89,25 +87,3 @@ def test_utilisation_is_certified_inside_and_outside_the_limit(share: float) -> 
             assert used.upper >= 1.0, row.name
         elif inside + rounding(row) < share * row.limit_nm < row.limit_nm - rounding(row):
             assert used.lower <= 1.0, row.name
-
-
-def test_all_rows_in_one_batch_are_as_good_as_one_by_one() -> None:
-    frames, most = len(ROWS), max(row.scene.x.size for row in ROWS)
-    x, y, loads = np.zeros((3, frames, most))
-    for n, row in enumerate(ROWS):
-        for filled, values in ((x, row.scene.x), (y, row.scene.y), (loads, row.scene.loads)):
-            filled[n, : values.size] = values
-    force, about = (np.array([getattr(row.scene, name) for row in ROWS]) for name in ("tangential", "about"))
-    limits = torque_limits(x, y, loads, MU, force, about)
-    spin = np.nan_to_num([row.limit_nm for row in ROWS])
-    used = utilisations(x, y, loads, MU, force, spin, about)  # each starts from a contact that is quite another
-    for n, row in enumerate(ROWS):
-        assert limits.kind[n] == ours(row).kind, row.name
-        if not math.isfinite(row.limit_nm):
-            assert math.isnan(limits.torque_nm[n]), row.name
-            continue
-        assert limits.upper_nm[n] - limits.lower_nm[n] <= GAP * row.scale_nm, row.name
-        assert limits.lower_nm[n] - rounding(row) <= row.limit_nm <= limits.upper_nm[n] + rounding(row), row.name
-        if row.scene.torque_scale_nm > 0.0:
-            assert used.upper[n] - used.lower[n] <= GAP, row.name
-            assert used.lower[n] - 1e-12 <= 1.0 <= used.upper[n] + 1e-12, row.name

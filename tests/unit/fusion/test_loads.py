@@ -65,13 +65,6 @@ def test_one_taxel_takes_the_whole_load_and_one_without_pressure_stays_empty() -
     assert (loads[1], loads.sum()) == (0.0, pytest.approx(1.0))
 
 
-def test_binary_loads_leave_the_far_side_empty_near_the_edge() -> None:
-    x = np.arange(6) * PITCH
-    loads = binary_loads(x, np.zeros(6), 1.0, (0.5 * PITCH, 0.0)).loads
-    assert (loads[3:] == 0.0).all()
-    assert loads[0] > loads[1] > 0.0
-
-
 def test_matched_loads_keep_an_image_that_already_balances() -> None:
     x, y, p, _ = contact(5)
     c = (p @ x / p.sum(), p @ y / p.sum())

@@ -50,9 +50,9 @@ def test_a_surprise_is_bounded_and_nothing_unknown_is_one() -> None:
     "kinds", [("vibration",), ("image_change", "vibration"), ("image_change", "width", "external")]
 )
 def test_noise_is_reported_as_often_as_the_risk_allows(kinds: tuple[str, ...]) -> None:
-    """2 hours of looks of exponential surprises, at 60 false alarms an hour; those of combined kinds overlap."""
-    risk = MotionRisk(60.0, dict.fromkeys(kinds, HOUR_LOOKS))
-    surprises = np.random.default_rng(4).exponential(size=(int(2 * HOUR_LOOKS), len(kinds)))
+    """Half an hour of looks of exponential surprises, at 240 false alarms an hour; those of combined kinds overlap."""
+    risk = MotionRisk(240.0, dict.fromkeys(kinds, HOUR_LOOKS))
+    surprises = np.random.default_rng(4).exponential(size=(int(0.5 * HOUR_LOOKS), len(kinds)))
     found = 0
     for k, looks in enumerate(surprises.tolist()):
         found += any(list(map(risk.update, map(Evidence, kinds, [k * LOOK_NS] * len(kinds), looks))))

@@ -85,9 +85,7 @@ def watch(
 
 
 @pytest.mark.no_cover
-@pytest.mark.parametrize(
-    ("kind", "speed_mps", "torque"), [("rectangle", 0.0005, True), ("ring", 0.001, False), ("rectangle", 0.003, True)]
-)
+@pytest.mark.parametrize(("kind", "speed_mps", "torque"), [("ring", 0.001, False), ("rectangle", 0.003, True)])
 def test_a_patch_that_creeps_over_the_pad_is_found_within_a_millimetre(
     kind: str, speed_mps: float, torque: bool
 ) -> None:
@@ -125,7 +123,7 @@ def test_noise_that_is_white_or_drifts_or_walks_is_no_motion(keeps: float) -> No
     rng, shift = np.random.default_rng(7), ImageShift(GEOMETRY, NOISE)
     loads = np.where((np.abs(X) < 0.011) & (np.abs(Y) < 0.008), 0.3, 0.0)
     drift = np.zeros(loads.size)
-    for k in range(30 * RATE_HZ):
+    for k in range(12 * RATE_HZ):
         drift = keeps * drift + rng.normal(0.0, 0.0005, loads.size)
         image = loads + drift * (keeps > 0.0) + rng.normal(0.0, 0.005, loads.size)
         assert shift.update(T0 + k * PERIOD_NS, image, measured(rng, (3.0, 0.0, -10.0, 0.0, 0.0, 0.0))) is None
@@ -166,7 +164,7 @@ def test_images_without_load_or_without_grip_show_nothing() -> None:
 
 @pytest.mark.parametrize("torque", [True, False])
 def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_a_rest(torque: bool) -> None:
-    trace = grasp(6.0, creeping(0.0025), kind="rectangle", law=CREEPS)
+    trace = grasp(5.0, creeping(0.0025), kind="rectangle", law=CREEPS)
     shift = ImageShift(GEOMETRY, NOISE)
     with pytest.raises(ValueError, match="before it is confirmed"):
         shift.confirm()

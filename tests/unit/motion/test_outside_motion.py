@@ -55,7 +55,7 @@ def test_a_speed_counts_by_its_own_error() -> None:
 @pytest.mark.parametrize("std_m", [0.0, 1e-4, 3e-3])
 def test_noise_is_as_rare_as_it_says(std_m: float) -> None:
     looks = found = 0
-    for seed in range(40):
+    for seed in range(12):
         surprises = [evidence.surprise for _, evidence in watch(places(np.zeros(600), std_m, seed))]
         found += sum(surprise > 5.0 for surprise in surprises)
         looks += 580

@@ -53,7 +53,7 @@ def test_what_flickers_swings_back_or_creeps_is_none(widths_m: np.ndarray, step_
 
 
 @pytest.mark.parametrize("std_m", [1e-5, 2e-4, 1e-3])
-@pytest.mark.parametrize("keeps", [0.0, 0.9, 0.99])
+@pytest.mark.parametrize("keeps", [0.0, 0.99])
 def test_noise_is_as_rare_as_it_says(std_m: float, keeps: float) -> None:
     noise = np.random.default_rng(5).normal(0.0, std_m * math.sqrt(1.0 - keeps**2), (40, 1000))
     for k in range(1, 1000):
@@ -63,17 +63,17 @@ def test_noise_is_as_rare_as_it_says(std_m: float, keeps: float) -> None:
 
 
 @pytest.mark.no_cover
-@pytest.mark.parametrize("walk_m", [1e-6, 1e-5, 1e-4])
-def test_a_width_that_walks_for_an_hour_is_as_rare_as_it_says(walk_m: float) -> None:
-    steps_m = np.random.default_rng(6).normal(0.0, walk_m, 180_000)
+@pytest.mark.parametrize("walk_m", [1e-6, 1e-4])
+def test_a_width_that_walks_for_twenty_minutes_is_as_rare_as_it_says(walk_m: float) -> None:
+    steps_m = np.random.default_rng(6).normal(0.0, walk_m, 60_000)
     found = watch(0.03 + np.cumsum(steps_m))
-    assert sum(evidence.surprise > 8.0 for evidence in found) <= 18_000 * math.exp(-8.0)
+    assert sum(evidence.surprise > 8.0 for evidence in found) <= 6_000 * math.exp(-8.0)
 
 
 @pytest.mark.parametrize("std_m", [1e-5, 1e-4])
-def test_a_jump_is_as_surprising_after_an_hour_as_after_ten_seconds(std_m: float) -> None:
+def test_a_jump_is_as_surprising_after_twenty_minutes_as_after_ten_seconds(std_m: float) -> None:
     surprises = []
-    for held in (500, 3_000, 180_000):
+    for held in (500, 3_000, 60_000):
         change = WidthChange(0.0)
         widths = 0.03 + np.random.default_rng(7).normal(0.0, std_m, held + 50) - 1e-3 * (np.arange(held + 50) >= held)
         surprises.append(max(evidence.surprise for evidence in watch(widths, change=change)))

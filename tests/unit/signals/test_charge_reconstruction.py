@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from plain_kernels import check_without_compilation
 from scipy.signal import lfilter
 
-from slipd.signals import charge_reconstruction as charge_module
+from slipd.signals import charge_reconstruction
 from slipd.signals.charge_reconstruction import ANCHOR_TAU_S, LOADED_SHARE, OFFSET_TAU_S, ChargeReconstruction
 from slipd.tools.sim.scene_parts import Pad, Patch
 from slipd.types.arrays import Array
@@ -19,7 +20,6 @@ TAU_S, STEP_S = 2.0, 0.005
 FREE, HELD = True, False
 SHARES = Pad().shares(Patch())
 LOADED = SHARES / SHARES.max() > LOADED_SHARE
-PLAIN = getattr(charge_module._integrate, "py_func", charge_module._integrate)
 WARM_COUNTS = 1000.0
 """What warming adds to each taxel in ten minutes: some tenths of a kelvin, and twice the largest reading."""
 
@@ -234,12 +234,8 @@ def test_T4_the_force_sensor_is_followed_slowly_and_evenly_over_the_contact_and_
 @pytest.mark.parametrize("loaded", [0, 40, 128])
 def test_the_kernel_does_what_it_does_without_compilation(loaded: int, anchor: float) -> None:
     rng = np.random.default_rng(loaded)
-    readings, offset = rng.normal(0.0, 0.01, 128), rng.normal(0.0, 0.01, 128)
-    readings[:loaded] += 5.0
-    made = []
-    for kernel in (charge_module._integrate, PLAIN):
-        image, integral, last = np.empty(128), np.linspace(0.0, 0.1, 128), np.linspace(0.0, 1.0, 128)
-        common = kernel(image, integral, last, readings, offset, 0.002, 2.0, 0.03, anchor)
-        made.append((image, integral, last, common))
-    for compiled, plain in zip(*made, strict=True):
-        assert_allclose(compiled, plain, rtol=1e-14, atol=1e-15)
+    readings = rng.normal(0.0, 0.01, 128) + 5.0 * (np.arange(128) < loaded)
+    state = np.empty(128), np.linspace(0.0, 0.1, 128), np.linspace(0.0, 1.0, 128)
+    check_without_compilation(
+        charge_reconstruction._integrate, *state, readings, rng.normal(0.0, 0.01, 128), 0.002, 2.0, 0.03, anchor
+    )

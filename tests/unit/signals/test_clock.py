@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -97,30 +97,18 @@ def _ns(seconds: NDArray[np.float64]) -> Times:
 
 
 def follow(device: Times, receipt: Times, true: Times, clock: DeviceClock) -> tuple[Array, Array]:
-    """Error and bound of each reading, s; the bound NaN where there is none."""
+    """Size of the error and bound of each reading, s; the bound NaN where there is none."""
     error, bound = np.empty(device.size), np.full(device.size, np.nan)
     for k, (d, r) in enumerate(zip(device.tolist(), receipt.tolist(), strict=True)):
-        error[k] = clock.map(d, r) - int(true[k])
-        known = clock.uncertainty_ns
-        if known is not None:
-            bound[k] = known
+        error[k] = abs(clock.map(d, r) - int(true[k]))
+        if clock.uncertainty_ns is not None:
+            bound[k] = clock.uncertainty_ns
     return error * 1e-9, bound * 1e-9
 
 
 MS = 1_000_000
 S = 1_000_000_000
 US_32 = (1 << 32) * 1_000
-
-
-def judged(stream: Stream, seconds: float, seed: int, span_ns: int | None = None) -> tuple[float, float, float]:
-    """Share of readings beyond the bound, share without one, largest error of those with, s."""
-    device, receipt, true = stream.readings(seconds, seed)
-    clock = DeviceClock(span_ns)
-    error, bound = follow(device if span_ns is None else device % span_ns, receipt, true, clock)
-    known = ~np.isnan(bound)
-    assert clock.state == "locked"
-    error = np.abs(error)
-    return float(np.mean(error[known] > bound[known])), float(np.mean(~known)), float(error[known].max())
 
 
 @pytest.mark.parametrize("ppm", [-500.0, 0.0, 500.0])
@@ -136,41 +124,9 @@ def test_L12_a_poll_interval_that_no_read_shows_is_in_the_bound_if_it_is_configu
     for poll_ns in (0, MS):
         error, bound = follow(device, receipt, true, DeviceClock(None, poll_ns=poll_ns))
         known = ~np.isnan(bound)
-        beyond.append(float(np.mean(np.abs(error[known]) > bound[known])))
+        beyond.append(float(np.mean(error[known] > bound[known])))
     assert beyond[1] <= 1e-3
     assert beyond[0] > 0.1  # else the stream shows it after all, and nobody need tell
-
-
-@settings(max_examples=8, deadline=None)
-@given(
-    st.floats(-500.0, 500.0),
-    st.lists(st.tuples(st.floats(1.5, 28.0), st.floats(0.0, 4000.0)), max_size=3),
-    st.integers(0, 2**32 - 1),
-)
-def test_C3_drift_and_resets_leave_the_bound_true_and_a_line_within_a_second(
-    ppm: float, resets: list[tuple[float, float]], seed: int
-) -> None:
-    stream = Stream(100.0, ppm=ppm, resets_s=tuple(sorted(resets)))
-    device, receipt, true = stream.readings(30.0, seed)
-    error, bound = follow(device, receipt, true, DeviceClock(None))
-    known = ~np.isnan(bound)
-    jumps = np.flatnonzero(np.abs(np.diff(device) - 10 * MS) > MS)
-    settled = np.ones(device.size, dtype=bool)
-    for jump in [-1, *jumps]:
-        settled[jump + 1 : jump + 101] = False
-    assert known[settled].all()
-    step_unseen = 50  # a jump ahead of less than a bound shows at the next read, one back of less than a period later
-    assert np.count_nonzero(np.abs(error[known]) > bound[known]) <= step_unseen * len(jumps)
-
-
-def test_C1_a_device_clock_that_is_a_wall_clock_may_step() -> None:
-    rng = np.random.default_rng(5)
-    clock, wall_ns = DeviceClock(None), 1_700_000_000 * S
-    for k in range(10_000):
-        wall_ns += int(rng.integers(-3600, 3600)) * S * (k % 500 == 250)
-        told = clock.map(wall_ns + k * 10 * MS, BOOT_NS + k * 10 * MS + int(rng.exponential(2e5)))
-        assert clock.uncertainty_ns is None or abs(told - BOOT_NS - k * 10 * MS) <= clock.uncertainty_ns
-    assert clock.state == "locked"
 
 
 def test_the_bound_of_a_time_that_is_held_back_includes_the_delay() -> None:
@@ -324,17 +280,6 @@ def test_C3_a_step_back_of_less_than_a_period_is_followed_within_a_second() -> N
     assert clock.state == "locked"
 
 
-def delayed_by(delay_s: float, stream: Stream, seed: int, onset_s: float, ramp: float) -> tuple[DeviceClock, float]:
-    """A stream that is late from an onset on, at once or by ``ramp`` s/s; the clock, and the largest error after it."""
-    device, receipt, true = stream.readings(onset_s + 30.0 + (delay_s / ramp if ramp else 0.0), seed)
-    since_s = np.maximum((receipt - BOOT_NS) * 1e-9 - onset_s, 0.0)
-    extra_s = np.minimum(since_s * ramp, delay_s) if ramp else delay_s * (since_s > 0.0)
-    receipt = np.maximum.accumulate(receipt + np.rint(extra_s * 1e9).astype(np.int64))
-    clock = DeviceClock(None)
-    error, _ = follow(device, receipt, true, clock)
-    return clock, float(error[since_s > 0.5].max())
-
-
 KINDS = {
     "µs at 1 kHz": Stream(1000.0, ppm=500.0),
     "counter at 100 Hz": Stream(100.0, ppm=-500.0),
@@ -342,10 +287,6 @@ KINDS = {
     "bunched by 16 ms": Stream(1000.0, ppm=-500.0, poll_s=0.016),
     "jittering": Stream(60.0, delay_s=2e-3, delay="lognormal"),
 }
-
-
-def bunched(ppm: float, **more: float) -> Stream:
-    return Stream(1000.0, ppm=ppm, poll_s=0.016, **more)
 
 
 @pytest.mark.parametrize(
@@ -359,9 +300,15 @@ def bunched(ppm: float, **more: float) -> Stream:
         (Stream(1000.0, delay_s=1e-3, delay="pareto"), 8.0, [5], None, 0.13, 0.025),
         (Stream(500.0, warming_ppm=5.0), 30.0, [6], None, 0.1, 0.025),
         # reads bunched by 16 ms: the error is the time between two readings, where a receipt is late by up to 16 ms
-        *((bunched(ppm), 30.0, [seed], None, 0.035, 1.1e-3) for seed, ppm in enumerate((-500.0, 0.0, 500.0))),
+        *(
+            (Stream(1000.0, ppm=ppm, poll_s=0.016), 30.0, [seed], None, 0.035, 1.1e-3)
+            for seed, ppm in enumerate((-500.0, 0.0, 500.0))
+        ),
         # a counter that wraps
-        (bunched(300.0), 20.0, [3], 7 * S, 0.05, 1.1e-3),
+        (Stream(1000.0, ppm=300.0, poll_s=0.016), 20.0, [3], 7 * S, 0.05, 1.1e-3),
+        # a device that begins anew, and one whose clock is a wall clock that is set
+        (Stream(100.0, ppm=300.0, resets_s=((9.0, 0.0), (22.0, 4000.0))), 40.0, [0], None, 0.1, 0.025),
+        (Stream(100.0, ppm=-500.0, resets_s=((9.0, -3.6e3), (12.0, 7.0), (30.0, 1.7e9))), 40.0, [1], None, 0.1, 0.025),
         # readings that waited for a stalled loop, where receipts are late by up to 10 s
         (Stream(200.0, ppm=-500.0, poll_s=0.016, stall_every_s=5.0), 60.0, [0, 1], None, 1.0, 0.02),
     ],
@@ -370,10 +317,14 @@ def test_C3_C4_L12_the_error_of_a_time_is_within_its_bound_over_rates_delays_and
     stream: Stream, seconds: float, seeds: list[int], span_ns: int | None, without: float, worst: float
 ) -> None:
     for seed in seeds:
-        beyond, unknown, largest = judged(stream, seconds, seed, span_ns)
-        assert beyond <= 1e-3
-        assert unknown < without
-        assert largest < worst
+        device, receipt, true = stream.readings(seconds, seed)
+        clock = DeviceClock(span_ns)
+        error, bound = follow(device if span_ns is None else device % span_ns, receipt, true, clock)
+        known = ~np.isnan(bound)
+        assert clock.state == "locked"
+        assert np.mean(error[known] > bound[known]) <= 1e-3
+        assert 1.0 - without < np.mean(known)
+        assert error[known].max() < worst
 
 
 @pytest.mark.parametrize(
@@ -395,6 +346,11 @@ def test_C3_C4_L12_the_error_of_a_time_is_within_its_bound_over_rates_delays_and
 def test_F1_a_delay_that_lasts_or_grows_is_no_step_and_no_drift_of_the_clock(
     kind: str, delay_s: float, onset_s: float, ramp: float
 ) -> None:
-    clock, worst = delayed_by(delay_s, KINDS[kind], 1, onset_s, ramp)
-    assert worst < 0.025
+    """The stream is late from an onset on, at once or by ``ramp`` s/s."""
+    device, receipt, true = KINDS[kind].readings(onset_s + 20.0 + (delay_s / ramp if ramp else 0.0), 1)
+    since_s = np.maximum((receipt - BOOT_NS) * 1e-9 - onset_s, 0.0)
+    extra_s = np.minimum(since_s * ramp, delay_s) if ramp else delay_s * (since_s > 0.0)
+    clock = DeviceClock(None)
+    error, _ = follow(device, np.maximum.accumulate(receipt + _ns(extra_s)), true, clock)
+    assert error[since_s > 0.5].max() < 0.025
     assert (clock.state, clock.late_ns) == ("delayed", pytest.approx(delay_s * 1e9, abs=0.025e9))
