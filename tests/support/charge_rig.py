@@ -43,4 +43,4 @@ def charge_rig(**fingers: dict[str, Any]) -> config.Config:
         FINGER.format(**({"name": name, "wrench": f"{name}-wrench", "pad": f"{name}-pad"} | RIGHT | changed))
         for name, changed in fingers.items()
     ]
-    return config.parse("# A rig.\n" + "".join(tables), "rig.toml")
+    return config.parse("# A rig.\n[rates]\nslip_hz = 20.0\n" + "".join(tables), "rig.toml")

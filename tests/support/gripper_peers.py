@@ -149,7 +149,7 @@ class RobotiqPeer(Peer):
 
     @property
     def width_m(self) -> float:
-        return self.line._jaws.width_m
+        return self.line._width_m
 
 
 class WsgPeer(Peer):

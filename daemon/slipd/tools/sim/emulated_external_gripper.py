@@ -17,6 +17,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
     encode_report,
 )
 from slipd.tools.sim.emulators import EmulatedDevice
+from slipd.tools.sim.jaws import moved_jaws
 
 DRIVER = Registration("emulated driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 RATE_HZ = 50.0
@@ -115,31 +116,27 @@ class Driver(EmulatedDevice):
             self._speed_mps = body["speed_mps"] or SPEED_MPS
         elif body["op"] == "stop":
             self._goal_m = None
-        self._update_report(
-            active=self.report.active or body["op"] == "activate", acknowledged=body["op"] == "acknowledge"
-        )
+        active = self.report.active or body["op"] == "activate"
+        self._update_report(0.0, active=active, acknowledged=body["op"] == "acknowledge")
 
     def _move(self, t_ns: int) -> None:
         reach_m = self._speed_mps * (t_ns - self._now_ns) * 1e-9
         self._now_ns = t_ns
         if self._goal_m is not None:
-            least_m = self.part_m if self._width_m >= self.part_m else 0.0
-            self._width_m += min(max(max(self._goal_m, least_m) - self._width_m, -reach_m), reach_m)
-            self._update_report(active=self.report.active, acknowledged=False)
+            self._update_report(reach_m, active=self.report.active, acknowledged=False)
 
-    def _update_report(self, *, active: bool, acknowledged: bool) -> None:
-        goal_m, width_m = self._goal_m, self._width_m
-        if goal_m is not None:
-            self._blocked = goal_m < width_m == self.part_m
-        blocked = self._blocked  # a part held at the stop stays held
-        moving = goal_m is not None and not blocked and goal_m != width_m
+    def _update_report(self, reach_m: float, *, active: bool, acknowledged: bool) -> None:
+        """Move the jaws, and report; a part held at the stop stays held."""
+        moving = False
+        if self._goal_m is not None:
+            self._width_m, moving, self._blocked = moved_jaws(self._width_m, self._goal_m, self.part_m, reach_m)
         self.report = Report(
-            width_m,
+            self._width_m,
             active,
             moving,
-            "contact_closing" if blocked else "moving" if moving else "none",
+            "contact_closing" if self._blocked else "moving" if moving else "none",
             "" if acknowledged else self.report.fault,
-            self.force_n * (1.0 + self.excess) if blocked else 0.0,
+            self.force_n * (1.0 + self.excess) if self._blocked else 0.0,
         )
 
 

@@ -67,12 +67,6 @@ class GaugeAmplifier(EmulatedWrench):
             for taken_ns, values in self._stream.due(t_ns)
         ]
 
-    def play(self, loads: Array) -> list[bytes]:
-        """Return the next frames for the load at each of them, shape (n, 6): `feel` and `advance`, but faster."""
-        times_ns, values = self._stream.play(loads)
-        counts = values @ self._counts_per_unit.T + self._offset
-        return [self._frame(taken_ns, row) for taken_ns, row in zip(times_ns, counts, strict=True)]
-
     def _frame(self, taken_ns: int, counts: Array) -> bytes:
         channels = whole(counts, 24)
         saturated = sum([1 << channel for channel, count in enumerate(channels) if abs(count) >= FULL_SCALE])

@@ -5,7 +5,6 @@ Not emulated: emergency release, faults of the gripper itself, and the full stro
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
 from slipd.tools.sim import modbus_device
 from slipd.tools.sim.emulators import EmulatedDevice
+from slipd.tools.sim.jaws import moved_jaws
 from slipd.tools.sim.scene import GripCommand, Scene
 
 FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
@@ -107,35 +107,6 @@ def status_registers(
     return flags << 8, fault << 8 | output.position, position << 8 | current
 
 
-@dataclass
-class Jaws:
-    """Two jaws without a scene, which close on a rigid part or on nothing.
-
-    Attributes:
-        width_m: Width between the pads.
-        part_m: Width of the part between the pads, m; 0: no part.
-        moving: The jaws move.
-        in_contact: They hold the part.
-        normal_n: Force on one pad.
-    """
-
-    width_m: float
-    part_m: float = 0.0
-    moving: bool = False
-    in_contact: bool = False
-    normal_n: float = 0.0
-
-    def follow(self, command: GripCommand, dt_s: float) -> None:
-        """Move for ``dt_s`` towards the width of a command."""
-        squeeze = 0.0 < self.part_m <= self.width_m and command.width_m < self.part_m
-        stop_m = self.part_m if squeeze else command.width_m
-        away_m, reach_m = stop_m - self.width_m, command.speed_mps * dt_s
-        self.moving = abs(away_m) > reach_m
-        self.width_m = self.width_m + math.copysign(reach_m, away_m) if self.moving else stop_m
-        self.in_contact = squeeze and not self.moving
-        self.normal_n = command.force_n if self.in_contact else 0.0
-
-
 class Gripper2F(EmulatedDevice):
     """The gripper on its line, and the drive's command to the scene.
 
@@ -187,8 +158,8 @@ class Gripper2F(EmulatedDevice):
             self._command = GripCommand(self._width_m, self._command.speed_mps, self._command.force_n)
         return self._command
 
-    def observe(self, scene: Scene | Jaws) -> None:
-        """Read the state of the scene, or of the jaws without one, after the command."""
+    def observe(self, scene: Scene) -> None:
+        """Read the state of the scene after the command."""
         self._width_m, self._normal_n = scene.width_m, scene.normal_n
         self._moving, self._holding = scene.moving, scene.in_contact
 
@@ -238,25 +209,25 @@ class Gripper2F(EmulatedDevice):
 class GripperLine(Gripper2F):
     """A gripper with a rigid part between its pads, or nothing; for its arguments see `Gripper2F`."""
 
-    def __init__(self, width_table: Table = WIDTH_TABLE, **settings: Any) -> None:
-        super().__init__(width_table, **settings)
-        self._jaws = Jaws(width_table[0][1])
-        self._now_ns = 0
+    _part_m = 0.0
+    _now_ns = 0
 
     def set_part(self, width_m: float) -> None:
         """Put a part of this width between the pads; 0: none."""
-        self._jaws.part_m = width_m
+        self._part_m = width_m
 
     @property
     def grip_n(self) -> float:
         """Grip force on one pad, N."""
-        return self._jaws.normal_n
+        return self._normal_n
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance the jaws to ``t_ns``; send nothing unasked."""
-        self._jaws.follow(self.command(t_ns), max(t_ns - self._now_ns, 0) * 1e-9)
+        command = self.command(t_ns)
+        reach_m = command.speed_mps * max(t_ns - self._now_ns, 0) * 1e-9
         self._now_ns = t_ns
-        self.observe(self._jaws)
+        self._width_m, self._moving, self._holding = moved_jaws(self._width_m, command.width_m, self._part_m, reach_m)
+        self._normal_n = command.force_n if self._holding else 0.0
         return []
 
 

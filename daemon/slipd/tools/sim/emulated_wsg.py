@@ -12,6 +12,7 @@ from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, Packe
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Limits
 from slipd.tools.sim.emulators import EmulatedDevice
+from slipd.tools.sim.jaws import moved_jaws
 
 SERIAL = 4711
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
@@ -203,14 +204,11 @@ class Gripper(EmulatedDevice):
         if self._goal is None:
             return []
         command, width_mm, speed_mmps = self._goal
-        reach = speed_mmps * step_s
-        target_mm = width_mm
-        if self.part_mm and width_mm < self.part_mm <= self.width_mm:
-            target_mm = self.part_mm
-        self.width_mm += min(max(target_mm - self.width_mm, -reach), reach)
-        if self.width_mm != target_mm:
+        reach_mm = speed_mmps * step_s
+        self.width_mm, moving, holding = moved_jaws(self.width_mm, width_mm, self.part_mm, reach_mm)
+        if moving:
             return []
-        self._blocked = "blocked_minus" if target_mm != width_mm else ""
+        self._blocked = "blocked_minus" if holding else ""
         self._goal = None
         if command == wire.HOME:
             self.words.add("referenced")

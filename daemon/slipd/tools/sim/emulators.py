@@ -154,16 +154,9 @@ class WrenchStream(Timer):
     def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
         """Yield the time of each reading due by ``t_ns``, and its force and torque, shape (6,)."""
         for taken_ns in self.times(t_ns):
-            yield taken_ns, self._ideal + self._next_noise()
+            yield taken_ns, self._ideal + self.next_noise()
 
-    def play(self, loads: Array) -> tuple[list[int], Array]:
-        """Return the times of the next readings, ns, and the readings of the load at each, both of shape (n, 6)."""
-        begun_ns, first = self._begun_ns or 0, self._sent + 1
-        self._sent += len(loads)
-        times_ns = [begun_ns + round(number * 1e9 / self.rate_hz) for number in range(first, self._sent + 1)]
-        return times_ns, loads + [self._next_noise() for _ in loads]
-
-    def _next_noise(self) -> Array:
+    def next_noise(self) -> Array:
         """Return the noise of one reading; drawn in blocks, because a draw costs as much as a block of some hundred."""
         if self._drawn == len(self._noise):
             self._noise = self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from slipd.tools.sim.jaws import moved_jaws
 from slipd.tools.sim.scene_parts import FrictionLimit, Load, Patch, Script
 from slipd.tools.sim.stickslip.bristle_kernels import Body
 from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, FrictionLaw, SteppedGrasp
@@ -199,13 +200,11 @@ class Scene:
         return self._present and command.width_m < self.object_width_m
 
     def _move_fingers(self, command: GripCommand, dt_s: float) -> None:
-        squeeze = self._squeezes(command)
-        stop_m = self.object_width_m if squeeze and self.width_m >= self.object_width_m else command.width_m
-        away_m, reach_m = stop_m - self.width_m, command.speed_mps * dt_s
-        self.moving = abs(away_m) > reach_m
-        self.width_m = self.width_m + math.copysign(reach_m, away_m) if self.moving else stop_m
-        if squeeze and self.width_m == self.object_width_m:
-            self.in_contact, self.moving, self._grasp = True, False, self._grip()
+        part_m = self.object_width_m if self._present else 0.0
+        reach_m = command.speed_mps * dt_s
+        self.width_m, self.moving, self.in_contact = moved_jaws(self.width_m, command.width_m, part_m, reach_m)
+        if self.in_contact:
+            self._grasp = self._grip()
             self._record("contact")
 
     def _hold(self, command: GripCommand, dt_s: float) -> None:

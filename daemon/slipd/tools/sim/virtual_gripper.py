@@ -97,7 +97,7 @@ class VirtualRig:
         self._right = _Finger(scene, RIGHT_MOUNT, electronics, right, right=True)
         self._gripper = Gripper2F(((0.0, scene.open_width_m), (1.0, 0.0)))  # as in the config of the demo
         devices = (self._left.wrench, self._left.pad, self._right.wrench, self._right.pad, self._gripper)
-        self._devices: dict[str, EmulatedDevice] = dict(zip(LINES, devices, strict=True))
+        self._devices: dict[str, EmulatedDevice] = {**dict(zip(LINES, devices, strict=True)), ARM: EmulatedDevice(0.0)}
         self._returned = 0
 
     @property

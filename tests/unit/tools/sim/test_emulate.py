@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import time
 from pathlib import Path
 
@@ -84,3 +85,15 @@ async def test_a_device_that_fails_ends_the_run_with_its_fault(tmp_path: Path) -
     device.fails = True
     with pytest.raises(ArithmeticError, match="of the emulator"):
         await emulate.serve_until_ended([("gauges", device, str(tmp_path / "line"))])
+
+
+async def test_devices_are_served_until_standard_input_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read, write = os.pipe()
+    monkeypatch.setattr(emulate, "STDIN", read)
+    os.write(write, b"0.5\n")
+    os.close(write)
+    heard: list[bytes] = []
+    devices = [("gauges", Clocked(), str(tmp_path / "line"))]
+    await emulate.serve_until_ended(devices, hear=heard.append, ready=lambda: heard.append(b"ready"))
+    os.close(read)
+    assert b"".join(heard) == b"ready0.5\n"

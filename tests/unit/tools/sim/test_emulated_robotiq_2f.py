@@ -30,71 +30,64 @@ def active():
     return gripper
 
 
-def observed(gripper, **scene):
-    gripper.observe(SimpleNamespace(**{"moving": False, "in_contact": False, "normal_n": 0.0, **scene}))
-    return gripper
-
-
 def test_activation_takes_its_time_and_begins_with_a_rising_edge():
     gripper = Gripper2F()
     assert not status(gripper, 0).active
     write(gripper, (0x0100, 0, 0), 10 * MS)
-    assert gripper.activated_ns == 10 * MS
-    assert not status(gripper, ACTIVATION_NS).active
-    assert status(gripper, ACTIVATION_NS).moving
-    assert status(gripper, 10 * MS + ACTIVATION_NS).active
+    activating, done = status(gripper, ACTIVATION_NS), status(gripper, 10 * MS + ACTIVATION_NS)
+    assert (activating.active, activating.moving, done.active) == (False, True, True)
     write(gripper, (0x0900, 0, 0), 2 * ACTIVATION_NS)
     assert status(gripper, 2 * ACTIVATION_NS).active
     assert gripper.activated_ns == 10 * MS
 
 
-@pytest.mark.parametrize(("byte", "force_n"), [*FORCE_TABLE, (30, 5.25), (128, 13.8666667)])
-def test_a_force_byte_means_the_newtons_of_the_table(byte, force_n):
+@pytest.mark.parametrize(
+    ("registers", "command"),
+    [
+        ((0x0900, 0, 0), GripCommand(0.085, 0.020, 3.0)),
+        ((0x0900, 255, 0xFFFF), GripCommand(0.0, 0.150, 30.0)),
+        *(((0x0900, 255, byte), GripCommand(0.0, 0.020, force_n)) for byte, force_n in [*FORCE_TABLE, (30, 5.25)]),
+    ],
+)
+def test_the_bytes_of_position_speed_and_force_mean_what_the_tables_say(registers, command):
     gripper = active()
-    write(gripper, (0x0900, 255, byte), ACTIVATION_NS)
-    assert gripper.command(ACTIVATION_NS).force_n == pytest.approx(force_n)
-
-
-def test_position_and_speed_bytes_span_the_stroke():
-    gripper = active()
-    write(gripper, (0x0900, 0, 0), ACTIVATION_NS)
-    assert gripper.command(ACTIVATION_NS) == GripCommand(0.085, 0.020, 3.0)
-    write(gripper, (0x0900, 255, 0xFFFF), ACTIVATION_NS)
-    assert gripper.command(ACTIVATION_NS) == GripCommand(0.0, 0.150, 30.0)
+    write(gripper, registers, ACTIVATION_NS)
+    assert gripper.command(ACTIVATION_NS) == command
 
 
 def test_nothing_moves_before_it_is_active_and_the_fault_states_why():
     gripper = Gripper2F()
-    write(gripper, (0x0800, 255, 0), 0)
-    assert gripper.command(0).width_m == 0.085
-    assert status(gripper, 0).fault == "activation_bit_not_set"
-    write(gripper, (0x0900, 255, 0), MS)
-    assert status(gripper, MS).fault == "activation_needed"
-    assert gripper.command(MS).width_m == 0.085
+    for t_ns, action, fault in ((0, 0x0800, "activation_bit_not_set"), (MS, 0x0900, "activation_needed")):
+        write(gripper, (action, 255, 0), t_ns)
+        assert (gripper.command(t_ns).width_m, status(gripper, t_ns).fault) == (0.085, fault)
 
 
-def test_the_status_reports_the_scene():
+@pytest.mark.parametrize(
+    ("scene", "function", "shown"),
+    [
+        ((0.07, True, False, 0.0), modbus.READ_INPUT, ("moving", True, 0.07, 0.12)),
+        ((0.06, False, True, 7.0), modbus.READ_HOLDING, ("contact_closing", False, 0.06, 0.14)),
+        ((0.0, False, False, 0.0), modbus.READ_INPUT, ("none", False, 0.0, 0.0)),
+    ],
+)
+def test_the_status_reports_the_scene(scene, function, shown):
     gripper = active()
     write(gripper, (0x0900, 255, 0), ACTIVATION_NS)
-    moving = status(observed(gripper, width_m=0.07, moving=True), ACTIVATION_NS)
-    assert (moving.object, moving.moving) == ("moving", True)
-    assert moving.width_m == pytest.approx(0.07, abs=2e-4)
-    held = status(observed(gripper, width_m=0.06, in_contact=True, normal_n=7.0), ACTIVATION_NS, modbus.READ_HOLDING)
-    assert (held.object, held.moving) == ("contact_closing", False)
-    assert held.current_a == pytest.approx(0.14)
-    assert status(observed(gripper, width_m=0.0), ACTIVATION_NS).object == "none"
+    gripper.observe(SimpleNamespace(**dict(zip(("width_m", "moving", "in_contact", "normal_n"), scene, strict=True))))
+    found = status(gripper, ACTIVATION_NS, function)
+    assert (found.object, found.moving) == shown[:2]
+    assert (found.width_m, found.current_a) == pytest.approx(shown[2:], abs=2e-4)
 
 
 def test_a_session_with_another_address_hears_nothing_and_says_what_to_check():
     session, line = Session(unit=5), make(0)
     drive(session, line, 0.5)
     assert session.state == "no reply"
+    session.receive(b"noise", 500 * MS)
+    drive(session, line, 1.0, begin_ns=500 * MS, start=False)
     assert session.health.note.startswith(
         "no reply at Modbus address 5: is the gripper powered? is `unit` its address?"
     )
-    session.receive(b"noise", 500 * MS)
-    drive(session, line, 1.0, begin_ns=500 * MS, start=False)
-    assert session.health.note.startswith("no reply")
     session = Session()
     drive(session, line, 0.5)
     assert (session.health.note, session.state) == ("", "inactive")

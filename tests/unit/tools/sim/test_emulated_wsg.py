@@ -14,6 +14,25 @@ from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
 MS = 1_000_000
+Answers = list[tuple[int, int]]
+
+
+def read(said: list[bytes]) -> list[Reply]:
+    return ReplyScanner(DecoderHealth()).replies(b"".join(said))
+
+
+def ask(gripper: Gripper, request: bytes | None, t_ns: int = 0) -> Answers:
+    """Return identity and status of the replies to a request, or of what it sends unasked."""
+    said = gripper.advance(t_ns) if request is None else gripper.receive(request, t_ns)
+    return [(reply.id, reply.status) for reply in read(said)]
+
+
+def told(gripper: Gripper, request: bytes, t_ns: int = 0) -> bytes:
+    return read(gripper.receive(request, t_ns))[-1].data
+
+
+def to(width_mm: float, mm_per_s: float = 100.0) -> bytes:
+    return wire.preposition(width_mm, mm_per_s)
 
 
 @pytest.fixture
@@ -23,53 +42,61 @@ def gripper() -> Gripper:
     return made
 
 
-def read(said: list[bytes]) -> list[Reply]:
-    return ReplyScanner(DecoderHealth()).replies(b"".join(said))
+PENDING, DONE, BLOCKED, ABORTED, NOT_READY = (
+    [(wire.PREPOSITION, status)]
+    for status in (wire.PENDING, wire.OK, wire.AXIS_BLOCKED, wire.ABORTED, wire.NOT_INITIALISED)
+)
+STOP, STOPPED = wire.encode(wire.STOP), [(wire.STOP, wire.OK)]
+ANEW = b"a host that comes while the one before has not taken leave"
+Steps = list[tuple[int, bytes | None, Answers]]
+COURSES: dict[str, tuple[Steps, float, set[str]]] = {
+    "a motion is pending": ([(0, to(30.0), PENDING), (200, None, [])], 40.0, {"moving"}),
+    "until the jaws are there": (
+        [(0, to(30.0), PENDING), (200, None, []), (300, None, DONE)], 30.0, {"target_reached"},
+    ),
+    "a part blocks the jaws": (
+        [(0, to(0.0), PENDING), (999, None, BLOCKED)], 20.0, {"target_reached", "blocked_minus"},
+    ),
+    "which open again": (
+        [(0, to(0.0), PENDING), (999, None, BLOCKED), (999, to(80.0), PENDING), (1999, None, DONE)],
+        *(80.0, {"target_reached"}),
+    ),
+    "a newer motion aborts the older": (
+        [(0, to(0.0, 10.0), PENDING), (0, to(90.0, 10.0), [*ABORTED, *PENDING])], 60.0, {"moving"},
+    ),
+    "a stop aborts it too": (
+        [(0, to(0.0), PENDING), (100, STOP, [*ABORTED, *STOPPED]), (200, STOP, STOPPED)], 50.0, {"target_reached"},
+    ),
+    "who leaves without a word makes it stop fast": (
+        [(0, to(0.0), PENDING), (100, ANEW, []), (100, to(0.0), NOT_READY)], 60.0, {"target_reached", "fast_stop"},
+    ),
+    "until that is acknowledged": (
+        [(0, ANEW, []), (100, wire.acknowledge(), [(wire.ACKNOWLEDGE, wire.OK)]), (100, to(50.0), PENDING)],
+        *(60.0, {"moving"}),
+    ),
+    "who takes leave does not": (
+        [(0, wire.encode(wire.DISCONNECT), [(wire.DISCONNECT, wire.OK)]), (100, ANEW, [])], 60.0, {"target_reached"},
+    ),
+}  # fmt: skip
+"""Times in ms with requests and answers, and width and state at the end; a part of 20 mm is between the jaws."""
 
 
-def ask(gripper: Gripper, request: bytes, t_ns: int = 0) -> list[tuple[int, int]]:
-    return [(reply.id, reply.status) for reply in read(gripper.receive(request, t_ns))]
-
-
-def words(gripper: Gripper, t_ns: int) -> frozenset[str]:
-    return wire.parse_state(read(gripper.receive(wire.encode(wire.STATE, bytes(3)), t_ns))[-1].data)
-
-
-def test_a_motion_is_pending_until_the_jaws_are_there(gripper: Gripper) -> None:
-    assert ask(gripper, wire.preposition(30.0, 100.0)) == [(wire.PREPOSITION, wire.PENDING)]
-    assert gripper.advance(200 * MS) == []
-    assert gripper.width_mm == pytest.approx(40.0)
-    assert words(gripper, 200 * MS) == {"referenced", "moving"}
-    assert gripper.advance(300 * MS) == [sim.encode_reply(wire.PREPOSITION)]
-    assert (gripper.width_mm, words(gripper, 300 * MS)) == (30.0, {"referenced", "target_reached"})
-
-
-def test_a_part_blocks_the_jaws_and_feels_the_force_limit_of_both(gripper: Gripper) -> None:
-    gripper.part_mm = 40.0
-    ask(gripper, wire.set_force(20.0))
-    ask(gripper, wire.preposition(0.0, 100.0))
-    assert read(gripper.advance(1000 * MS)) == [Reply(wire.PREPOSITION, wire.AXIS_BLOCKED, b"")]
-    assert gripper.width_mm == 40.0
-    assert "blocked_minus" in words(gripper, 1000 * MS)
-    (force,) = read(gripper.receive(wire.encode(wire.FORCE, bytes(3)), 1000 * MS))
-    assert wire.parse_number(force.data) == 20.0
-    ask(gripper, wire.preposition(80.0, 100.0), 1000 * MS)
-    gripper.advance(2000 * MS)
-    assert gripper.width_mm == 80.0
-
-
-def test_stop_and_a_newer_motion_abort_the_older(gripper: Gripper) -> None:
-    aborted = (wire.PREPOSITION, wire.ABORTED)
-    ask(gripper, wire.preposition(0.0, 10.0))
-    assert ask(gripper, wire.preposition(90.0, 10.0)) == [aborted, (wire.PREPOSITION, wire.PENDING)]
-    assert ask(gripper, wire.encode(wire.STOP)) == [aborted, (wire.STOP, wire.OK)]
-    assert ask(gripper, wire.encode(wire.STOP)) == [(wire.STOP, wire.OK)]
+@pytest.mark.parametrize("course", COURSES)
+def test_it_moves_and_says_how_it_ended(gripper: Gripper, course: str) -> None:
+    steps, width_mm, state = COURSES[course]
+    gripper.part_mm = 20.0
+    for ms, request, answers in steps:
+        if request is ANEW:
+            gripper.opened(ms * MS)
+        else:
+            assert ask(gripper, request, ms * MS) == answers
+    shown = wire.parse_state(told(gripper, wire.encode(wire.STATE, bytes(3)), ms * MS))
+    assert (gripper.width_mm, shown - {"referenced"}) == (pytest.approx(width_mm), state)
 
 
 def test_a_gripper_without_reference_must_be_homed_first() -> None:
     gripper = Gripper()
-    gripper.opened(0)
-    assert ask(gripper, wire.preposition(0.0, 10.0)) == [(wire.PREPOSITION, wire.NOT_INITIALISED)]
+    assert ask(gripper, to(0.0)) == NOT_READY
     assert ask(gripper, wire.home()) == [(wire.HOME, wire.PENDING)]
     assert gripper.advance(1000 * MS) == [sim.encode_reply(wire.HOME)]
     assert (gripper.width_mm, gripper.words) == (LIMITS.stroke_mm, {"referenced"})
@@ -82,19 +109,8 @@ def test_a_force_beyond_its_limits_is_refused(gripper: Gripper, newtons: float, 
         assert ask(gripper, wire.overdrive()) == [(wire.OVERDRIVE, wire.OK)]
         newtons *= 1.5 if newtons > LIMITS.min_force else 1.0
     assert ask(gripper, wire.set_force(newtons)) == [(wire.SET_FORCE, status)]
-    (told,) = read(gripper.receive(wire.encode(wire.GET_FORCE), 0))
-    assert wire.parse_number(told.data) == (newtons if status == wire.OK else 80.0)
-
-
-def test_who_leaves_without_a_word_makes_it_stop_fast_until_that_is_acknowledged(gripper: Gripper) -> None:
-    ask(gripper, wire.preposition(0.0, 100.0))
-    gripper.opened(100 * MS)
-    assert "fast_stop" in words(gripper, 100 * MS)
-    assert ask(gripper, wire.preposition(0.0, 100.0), 100 * MS) == [(wire.PREPOSITION, wire.NOT_INITIALISED)]
-    assert ask(gripper, wire.acknowledge(), 100 * MS) == [(wire.ACKNOWLEDGE, wire.OK)]
-    assert ask(gripper, wire.encode(wire.DISCONNECT), 100 * MS) == [(wire.DISCONNECT, wire.OK)]
-    gripper.opened(200 * MS)
-    assert words(gripper, 200 * MS) == {"referenced", "target_reached"}
+    known = wire.parse_number(told(gripper, wire.encode(wire.GET_FORCE)))
+    assert known == (newtons if status == wire.OK else 80.0)
 
 
 def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gripper) -> None:
@@ -106,9 +122,8 @@ def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gr
 
 
 def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: Gripper) -> None:
-    limits, system = read(gripper.receive(wire.encode(wire.LIMITS) + wire.encode(wire.SYSTEM), 0))
-    assert wire.parse_limits(limits.data) == LIMITS
-    assert wire.parse_serial(system.data) == 4711
+    assert wire.parse_limits(told(gripper, wire.encode(wire.LIMITS))) == LIMITS
+    assert wire.parse_serial(told(gripper, wire.encode(wire.SYSTEM))) == 4711
     assert gripper.receive(wire.encode(0x36), 0) == [sim.encode_reply(0x36, wire.UNKNOWN_COMMAND)]
     assert ask(gripper, wire.encode(wire.HOME)) == [(wire.HOME, wire.NOT_ENOUGH_PARAMETERS)]
     assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, wire.NO_PARAMETER_EXPECTED)]
@@ -123,4 +138,6 @@ def test_the_session_grips_and_takes_leave(gripper: Gripper) -> None:
     held = drive(session, gripper, 1.0, begin_ns=1000 * MS, start=False)[-1]
     assert (held.width_m, held.object, held.echo_ok) == (0.02, "contact_closing", True)
     assert (session.command_lost, session.health.bad, session.health.lost) == (False, 0, 0)
+    force = told(gripper, wire.encode(wire.FORCE, bytes(3)), 2000 * MS)
+    assert wire.parse_number(force) == 20.0, "of both fingers"
     assert sim.encode_reply(wire.DISCONNECT) in gripper.receive(session.stop(), 2000 * MS)

@@ -203,7 +203,7 @@ def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, tmp_pat
     gripper: Any = devices.devices[-1][1]
     devices.advance(0)
     if name == "demo.toml":
-        gripper._jaws.in_contact, gripper._jaws.normal_n = True, 8.0
+        gripper._normal_n = 8.0
     elif name == "netft_wts.toml":
         gripper._blocked, gripper.limit = "blocked_minus", 16.0
     else:

@@ -1,18 +1,17 @@
-"""The real process on real pseudo-terminals, read by the real decoders and an independent Modbus client."""
+"""The real process on real pseudo-terminals, with an independent Modbus client.
+
+The scene is that of a glass which stays on the table until the arm is told to move, however long that takes.
+"""
 
 import json
 import select
-import signal
 import subprocess
 import sys
 import time
 import warnings
-from itertools import pairwise
 
 import pytest
-import serial
 
-from slipd.devices import bota, pvdf
 from slipd.tools.sim.virtual_gripper import LINES
 
 with warnings.catch_warnings():
@@ -26,7 +25,7 @@ PATIENCE_S = 60.0
 
 class Process:
     def __init__(self, directory):
-        command = [sys.executable, "-m", "slipd.tools.sim.virtual_gripper", "--dir", str(directory)]
+        command = [sys.executable, "-m", "slipd.tools.sim.virtual_gripper", "--carry", "--dir", str(directory)]
         self.popen = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.directory = directory
 
@@ -53,41 +52,9 @@ def process(tmp_path):
         made.popen.kill()  # only a process that failed to end still runs here
 
 
-def unbroken(times_ns, most_ns):
-    """Return the longest run of times of which none is more than ``most_ns`` after the one before."""
-    runs = [[times_ns[0]]]
-    for before_ns, time_ns in pairwise(times_ns):
-        if time_ns - before_ns > most_ns:
-            runs.append([])
-        runs[-1].append(time_ns)
-    return max(runs, key=len)
-
-
-def test_it_prints_its_ports_sends_whole_frames_at_their_rates_and_removes_the_ports(process):
-    assert sorted(process.ports) == sorted(path.name for path in process.directory.iterdir()) == sorted(LINES)
-    rates_hz = {f"{side}-{kind}": hz for side in ("left", "right") for kind, hz in (("wrench", 800), ("pad", 200))}
-    ports = {line: serial.Serial(str(process.directory / line), timeout=0, exclusive=True) for line in rates_hz}
-    decoders = {line: bota.Decoder() if "wrench" in line else pvdf.Decoder() for line in rates_hz}
-    times_ns = {line: [] for line in rates_hz}
-    end_s = time.monotonic() + PATIENCE_S
-    while not all(times and len(unbroken(times, 1.5e9 / rates_hz[line])) > 40 for line, times in times_ns.items()):
-        assert time.monotonic() < end_s
-        select.select(list(ports.values()), [], [], 0.05)
-        for line, port in ports.items():
-            samples = decoders[line].receive(port.read(65_536), 0)
-            times_ns[line] += [sample.device_time_ns for sample in samples]
-    for line, port in ports.items():
-        port.close()
-        assert decoders[line].health.bad == 0
-        # By the device's own clock, and without the frames that it left out while nobody read.
-        run_ns = unbroken(times_ns[line], 1.5e9 / rates_hz[line])
-        assert (len(run_ns) - 1) / (run_ns[-1] - run_ns[0]) * 1e9 == pytest.approx(rates_hz[line], rel=0.002)
-    process.popen.send_signal(signal.SIGTERM)
-    process.check_it_ends()
-
-
 def test_an_independent_modbus_client_grips_the_box(process):
-    client = ModbusSerialClient(str(process.directory / "gripper"), baudrate=115_200, timeout=5.0)
+    assert sorted(process.ports) == sorted(path.name for path in process.directory.iterdir()) == sorted(LINES)
+    client = ModbusSerialClient(str(process.directory / "gripper"), baudrate=115_200, timeout=PATIENCE_S)
     assert client.connect()
 
     def status(function):

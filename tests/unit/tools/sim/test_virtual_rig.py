@@ -35,8 +35,9 @@ def played():
         said = rig.advance(t_ns)
         for line, decoder in decoders.items():
             samples[line] += decoder.receive(said[line], t_ns)
-    for decoder in decoders.values():
+    for line, decoder in decoders.items():
         assert decoder.health.bad == decoder.health.lost == decoder.health.bad_bytes == 0
+        assert len(samples[line]) == pytest.approx(9.3 * 800 if "wrench" in line else 9.5 * 200, abs=5)
     return rig, samples
 
 
