@@ -1,4 +1,7 @@
-"""Measure the advice on motion: ``PYTHONPATH=tests/support:benchmarks python -m motion limits|simulated|time [N]``."""
+"""Measure the advice on motion.
+
+``PYTHONPATH=tests/support:benchmarks python -m motion limits|simulated|time|latency [N]``
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,18 @@ import numpy as np
 from motion.simulated import compare
 from motion_grips import GRAVITY_MPS2, Advised, Grip, random_grip, true_room, true_use
 
+from slipd.config import parse, shipped
+from slipd.devices.external import encode_reading
+from slipd.engine.engine import Engine
+from slipd.events import Bytes, Event, LinkUp, Tick
 from slipd.grasp.object_state import ObjectState
+from slipd.tools.sim.carry_program import carry_config
+from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, carried_rig
 from slipd.types.arrays import Array
 
 SAFETY = 1.5
+BEGIN_NS, ARM_NS = 10**9, 2_000_000
+DOWN, STILL = (0.0, 0.0, GRAVITY_MPS2), (0.0, 0.0, 0.0)
 WAYS = 60
 """Directions in which a limit is compared with the truth, beside the worst one."""
 
@@ -124,6 +135,60 @@ def measure_time(count: int) -> None:
         print(f"{name}: p50 {np.median(times):.3f}, p95 {np.percentile(times, 95):.3f} ms")
 
 
+def measure_latency(count: int) -> None:
+    """Print what a read of a force sensor takes in an engine with the arm stream at 500 Hz, over one without it.
+
+    Both engines run side by side on the same bytes, for ``count`` reads of each of four rounds; the median of each.
+    """
+    for round_ in range(4):
+        rig = carried_rig(round_)
+        with_arm = carry_config(shipped("demo.toml").read_text(encoding="utf-8")).replace("250.0", "500.0")
+        engines = [Fed(with_arm), Fed(with_arm[: with_arm.index("[grasp.arm]")])]
+        for line in LINES:
+            rig.opened(line, 0)
+            for each in engines:
+                each.feed(LinkUp(line.replace("-", "."), line), 0)
+        engines[0].feed(LinkUp("arm", "arm"), 0)
+        for step in range(1, count + 1):
+            t_ns = BEGIN_NS + step * TICK_NS
+            said = rig.advance(t_ns)
+            for each in engines if step % 2 else engines[::-1]:
+                for line, data in said.items():
+                    if data:
+                        each.feed(Bytes(line.replace("-", "."), data), t_ns)
+                if each is engines[0] and step * TICK_NS % ARM_NS < TICK_NS:
+                    each.feed(
+                        Bytes("arm", encode_reading("arm", t_ns, gravity_mps2=DOWN, angular_velocity_radps=STILL)), t_ns
+                    )
+                if step % 4 == 0:
+                    each.feed(Tick(), t_ns)
+        there, without, arm = (
+            np.median(times) / 1000.0 for times in (*(each.force for each in engines), engines[0].arm)
+        )
+        print(f"read of a force sensor {there:.1f} µs with the arm, {without:.1f} µs without: {there / without:.3f}; "
+              f"a reading of the arm {arm:.1f} µs")  # fmt: skip
+
+
+class Fed:
+    """An engine, and how long it took for each read of a force sensor and of the arm, ns."""
+
+    def __init__(self, text: str) -> None:
+        self._engine = Engine(parse(text, "rig.toml"), boot="b", wall_minus_monotonic_ns=0)
+        self.force: list[int] = []
+        self.arm: list[int] = []
+
+    def feed(self, event: Event, t_ns: int) -> None:
+        """Handle an event."""
+        begin_ns = time.perf_counter_ns()
+        for _ in self._engine.handle(event, t_ns):
+            pass
+        if isinstance(event, Bytes) and not event.link.endswith(("pad", "gripper")):
+            (self.arm if event.link == "arm" else self.force).append(time.perf_counter_ns() - begin_ns)
+
+
 if __name__ == "__main__":
     what, number = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 1000
-    {"limits": measure_limits, "simulated": measure_simulated, "time": measure_time}[what](number)
+    measures = {
+        "limits": measure_limits, "simulated": measure_simulated, "time": measure_time, "latency": measure_latency
+    }  # fmt: skip
+    measures[what](number)
