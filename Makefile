@@ -29,7 +29,7 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py \
 	service_unit.py::test_P5_a_daemon_that_crashes_is_started_again_without_limit \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
-EVALUATION := $(addprefix benchmarks/,evaluate fit second_world simulated_grasp)
+EVALUATION := $(addprefix benchmarks/,evaluate fit second_world)
 LONG := $(EVALUATION) $(addprefix benchmarks/,bench campaign chart soak)
 # The tests of one file stay together on one core: they share a daemon, or what takes long to compute.
 PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
