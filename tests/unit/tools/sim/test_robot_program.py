@@ -14,6 +14,7 @@ from slipd_client.errors import RequestRefused
 
 PLAN = Plan(limit_n=20.0, step_n=50.0, step_s=0.0)
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
+LATE = {name: {"health": 1, "message": "the daemon was late by 0.07 s: readings waited"} for name in WELL}
 ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gripper": {"health": 0, "message": ""}}
 
 
@@ -98,7 +99,9 @@ def warning(level="warning", reasons=("rotation",), rising=True):
     return "warning", {**words, "utilisation": 0.86}
 
 
-def test_it_tares_grips_and_opens_in_this_order(daemon):
+@pytest.mark.parametrize("streams", [WELL, LATE], ids=["well", "on a busy machine"])
+def test_it_tares_grips_and_opens_in_this_order(daemon, streams):
+    daemon.answers["status"] = {"streams": streams}
     report = work(daemon)
     assert daemon.ops() == [
         "tare", "tare", "lease.acquire", "gripper.activate", "gripper.close", "gripper.open", "lease.release",
