@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import tty
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import link_ends
 import numpy as np
 import zmq
 
@@ -20,42 +20,21 @@ from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 PATIENCE_S = 60.0
 
 
-class Device:
-    """The far end of a serial port, under a name that stays."""
+class Device(link_ends.Device):
+    """A device at a serial port, which sends whether or not a daemon has the port open."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._fd = -1
+        super().__init__(path)
         self._sent = 0
-
-    def plug(self) -> None:
-        self._fd, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self._fd, False)
-        self.path.unlink(missing_ok=True)
-        self.path.symlink_to(os.ttyname(slave))
-        os.close(slave)
-
-    def unplug(self) -> None:
-        self.path.unlink(missing_ok=True)
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
+        self.plug()
 
     def send(self, data: bytes) -> None:
         with contextlib.suppress(OSError):  # nobody has the port open
-            os.write(self._fd, data)
-
-    def hear(self) -> bytes:
-        """What the daemon said since the last time."""
-        try:
-            return os.read(self._fd, 65536)
-        except OSError:  # nothing, or nobody has the port open
-            return b""
+            os.write(self.fd, data)
 
     def send_wrench(self, normal_n: float = 10.0) -> None:
         self._sent += 1
-        self.hear()  # so that the line never fills
+        self.read()  # so that the line never fills
         noise_nm = 1e-6 * (self._sent % 7)  # a sensor whose readings repeat is stuck
         self.send(bota.encode_frame((1.0, 0.0, -normal_n), (noise_nm, 0.0, 0.0), 10_000 * self._sent))
 

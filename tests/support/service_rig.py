@@ -17,6 +17,7 @@ from known_zeros import keep_zeros
 from rig_parts import endpoints_of
 
 from slipd import config, service
+from slipd.recording.reader import open_recording
 from slipd.service_run import Endpoints
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -51,8 +52,6 @@ class Rig:
 
     def __init__(self, folder: Path) -> None:
         self.wrench, self.pad = Device(folder / "wrench"), Device(folder / "pad")
-        self.wrench.plug()
-        self.pad.plug()
         self.file = folder / "rig.toml"
         self.file.write_text(RIG.format(wrench=self.wrench.path, pad=self.pad.path), encoding="utf-8")
         keep_zeros(self.config)
@@ -65,11 +64,6 @@ class Rig:
         """Send one reading of each device, the image first."""
         self.pad.send_image()
         self.wrench.send_wrench()
-
-
-def left_in(folder: Path) -> list[str] | None:
-    """Return the names of the files in a folder; None if there is no folder."""
-    return sorted(path.name for path in folder.iterdir()) if folder.exists() else None
 
 
 @asynccontextmanager
@@ -100,20 +94,22 @@ async def asked(client: Client, op: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def start(
+def started(
     rig: Path, *arguments: str, command: Sequence[str] = (SLIPD,), **options: Any
-) -> Iterator[subprocess.Popen[str]]:
-    """Start a daemon process, which ends even if the test fails."""
+) -> Iterator[tuple[subprocess.Popen[str], Client]]:
+    """Start a daemon process, which ends even if the test fails; once it serves, yield it and a client."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     run = [*command, "run", "--config", str(rig), *arguments]
     with subprocess.Popen(run, text=True, **(pipes | options)) as process:
         try:
-            yield process
+            with contextlib.closing(Client(endpoints_of(process))) as client:
+                yield process, client
         finally:
-            if process.poll() is None:
-                process.kill()
+            process.kill()
 
 
-def client_of(process: subprocess.Popen[str]) -> Client:
-    """Return a client of a daemon that has just been started."""
-    return Client(endpoints_of(process))
+def assert_complete(recording: Path) -> None:
+    """Check that a recording lacks nothing."""
+    recorded = open_recording(recording)
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.complete

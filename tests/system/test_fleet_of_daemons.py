@@ -6,13 +6,13 @@ import contextlib
 import json
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from daemon_peers import until
-from service_rig import Rig, client_of, start
+from service_rig import Rig, started
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
@@ -26,45 +26,14 @@ TOPICS = ("warning", "status", "slip.left", "wrench.left", "tactile.left")
 
 
 @contextlib.contextmanager
-def slipctl(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """Run slipctl until the block ends."""
+def slipctl(output: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run slipctl until the block ends; what it prints goes into a file."""
     command = [sys.executable, "-m", "slipd_client.slipctl", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with output.open("wb") as file, subprocess.Popen(command, stdout=file) as process:
         try:
             yield process
         finally:
             process.kill()
-
-
-class View:
-    """What ``slipctl fleet --json`` prints, line by line, of a fleet of one robot."""
-
-    def __init__(self) -> None:
-        self.seen: list[dict[str, Any]] = []
-
-    def shows(self, **expected: Any) -> Callable[[], bool]:
-        """Return a condition: the newest line has these values."""
-        return lambda: bool(self.seen) and expected.items() <= self.seen[-1].items()
-
-    def read(self, process: subprocess.Popen[str]) -> None:
-        """Read until the process ends."""
-        assert process.stdout is not None
-        for line in process.stdout:
-            self.seen += json.loads(line)["robots"]
-
-
-@contextlib.contextmanager
-def viewing(*arguments: str) -> Iterator[View]:
-    """Run ``slipctl fleet --json`` until the block ends."""
-    view = View()
-    with slipctl("fleet", "--json", *arguments) as process:
-        reader = threading.Thread(target=view.read, args=(process,))
-        reader.start()
-        try:
-            yield view
-        finally:
-            process.kill()
-            reader.join()
 
 
 @contextlib.contextmanager
@@ -79,13 +48,21 @@ def subscribed(endpoint: str, key: str) -> Iterator[list[tuple[str, dict[str, An
 
 
 @pytest.mark.process
-async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its_end(rig: Rig) -> None:
+async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its_end(rig: Rig, tmp_path: Path) -> None:
     endpoint = free_endpoint()
-    fleet = ("--fleet", "plant")
+    fleet, view = ("--fleet", "plant"), tmp_path / "view"
+
+    def seen() -> list[dict[str, Any]]:
+        """What the view printed of the robot, line by line."""
+        return [row for line in view.read_text().split("\n")[:-1] for row in json.loads(line)["robots"]]
+
+    def shows(**expected: Any) -> Callable[[], bool]:
+        """Return a condition: the newest line has these values."""
+        return lambda: expected.items() <= next(reversed(seen()), {}).items()
+
     with contextlib.ExitStack() as stack:
-        daemon = stack.enter_context(start(rig.file))
-        view = stack.enter_context(viewing(*fleet, "--listen", endpoint))
-        client = client_of(daemon)
+        daemon, client = stack.enter_context(started(rig.file))
+        stack.enter_context(slipctl(view, "fleet", "--json", *fleet, "--listen", endpoint))
         arrived = stack.enter_context(subscribed(endpoint, "plant/arm1/*"))
 
         def crossed() -> list[dict[str, Any]]:
@@ -94,19 +71,16 @@ async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its
         def nothing_more_to_come() -> bool:
             return crossed()[-1:] == client.hear("warning")[-1:] != []
 
-        publish = client.endpoints.publish
-        with slipctl(
-            "--publish", publish, "serve", "fleet", *fleet, "--robot", "arm1", "--connect", endpoint
-        ) as bridge:
+        serve = ("--publish", client.endpoints.publish, "serve", "fleet", *fleet)
+        with slipctl(tmp_path / "bridge", *serve, "--robot", "arm1", "--connect", endpoint) as bridge:
             await until(lambda: {f"plant/arm1/{topic}" for topic in TOPICS} <= {key for key, _ in arrived}, rig.send)
-            await until(view.shows(state="live", level="stable", missed_warnings=0), rig.send)
-            await until(view.shows(state="live", level="unknown", reasons=["stale"]))
+            await until(shows(state="live", level="stable", missed_warnings=0), rig.send)
+            await until(shows(state="live", level="unknown", reasons=["stale"]))
             await until(nothing_more_to_come)
             assert crossed() == client.hear("warning")[-len(crossed()) :]
 
             daemon.kill()
-            client.close()
-            await until(view.shows(state="silent", missed_warnings=0))
+            await until(shows(state="silent", missed_warnings=0))
             late = FleetListener(stack.enter_context(session(endpoint)), "plant")
             kept: list[int] = []
 
@@ -121,5 +95,5 @@ async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its
             await until(lambda: last_row() == ("silent", {"left": "unknown"}))
 
             bridge.kill()
-            await until(view.shows(state="gone"))
-    assert max(robot["age_s"] for robot in view.seen if robot["state"] == "live") <= SILENT_AFTER_S
+            await until(shows(state="gone"))
+    assert max(robot["age_s"] for robot in seen() if robot["state"] == "live") <= SILENT_AFTER_S

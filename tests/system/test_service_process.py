@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from daemon_peers import PATIENCE_S, until
-from service_rig import Rig, client_of, start
+from service_rig import Rig, assert_complete, started
 
 from slipd import config
 from slipd.recording.reader import Recording, open_recording
@@ -20,34 +20,28 @@ from slipd.recording.replay import replay
 from slipd.service_run import Endpoints
 from slipd_client.messages import decode, encode
 
+pytestmark = pytest.mark.process
 
-@pytest.mark.process
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where the recording of the run is."""
+    return tmp_path / "run.mcap"
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_P4_a_signal_ends_the_process_well(
-    rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals
-) -> None:
+async def test_P4_a_signal_ends_the_process_well(rig: Rig, runtime: Path, path: Path, number: signal.Signals) -> None:
     text = rig.file.read_text(encoding="utf-8").replace("mu = 0.5", "mu = 0.5  # MEASURE")
     rig.file.write_text(text, encoding="utf-8")
     (hint,) = [each for each in config.hints(rig.config, str(rig.file)) if "MEASURE" in each]
-    with start(rig.file, "--record", str(tmp_path / "run.mcap")) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        client = client_of(process)
+    with started(rig.file, "--record", str(path)) as (process, client):
         assert client.endpoints == Endpoints(f"ipc://{runtime}/publish", f"ipc://{runtime}/requests")
         await until(lambda: client.hear("wrench.left"), rig.send)
-        recording = await until(lambda: client.newest("status").get("run_recording"), rig.send)
-        assert recording["path"] == str(tmp_path / "run.mcap")
-        client.close()
         process.send_signal(number)
-        assert process.wait(PATIENCE_S) == 0
-        assert process.stdout.read() == ""
-        errors = process.stderr.read()
-        assert "Traceback" not in errors
-        assert f"WARNING slipd.service: {hint}\n" in errors, "as slipd check prints it"
-    recorded = open_recording(tmp_path / "run.mcap")
-    assert recorded.closed
-    assert sum(1 for _ in recorded.entries()) > 0
-    assert recorded.complete
+        out, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out, "Traceback" in errors) == (0, "", False), errors
+    assert f"WARNING slipd.service: {hint}\n" in errors, "as slipd check prints it"
+    assert_complete(path)
 
 
 def wrenches_in(recording: Recording) -> list[dict[str, Any]]:
@@ -55,11 +49,8 @@ def wrenches_in(recording: Recording) -> list[dict[str, Any]]:
     return [decode(payload) for topic, payload in recording.messages() if topic == "wrench.left"]
 
 
-@pytest.mark.process
-async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    with start(rig.file, "--record", str(path)) as process:
-        client = client_of(process)
+async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, path: Path) -> None:
+    with started(rig.file, "--record", str(path)) as (process, client):
         await until(lambda: len(client.hear("wrench.left")) > 100, rig.send)
         newest = client.newest("wrench.left")["seq"]
         await until(lambda: any(body["seq"] == newest for body in wrenches_in(open_recording(path))), rig.send)
@@ -67,7 +58,6 @@ async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_p
         process.wait()
         await asyncio.sleep(0.1)
         seen = {body["seq"]: body["t_ns"] for body in client.hear("wrench.left")}
-        client.close()
     recorded = open_recording(path)
     kept = wrenches_in(recorded)
     assert kept[-1]["seq"] >= newest, "what is published reaches the file while the run goes on"
@@ -77,10 +67,7 @@ async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_p
     assert replayed[: len(kept)] == [encode(body) for body in kept], "the last event may be there without its message"
 
 
-@pytest.mark.process
-async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-
+async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, path: Path) -> None:
     def stopped() -> dict[str, Any] | None:
         recording = client.newest("status").get("run_recording")
         return recording if recording and recording["state"] == "failed" else None
@@ -89,9 +76,7 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         rig.send()
         rig.wrench.send(os.urandom(1000))
 
-    with start(rig.file, "--record", str(path)) as process:
-        assert process.stderr is not None
-        client = client_of(process)
+    with started(rig.file, "--record", str(path)) as (process, client):
         await until(lambda: sum(1 for _ in open_recording(path).entries()) > 10, rig.send)
         most = open_recording(path).path.stat().st_size + 3000
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))  # no file of it may be longer
@@ -101,11 +86,9 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         assert recording["lost"] > 0
         heard = len(client.hear("wrench.left"))
         await until(lambda: len(client.hear("wrench.left")) > heard + 10, rig.send)
-        assert process.poll() is None
-        client.close()
         process.terminate()
-        assert process.wait(PATIENCE_S) == 1
-        errors = process.stderr.read()
+        _, errors = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
     assert f"ERROR slipd.recording.requested_recordings: {reason}\n" in errors
     assert re.search(rf"\nslipd: {reason}; (\d+) entries are missing\n$", errors)
     recorded = open_recording(path)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
-from daemon_peers import PATIENCE_S
-from service_rig import Rig, client_of, start
+from daemon_peers import PATIENCE_S, until
+from service_rig import Rig, started
 
 from slipd.grasp.stored_state import rig_of
 from slipd.recording.reader import open_recording
@@ -25,7 +24,9 @@ keep_files = 2
 """
 
 
-def test_two_daemons_keep_their_own_recordings_and_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_two_daemons_keep_their_own_recordings_and_states(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The one that begins new files deletes none of the other's, which goes on writing the same file."""
     state = tmp_path / "state"
     monkeypatch.setenv("SLIPD_STATE_DIR", str(state))
@@ -37,32 +38,23 @@ def test_two_daemons_keep_their_own_recordings_and_states(tmp_path: Path, monkey
         text = rig.file.read_text(encoding="utf-8") + CONTINUOUS
         rig.file.write_text(text if name == "busy" else text.replace("file_s = 1.0", "file_s = 600.0"))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "calm" / "run"))
-    with start(rigs["calm"].file) as calm:
-        client_of(calm).close()
+
+    def send() -> None:
+        rigs["busy"].send()
+        rigs["calm"].send()
+
+    with started(rigs["calm"].file) as (calm, _):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "busy" / "run"))
-        with start(rigs["busy"].file) as busy:
-            client_of(busy).close()
-            (first,) = until(lambda: [path for path in state.glob("run-*.mcap") if "000001" in path.name], rigs)
-            until(lambda: any(int(path.name.split("-")[1]) >= 6 for path in state.glob("run-*.mcap")), rigs)
+        with started(rigs["busy"].file) as (busy, _):
+            (first,) = await until(lambda: [*state.glob("run-*000001*.mcap")], send)
+            await until(lambda: any(int(path.name.split("-")[1]) >= 4 for path in state.glob("run-*.mcap")), send)
             assert first.exists(), "of the calm one, the oldest of all"
-            busy.terminate()
-            assert busy.wait(PATIENCE_S) == 0
-        calm.terminate()
-        assert calm.wait(PATIENCE_S) == 0
+            for process in (busy, calm):
+                process.terminate()
+                assert process.wait(PATIENCE_S) == 0
     boots = [open_recording(path).boot for path in sorted(state.glob("run-*.mcap"))]
     assert (len(boots), len(set(boots))) == (3, 2), "one of the calm, and two that the busy one may keep"
     assert open_recording(first).complete
     assert {path.name for path in state.glob("state-*.json")} >= {
         f"state-{rig_of(rig.config)}.json" for rig in rigs.values()
     }
-
-
-def until(condition, rigs: dict[str, Rig]):
-    """Let both rigs send until something holds, and return it."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not (found := condition()):
-        assert time.monotonic() < end_s, "in vain"
-        for rig in rigs.values():
-            rig.send()
-        time.sleep(0.01)
-    return found
