@@ -10,10 +10,11 @@ import os
 import shlex
 import shutil
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+from rig_parts import wait_for
 
 SOURCE = "/srv/source"
 BOOT_S = 60.0
@@ -52,11 +53,7 @@ class BootedMachine:
 
 @contextmanager
 def booted_machine(folder: Path, source: Path) -> Iterator[BootedMachine]:
-    """Boot a copy in a folder, and end it; it has the sources of slipd in `SOURCE`, read-only.
-
-    Raises:
-        RuntimeError: It does not boot.
-    """
+    """Boot a copy in a folder, and end it; it has the sources of slipd in `SOURCE`, read-only."""
     with ExitStack() as stack:
         stack.enter_context(_mounted(["mount", "-t", "tmpfs", "tmpfs", str(folder)], folder))
         root, upper, work = folder / "root", folder / "upper", folder / "work"
@@ -73,7 +70,8 @@ def booted_machine(folder: Path, source: Path) -> Iterator[BootedMachine]:
         container = subprocess.Popen(boot, stdin=streams, stdout=streams, stderr=streams, start_new_session=True)
         try:
             machine = BootedMachine(_leader(container))
-            _await_boot(machine)
+            states = ("running\n", "degraded\n")
+            wait_for(lambda: machine.run("systemctl is-system-running").stdout in states, BOOT_S)
             yield machine
         finally:
             container.terminate()
@@ -92,19 +90,4 @@ def _mounted(command: list[str], place: Path) -> Iterator[None]:
 def _leader(container: subprocess.Popen[bytes]) -> int:
     """Return the process id of the first process in a container."""
     children = Path(f"/proc/{container.pid}/task/{container.pid}/children")
-    end_s = time.monotonic() + BOOT_S
-    while time.monotonic() < end_s and container.poll() is None:
-        if found := children.read_text(encoding="ascii").split():
-            return int(found[0])
-        time.sleep(0.1)
-    raise RuntimeError(f"systemd-nspawn started nothing; it ended with {container.poll()}")
-
-
-def _await_boot(machine: BootedMachine) -> None:
-    state, end_s = "", time.monotonic() + BOOT_S
-    while time.monotonic() < end_s:
-        state = machine.run("systemctl is-system-running").stdout.strip()
-        if state in ("running", "degraded"):
-            return
-        time.sleep(0.2)
-    raise RuntimeError(f"the copy of this machine did not boot: {state or 'no systemd'}")
+    return int(wait_for(children.read_text, BOOT_S).split()[0])

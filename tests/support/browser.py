@@ -62,11 +62,13 @@ class Browser:
         self._started.result()
         return self._thread.submit(lambda: work(self._page)).result()
 
-    def forget(self) -> None:
-        """Leave the page, and forget what was noted of it."""
+    def leave(self) -> None:
+        """Check that no script of the page failed, leave it, and forget what was noted of it."""
+        problems = self.problems.copy()
         self.do(lambda page: page.goto("about:blank"))
         self.problems.clear()
         self.hosts.clear()
+        assert problems == []
 
     def open(self, url: str) -> None:
         """Open the page, and wait until it has started."""

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from commission_person import PULLS, touch_for
@@ -88,7 +88,8 @@ class CommissionTerminal:
     def _obey(self, line: str, master: int) -> None:
         """Do what a line asks for."""
         if "slipctl grip ack" in line:
-            self._run("slipd_client.slipctl", "grip", "ack")
+            with part(self._folder, "slipd_client.slipctl", "grip", "ack") as ack:
+                ack.wait(ENDS_S)
         if line.startswith("Now restart the daemon"):
             self._run_daemon()
         commands = [does for words, does in PULLS.items() if line.startswith(words)]
@@ -107,29 +108,16 @@ class CommissionTerminal:
         if line:
             assert touch_command(self._hand, line.split()) == 0
 
-    def _run(self, module: str, *arguments: str) -> None:
-        with part(self._folder, module, *arguments) as process:
-            process.wait(ENDS_S)
-
     def _run_daemon(self) -> None:
         """Start the daemon, and end the one before as Ctrl-C does."""
         if self.lines:
             self._daemon.send_signal(signal.SIGINT)
             self._daemon.wait(ENDS_S)
-        self._daemon = self._start("slipd", "run", "--config", str(self.config))
+        self._daemon = self._stack.enter_context(part(self._folder, "slipd", "run", "--config", str(self.config)))
         first_line(self._daemon)
-
-    def _start(self, *command: str) -> subprocess.Popen[str]:
-        return self._stack.enter_context(part(self._folder, *command))
 
 
 def _lines_of(master: int) -> Iterator[str]:
     """Yield the lines of a terminal until its last user has gone."""
-    rest = b""
-    while True:
-        try:
-            data = os.read(master, 4096)
-        except OSError:  # the command has ended
-            return
-        *lines, rest = (rest + data).split(b"\n")
-        yield from (line.decode().rstrip() for line in lines)
+    with suppress(OSError), os.fdopen(master, encoding="utf-8", closefd=False) as lines:
+        yield from map(str.rstrip, lines)

@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
-from rig_parts import emulating, first_line, part
+from rig_parts import emulating, endpoints_of, first_line, part
 
 RIG = """
 [finger.left]
@@ -69,7 +69,7 @@ class EmulatedRig:
         self.write_config(self._wrong)
         viewing = self._start("slipd_client.slipctl", "view", *listen)
         self.daemon = self._start("slipd", "run", "--config", str(self.config))
-        first_line(self.daemon)
+        endpoints_of(self.daemon)
         self.url = first_line(viewing).partition(": ")[2]
         return self
 

@@ -33,6 +33,6 @@ def chromium() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def browser(chromium: Browser) -> Iterator[Browser]:
-    """The browser with an empty page; a page that stays open goes on drawing beside all other tests."""
+    """The browser with an empty page, whose scripts must not fail; one that stays open draws beside all other tests."""
     yield chromium
-    chromium.forget()
+    chromium.leave()

@@ -15,7 +15,6 @@ from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
 from slipd import config
 from slipd.config.model import transport_of
 from slipd.devices import DEVICES
-from slipd.tools.sim import emulate
 from slipd.tools.sim.touched_devices import TouchedDevices
 from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
@@ -178,8 +177,7 @@ def remaining(client: GripClient, settled: Callable[[dict[str, Any]], bool]) -> 
 
 
 @pytest.mark.parametrize("text", RIGS.values(), ids=RIGS)
-def test_L5_L6_all_devices_go_away_and_come_back(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(emulate, "TICK_NS", 5_000_000)  # enough for these rates, and lighter
+def test_L5_L6_all_devices_go_away_and_come_back(text: str, tmp_path: Path) -> None:
     devices = TouchedDevices(config.parse(text, "rig.toml"), tmp_path)
     rig = tmp_path / "rig.toml"
     rig.write_text(devices.config_text(), encoding="utf-8")

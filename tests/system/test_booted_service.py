@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 from booted_machine import SOURCE, BootedMachine, booted_machine, why_not
 from project import ROOT
+from rig_parts import wait_for
 
 PYTHON = "/usr/bin/python3"
 START_S = 600.0
@@ -22,15 +22,6 @@ pytestmark = [
     pytest.mark.timeout(1200),
     pytest.mark.skipif(bool(why_not()), reason=why_not()),
 ]
-
-
-def comes(condition: Callable[[], bool], within_s: float) -> bool:
-    end_s = time.monotonic() + within_s
-    while time.monotonic() < end_s:
-        if condition():
-            return True
-        time.sleep(0.2)
-    return False
 
 
 def system_python_suffices() -> bool:
@@ -64,12 +55,12 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BootedMachine]
 @pytest.fixture
 def active(machine: BootedMachine) -> BootedMachine:
     """The machine, once its service is ready."""
-    assert comes(lambda: machine.show("slipd", "ActiveState") == "active", 30.0)
+    wait_for(lambda: machine.show("slipd", "ActiveState") == "active", 30.0)
     return machine
 
 
 def test_it_reads_every_stream(active: BootedMachine) -> None:
-    assert comes(lambda: active.show("slipd", "StatusText").startswith("5 of 5 streams are read"), 10.0)
+    wait_for(lambda: active.show("slipd", "StatusText").startswith("5 of 5 streams are read"), 10.0)
 
 
 def test_members_of_its_group_are_answered_and_others_are_told_to_join(active: BootedMachine) -> None:
@@ -89,7 +80,7 @@ def test_log_entries_name_their_stream(active: BootedMachine) -> None:
 def test_P2_P5_a_daemon_that_dies_or_hangs_is_started_again(active: BootedMachine, signal: str, result: str) -> None:
     before = active.show("slipd", "MainPID")
     active.run(f"kill -{signal} {before}")
-    assert comes(
+    wait_for(
         lambda: active.show("slipd", "MainPID") not in (before, "0") and active.show("slipd", "SubState") == "running",
         WATCHDOG_S,
     )
@@ -99,9 +90,9 @@ def test_P2_P5_a_daemon_that_dies_or_hangs_is_started_again(active: BootedMachin
 def test_a_reload_with_faults_keeps_the_config_before(active: BootedMachine) -> None:
     config, before = "/etc/slipd/rig.toml", active.show("slipd", "MainPID")
     active.run(f"cp {config} /srv/kept.toml; echo 'bogus = 1' >> {config}; systemctl reload slipd")
-    assert comes(lambda: "the config read before is kept" in active.show("slipd", "StatusText"), 10.0)
+    wait_for(lambda: "the config read before is kept" in active.show("slipd", "StatusText"), 10.0)
     active.run(f"cp /srv/kept.toml {config}; systemctl reload slipd")
-    assert comes(lambda: "is kept" not in active.show("slipd", "StatusText"), 10.0)
+    wait_for(lambda: "is kept" not in active.show("slipd", "StatusText"), 10.0)
     assert active.show("slipd", "MainPID") == before
 
 

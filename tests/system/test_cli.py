@@ -13,7 +13,7 @@ import pytest
 from project import CONFIG, DOCS, TRIAL
 from replays import RECORDINGS
 
-from slipd import cli, config
+from slipd import cli
 from slipd.cli import SLIPCTL, main
 from slipd.tools.cli_parser import parser
 from slipd_client import slipctl, slipctl_commands, slipctl_parser
@@ -116,14 +116,6 @@ def test_slipd_alone_prints_the_first_steps(capsys: pytest.CaptureFixture[str]) 
         "slipd docs",
     ):
         assert f"    {command}" in shown
-
-
-def test_a_shipped_config_that_is_printed_is_valid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = tmp_path / "my_rig.toml"
-    assert main(["config", "show", "external"]) == 0
-    rig.write_text(capsys.readouterr().out, encoding="utf-8")
-    assert main(["check", str(rig)]) == 0
-    assert config.load(rig).text == (CONFIG / "external.toml").read_text(encoding="utf-8")
 
 
 def test_configs_and_pages_are_listed_with_what_they_are(

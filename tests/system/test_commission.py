@@ -1,4 +1,4 @@
-"""``slipd commission`` as a person uses it: in a terminal, with a daemon that admits only keys, on emulated devices."""
+"""``slipd commission`` as a person uses it: in a terminal, with a daemon on emulated devices, each a process."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 from commission_person import TOUCHES
+from commission_rig import PRESSES, TRUE, commission_rig
 from commission_terminal import CommissionTerminal
 from own_address import free_port, own_host
 
+from slipd import config
 from slipd_client import keys
 
 pytestmark = pytest.mark.process
@@ -57,3 +59,34 @@ def test_what_is_found_is_written_with_a_backup_where_the_daemon_admits_only_key
         assert previous.read_text(encoding="utf-8") == before
         found = before.replace("sign = 1  # MEASURE", "sign = -1  # slipd commission")
         assert person.config.read_text(encoding="utf-8") == found
+
+
+WRONG = {
+    "quat_xyzw = [0.0, 0.0, 0.0, 1.0]": "quat_xyzw = [1.0, 0.0, 0.0, 0.0]",
+    "mass_kg = 0.08": "mass_kg = 0.0",
+    "com_m = [0.0, 0.0, -0.012]": "com_m = [0.0, 0.0, 0.0]",
+    "flip_y = false": "flip_y = true",
+}
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+def test_all_steps_lead_from_a_wrong_config_to_a_first_grasp_in_one_run(tmp_path: Path) -> None:
+    with CommissionTerminal(tmp_path, commission_rig().text, WRONG, TOUCHES | PRESSES) as person:
+        before = person.config.read_text(encoding="utf-8")
+        code = person.follow()
+        found = config.load(person.config)
+    said = "\n".join(person.lines)
+    assert code == 0, said
+    assert person.lines[-1] == "Done."
+    finger = found.finger["left"]
+    assert finger.wrench is not None
+    assert finger.pad is not None
+    assert finger.wrench.pad_from_sensor.quat_xyzw == TRUE["quat"]
+    assert finger.pad.flip_y is False
+    assert finger.wrench.mass_kg == pytest.approx(TRUE["mass"], abs=0.002)
+    assert finger.wrench.com_m == pytest.approx([0.0, 0.0, TRUE["com_z"]], abs=0.002)
+    assert finger.mu == pytest.approx(0.55, abs=0.08), "a low estimate of 0.6"
+    assert person.lines.count("Let go of it.") >= 2, "between three pulls"
+    assert any(line.startswith("  left stable") for line in person.lines), said
+    assert (tmp_path / "rig.toml.previous").read_text(encoding="utf-8") == before

@@ -17,7 +17,6 @@ import pytest
 from rig_parts import PATIENCE_S, endpoints_of, part
 from terminals import PseudoTerminal
 
-from slipd.events import Bytes
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import encode
@@ -46,7 +45,8 @@ def run_demo(folder: Path, *options: str) -> Demo:
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
-    return run_demo(tmp_path_factory.mktemp("demo"))
+    """Until the load that is poured in has called for more grip force; a test of a terminal plays the whole scene."""
+    return run_demo(tmp_path_factory.mktemp("demo"), "--seconds", "12")
 
 
 def figure(demo: Demo, pattern: str) -> int:
@@ -59,36 +59,29 @@ def test_the_exit_code_and_the_summary_are_honest_on_any_machine(demo: Demo) -> 
     """`tests/unit/tools/test_demo_story.py` holds what the scene must show, in simulated time."""
     assert demo.code == ("ended early" in demo.errors), demo.errors
     warned = re.search(r"slipd    \w+: (warning|slipping) \([^)]*rotation", demo.summary)
+    said = re.search(r"^NOT AS EXPECTED: (.*)$", demo.summary, re.MULTILINE)
     missing = {
         "ended early": "ended early" in demo.errors,
         "the rotation was not warned of": "truth    hold" in demo.summary and warned is None,
-        "the slip was not reported": "truth    slide_begins" in demo.summary and "(slip_detected" not in demo.summary,
     }
-    said = re.search(r"^NOT AS EXPECTED: (.*)$", demo.summary, re.MULTILINE)
     assert {what: what in (said[1] if said else "") for what in missing} == missing, demo.summary
 
 
-def test_readings_flow_and_each_message_is_received_or_counted_as_missed(demo: Demo) -> None:
+def test_each_message_is_received_or_counted_as_missed_and_a_replay_gives_the_same(demo: Demo) -> None:
     """On a machine that cannot keep up some are missed; the few of the beginning and of the end are not asked for."""
-    assert figure(demo, r"^readings: (\d+)") > 10_000, demo.errors
+    assert figure(demo, r"^readings: (\d+)") > 5000, demo.errors
     assert re.search(r"^median latency: \d+\.\d\d ms", demo.summary, re.MULTILINE)
-    published = sum(1 for _ in open_recording(demo.recording).messages())
+    published = replayed(demo)
     assert 0.9 * published < figure(demo, r"^messages: (\d+)") + figure(demo, r"^gaps: (\d+)") <= published
 
 
-def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: Demo) -> None:
+def replayed(demo: Demo) -> int:
+    """Check that a replay gives the live messages, and return how many."""
     recording = open_recording(demo.recording)
-    links = {event.link for _, event in recording.events() if isinstance(event, Bytes)}
-    assert links == {"left.wrench", "left.pad", "right.wrench", "right.pad", "gripper"}
+    live = list(recording.messages())
     assert recording.complete
-    assert len(assert_replays(demo)) > 5000
-
-
-def assert_replays(demo: Demo) -> list[tuple[str, bytes]]:
-    """Check that a replay gives the live messages, and return these."""
-    live = list(open_recording(demo.recording).messages())
     assert [(topic, encode(body)) for topic, body in replay(open_recording(demo.recording))] == live
-    return live
+    return len(live)
 
 
 @pytest.mark.long
@@ -144,4 +137,4 @@ def test_the_scene_carry_is_played_by_real_processes_and_replays(advised: bool, 
     if not carried.code:
         assert ("glass: did not slip" in carried.summary) is advised, carried.summary
         assert len(re.findall("program  moves", carried.summary)) == 5
-    assert_replays(carried)
+    assert replayed(carried)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 
 import pytest
 from fresh_environment import OFFLINE, PATIENCE_S, Environment
 from project import ROOT
+from rig_parts import wait_for
 
 from slipd_client.messages.typed import Slip
 from slipd_client.subscriber import Subscriber
@@ -44,27 +44,6 @@ axis_scale = [1.0, 1.0, 1.0]
 """
 
 
-def take_tare(environment: Environment) -> None:
-    """Take the zero of the force sensor, again where a busy machine lost readings meanwhile."""
-    deadline_s = time.monotonic() + PATIENCE_S
-    while True:
-        taken = environment.slipd("tare", "take", "left", module="slipd_client.slipctl")
-        if taken.returncode == 0:
-            return
-        assert time.monotonic() < deadline_s, taken.stdout + taken.stderr
-
-
-def pressed(endpoint: str) -> Slip:
-    """Wait for a verdict on a finger that is pressed with 8 N."""
-    deadline_s = time.monotonic() + PATIENCE_S
-    with Subscriber(endpoint, topics=("slip.left",)) as messages:
-        for message in messages:
-            assert time.monotonic() < deadline_s, message
-            if isinstance(message, Slip) and message.normal_n is not None and message.normal_n > 5.0:
-                return message
-    raise AssertionError("the daemon ended")
-
-
 def test_a_device_of_another_package_from_its_installation_to_its_removal(tmp_path: Path) -> None:
     rig, recording = tmp_path / "rig.toml", tmp_path / "run.mcap"
     rig.write_text(RIG, encoding="utf-8")
@@ -76,9 +55,11 @@ def test_a_device_of_another_package_from_its_installation_to_its_removal(tmp_pa
     assert 'package = "slipd-paxini"' in environment.slipd("devices", "paxini").stdout
     with environment.running("config:", "emulate", rig, "--dir", tmp_path / "emulated") as copy:
         with environment.running("publish:", "run", copy, "--record", recording) as endpoint:
-            take_tare(environment)
+            tare = ("tare", "take", "left")  # again where a busy machine lost readings meanwhile
+            wait_for(lambda: environment.slipd(*tare, module="slipd_client.slipctl").returncode == 0, PATIENCE_S)
             assert environment.slipd("touch", tmp_path / "emulated", "press left 8 N at 0 0 mm").returncode == 0
-            seen = pressed(endpoint)
+            with Subscriber(endpoint, topics=("slip.left",)) as messages:
+                seen = next(each for each in messages if isinstance(each, Slip) and (each.normal_n or 0.0) > 5.0)
         assert environment.slipd("touch", tmp_path / "emulated", "show").returncode == 0
     assert seen.level.name.lower() in ("unknown", "caution", "warning"), "without torque it is never stable"
     printed = environment.slipd("replay", recording, "--speed", "max", "--json").stdout

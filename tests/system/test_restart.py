@@ -28,7 +28,7 @@ from slipd_client.subscriber import Subscriber
 pytestmark = pytest.mark.process
 
 GRIP_N = 10.0
-KINDS = ("robotiq_2f", "wsg", "external_gripper")
+KINDS = ("robotiq_2f", "wsg", pytest.param("external_gripper", marks=pytest.mark.long))
 WSG = '[gripper]\ndevice = "wsg"\nport = "{}"\nrate_hz = 50.0\nmax_force_n = 30.0\n'
 
 
@@ -76,25 +76,23 @@ class Place:
         return any('"grip":{' in text and '"object":"contact_closing"' in text for text in texts)
 
 
-@pytest.fixture(params=KINDS)
-def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
+@pytest.fixture(scope="module", params=KINDS)
+def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
     """A gripper that held an object when its daemon was killed."""
-    place = Place(request.param, tmp_path)
+    place = Place(request.param, tmp_path_factory.mktemp(request.param))
     with ExitStack() as stack:
         stack.enter_context(place.hardware())
         place.sensors.start()
         stack.callback(place.sensors.stop)
         with place.daemon("state") as (_, endpoints), GripClient(endpoints.requests) as client:
-            wait_for(lambda: client.status()["gripper"]["width_m"] is not None)
             for finger in PADS:
-                wait_for(lambda finger=finger: client.tare(finger, 0.2))
+                wait_for(lambda finger=finger: client.tare(finger, 0.1))
             wait_for(lambda: leased(client, lambda: client.gripper_activate(drop=True)))
             wait_for(lambda: client.status()["gripper"]["active"])
             wait_for(lambda: leased(client, lambda: client.gripper_close(GRIP_N)))
             wait_for(lambda: place.gripper.grip_n)
             place.sensors.contacts.update(HELD)
             wait_for(lambda: client.status()["fingers"]["left"]["level"] == "stable")
-            wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
             wait_for(place.is_kept)
             place.forces_n = [place.gripper.grip_n]
         yield place
@@ -110,6 +108,20 @@ def first_verdicts(publish: str) -> set[tuple[str, tuple[str, ...], str | None]]
             if len(found) == len(PADS):
                 break
     return {(str(each.level), each.reasons, each.tare_origin) for each in found.values()}
+
+
+@pytest.mark.parametrize("place", ["robotiq_2f"], indirect=True)
+def test_A10_F6_where_nothing_is_known_nothing_moves_and_status_says_so_first(place: Place) -> None:
+    """Without the kept state no zero is known, so that the fingers measure nothing, and a Robotiq reports no force."""
+    with place.daemon("empty") as (_, endpoints), GripClient(endpoints.requests) as client:
+        wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
+        assert wait_for(lambda: code(client, lambda: client.grip_adjust(0.5))) == "not_ready"
+        assert wait_for(lambda: code(client, lambda: client.gripper_close(GRIP_N))) == "not_ready"
+        status = wait_for(client.status)
+        assert first_verdicts(endpoints.publish) == {("unknown", ("not_tared",), None)}
+    first = repairs(status)[0]
+    assert (first.id, first.command) == ("gripper-force-unknown", "slipctl grip open --drop")
+    assert set(place.forces_n) == {place.forces_n[0]}
 
 
 def test_A10_F6_P2_P4_what_is_held_is_known_again_and_can_be_raised_and_a_reload_moves_nothing(place: Place) -> None:
@@ -132,25 +144,6 @@ def test_A10_F6_P2_P4_what_is_held_is_known_again_and_can_be_raised_and_a_reload
     assert "gripper-force-unknown" not in advised
     assert min(place.forces_n) == held_n, "nothing opened or lowered it"
     assert max(place.forces_n) <= held_n + 0.6
-
-
-@pytest.mark.parametrize("place", ["robotiq_2f"], indirect=True)
-def test_A10_F6_where_nothing_is_known_nothing_moves_and_status_says_so_first(place: Place) -> None:
-    """Without the kept state no zero is known, so that the fingers measure nothing, and a Robotiq reports no force."""
-    with place.daemon("empty") as (_, endpoints), GripClient(endpoints.requests) as client:
-        wait_for(lambda: client.status()["gripper"]["object"] == "contact_closing")
-        requests_for_force = (
-            lambda: client.grip_adjust(0.5),
-            lambda: client.gripper_close(3.0),
-            lambda: client.gripper_close(GRIP_N),
-        )
-        codes = [wait_for(lambda request=request: code(client, request)) for request in requests_for_force]
-        status = wait_for(client.status)
-        assert first_verdicts(endpoints.publish) == {("unknown", ("not_tared",), None)}
-    assert codes == ["not_ready"] * len(codes)
-    first = repairs(status)[0]
-    assert (first.id, first.command) == ("gripper-force-unknown", "slipctl grip open --drop")
-    assert set(place.forces_n) == {place.forces_n[0]}
 
 
 def code(client: GripClient, request: Callable[[], object]) -> str:

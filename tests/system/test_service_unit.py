@@ -53,9 +53,8 @@ def test_P5_a_daemon_that_crashes_is_started_again_without_limit(unit: Path) -> 
 @both
 def test_P2_a_daemon_that_hangs_is_ended_by_the_watchdog(unit: Path) -> None:
     stated = settings(unit)
-    assert (stated["Type"], stated["NotifyAccess"], stated["ExecReload"]) == (
-        "notify", "main", "/bin/kill -HUP $MAINPID",
-    )  # fmt: skip
+    expected = {"Type": "notify", "NotifyAccess": "main", "ExecReload": "/bin/kill -HUP $MAINPID"}
+    assert stated | expected == stated
     assert float(stated["WatchdogSec"]) / FEEDS_PER_TIMEOUT > ANSWER_S
 
 
@@ -136,23 +135,20 @@ def test_uninstall_removes_what_install_put_there_and_nothing_else(tmp_path: Pat
     destination = f"DESTDIR={root}"
     home, program = root / "usr/local/lib/slipd", root / "usr/local/bin/slipd"
     unit, rules = root / "etc/systemd/system/slipd.service", root / "etc/udev/rules.d/70-slipd.rules"
-    for path in (home / "notes", program, unit, rules):
+    notes = home / "notes"
+    for path in (notes, program, rules):
         path.parent.mkdir(parents=True, exist_ok=True)
-    (home / "notes").touch()
-    program.symlink_to("/opt/own/slipd")
-    shutil.copy(UNIT, unit)  # of a place of its own
-    rules.write_text(RULES.read_text(encoding="utf-8") + "# mine\n", encoding="utf-8")
+        path.write_text("mine\n", encoding="utf-8")
     code, said = machine.make("install", destination)
     assert (code, "holds something else" in said) == (2, True)
     assert machine.make("uninstall", destination)[0] == 0
-    assert program.is_symlink()
-    assert all(path.exists() for path in (home / "notes", unit, rules))
+    assert [path.read_text(encoding="utf-8") for path in (notes, program, rules)] == ["mine\n"] * 3
 
-    shutil.rmtree(home)
-    program.unlink()
+    for path in (notes, program, rules):
+        path.unlink()
+    home.rmdir()
     assert machine.make("install", destination)[0] == 0
-    shutil.copy(RULES, rules)
-    assert unit.exists()
+    assert all(path.exists() or path.is_symlink() for path in (home, program, unit, rules))
     assert machine.make("uninstall", destination)[0] == 0
     assert not any(path.exists() or path.is_symlink() for path in (home, program, unit, rules))
     assert machine.make("uninstall", destination)[0] == 0, "again"
@@ -170,15 +166,12 @@ def test_an_installation_that_fails_leaves_the_one_before_and_one_that_works_rep
     (lib / "slipd/before").touch()
     (machine.home / "pip-fails").touch()
     code, said = machine.make("install", destination)
-    assert (code, "pip failed; nothing was changed" in said) == (2, True)
-    assert (lib / "slipd/before").exists()
+    assert (code, "pip failed; nothing was changed" in said, (lib / "slipd/before").exists()) == (2, True, True)
     (machine.home / "pip-fails").unlink()
     assert machine.make("install", destination)[0] == 0
-    assert not (lib / "slipd/before").exists()
-    assert (lib / "slipd/pyvenv.cfg").read_text() == "home = /usr/local/lib/slipd\n", (
-        "its place, not where it was built"
-    )
-    assert [path.name for path in lib.iterdir()] == ["slipd"], "and nothing else is left"
+    assert ([path.name for path in lib.iterdir()], (lib / "slipd/before").exists()) == (["slipd"], False)
+    placed = (lib / "slipd/pyvenv.cfg").read_text(encoding="utf-8")
+    assert placed == "home = /usr/local/lib/slipd\n", "its place, not where it was built"
 
 
 @pytest.fixture
@@ -231,24 +224,23 @@ def service(*arguments: str | Path) -> int:
 def test_an_installed_program_is_made_a_service_without_the_repository(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    root, program = ("--root", tmp_path), tmp_path / "my programs" / "slipd"
-    assert service("install", "--system", *root, "--program", program) == 0
+    root, program = ("--system", "--root", tmp_path), tmp_path / "my programs" / "slipd"
     unit, rules = tmp_path / "etc/systemd/system/slipd.service", tmp_path / "etc/udev/rules.d/70-slipd.rules"
+    assert service("install", *root, "--program", program) == 0
     assert f'ExecStart="{program}" run /etc/slipd/rig.toml' in unit.read_text(encoding="utf-8")
     assert "sudo systemctl enable --now slipd" in capsys.readouterr().out.replace(
         "daemon-reload && sudo systemctl ", ""
     )
     assert (unit.stat().st_mode & 0o777, (tmp_path / "etc/slipd").is_dir()) == (0o644, True)
     rules.write_text("# mine\n", encoding="utf-8")
-    assert service("install", "--system", *root) == 0, "another program of slipd replaces it"
+    assert service("install", *root) == 0, "another program of slipd replaces it"
     assert f"ExecStart={Path(sys.prefix) / 'bin/slipd'} run" in unit.read_text(encoding="utf-8")
     assert f"kept, because it was changed: {rules}" in capsys.readouterr().out
-    assert service("uninstall", "--system", *root, "--program", program) == 0
-    assert unit.exists(), "it starts another program"
-    assert service("uninstall", "--system", *root) == 0
-    assert (unit.exists(), rules.exists(), (tmp_path / "etc/sysusers.d/slipd.conf").exists()) == (False, True, False)
+    assert (service("uninstall", *root, "--program", program), unit.exists()) == (0, True), "it starts another program"
+    assert service("uninstall", *root) == 0
+    assert [path.name for path in (tmp_path / "etc").rglob("*") if path.is_file()] == ["70-slipd.rules"]
     unit.write_text("[Service]\nExecStart=/bin/true\n", encoding="utf-8")
-    assert service("install", "--system", *root) == 1
+    assert service("install", *root) == 1
     assert "slipd.service: is not a unit of slipd, and is not replaced" in capsys.readouterr().err
 
 
@@ -256,13 +248,12 @@ def test_the_service_of_one_user_is_written_into_that_user_s_home(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    assert service("install", "--user") == 0
     unit = tmp_path / "systemd/user/slipd.service"
+    assert service("install", "--user") == 0
     assert unit.read_text(encoding="utf-8") == with_program(USER_UNIT.read_text(encoding="utf-8"), own_program())
     assert "systemctl --user enable --now slipd" in capsys.readouterr().out
-    assert service("uninstall", "--user") == 0
-    assert not unit.exists()
-    (tmp_path / "systemd/user").rmdir()
-    (tmp_path / "systemd/user").touch()
+    assert (service("uninstall", "--user"), unit.exists()) == (0, False)
+    unit.parent.rmdir()
+    unit.parent.touch()
     assert service("install", "--user") == 1
     assert "systemd/user" in capsys.readouterr().err
