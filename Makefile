@@ -26,7 +26,7 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py \
 	page.py::test_sensors_that_fall_silent_are_unknown_with_the_reason \
 	service.py::test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised \
 	service_process.py::test_P4_a_signal_ends_the_process_well \
-	service_unit.py::test_P5_a_daemon_that_crashes_is_started_again_without_limit \
+	service_unit.py::test_P2_P5_a_daemon_that_crashes_or_hangs_is_started_again_without_limit \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
 EVALUATION := $(addprefix benchmarks/,evaluate fit second_world)

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import AfterValidator, BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
+from wire_tables import table
 
 from slipd.config import Finger, Stream
 from slipd.config.model import TABLES
@@ -63,9 +64,9 @@ def _table_above(name: str) -> str | None:
 
 def _section(title: str, model: type[BaseModel], below: Iterable[tuple[str, type[BaseModel]]] = ()) -> str:
     rows = list(_rows(model))
-    for name, table in below:
-        rows += [(f"**`[{name}]`**", "table", "", "", "", _about(table), ""), *_rows(table)]
-    return f"## {title}\n\n{_about(model)}\n\n{_table(TITLES, iter(rows))}"
+    for name, lower in below:
+        rows += [(f"**`[{name}]`**", "table", "", "", "", _about(lower), ""), *_rows(lower)]
+    return f"## {title}\n\n{_about(model)}\n\n{table(TITLES, rows)}"
 
 
 def _about(model: type[BaseModel]) -> str:
@@ -109,11 +110,6 @@ def _default(field: FieldInfo) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f'`"{value}"`' if isinstance(value, str) else f"`{value}`"
-
-
-def _table(titles: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> str:
-    lines = (titles, ("---",) * len(titles), *rows)
-    return "".join("|" + "|".join(f" {cell} " if cell else " " for cell in line) + "|\n" for line in lines)
 
 
 _TYPES = {float: "number", int: "integer", bool: "true, false", str: "text"}

@@ -86,6 +86,7 @@ def test_progress_is_shown_on_a_terminal_only() -> None:
 
 @pytest.mark.long
 @pytest.mark.process
+@pytest.mark.timeout(400)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_batch_goes_on_where_it_ended_and_no_batch_leaves_a_process(
     tmp_path: Path, number: signal.Signals

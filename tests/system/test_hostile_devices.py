@@ -8,8 +8,9 @@ import struct
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,6 @@ HOSTILE_S = 2.0
 MOST_GROWTH_MB = 50
 MOST_LINES = 200
 MANY = 50
-SERVERS = 7
 
 GOOD = """
 [rates]
@@ -58,93 +58,58 @@ rate_hz = 1000.0
 options = {{ calibration = "config" }}
 """
 
-Handler = Callable[[socket.socket], None]
-
-
-class Peers:
-    """Servers of hostile devices, in threads of their own, for the duration of ``with``.
-
-    Attributes:
-        served: Names of the devices to which the daemon has connected.
-    """
-
-    def __init__(self) -> None:
-        self._ended = threading.Event()
-        self._stack = ExitStack()
-        self.served: set[str] = set()
-
-    def __enter__(self) -> Peers:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._ended.set()
-        self._stack.close()
-
-    def websocket(self, name: str, handle: Handler) -> str:
-        """Serve what a handler does with a connection after the handshake; return the address."""
-
-        def meet(connection: ServerConnection) -> None:
-            self._serve(name, handle, connection.socket)
-
-        server = self._stack.enter_context(serve(meet, "127.0.0.1", 0, compression=None))
-        threading.Thread(target=server.serve_forever).start()
-        return f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
-
-    def udp(self, datagram: bytes) -> str:
-        """Answer the first datagram with a flood; return the address."""
-        device = self._stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        device.bind(("127.0.0.1", 0))
-
-        def flood() -> None:
-            _, peer = device.recvfrom(100)
-            while not self._ended.is_set():
-                with suppress(OSError):
-                    device.sendto(datagram, peer)
-
-        threading.Thread(target=flood, daemon=True).start()
-        return f"udp://127.0.0.1:{device.getsockname()[1]}"
-
-    def flood(self, data: bytes) -> Handler:
-        def handle(client: socket.socket) -> None:
-            while not self._ended.is_set():
-                client.sendall(data)
-
-        return handle
-
-    def _serve(self, name: str, handle: Handler, client: socket.socket, *_: object) -> None:
-        self.served.add(name)
-        client.settimeout(0.5)
-        with suppress(OSError):
-            handle(client)
-
 
 def frame(payload: bytes, opcode: int = 0x81) -> bytes:
     size = bytes((len(payload),)) if len(payload) < 126 else struct.pack(">BH", 126, len(payload))
     return bytes((opcode,)) + size + payload
 
 
-def closes(client: socket.socket) -> None:
-    """Close with a different reason each time, which looks like a line of the log."""
-    reason = f"bye\nERROR forged: {time.monotonic_ns()}".encode()
-    client.sendall(frame(b"x") + frame(struct.pack(">H", 1000) + reason, 0x88))
-    time.sleep(0.01)
+NUMBERS = b'{"message":1,"1":{"taxels":3500,"calibrated":[' + b".5," * 10_000 + b".5]}}"
+FLOODS = {
+    "numbers": frame(NUMBERS),
+    "digits": frame(b'{"message":1}') + frame(b'{"message":1' + b"0" * 4000 + b"}"),
+    "braces": frame(b"{" * 30_000),
+    "tiny": frame(b"{") * 10_000,
+    "pings": frame(bytes(125), 0x89) * 1000,
+    "fragments": frame(b"", 0x01) + frame(b"", 0x00) * 10_000,
+}
+"""What devices with a WebSocket send again and again."""
 
 
-def hostile(peers: Peers) -> Iterator[str]:
-    """Yield the table of each device."""
-    numbers = b'{"message":1,"1":{"taxels":3500,"calibrated":[' + b".5," * 10_000 + b".5]}}"
-    floods = {
-        "numbers": frame(numbers),
-        "digits": frame(b'{"message":1}') + frame(b'{"message":1' + b"0" * 4000 + b"}"),
-        "braces": frame(b"{" * 30_000),
-        "tiny": frame(b"{") * 10_000,
-        "pings": frame(bytes(125), 0x89) * 1000,
-        "fragments": frame(b"", 0x01) + frame(b"", 0x00) * 10_000,
-    }
-    for name, data in floods.items():
-        yield XELA.format(name=name, port=peers.websocket(name, peers.flood(data)))
-    yield XELA.format(name="closes", port=peers.websocket("closes", closes))
-    yield NETFT.format(name="garbage", port=peers.udp(bytes(range(256)) * 250))
+def farewell() -> bytes:
+    """Return a frame that ends the connection, each time with another reason that looks like a line of the log."""
+    return frame(struct.pack(">H", 1000) + f"bye\nERROR forged: {time.monotonic_ns()}".encode(), 0x88)
+
+
+@contextmanager
+def hostile_devices() -> Iterator[tuple[str, set[str]]]:
+    """Serve hostile devices; yield their tables, and the names of those to which the daemon has connected."""
+    ended = threading.Event()
+    served: set[str] = set()
+
+    def flood(name: str, connection: ServerConnection) -> None:
+        served.add(name)
+        connection.socket.settimeout(0.5)
+        with suppress(OSError):
+            while not ended.is_set():
+                connection.socket.sendall(FLOODS.get(name) or farewell())
+
+    def flood_datagrams(device: socket.socket) -> None:
+        _, peer = device.recvfrom(100)
+        while not ended.is_set():
+            with suppress(OSError):
+                device.sendto(bytes(range(256)) * 250, peer)
+
+    with ExitStack() as stack, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+        device.bind(("127.0.0.1", 0))
+        threading.Thread(target=flood_datagrams, args=(device,), daemon=True).start()
+        tables = NETFT.format(name="garbage", port=f"udp://127.0.0.1:{device.getsockname()[1]}")
+        for name in (*FLOODS, "farewell"):
+            server = stack.enter_context(serve(partial(flood, name), "127.0.0.1", 0, compression=None))
+            threading.Thread(target=server.serve_forever).start()
+            tables += XELA.format(name=name, port=f"ws://127.0.0.1:{server.socket.getsockname()[1]}")
+        stack.callback(ended.set)
+        yield tables, served
 
 
 def size_mb(process: subprocess.Popen[str]) -> float:
@@ -160,12 +125,12 @@ def explained(status: dict[str, Any]) -> bool:
 
 async def test_no_device_stops_the_daemon_or_the_others(tmp_path: Path, runtime: Path) -> None:
     sensor, log, rig = Device(tmp_path / "good"), tmp_path / "log", tmp_path / "rig.toml"
-    with Peers() as peers, log.open("w", encoding="utf-8") as errors:
-        rig.write_text(GOOD.format(port=sensor.path) + "".join(hostile(peers)), encoding="utf-8")
+    with hostile_devices() as (tables, served), log.open("w", encoding="utf-8") as errors:
+        rig.write_text(GOOD.format(port=sensor.path) + tables, encoding="utf-8")
         with started(rig, stderr=errors) as (daemon, client):
             await until(lambda: client.hear("status"), sensor.send_wrench)
             before_mb, until_s = size_mb(daemon), time.monotonic() + HOSTILE_S
-            await until(lambda: time.monotonic() > until_s and len(peers.served) == SERVERS, sensor.send_wrench)
+            await until(lambda: time.monotonic() > until_s and len(served) > len(FLOODS), sensor.send_wrench)
             await until(lambda: len(client.hear("wrench.good")) > MANY, sensor.send_wrench)
             await until(lambda: explained(client.newest("status")), sensor.send_wrench)
             status, growth_mb = client.newest("status"), size_mb(daemon) - before_mb

@@ -8,8 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -19,42 +18,22 @@ from service_rig import Rig, assert_complete, started
 pytestmark = pytest.mark.process
 
 
-class Manager:
-    """The service manager's side of the notify socket."""
-
-    def __init__(self, path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(str(path))
-        self._socket.settimeout(0.05)
-        self.heard: list[bytes] = []
-
-    def until(self, pattern: bytes) -> None:
-        """Wait for a report that matches, after those of earlier calls."""
-        until_s = time.monotonic() + PATIENCE_S
-        while not (self.receive() and re.search(pattern, self.heard[-1])):
-            assert time.monotonic() < until_s, (pattern, self.heard)
-
-    def receive(self) -> bool:
-        """Return whether another report came within a moment."""
-        try:
-            self.heard.append(self._socket.recv(4096))
-        except TimeoutError:
-            return False
-        return True
-
-    def close(self) -> None:
-        self._socket.close()
-
-
 @pytest.fixture
-def manager(tmp_path: Path) -> Iterator[Manager]:
-    manager = Manager(tmp_path / "notify")
-    yield manager
-    manager.close()
+def told(tmp_path: Path) -> Iterator[Callable[[bytes], None]]:
+    """The service manager's side: waits until the daemon reports what matches, after its reports of earlier calls."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(PATIENCE_S)
+
+        def told(pattern: bytes) -> None:
+            while not re.search(pattern, manager.recv(4096)):
+                pass
+
+        yield told
 
 
 async def test_P4_G2_a_service_reports_is_watched_and_reads_its_config_again(
-    rig: Rig, tmp_path: Path, manager: Manager
+    rig: Rig, tmp_path: Path, told: Callable[[bytes], None]
 ) -> None:
     def reload(text: str) -> None:
         rig.file.write_text(text, encoding="utf-8")
@@ -63,28 +42,28 @@ async def test_P4_G2_a_service_reports_is_watched_and_reads_its_config_again(
     rig.pad.unplug()  # a stream that is missing is no failed start
     variables = os.environ | {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "2000000"}
     with started(rig.file, env=variables, stdin=subprocess.DEVNULL) as (process, client):
-        manager.until(b"^READY=1$")
-        manager.until(b"^STATUS=0 of 2 streams are read; left.*no such port")
-        manager.until(b"^WATCHDOG=1$")
+        told(b"^READY=1$")
+        told(b"^STATUS=0 of 2 streams are read; left.*no such port")
+        told(b"^WATCHDOG=1$")
 
         good = rig.file.read_text(encoding="utf-8")
         first_id = (await until(lambda: client.newest("status")))["config_id"]
         reload(good[: len(good) // 2] + "[")  # half-written
-        manager.until(b"^STATUS=.*config: the config read before is kept: ")
+        told(b"^STATUS=.*config: the config read before is kept: ")
         await until(lambda: set(client.newest("status")["notices"]) == {"config"})
         reload(good)
         await until(lambda: client.newest("status")["notices"] == {})
 
         reload(good + f'\n[bus]\npublish = "ipc://{tmp_path}/nowhere/publish"\n')  # no run can start with it
-        manager.until(b"^RELOADING=1")
-        manager.until(b"^READY=1$")
-        manager.until(b"^STATUS=.*the config read before is kept: .*nowhere/publish: there is no directory")
+        told(b"^RELOADING=1")
+        told(b"^READY=1$")
+        told(b"^STATUS=.*the config read before is kept: .*nowhere/publish: there is no directory")
         await until(lambda: client.newest("status")["notices"])
         assert {body["config_id"] for body in client.hear("status")} == {first_id}
 
         reload(good.replace("mu = 0.5", "mu = 0.4"))
-        manager.until(b"^RELOADING=1\nMONOTONIC_USEC=")
-        manager.until(b"^READY=1$")
+        told(b"^RELOADING=1\nMONOTONIC_USEC=")
+        told(b"^READY=1$")
         await until(lambda: client.newest("status")["config_id"] != first_id)
         assert client.newest("status")["boot"] != client.heard[0][1]["boot"], "a new run"
 
@@ -93,7 +72,7 @@ async def test_P4_G2_a_service_reports_is_watched_and_reads_its_config_again(
         process.send_signal(signal.SIGHUP)
         with rig.file.open("w", encoding="utf-8"):  # opens as soon as the daemon reads it, and nothing is written
             process.send_signal(signal.SIGTERM)
-            manager.until(b"^STOPPING=1$")
+            told(b"^STOPPING=1$")
             assert process.wait(PATIENCE_S) == 0
 
 
