@@ -288,18 +288,12 @@ class RobotProgram(threading.Thread):
 
 
 def _faults(client: GripClient) -> str:
-    """Return the streams that do not deliver, and why, or that the machine was too busy to tell; "" if all do.
-
-    On a busy machine readings wait for the daemon now and then, which is no fault of their stream.
-    """
+    """Return the streams that do not deliver, and why, or that the machine was too busy to tell; "" if all do."""
     try:
         streams = client.status()["streams"]
     except RequestRefused as refusal:
         if refusal.code != "deadline_passed":
             raise
         return str(refusal)
-    return ", ".join(
-        f"{name} ({stream['message']})"
-        for name, stream in streams.items()
-        if stream["health"] != Health.OK and not stream["message"].startswith(DAEMON_LATE)
-    )
+    found = {name: stream["message"] for name, stream in streams.items() if stream["health"] != Health.OK}
+    return ", ".join(f"{name} ({why})" for name, why in found.items() if not why.startswith(DAEMON_LATE))
