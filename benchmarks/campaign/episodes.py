@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from random import Random
 
 from campaign.size import size_of
-from simulation.bed import FINGERS, MS, SECOND
+from engine_rig import MS
+from simulation.bed import FINGERS, SECOND
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Bursts, Chain, Delay, Drop, Edit, Flood, Garbage, Noise, Split, Trickle
 from simulation.line import Fault
@@ -82,14 +83,14 @@ def play(seed: int, count: int = FAULTS) -> Episode:
     bed, rng = SlowReader(seed), Random(seed ^ 0x5EED)
     bed.hold()
     story: list[str] = []
-    begun_ns = bed.now_ns
+    begun_ns = bed.t_ns
     bed.run(1.0)
     before = size_of(bed.engine)
     for _ in range(count):
         story.append(_strike(bed, rng))
         slow = [finger for finger in FINGERS if bed.recovery_s("stable", finger, RECOVERY_S) > RECOVERY_S]
         if slow:
-            told = {finger: (bed.level(finger), bed.reasons(finger)) for finger in slow}
+            told = {finger: bed.level(finger) for finger in slow}
             bed.watch.faults.append(f"behind {story[-1]}: not stable within {RECOVERY_S} s, but {told}")
         bed.run(rng.uniform(0.0, 0.3))
         if bed.watch.faults:
@@ -99,7 +100,7 @@ def play(seed: int, count: int = FAULTS) -> Episode:
         faults.append(f"the engine grew from {before} to {size_of(bed.engine)} bytes")
     if not bed.replays():
         faults.append("the same events told something else when they were replayed")
-    return Episode(seed, (bed.now_ns - begun_ns) / SECOND, bed.watch.messages, story, faults)
+    return Episode(seed, (bed.t_ns - begun_ns) / SECOND, bed.watch.messages, story, faults)
 
 
 def _strike(bed: SlowReader, rng: Random) -> str:
@@ -133,7 +134,7 @@ def _host(bed: SlowReader, rng: Random, name: str, stream: str, seconds: float) 
         bed.suspend(seconds)
         bed.run(0.01)
     else:
-        bed.unplug(stream)
+        bed.down(stream)
         bed.run(seconds)
-        bed.plug(stream)
+        bed.up(stream)
     return f"{name} of {stream if name == 'unplug' else 'the host'} for {seconds:.3f} s"

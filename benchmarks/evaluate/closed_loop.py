@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from bench.tables import Table
 from evaluate.intervals import share_upper
-from simulation.bed import NEVER_S, WALL_NS, Bed
+from simulation.bed import NEVER_S, Bed
 from simulation.watch import Watch
 
 from slipd import config
@@ -83,8 +83,8 @@ def hold(seed: int, mode: Mode) -> Outcome:
     )  # fmt: skip
     bed = _bed(seed, Scene(script=script, friction=friction, mass_kg=mass), mode, mu)
     bed.free()
-    bed._do("lease.acquire", ttl_ms=200)
-    bed._do("gripper.close", force_n=force, speed_mps=0.15)
+    bed.lease()
+    bed.ask("gripper.close", force_n=force, speed_mps=0.15)
     forces: list[float] = []
     slid = turned = 0.0
     while bed.said_ns < END_S * 1e9:
@@ -104,7 +104,7 @@ def _bed(seed: int, scene: Scene, mode: Mode, mu: float) -> Bed:
     text = settings_text(mode, mu)
     bed.settings = config.parse(text, "closed_loop.toml")
     bed.rig, bed.watch = VirtualRig(scene, seed), Watch(bed.settings)
-    bed.engine = bed.engine_at(WALL_NS)
+    bed.begin(bed.settings, zeros=False)
     return bed
 
 

@@ -1,103 +1,138 @@
-"""Faults of the clocks, group C: the wall clock, the devices' clocks, a host that sleeps, a loop that is late."""
+"""Faults of the clocks, group C: the wall clock, the devices' clocks, a host that sleeps, lines that are late."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
-from simulation.bed import FINGERS, MS, SECOND, Bed
+from engine_rig import MS, WALL_NS
+from run_courses import ask, lease, status
+from simulation.bed import SECOND
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Chain, Delay, Edit, Split
+from simulation.steps import (
+    HELD,
+    PAD,
+    RAISE,
+    STABLE,
+    STALE,
+    WRENCH,
+    Course,
+    changed,
+    forget,
+    play,
+    recovers,
+    replays,
+    run,
+    silent,
+    strike,
+    told,
+)
+
+from slipd.events import Tick
 
 US_SPAN = 1 << 32
 
 
-def set_clocks(bed, clock_us):
-    """Let both devices of the left finger date their readings by another clock, and return how they do."""
-    clocks = {
-        "left.wrench": Edit(wrench(clock_us=clock_us), lies=False),
-        "left.pad": Edit(pad(clock_us=clock_us), lies=False),
-    }
-    for stream, clock in clocks.items():
-        bed.strike(clock, stream)
-    return clocks
+def clocks(change: Callable[[int, int], int], late_ms: int = 0):
+    """Both devices of the left finger date their readings by another clock, on lines that are late.
+
+    Args:
+        change: ``change(us, begun_us)`` returns the time to send, µs.
+        late_ms: How late.
+    """
+
+    def step(bed):
+        begun_us = bed.said_ns // 1000
+        for stream, edit in ((WRENCH, wrench), (PAD, pad)):
+            clock = Edit(edit(clock_us=lambda us: change(us, begun_us) % US_SPAN), lies=False)
+            bed.strike(Chain([clock, Delay(late_ms * MS)]) if late_ms else clock, stream)
+
+    return step
 
 
-def test_C1_a_wall_clock_that_steps_changes_nothing():
-    """The engine is told the wall clock once, at the start: no event can bring it another."""
-    early, late = Bed(1), Bed(1)
-    late.engine = late.engine_at(early.wall_ns - 3600 * SECOND)
-    for bed in (early, late):
-        bed.hold()
-    assert late.watch.changes == early.watch.changes
-    told, before = late.watch.slip["left"], early.watch.slip["left"]
-    assert before.pop("timestamp") - told.pop("timestamp") == pytest.approx(3600.0)
-    assert told == before
+def late(late_ns: int):
+    """The lines add a time that nobody can know."""
+    return lambda bed: setattr(bed.watch, "lateness_ns", late_ns)
 
 
-def test_C2_a_host_that_slept_knows_nothing_and_holds_no_lease(held):
-    shift_us = 0
-    for slept_s in (1.0, 3600.0):
-        assert held.ask("lease.acquire", ttl_ms=200)["ok"]
-        held.suspend(slept_s)
-        shift_us += round(slept_s * 1e6)
-        set_clocks(held, lambda time_us, shift_us=shift_us: (time_us + shift_us) % US_SPAN)
-        held.watch.changes.clear()
-        held.run(0.006)
-        assert not held.ask("status")["result"]["lease"]["held"]
-        assert ("left", "unknown") in [change[1:] for change in held.watch.changes]
-        for finger in FINGERS:
-            assert held.recovery_s("stable", finger) <= 1.0
-        assert not held.ask("grip.set", force_n=9.0)["ok"]
-    assert held.replays()
+def of_clock(clock: str, uncertain_s: float):
+    """Check what is known of the clock of the force sensor: it is right to so many seconds."""
+    near = pytest.approx(uncertain_s / 2, abs=uncertain_s / 2)
+    return status(streams={WRENCH: {"clock": clock, "clock_uncertainty_s": near}})
 
 
-@pytest.mark.parametrize("ppm", [-500.0, 500.0])
-def test_C3_a_clock_that_drifts_is_learned_and_its_readings_keep_their_place(held, ppm):
-    begun_us = held.said_ns // 1000
-    set_clocks(held, lambda time_us: (time_us + round((time_us - begun_us) * ppm * 1e-6)) % US_SPAN)
-    held.run(1.5)
-    assert (held.level(), held.health("left.wrench")["clock"]) == ("stable", "locked")
-    assert held.health("left.wrench")["clock_uncertainty_s"] < 5e-3
+def what_waits_is_lost(bed):
+    for stream in (WRENCH, PAD):
+        bed.line(stream).queue.clear()
 
 
-def test_C3_a_clock_that_begins_anew_is_learned_again_within_a_second(held):
-    jump_us = -held.said_ns // 1000
-    set_clocks(held, lambda time_us: (time_us + jump_us) % US_SPAN)
-    held.run(1.0)
-    assert (held.level(), held.health("left.wrench")["clock"]) == ("stable", "locked")
+def late_for_good(delay_ms: int, tick_us: int) -> Course:
+    """Lines that are late for good stay stale until they are prompt again."""
+    coarse = lambda us, _: us // tick_us * tick_us  # noqa: E731
+    return HELD, [
+        clocks(coarse), run(0.2), clocks(coarse, delay_ms), run(0.1), forget,
+        *[lease, RAISE, run(0.25 + delay_ms * 2e-4)] * 5,
+        STALE, changed(), status(streams={PAD: {"clock": "delayed"}}),
+        silent(f"are {delay_ms * 1e-3:.2f} s older", stream=PAD),
+        clocks(coarse), what_waits_is_lost, run(0.3), status(streams={PAD: {"clock": "locked"}}),
+        # else the force sensor's session has given up by then, and begins its conversation anew
+        *[recovers()] * (delay_ms < 1000), replays,
+    ]  # fmt: skip
 
 
-def test_L12_a_bunched_stream_keeps_its_verdict_and_is_dated_by_its_device_clock(held):
-    held.strike(Chain([Bunch(), Split(held.rng, most=400)]))
-    held.watch.lateness_ns = Bunch.period_ns
-    held.run(1.2)
-    assert (held.watch.changes, held.level(), held.health("left.wrench")["clock"]) == ([], "stable", "locked")
-    assert held.health("left.wrench")["clock_uncertainty_s"] < 0.016
+COURSES: dict[str, Course] = {
+    "C1 a wall clock that steps changes nothing": (
+        HELD,
+        [
+            lease, *(
+                step
+                for moved_ns in (-3600 * SECOND, 3600 * SECOND)
+                for step in (lambda bed, ns=moved_ns: bed.feed(Tick(wall_minus_monotonic_ns=WALL_NS + ns)), run(0.05))
+            ),
+            changed(), STABLE, status(lease={"held": True}), ask("grip.set", force_n=9.0), replays,
+        ],
+    ),
+    "C2 a host that slept knows nothing and holds no lease": (
+        HELD,
+        [
+            *(
+                step
+                for slept_s, shift_s in ((1, 1), (3600, 3601))
+                for step in (
+                    lease, lambda bed, s=slept_s: bed.suspend(s), clocks(lambda us, _, s=shift_s: us + s * 1_000_000),
+                    forget, run(0.006), status(lease={"held": False}), told("left", "unknown"), recovers(),
+                    ask("grip.set", ("no_lease", ""), force_n=9.0),
+                )
+            ),
+            replays,
+        ],
+    ),
+    **{
+        f"C3 a clock that drifts by {ppm} ppm is learned and its readings keep their place": (
+            HELD,
+            [
+                clocks(lambda us, begun_us, ppm=ppm: us + (us - begun_us) * ppm // 1_000_000), run(1.5), STABLE,
+                of_clock("locked", 5e-3),
+            ],
+        )
+        for ppm in (-500, 500)
+    },
+    "C3 a clock that begins anew is learned again within a second": (
+        HELD, [clocks(lambda us, begun_us: us - begun_us), run(1.0), STABLE, of_clock("locked", 5e-3)],
+    ),
+    "L12 a bunched stream keeps its verdict and is dated by its device clock": (
+        HELD,
+        [
+            strike(lambda rng: Chain([Bunch(), Split(rng, most=400)])), late(Bunch.period_ns), run(1.2), changed(),
+            STABLE, of_clock("locked", 0.016),
+        ],
+    ),
+    "F1 lines that are late by 60 ms for good": late_for_good(60, 1),
+}  # fmt: skip
+LONG = {f"F1 lines that are late by {ms} ms": late_for_good(ms, us) for ms, us in ((200, 1000), (500, 1), (3000, 1000))}
 
 
-@pytest.mark.parametrize(
-    ("delay_ms", "tick_us"),
-    [(60, 1), *(pytest.param(*case, marks=pytest.mark.long) for case in ((200, 1000), (500, 1), (3000, 1000)))],
-)
-def test_F1_a_line_that_is_late_for_good_stays_stale_until_it_is_prompt_again(held, delay_ms, tick_us):
-    clocks = set_clocks(held, lambda us: us // tick_us * tick_us)
-    held.run(0.2)
-    for stream, clock in clocks.items():
-        held.strike(Chain([clock, Delay(delay_ms * MS)]), stream)
-    held.run(0.1)
-    held.watch.changes.clear()
-    for _ in range(5):
-        held.ask("lease.acquire", ttl_ms=500)
-        assert not held.ask("grip.set", force_n=9.0)["ok"]
-        held.run(0.25 + delay_ms * 2e-4)
-    assert (held.level(), held.reasons()) == ("unknown", ["stale"])
-    assert "left" not in {finger for _, finger, _ in held.watch.changes}
-    assert (held.health("left.pad")["clock"], held.health("left.pad")["health"]) == ("delayed", 3)
-    assert f"are {delay_ms * 1e-3:.2f} s older" in held.health("left.pad")["message"]
-    for stream, clock in clocks.items():
-        held.strike(clock, stream)
-        held.line(stream).queue.clear()
-    held.run(0.3)
-    assert held.health("left.pad")["clock"] == "locked"
-    if delay_ms < 1000:  # the force sensor's session has given up by then, and begins its conversation anew
-        assert held.recovery_s("stable") <= 1.0
-    assert held.replays()
+@pytest.mark.parametrize("name", [*COURSES, *(pytest.param(name, marks=pytest.mark.long) for name in LONG)])
+def test_C1_C2_C3_F1_L12_a_fault_of_a_clock(name):
+    play((COURSES | LONG)[name])

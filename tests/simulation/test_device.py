@@ -1,99 +1,126 @@
-"""Faults of the devices, group D: boot text, counters that jump, grippers in trouble."""
+"""Faults of the devices, group D: boot text, counters that jump, formats of another version, grippers in trouble."""
 
 from __future__ import annotations
 
 import struct
 
 import pytest
+from run_courses import ask, down, lease, status, up
 from simulation.edits import gripper, rows_of, sealed
 from simulation.faults import Drop, Edit, Text
-
-
-def test_D1_boot_text_is_no_reading_and_no_harm(held):
-    held.unplug("left.wrench")
-    held.strike(Text(), "left.wrench")
-    held.plug("left.wrench")
-    held.run(0.5)
-    assert held.level() == "unknown"
-    held.strike(None, "left.wrench")
-    held.plug("left.wrench")
-    held.recover()
-    assert held.replays()
-
-
-def test_D3_a_gap_in_the_scans_is_counted(held):
-    lost = held.health("left.pad")["lost"]
-    held.struck("left.pad", Drop(held.rng), 0.1)
-    held.run(0.01)
-    assert held.health("left.pad")["lost"] - lost == pytest.approx(20, abs=2)
-    assert held.health("left.pad")["restarts"] == 0
-
-
-def test_D3_a_pad_that_restarts_its_count_is_reported_as_a_restart_and_loses_nothing_else(held):
-    def restarted(data, _):
-        frames = []
-        for row in rows_of(data):
-            (scan,) = struct.unpack_from("<H", row, 4)
-            struct.pack_into("<H", row, 4, (scan - first) % 65_536)
-            frames.append(sealed(row))
-        return b"".join(frames)
-
-    first, lost = held.said_ns // 5_000_000, held.health("left.pad")["lost"]
-    held.strike(Edit(restarted, lies=False), "left.pad")
-    held.run(0.2)
-    assert (held.level(), held.health("left.pad")["restarts"]) == ("stable", 1)
-    assert held.health("left.pad")["lost"] - lost <= 1
-
-
-def test_D4_a_gripper_that_does_not_answer_is_not_moved(held):
-    held.strike(Drop(held.rng), "gripper")
-    held.run(0.5)
-    held.ask("lease.acquire", ttl_ms=200)
-    assert not held.ask("grip.set", force_n=10.0)["ok"]
-    assert held.health("gripper")["health"] >= 1
-    assert held.level() == "stable"
-    held.strike(None, "gripper")
-    held.run(0.5)
-    assert held.ask("lease.acquire", ttl_ms=200)["ok"]
-    assert held.ask("grip.set", force_n=10.0)["error"]["code"] == "fault_latched"
-    assert held.ask("fault.ack")["result"] == {"fault": "no_answer"}
-    assert held.ask("grip.set", force_n=10.0)["ok"]
-
-
-def test_A6_a_command_that_never_reaches_the_gripper_is_reported(held):
-    assert held.ask("lease.acquire", ttl_ms=200)["ok"]
-    held.line("gripper").deaf = True
-    held.ask("grip.set", force_n=10.0)
-    held.run(0.5)
-    assert held.health("gripper")["health"] >= 1
-    assert not held.ask("grip.set", force_n=10.0)["ok"]
-
+from simulation.steps import (
+    BLIND,
+    HELD,
+    PAD,
+    STABLE,
+    STALE,
+    WRENCH,
+    Course,
+    play,
+    recovers,
+    replays,
+    run,
+    silent,
+    strike,
+    struck,
+)
 
 FAULT, ECHO = 2, 3
 CODES = (5, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+LATCHED = ask("grip.set", ("fault_latched", ""), force_n=10.0)
+WRONG_ECHO = Edit(gripper(lambda status: status.__setitem__(ECHO, status[ECHO] ^ 0x10)), lies=False)
 
 
-def test_D4_every_fault_of_the_gripper_is_shown_and_refuses_what_moves_it(held):
-    for code in CODES:
-        held.strike(Edit(gripper(lambda status, code=code: status.__setitem__(FAULT, code)), lies=False), "gripper")
-        held.run(0.06)
-        held.ask("lease.acquire", ttl_ms=200)
-        assert held.watch.gripper["fault"], code
-        for refusal in ("fault_latched", "gripper_fault"):
-            for op in ("grip.set", "gripper.close"):
-                error = held.ask(op, force_n=9.0)["error"]
-                assert error["code"] == refusal
-                assert held.watch.gripper["fault"] in error["message"]
-            assert held.ask("fault.ack")["ok"]
-    held.strike(None, "gripper")
-    held.run(0.06)
-    assert held.watch.gripper["fault"] == ""
-    assert held.ask("grip.set", force_n=9.0)["ok"]
+def shows(code):
+    """Return the fault of a gripper that reports this one."""
+    return Edit(gripper(lambda status: status.__setitem__(FAULT, code)), lies=False)
 
 
-def test_D5_a_gripper_that_echoes_another_command_is_reported_within_three_polls(held):
-    wrong = Edit(gripper(lambda status: status.__setitem__(ECHO, status[ECHO] ^ 0x10)), lies=False)
-    for fault, echo_ok in ((None, True), (wrong, False), (None, True)):
-        held.strike(fault, "gripper")
-        held.run(0.06)
-        assert held.watch.gripper["echo_ok"] is echo_ok
+def refuses_with_the_reason(bed):
+    """What moves the gripper is refused: first for the latched fault, and then for the one that it still has."""
+    fault = bed.watch.gripper["fault"]
+    assert fault
+    for refusal in ("fault_latched", "gripper_fault"):
+        for op in ("grip.set", "gripper.close"):
+            error = bed.ask(op, force_n=9.0)["error"]
+            assert (error["code"], fault in error["message"]) == (refusal, True)
+        assert bed.ask("fault.ack")["ok"]
+
+
+def of_another_version(data, _):
+    return b"".join(sealed(row[:2] + b"\2" + row[3:]) for row in rows_of(data))
+
+
+def counts_anew(bed):
+    """The pad counts its scans from 0 on again."""
+    first = bed.said_ns // 5_000_000
+
+    def renumbered(row):
+        (scan,) = struct.unpack_from("<H", row, 4)
+        return sealed(row[:4] + struct.pack("<H", (scan - first) % 65_536) + row[6:])
+
+    bed.strike(Edit(lambda data, _: b"".join(map(renumbered, rows_of(data))), lies=False), PAD)
+
+
+COURSES: dict[str, Course] = {
+    "D1 boot text is no reading and no harm": (
+        HELD,
+        [
+            down(WRENCH), strike(Text(), WRENCH), up(WRENCH), run(0.5), STALE, strike(None, WRENCH), up(WRENCH),
+            recovers(), replays,
+        ],
+    ),
+    "D2 a pad with another version of the format is not read": (
+        HELD, struck(PAD, Edit(of_another_version), 0.1, BLIND),
+    ),
+    "D3 a gap in the scans is counted": (
+        HELD,
+        [
+            *struck(PAD, Drop, 0.1, BLIND), run(0.01),
+            status(streams={PAD: {"lost": pytest.approx(20, abs=2), "restarts": 0}}),
+        ],
+    ),
+    "D3 a pad that restarts its count is reported as a restart and loses nothing else": (
+        HELD,
+        [counts_anew, run(0.2), STABLE, status(streams={PAD: {"restarts": 1, "lost": pytest.approx(0.5, abs=0.5)}})],
+    ),
+    "D4 a gripper that does not answer is not moved": (
+        HELD,
+        [
+            strike(Drop, "gripper"), run(0.5), lease, LATCHED, silent("no_answer", stream="gripper"), STABLE,
+            strike(None, "gripper"), run(0.5), lease, LATCHED, ask("fault.ack", {"fault": "no_answer"}),
+            ask("grip.set", force_n=10.0),
+        ],
+    ),
+    "D4 every fault of the gripper is shown and refuses what moves it": (
+        HELD,
+        [
+            *(
+                step
+                for code in CODES
+                for step in (strike(shows(code), "gripper"), run(0.06), lease, refuses_with_the_reason)
+            ),
+            strike(None, "gripper"), run(0.06), status(gripper={"fault": ""}), ask("grip.set", force_n=9.0),
+        ],
+    ),
+    "D5 an echo of another command is reported within three polls": (
+        HELD,
+        [
+            step
+            for fault, echo_ok in ((None, True), (WRONG_ECHO, False), (None, True))
+            for step in (strike(fault, "gripper"), run(0.06), status(gripper={"echo_ok": echo_ok}))
+        ],
+    ),
+    "A6 a command that never reaches the gripper is reported": (
+        HELD,
+        [
+            lease, lambda bed: setattr(bed.line("gripper"), "deaf", True), ask("grip.set", force_n=10.0), run(0.5),
+            silent("command_lost", stream="gripper"), lease, LATCHED,
+        ],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_A6_D1_D2_D3_D4_D5_a_fault_of_a_device(name):
+    play(COURSES[name])

@@ -4,167 +4,174 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import pytest
-from simulation.bed import FINGERS, MS, Bed
+from engine_rig import MS
+from run_courses import Step, ask, follow, health, lease, status
+from simulation.bed import FINGERS
 from simulation.edits import wrench
 from simulation.faults import Delay, Drop, Edit
 from simulation.slow_reader import SlowReader
+from simulation.steps import (
+    BLIND,
+    OTHER_STABLE,
+    PAD,
+    STABLE,
+    STALE,
+    WRENCH,
+    Course,
+    changed,
+    excuse,
+    forget,
+    hold,
+    play,
+    replays,
+    run,
+    strike,
+    told,
+    unwell,
+)
 from simulation.watch import STALE_NS
 
 from slipd.finger.freshness import LEAST_CATCH_UP_NS
 from slipd_client.messages import Health
 
 STALLS_MS = [5, 12, 21, 30, 60, 150, 500]
+LOST = changed(("left", "unknown"))
+"""The other finger's sensor went on."""
 
 
 @functools.cache
-def held_bed() -> SlowReader:
+def held() -> SlowReader:
     """A bed that holds the box, its clocks learned."""
     bed = SlowReader(1)
-    bed.hold()
-    bed.run(0.3)
-    assert bed.health("left.wrench")["clock"] == "locked"
-    bed.watch.changes.clear()
+    follow(bed, [hold, run(0.3), status(streams={WRENCH: {"clock": "locked"}}), forget])
     return bed
 
 
-@pytest.fixture
-def bed() -> Iterator[SlowReader]:
-    bed = copy.deepcopy(held_bed())
-    yield bed
-    assert bed.watch.faults == [], "no verdict rests on what was older than it may be"
+def slow(**how: bool) -> Callable[[], SlowReader]:
+    """Return what makes a bed whose loop reads so, see `SlowReader`."""
+
+    def make() -> SlowReader:
+        bed = copy.deepcopy(held())
+        vars(bed).update(how)
+        return bed
+
+    return make
 
 
-def changes(bed: Bed) -> list[tuple[str, str]]:
-    """Finger and level of every change."""
-    return [change[1:] for change in bed.watch.changes]
+catch_up: Step = SlowReader.catch_up
+go_on: Step = SlowReader.go_on
 
 
-@pytest.mark.parametrize("force_first", [False, True])
-@pytest.mark.parametrize("tick_first", [False, True])
-def test_C4_a_daemon_that_stood_still_does_not_call_its_sensors_silent(
-    bed: SlowReader, tick_first: bool, force_first: bool
-) -> None:
-    bed.tick_first, bed.force_first = tick_first, force_first
-    for ms in STALLS_MS:
-        bed.stall(ms / 1000)
-        bed.run(0.1)
-        assert changes(bed) == [], f"{ms} ms"
-    assert bed.replays()
+def stop(ms: float) -> Step:
+    return lambda bed: bed.stop(ms)
 
 
-def test_C4_the_same_holds_for_devices_without_a_clock(bed: SlowReader) -> None:
-    for finger in FINGERS:  # a clock that runs backwards is no clock
-        bed.strike(Edit(wrench(clock_us=lambda us: 2**32 - us)), f"{finger}.wrench")
-    bed.run(0.2)
-    assert bed.health("left.wrench")["clock"] == "not_a_clock"
-    bed.watch.changes.clear()
-    bed.watch.faults.clear()
-    for ms in STALLS_MS:
-        bed.stall(ms / 1000)
-        bed.run(0.1)
-        assert changes(bed) == [], f"{ms} ms"
-    message = bed.health("left.wrench")["message"]
-    assert message.startswith("the daemon was late")
-    assert "failed" not in message, "it is no sensor that comes and goes"
-    bed.watch.faults.clear()  # readings with such a clock count as untrue
+def stall(ms: float) -> Step:
+    return lambda bed: bed.stall(ms / 1000)
 
 
-@pytest.mark.parametrize("force_first", [False, True])
-@pytest.mark.parametrize(
-    ("stream", "reason", "ms", "tick_first"),
-    [
-        *(("left.wrench", "stale", *case) for case in ((30, False), (150, True), (500, False))),
-        *(("left.pad", "rotation_unobserved", *case) for case in ((60, False), (500, False))),
-    ],
-)
-def test_C4_F1_a_sensor_that_stopped_meanwhile_is_missed_as_soon_as_its_line_is_empty(
-    bed: SlowReader, stream: str, reason: str, ms: int, tick_first: bool, force_first: bool
-) -> None:
-    bed.tick_first, bed.force_first = tick_first, force_first
-    bed.watch.lateness_ns = STALE_NS if ms < 50 else 0  # how long the last reading took to the host, nobody knows
-    bed.stop(ms * 0.1)
-    bed.strike(Drop(bed.rng), stream)
-    bed.stop(ms * 0.9)
-    bed.go_on()
-    bed.catch_up()
-    bed.run(0.005 if stream == "left.wrench" and ms > 50 else 0.03)
-    assert (bed.level("left"), bed.reasons("left")) == ("unknown", [reason])
-    assert changes(bed) == [("left", "unknown")], "the other finger's sensor went on"
+def never_catches_up(seconds: float, *, while_known: bool = False) -> Step:
+    """The loop is late again and again; the left finger becomes unknown before the end, or does not."""
+
+    def step(bed: SlowReader) -> None:
+        until_ns = bed.t_ns + seconds * 1e9
+        while bed.t_ns < until_ns and not (while_known and bed.level()[0] == "unknown"):
+            bed.stall(0.015)
+            bed.step()
+        assert (bed.t_ns < until_ns) is while_known
+
+    return step
 
 
-@pytest.mark.parametrize(("ms", "silent"), [(30, False), (150, True)])
-def test_C4_F1_A7_no_grip_is_raised_on_what_a_late_daemon_has_not_read(bed: SlowReader, ms: int, silent: bool) -> None:
-    if silent:
-        bed.strike(Drop(bed.rng), "left.wrench")
-    bed.stop(ms)
-    assert bed.ask("lease.acquire", ttl_ms=200)["ok"]
-    error = bed.ask("grip.set", force_n=9.0)["error"]
-    assert error["code"] == "not_ready"
-    assert "left" in error["message"]
-    assert bed.level("left") == "stable", "whether readings are missing is not known yet"
-    bed.go_on()
-    bed.run(0.2)
-    assert bed.ask("lease.acquire", ttl_ms=200)["ok"]
-    assert bed.ask("grip.set", force_n=9.0)["ok"] is not silent
+STALLS: list[Step] = [step for ms in STALLS_MS for step in (stall(ms), run(0.1), changed())]
+# a clock that runs backwards is no clock; readings with such a clock count as untrue
+NO_CLOCK = strike(Edit(wrench(clock_us=lambda us: 2**32 - us)), *(f"{finger}.wrench" for finger in FINGERS))
+ORDERS = [{"tick_first": tick, "force_first": force} for tick in (False, True) for force in (False, True)]
+LATE, LATER = "the daemon was late", (WRENCH, "right.pad")
+CATCH_UP_S = LEAST_CATCH_UP_NS * 1e-9
+COURSES: dict[str, Course] = {
+    **{
+        f"C4 a daemon that stood still does not call its sensors silent: {order}": (slow(**order), [*STALLS, replays])
+        for order in ORDERS
+    },
+    "C4 the same holds for devices without a clock": (
+        slow(),
+        [
+            NO_CLOCK, run(0.2), status(streams={WRENCH: {"clock": "not_a_clock"}}), forget, *STALLS, unwell(LATE),
+            health(WRENCH, severity=Health.WARN, without="failed"),  # it is no sensor that comes and goes
+            excuse,
+        ],
+    ),
+    **{
+        f"C4 F1 {stream} that stopped in {ms} ms is missed as soon as its line is empty: {tick_first}, {force_first}": (
+            slow(tick_first=tick_first, force_first=force_first),
+            [
+                # how long the last reading took to the host, nobody knows
+                lambda bed, ms=ms: setattr(bed.watch, "lateness_ns", STALE_NS if ms < 50 else 0), stop(ms * 0.1),
+                strike(Drop, stream), stop(ms * 0.9), go_on, catch_up,
+                run(0.005 if stream == WRENCH and ms > 50 else 0.03), found, LOST,
+            ],
+        )
+        for stream, found, ms, tick_first in (
+            (WRENCH, STALE, 30, False), (WRENCH, STALE, 150, True), (WRENCH, STALE, 500, False),
+            (PAD, BLIND, 60, False), (PAD, BLIND, 500, False),
+        )
+        for force_first in (False, True)
+    },
+    **{
+        f"C4 F1 A7 no grip is raised on what a late daemon has not read: {ms} ms": (
+            slow(),
+            [
+                *broken, stop(ms), lease, ask("grip.set", "left", force_n=9.0),
+                ask("grip.set", ("not_ready", "force_n"), force_n=9.0),
+                STABLE,  # whether readings are missing is not known yet
+                go_on, run(0.2), lease, ask("grip.set", refused, force_n=9.0),
+            ],
+        )
+        for ms, broken, refused in (
+            (30, [], None), (150, [strike(Drop, WRENCH)], ("not_ready", "force_n")),
+        )
+    },
+    "C4 a line that was late already is not excused": (
+        slow(),
+        [
+            strike(Delay(150 * MS), WRENCH), run(0.5), STALE, forget, stall(300), catch_up,
+            told("left", "stable", ever=False),
+        ],
+    ),
+    "C4 P3 a daemon that never catches up calls no sensor silent whose readings it reads": (
+        slow(overloaded=True), [never_catches_up(6 * CATCH_UP_S), changed()],
+    ),
+    **{
+        f"C4 P3 a dead sensor does not hide behind a daemon that never catches up: {stream}": (
+            slow(overloaded=True),
+            [strike(Drop, stream), never_catches_up(2 * CATCH_UP_S, while_known=True), found, OTHER_STABLE],
+        )
+        for stream, found in ((WRENCH, STALE), (PAD, BLIND))
+    },
+    "C4 the health of a stream names the late daemon and not the sensor": (
+        slow(),
+        [
+            stall(300), run(0.1),
+            *(unwell(f"{LATE} by 0.30 s: readings waited, the sensor went on", stream=name) for name in LATER),
+            run(2.0), status(streams={WRENCH: {"health": Health.OK, "message": ""}}),
+        ],
+    ),
+    "C4 a lease is judged by the time that passed": (
+        slow(), [lease, stall(300), catch_up, ask("grip.set", ("no_lease", ""), force_n=9.0)],
+    ),
+    "C2 C4 after a suspend all is unknown even if readings wait": (
+        slow(tick_first=True),
+        [
+            stop(50), lambda bed: bed.suspend(10.0), go_on, changed(("left", "unknown"), ("right", "unknown")), STALE,
+        ],
+    ),
+}  # fmt: skip
 
 
-def test_C4_a_line_that_was_late_already_is_not_excused(bed: SlowReader) -> None:
-    bed.strike(Delay(150 * MS), "left.wrench")
-    bed.run(0.5)
-    assert (bed.level("left"), bed.reasons("left")) == ("unknown", ["stale"])
-    bed.watch.changes.clear()
-    bed.stall(0.3)
-    bed.catch_up()
-    assert ("left", "stable") not in changes(bed)
-
-
-def test_C4_P3_a_daemon_that_never_catches_up_calls_no_sensor_silent_whose_readings_it_reads(bed: SlowReader) -> None:
-    bed.overloaded = True
-    until_ns = bed.now_ns + 6 * LEAST_CATCH_UP_NS
-    while bed.now_ns < until_ns:
-        bed.stall(0.015)
-        bed.step()
-    assert changes(bed) == []
-
-
-@pytest.mark.parametrize(("stream", "reason"), [("left.wrench", "stale"), ("left.pad", "rotation_unobserved")])
-def test_C4_P3_a_dead_sensor_does_not_hide_behind_a_daemon_that_never_catches_up(
-    bed: SlowReader, stream: str, reason: str
-) -> None:
-    bed.overloaded = True
-    bed.strike(Drop(bed.rng), stream)
-    until_ns = bed.now_ns + 2 * LEAST_CATCH_UP_NS
-    while bed.level("left") != "unknown":
-        bed.stall(0.015)
-        bed.step()
-        assert bed.now_ns < until_ns
-    assert (bed.reasons("left"), bed.level("right")) == ([reason], "stable")
-
-
-def test_C4_the_health_of_a_stream_names_the_late_daemon_and_not_the_sensor(bed: SlowReader) -> None:
-    bed.stall(0.3)
-    bed.run(0.1)
-    late = (Health.WARN, "the daemon was late by 0.30 s: readings waited, the sensor went on")
-    for stream in ("left.wrench", "right.pad"):
-        assert (bed.health(stream)["health"], bed.health(stream)["message"]) == late
-    bed.run(2.0)
-    assert (bed.health("left.wrench")["health"], bed.health("left.wrench")["message"]) == (Health.OK, "")
-
-
-def test_C4_a_lease_is_judged_by_the_time_that_passed(bed: SlowReader) -> None:
-    assert bed.ask("lease.acquire", ttl_ms=200)["ok"]
-    bed.stall(0.3)
-    bed.catch_up()
-    assert bed.ask("grip.set", force_n=9.0)["error"]["code"] == "no_lease"
-
-
-def test_C2_C4_after_a_suspend_all_is_unknown_even_if_readings_wait(bed: SlowReader) -> None:
-    bed.stop(50)
-    bed.suspend(10.0)
-    bed.tick_first = True
-    bed.go_on()
-    assert sorted(changes(bed)) == [("left", "unknown"), ("right", "unknown")]
-    assert bed.reasons("left") == ["stale"]
+@pytest.mark.parametrize("name", COURSES)
+def test_A7_C2_C4_F1_P3_a_course_of_a_late_daemon(name: str) -> None:
+    play(COURSES[name])

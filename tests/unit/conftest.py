@@ -39,12 +39,6 @@ def rig() -> str:
 
 
 @pytest.fixture
-def make_run() -> Callable[[str], Run]:
-    """Make an engine from a config text."""
-    return Run
-
-
-@pytest.fixture
 def run() -> Run:
     """Two fingers and a gripper, all links up."""
     run = Run(LEFT + RIGHT + GRIPPER)

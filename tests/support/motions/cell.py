@@ -16,7 +16,7 @@ from slipd import config
 from slipd.devices import bota, pvdf, xela
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, StateRestored, Write
 
-STEP_NS, READING_NS = 5 * MS, 10 * MS
+STEP_NS, READING_NS = 5 * MS, 20 * MS
 MOST_N, STEP_N, RAISE_N_PER_S, BUDGET_N, CEILING_N = 25.0, 2.0, 10.0, 12.0, 15.0
 PART_M = 0.04
 OVERLOAD = 2
@@ -44,6 +44,9 @@ axis_scale = [0.01]
 threshold = 0.05
 {RIGHT}
 {grasp_table(0.11)}
+[rates]
+tactile_hz = 1.0
+wrench_hz = 1.0
 [reflex]
 enabled = true
 CEILING
@@ -144,6 +147,15 @@ class Cell(EngineRun):
             if self.t_ns % READING_NS == 0:
                 self._read()
 
+    def serve_until(self, met: Callable[[], bool]) -> None:
+        """Let time pass until something is the case, and is reported."""
+        for _ in range(60):
+            self.serve_gripper(25)
+            if met():
+                break
+        assert met()
+        self.serve_gripper(100)
+
     def stall(self, ms: float = 60.0) -> None:
         """The loop is held up: nothing reaches the engine, and its devices go on."""
         self.wait(ms)
@@ -197,22 +209,23 @@ class Cell(EngineRun):
         assert self.code("tare", finger="left", seconds=0.05) is None
         self.serve_gripper(100)
         assert self.code("gripper.activate") is None
-        self.serve_gripper(1500)
+        self.serve_until(lambda: self.jaws.active)
 
     def grip(self, force_n: float) -> None:
         """Grip the part."""
         self.jaws.put(PART_M)
         assert self.code("gripper.close", force_n=force_n) is None
-        self.serve_gripper(1500)
-        assert self.jaws.grip_n > 0.0
+        self.serve_until(lambda: self.jaws.grip_n > force_n - 0.2)
 
 
 @cache
 def _brought_up(jaws: type[Peer], held_n: float, **keys: Any) -> Cell:
-    cell = Cell(jaws(), **keys)
-    cell.bring_up()
     if held_n:
+        cell = brought_up(jaws, **keys)
         cell.grip(held_n)
+    else:
+        cell = Cell(jaws(), **keys)
+        cell.bring_up()
     cell.sent.clear()
     return cell
 

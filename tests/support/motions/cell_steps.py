@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from motions.cell import Cell
-from run_courses import Step
+from run_courses import Step, serve
 
 
 def does(name: str, *arguments: Any, **more: Any) -> Step:
@@ -69,3 +69,6 @@ def until(met: Callable[[Cell], bool], steps: Sequence[Step]) -> Step:
         pytest.fail("it is never the case")
 
     return step
+
+
+comes_to_rest = until(lambda cell: not cell.body["moving"], [serve(100)])

@@ -12,20 +12,20 @@ from dataclasses import replace
 from random import Random
 from typing import Any
 
+from engine_rig import BOOT, MS, WALL_NS, EngineRun
 from simulation.line import Fault, Line
 from simulation.watch import Watch
 
 from slipd import config
 from slipd.devices import DEVICES, Decoder
 from slipd.engine.engine import Engine
-from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Reply, Request, Tick, Write
+from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Write
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import Script
 from slipd.tools.sim.virtual_gripper import LINES, VirtualRig
 from slipd_client import messages
 
-MS = 1_000_000
 SECOND = 1_000 * MS
 STEP_NS = 1_250_000
 """The force sensors' period."""
@@ -33,11 +33,6 @@ STEP_NS = 1_250_000
 TICK_EVERY = 4
 """Steps between two ticks of the engine: 5 ms, as in the service."""
 
-BEGIN_NS = 50 * SECOND
-"""CLOCK_MONOTONIC at the start."""
-
-WALL_NS = 1_700_000_000 * SECOND
-BOOT = "bed"
 FINGERS = ("left", "right")
 NEVER_S = 1e6
 GRIP_N = 8.0
@@ -83,7 +78,7 @@ def settings(*, charge: bool = False, streams: dict[str, str] | None = None) -> 
     return config.parse(f"{text}\n[rates]\nstatus_hz = 50.0\n", "bed.toml")
 
 
-class Bed:
+class Bed(EngineRun):
     """One run.
 
     Args:
@@ -92,30 +87,25 @@ class Bed:
         streams: Lines added to the config's tables of streams.
 
     Attributes:
-        now_ns: CLOCK_MONOTONIC of the host.
         watch: What must hold of every message, and what was told so far.
+        suspended_ns: How long the host has slept.
     """
 
     def __init__(self, seed: int, *, charge: bool = False, streams: dict[str, str] | None = None) -> None:
-        self.seed, self.rng = seed, Random(seed)
+        self.rng = Random(seed)
         self.rig = VirtualRig(Scene(script=QUIET), seed)
         if not charge:
             for finger in (self.rig._left, self.rig._right):
                 finger.pad._electronics = replace(finger.pad._electronics, tau_s=STIFF.tau_s)
         self.settings = settings(charge=charge, streams=streams)
-        self.wall_ns = WALL_NS
-        self.engine = self.engine_at(WALL_NS)
-        self.now_ns, self._world_ns, self._event_ns = BEGIN_NS, 0, BEGIN_NS
+        super().__init__(self.settings, zeros=False)
+        self._world_ns, self._event_ns = 0, self.t_ns
         self.events: list[tuple[int, Event]] = []
         self._told = b""  # a digest of all that was told
         self.watch = Watch(self.settings)
-        streams = self.settings.streams()
-        self.lines = {line: Line(line.replace("-", "."), _listener(streams[line.replace("-", ".")])) for line in LINES}
-        self._steps, self._asked, self._suspended_ns = 0, 0, 0
-
-    def engine_at(self, wall_ns: int) -> Engine:
-        """An engine that has seen nothing, begun with the wall clock so far ahead of CLOCK_MONOTONIC."""
-        return Engine(self.settings, boot=BOOT, wall_minus_monotonic_ns=wall_ns)
+        known = self.settings.streams()
+        self.lines = {line: Line(line.replace("-", "."), _listener(known[line.replace("-", ".")])) for line in LINES}
+        self._steps = self.suspended_ns = 0
 
     def line(self, link: str) -> Line:
         """The line of a link, such as ``left.pad``."""
@@ -134,52 +124,16 @@ class Bed:
             self.line(stream).fault = fault
 
     def recover(self, within_s: float = 1.0) -> None:
-        """All lines are sound again: both fingers are stable in time."""
-        self.strike(None)
+        """Both fingers are stable in time."""
         for finger in FINGERS:
-            assert self.recovery_s("stable", finger) <= within_s, f"seed {self.seed}: {finger}"
-
-    def struck(
-        self,
-        stream: str,
-        fault: Fault,
-        seconds: float,
-        *,
-        level: str = "unknown",
-        reasons: list[str] | None = None,
-        healths: tuple[int, ...] = (0, 1, 2, 3),
-        message: str = "",
-        lies: bool = False,
-    ) -> None:
-        """A fault befalls a line of the left finger for a while; then that has a level, and later both are stable.
-
-        Args:
-            stream: The line.
-            fault: The fault.
-            seconds: How long it lasts.
-            level: Level of the left finger at its end.
-            reasons: Its reasons; None: any.
-            healths: Possible health of the stream.
-            message: Part of the message about it.
-            lies: What came through is untrue and was believed until it was found out.
-        """
-        self.strike(fault, stream)
-        self.run(seconds)
-        health = self.health(stream)
-        assert (self.level(), self.level("right")) == (level, "stable")
-        assert reasons in (None, self.reasons())
-        assert health["health"] in healths
-        assert message in health["message"]
-        self.recover()
-        if lies:
-            self.watch.faults.clear()
+            assert self.recovery_s("stable", finger) <= within_s, finger
 
     # -- the world goes on
 
     def run(self, seconds: float) -> None:
         """Lets time pass."""
-        until_ns = self.now_ns + round(seconds * SECOND)
-        while self.now_ns < until_ns:
+        until_ns = self.t_ns + round(seconds * SECOND)
+        while self.t_ns < until_ns:
             self.step()
 
     def step(self) -> None:
@@ -188,21 +142,21 @@ class Bed:
         self._world_goes_on()
         self._deliver()
         if self._steps % TICK_EVERY == 0:
-            self.feed(Tick(self._suspended_ns), self.now_ns)
-            self.watch.tick(self.now_ns)
+            self.tick(self.suspended_ns)
+            self.watch.tick(self.t_ns)
 
     def _world_goes_on(self) -> None:
         self._world_ns += STEP_NS
-        self.now_ns += STEP_NS
+        self.t_ns += STEP_NS
         said = self.rig.advance(self._world_ns)
         for name, line in self.lines.items():
             data, line.answers = line.answers + said[name], b""
-            line.say(data, self.now_ns)
+            line.say(data, self.t_ns)
 
     def suspend(self, seconds: float) -> None:
         """The host sleeps: its monotonic clock stands still, and what the devices say meanwhile is lost."""
-        self._suspended_ns += round(seconds * SECOND)
-        self.watch.suspended(self.now_ns)
+        self.suspended_ns += round(seconds * SECOND)
+        self.watch.suspended(self.t_ns)
         for line in self.lines.values():
             line.queue.clear()
 
@@ -210,7 +164,7 @@ class Bed:
         arrived = [
             (due, said, line, data, true)
             for line in self.lines.values()
-            for due, said, data, true in line.take(self.now_ns)
+            for due, said, data, true in line.take(self.t_ns)
         ]
         arrived.sort(key=lambda piece: piece[0])
         for due, said, line, data, true in arrived:
@@ -222,47 +176,40 @@ class Bed:
 
     # -- what enters the engine
 
-    def feed(self, event: Event, t_ns: int) -> dict[str, Any] | None:
-        """Hands the engine an event, and does what it says; returns the reply where it makes one."""
-        self._event_ns = max(self._event_ns, t_ns)
+    def feed(self, event: Event, t_ns: int | None = None) -> list[Output]:
+        """Handle an event now, or when it arrived; times never go back."""
+        self._event_ns = max(self._event_ns, self.t_ns if t_ns is None else t_ns)
         self.events.append((self._event_ns, event))
-        reply = None
-        for output in self.engine.handle(event, self._event_ns):
-            self._told = hashlib.sha256(self._told + _bytes_of(output)).digest()
-            if isinstance(output, Write):
-                line = self.line(output.link)
-                if not line.deaf:
-                    line.answers += self.rig.receive(output.link.replace(".", "-"), output.data, self._world_ns)
-            elif isinstance(output, Reply):
-                reply = output.body
-            elif isinstance(output, Publish):
-                self.watch.hear(output, self._event_ns)
-        return reply
+        outputs = self.engine.handle(event, self._event_ns)
+        for output in outputs:
+            self.hear(output, event)
+        return outputs
 
-    def ask(self, op: str, **fields: Any) -> dict[str, Any]:
-        """Makes a request; returns its reply."""
-        self._asked += 1
-        envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": self.now_ns + 100 * MS}
-        reply = self.feed(Request(b"bed", envelope | fields), self.now_ns)
-        if reply is None:
-            raise RuntimeError(f"no reply to {op}")
-        return reply
+    def hear(self, output: Output, event: Event) -> None:
+        """Do what the engine says, and look at what it tells."""
+        self._told = _digest(self._told, output)
+        if isinstance(output, Write) and not self.line(output.link).deaf:
+            said = self.rig.receive(output.link.replace(".", "-"), output.data, self._world_ns)
+            self.line(output.link).answers += said
+        elif isinstance(output, Publish):
+            self.watch.hear(output, self._event_ns)
 
-    def plug(self, link: str, identity: str | None = None) -> None:
-        """A port was opened: its device boots anew."""
-        line = self.line(link)
-        line.up, line.answers = True, b""
-        line.queue.clear()
-        self.rig.opened(link.replace(".", "-"), self._world_ns)
-        self.feed(LinkUp(link, identity or f"serial of {link}"), self.now_ns)
+    def up(self, *links: str) -> None:
+        """Ports were opened, all if none is named: their devices boot anew."""
+        for link in links or [line.link for line in self.lines.values()]:
+            line = self.line(link)
+            line.up, line.answers = True, b""
+            line.queue.clear()
+            self.rig.opened(link.replace(".", "-"), self._world_ns)
+            self.feed(LinkUp(link, f"serial of {link}"))
 
-    def unplug(self, link: str, reason: str = "unplugged") -> None:
+    def down(self, link: str, reason: str = "unplugged") -> None:
         """A port went away."""
         line = self.line(link)
         line.up = False
         line.queue.clear()
         self.watch.lost(link)
-        self.feed(LinkDown(link, reason), self.now_ns)
+        self.feed(LinkDown(link, reason))
 
     # -- the story
 
@@ -274,37 +221,27 @@ class Bed:
 
     def free(self) -> Bed:
         """Begins: streams run, the gripper is active, and both fingers are tared; nothing is held."""
-        for line in LINES:
-            self.plug(line.replace("-", "."))
+        self.up()
         self.run(ANSWER_S)
-        self._do("lease.acquire", ttl_ms=200)
-        self._do("gripper.activate", drop=True)
+        self.lease()
+        assert self.code("gripper.activate", drop=True) is None
         self.run(READY_S - ANSWER_S)
         for finger in FINGERS:
-            self._do("tare", finger=finger, seconds=TARE_S)
+            assert self.code("tare", finger=finger, seconds=TARE_S) is None
         self.run(2 * TARE_S)
         return self
 
-    def close(self) -> None:
+    def close(self, force_n: float = GRIP_N) -> None:
         """Grips the box; the script lifts it a moment later."""
-        self._do("lease.acquire", ttl_ms=200)
-        self._do("gripper.close", force_n=GRIP_N, speed_mps=0.15)
+        self.lease()
+        assert self.code("gripper.close", force_n=force_n, speed_mps=0.15) is None
         self.run(HELD_S)
-
-    def _do(self, op: str, **fields: Any) -> None:
-        reply = self.ask(op, **fields)
-        if not reply["ok"]:
-            raise RuntimeError(f"seed {self.seed}: {op}: {reply['error']}")
 
     # -- what came of it
 
-    def level(self, finger: str = "left") -> str:
-        """The level last told."""
-        return self.watch.levels[finger]
-
-    def reasons(self, finger: str = "left") -> list[str]:
-        """Its reasons."""
-        return self.watch.reasons[finger]
+    def level(self, finger: str = "left") -> tuple[str, list[str]]:
+        """The level last told, and its reasons."""
+        return self.watch.levels[finger], self.watch.reasons[finger]
 
     def health(self, stream: str) -> dict[str, Any]:
         """What ``status`` last said of a stream."""
@@ -312,19 +249,18 @@ class Bed:
 
     def recovery_s(self, level: str, finger: str = "left", patience_s: float = 1.0) -> float:
         """How long it takes until a level is told; inf when it is not within ``patience_s``."""
-        begun_ns = self.now_ns
-        while self.now_ns - begun_ns <= patience_s * SECOND:
-            if self.level(finger) == level:
-                return (self.now_ns - begun_ns) / SECOND
+        begun_ns = self.t_ns
+        while self.t_ns - begun_ns <= patience_s * SECOND:
+            if self.watch.levels[finger] == level:
+                return (self.t_ns - begun_ns) / SECOND
             self.step()
         return float("inf")
 
     def replays(self) -> bool:
         """Whether the same events tell the same, to the byte."""
-        engine, told = self.engine_at(self.wall_ns), b""
+        engine, told = Engine(self.settings, boot=BOOT, wall_minus_monotonic_ns=WALL_NS), b""
         for t_ns, event in self.events:
-            for output in engine.handle(event, t_ns):
-                told = hashlib.sha256(told + _bytes_of(output)).digest()
+            told = functools.reduce(_digest, engine.handle(event, t_ns), told)
         return told == self._told
 
 
@@ -335,7 +271,7 @@ def _held(seed: int) -> Bed:
     return bed
 
 
-def held_bed(seed: int) -> Bed:
+def held_bed(seed: int = 1) -> Bed:
     """A bed that holds the box, of its own: what all of one seed have in common is run once."""
     return copy.deepcopy(_held(seed))
 
@@ -343,6 +279,11 @@ def held_bed(seed: int) -> Bed:
 def _listener(stream: config.Stream) -> Decoder:
     device = DEVICES[stream.device]
     return device.decoder(**({} if device.needs_tables else config.device_options(stream)))
+
+
+def _digest(before: bytes, output: Output) -> bytes:
+    """A digest of all that was told before, and of this."""
+    return hashlib.sha256(before + _bytes_of(output)).digest()
 
 
 def _bytes_of(output: Output) -> bytes:

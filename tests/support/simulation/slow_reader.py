@@ -5,7 +5,8 @@ It reads a piece of each line a turn, with ticks between, until all are empty.
 
 from __future__ import annotations
 
-from simulation.bed import MS, TICK_EVERY, Bed
+from engine_rig import MS
+from simulation.bed import TICK_EVERY, Bed
 from simulation.line import Line
 
 from slipd.events import Bytes, Tick
@@ -32,16 +33,16 @@ class SlowReader(Bed):
 
     def stop(self, ms: float) -> None:
         """The loop stands still."""
-        until_ns = self.now_ns + round(ms * MS)
+        until_ns = self.t_ns + round(ms * MS)
         self._late_ns += round(ms * MS)
-        while self.now_ns < until_ns:
+        while self.t_ns < until_ns:
             self._world_goes_on()
 
     def go_on(self) -> None:
         """It runs again, and finds the time of its first turn."""
         self._behind = self._late_ns > LATE_NS
         if self._behind and self.tick_first:
-            self.feed(Tick(self._suspended_ns, unread=True), self.now_ns)
+            self.feed(Tick(self.suspended_ns, unread=True))
         self._late_ns = 0
 
     def stall(self, seconds: float) -> None:
@@ -63,19 +64,19 @@ class SlowReader(Bed):
         if self._behind and not any(found) and not self.overloaded:
             self._behind, ticks = False, True
         if ticks:
-            self.feed(Tick(self._suspended_ns, unread=self._behind or self.overloaded), self.now_ns)
+            self.feed(Tick(self.suspended_ns, unread=self._behind or self.overloaded))
             if not self._behind:
-                self.watch.tick(self.now_ns)
+                self.watch.tick(self.t_ns)
 
     def _read(self, line: Line) -> bool:
         """Read a piece of a line; True where more may wait behind it."""
         pieces, size = [], 0
-        while line.queue and line.queue[0][0] <= self.now_ns and size < PIECE_BYTES:
+        while line.queue and line.queue[0][0] <= self.t_ns and size < PIECE_BYTES:
             pieces.append(line.queue.popleft())
             size += len(pieces[-1][2])
         data = b"".join(piece[2] for piece in pieces)
-        if data and line.listener.receive(data, self.now_ns):
+        if data and line.listener.receive(data, self.t_ns):
             self.watch.fresh(line.link, pieces[-1][1])
         if data and line.up:
-            self.feed(Bytes(line.link, data), self.now_ns)
+            self.feed(Bytes(line.link, data))
         return size >= PIECE_BYTES

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 from finger_bench import read_force, teach
 from known_zeros import known_finger
 from pad_wrenches import finger_load, pad_wrench
-from project import DOCS
 
 from slipd import config
 from slipd.config import Config, Levels
@@ -35,7 +33,6 @@ positions = {POSITIONS.format("-")}
 quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 """
 WIDTH_M = 0.06
-PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
 # Fields that are known whatever is known of the fingers.
 ALWAYS = {"fingers", "state", "state_t_ns", "level", "level_code", "reasons", "evidence", "object", "width_m", "age_s"}
 
@@ -95,13 +92,6 @@ def hand(make_hand: MakeHand) -> Hand:
 
 def nil(body: dict[str, Any]) -> set[str]:
     return {name for name, value in body.items() if value is None}
-
-
-def test_protocol_document_lists_the_fields_of_grasp(hand: Hand) -> None:
-    section = PROTOCOL.partition("### `grasp`")[2].partition("\n##")[0]
-    assert set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)))) == set(
-        hand.body()
-    )
 
 
 NEEDS_MU, LIGHT = ("mu = 0.5\n", ""), ("mu = 0.5", "mu = 0.25\ngrip_safety = 2.0")

@@ -64,22 +64,34 @@ def test_turn_of_the_gripper_adds_the_pull_and_the_tangential_part_at_the_centre
     assert estimate.predict(Felt(DOWN, omega, alpha, 0.0)) == pytest.approx(load, abs=0.03)
 
 
-def test_object_that_has_not_moved_may_rest_on_something() -> None:
+NO_TORQUE = np.array((1.0, 1.0, 1.0, np.nan, np.nan, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("felt", "mass_kg", "unknown"),
+    [
+        ([(load_of(DOWN, 0.3), DOWN)] * 20, None, object_estimate.NOT_MOVED),
+        ([(load_of(up, 0.001), up) for up in (DOWN, -DOWN) for _ in range(5)], None, object_estimate.LIGHT),
+        ([(NO_TORQUE * load_of(up), up) for up in (DOWN, -DOWN) for _ in range(5)], 0.5, object_estimate.NO_WIDTH),
+    ],
+)
+def test_what_is_not_known_of_an_object_is_named(
+    felt: list[tuple[np.ndarray, np.ndarray]], mass_kg: float | None, unknown: str
+) -> None:
     estimate = ObjectEstimate()
-    learn(estimate, load_of(DOWN, 0.3), DOWN, 20)
-    assert estimate.state.unknown == object_estimate.NOT_MOVED
-    assert estimate.state.mass_kg is None
+    for load, gravity in felt:
+        learn(estimate, load, gravity)
+    found = estimate.state
+    mass = None if mass_kg is None else pytest.approx(mass_kg, rel=0.05)
+    assert (found.mass_kg, found.com_m, found.unknown) == (mass, None, unknown)
+    assert np.isnan(estimate.residual[3:]).all() == (unknown == object_estimate.NO_WIDTH)
 
 
-def test_centre_of_mass_along_gravity_is_unknown_until_the_gripper_turns() -> None:
+def test_centre_of_mass_along_gravity_is_unknown_until_the_gripper_turns_and_what_is_set_down_begins_anew() -> None:
     estimate = lifted()
     found = estimate.state
     assert found.mass_kg == pytest.approx(0.5, abs=2.0 * found.mass_std_kg)
     assert (found.com_m, "along z of the gripper" in found.unknown) == (None, True)
-
-
-def test_set_down_begins_anew() -> None:
-    estimate = lifted()
     learn(estimate, load_of(DOWN, 0.1), DOWN, object_estimate.MOST_REJECTED - 1)
     assert estimate.state.mass_kg == pytest.approx(0.5, rel=0.1), "a short touch is only left out"
     learn(estimate, load_of(DOWN, 0.1), DOWN)
@@ -97,23 +109,6 @@ def test_object_that_is_recognised_may_be_gripped_elsewhere_and_is_forgotten_if_
     learn(estimate, load_of(DOWN, 0.3), DOWN, object_estimate.MOST_REJECTED)
     learn(estimate, load_of(DOWN, 0.3), DOWN, 10)
     assert estimate.state.unknown == object_estimate.NOT_MOVED
-
-
-def test_load_within_the_noise_is_not_weighed() -> None:
-    estimate = ObjectEstimate()
-    for gravity in (DOWN, -DOWN):
-        learn(estimate, load_of(gravity, 0.001), gravity, 5)
-    assert estimate.state.unknown == object_estimate.LIGHT
-
-
-def test_without_a_torque_only_the_mass_is_known() -> None:
-    estimate = ObjectEstimate()
-    for gravity in (DOWN, -DOWN):
-        learn(estimate, np.append(load_of(gravity)[:3], (np.nan,) * 3), gravity, 5)
-    found = estimate.state
-    assert (found.mass_kg, found.com_m) == (pytest.approx(0.5, rel=0.05), None)
-    assert found.unknown == object_estimate.NO_WIDTH
-    assert np.isnan(estimate.residual[3:]).all()
 
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from gripper_peers import PEERS
 from motions.cell import BUDGET_N, MOST_N, PART_M, RAISE_N_PER_S, STEP_N, Cell, brought_up
-from motions.cell_steps import does, exerts, feels, has, jaws, sees, sent, until
+from motions.cell_steps import comes_to_rest, does, exerts, feels, has, jaws, sees, sent, until
 from run_courses import Step, ask, follow, lease, let_lease_be, serve
 
 from slipd.events import StateRestored
@@ -27,7 +27,7 @@ FAR = ask("gripper.close", FORCE_OUT, force_n=MOST_N)
 CLOSE = ask("gripper.close", force_n=HELD_N)
 DROP = ask("gripper.open", drop=True)
 HOLDS = ask("grip.hold", {"force_n": pytest.approx(HELD_N, abs=0.05)})
-LET_GO: list[Step] = [DROP, serve(1500), exerts(0.0), jaws("put", 0.0), BEGUN]
+LET_GO: list[Step] = [DROP, comes_to_rest, exerts(0.0), jaws("put", 0.0), BEGUN]
 ROBOTIQ, WSG, DRIVER = PEERS
 REPORTING = (WSG, DRIVER)
 """Grippers that report their force."""
@@ -182,7 +182,7 @@ COURSES: dict[str, Course] = {
             [gripper], 0.0,
             [jaws("put", PART_M), *(ask("gripper.open", WIDTH_OUT, width_m=m, drop=drop) for m in (0.0, PART_M, 0.078)),
              ask("gripper.open", "gripper.open only widens: width_m must be at least the present ", width_m=0.0),
-             serve(1500), sent(), exerts(0.0)],
+             comes_to_rest, sent(), exerts(0.0)],
         )
         for drop, gripper in ((True, ROBOTIQ), (False, WSG))
     },
@@ -190,25 +190,25 @@ COURSES: dict[str, Course] = {
         REPORTING, HELD_N,
         [ask("gripper.open", width_m=PART_M + 0.02, drop=True), serve(60),
          ask("gripper.open", WIDTH_OUT, width_m=PART_M + 0.01, drop=True),  # it may be there already
-         serve(1500), lambda cell: opened(cell, PART_M + 0.02), ask("gripper.open")],
+         comes_to_rest, lambda cell: opened(cell, PART_M + 0.02), ask("gripper.open")],
     ),
     "fingers that feel nothing, or are silent, have not let go while they move": (
         [ROBOTIQ], HELD_N,
         [feels("silent"), serve(100), DROP, serve(60), sees(moving=True), ask("gripper.close", FORCE_OUT, force_n=12.0),
-         serve(1500), sees(moving=False), BEGUN],
+         comes_to_rest, sees(moving=False), BEGUN],
     ),
     "open and close at once is no way around the step": (
         [DRIVER], HELD_N,
         [*FOUND, DROP, FAR, ask("grip.set", NOT_READY, force_n=HELD_N),  # nothing is gripped for whoever asks
-         serve(1500), BEGUN],
+         comes_to_rest, BEGUN],
     ),
     # what is activated
     "nothing closes while the gripper is still activating": (
         [ROBOTIQ, WSG], 0.0,
-        [ask("gripper.close", force_n=HELD_N, width_m=0.01), serve(1500), ask("gripper.activate", drop=True),
+        [ask("gripper.close", force_n=HELD_N, width_m=0.01), comes_to_rest, ask("gripper.activate", drop=True),
          until(lambda cell: cell.jaws.active,
                [ask("gripper.close", "the gripper is still activating", force_n=HELD_N), serve(20)]),
-         serve(1500), CLOSE],
+         comes_to_rest, CLOSE],
     ),
     "a close is refused until the driver has answered the activation": (
         [DRIVER], 0.0,
@@ -219,7 +219,7 @@ COURSES: dict[str, Course] = {
     ),
     "a stop ends an activation": (
         [WSG], 0.0,
-        [ask("gripper.close", force_n=HELD_N, width_m=0.01), serve(1500), jaws("inactive"), serve(60),
+        [ask("gripper.close", force_n=HELD_N, width_m=0.01), comes_to_rest, jaws("inactive"), serve(60),
          ask("fault.ack"), ask("gripper.activate", drop=True), serve(60),
          ask("gripper.close", ACTIVATING, force_n=HELD_N), ask("gripper.stop"), serve(60), ask("fault.ack"),
          ask("gripper.close", NOT_ACTIVE, force_n=HELD_N)],

@@ -16,8 +16,6 @@ from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
 from slipd.publish.message_sequencer import array, finite
 from slipd.types.samples import TactileSample, WrenchSample
-from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.topics import Message, Slip
 
 MS = 1_000_000
 T0 = 100_000_000_000
@@ -50,16 +48,6 @@ def finger(left: str, parse: Callable[[str], Config]) -> Finger:
 def nil(body: dict[str, Any]) -> set[str]:
     """Keys without a value, but those of the zero, which this finger does not know."""
     return {name for name, value in body.items() if value is None} - {"tare_origin", "tare_age_s"}
-
-
-def test_slip_has_the_declared_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
-    declared = {field.name for field in fields_of(Slip)} - {field.name for field in fields_of(Message)}
-    for normal_n in (0.0, 10.0, math.nan):
-        read_force(finger, wrench(T0, normal_n))
-        assert set(slip_body(finger, finger.state)) == declared
-        finger.update_image(image(T0, FULL))
-    finger.disconnect(T0)
-    assert set(slip_body(finger, finger.state)) == declared
 
 
 ONE = np.where(np.arange(16) == 5, 100, 0).reshape(4, 4)

@@ -5,10 +5,10 @@ Every other test that plays the engine compares its messages and replies with th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+from engine_rig import Run
 from grasp_table import grasp_table
 from wire_check import body_faults, faults_of
 
@@ -16,8 +16,6 @@ from slipd.events import Publish
 from slipd_client.messages.schema.fields import fields_of
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.topics import TOPICS
-
-Run = Any
 
 GRASP = f"""
 {grasp_table()}
@@ -51,9 +49,9 @@ REQUESTS: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.fixture
-def run(rig: str, make_run: Callable[[str], Run]) -> Run:
+def run(rig: str) -> Run:
     """A run in which everything is published, and every op is carried out at least once."""
-    run = make_run(rig + GRASP)
+    run = Run(rig + GRASP)
     run.up()
     run.bring_up()
     run.grip(5.0)
