@@ -21,7 +21,7 @@ from motions.cell import BUDGET_N, CEILING_N, PART_M, STEP_N, brought_up
 from motions.wire_oracle import EPS_N, MOTIONS, WireOracle
 
 from slipd.gripper.grip_policy import GripState
-from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.schema.ops import OPS, Op
 
 MS = 1_000_000
 FRESH_NS = 50 * MS
@@ -38,14 +38,18 @@ WIDTHS = st.one_of(st.none(), st.sampled_from((-0.06, -0.02, -0.002, 0.0, 0.002,
 MOSTLY = st.sampled_from((True, True, True, False))
 CLIENTS = st.sampled_from((ANN, ANN, ANN, ANN, ANN, b"ben"))
 ODD = st.sampled_from((None, True, "left", [5.0], math.nan, math.inf, -1e308, 2**63, -1, 0, 5e-324, 0.5, 5.0))
+
+
+def wishes(op: Op) -> st.SearchStrategy[dict[str, Any]]:
+    """Return fields of a request, right and wrong ones."""
+    needed = {name: ODD for name, field in op.fields.items() if field.required}
+    return st.fixed_dictionaries(needed, optional={name: ODD for name in op.fields if name not in needed})
+
+
 ANYTHING = st.one_of(
-    *(
-        st.tuples(st.just(name), st.fixed_dictionaries({}, optional=dict.fromkeys(op.fields, ODD)))
-        for name, op in OPS.items()
-        if not name.startswith("lease.")
-    )
+    *(st.tuples(st.just(name), wishes(op)) for name, op in OPS.items() if not name.startswith(("lease.", "record.")))
 )
-"""Any request but those of the lease, with right and wrong fields."""
+"""Any request but those of leases and recordings, with right and wrong fields."""
 
 
 class Motions(WireOracle, RuleBasedStateMachine):

@@ -247,7 +247,11 @@ COURSES: dict[str, Course] = {
     },
     # what calm lowers
     "slowly, once calm for long": (
-        {}, [RAISED, CALM, watch("stable", 5.0, 60, (10.0, 9.9, "calm")), watch("stable", 5.0, 940), force(7.9, 8.1)],
+        {},
+        [
+            RAISED, CALM, quiet("stable", 5.0, 50), watch("stable", 5.0, 5, (10.0, 9.9, "calm")),
+            watch("stable", 5.0, 945), force(7.9, 8.1),
+        ],
     ),
     "as fast as it may": ({"lower_n_per_s": 30.0}, [RAISED, CALM, watch("stable", 5.0, 100, 5, 5), force(6.4, 7.6)]),
     "A9 no faster than the gripper may": (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
@@ -60,8 +62,9 @@ def first_of_all(run: Run) -> None:
     assert isinstance(run.out[at - 1][1], Write)
 
 
-def takes_nothing(run: Run) -> None:
-    run.engine._links["gripper"].session.execute = lambda *_: False
+def session(link: str, **methods: Any) -> Step:
+    """From now on a session has other methods."""
+    return lambda run: vars(run.engine._links[link].session).update(methods)
 
 
 HELD: list[Step] = [bring_up, image(), grip(5.0), pull()]
@@ -75,6 +78,13 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         f"step_n = 20.0\nraise_n_per_s = 1000.0\n{REFLEX}",
         [*HELD, *[pull(4.0), serve(10)] * 40, acts((5.0, 7.0), (7.0, 9.0)), newest("gripper", force_command_n=9.0)],
     ),
+    "it goes on at a tick between two readings": (
+        REFLEX.replace("100.0", "20.0"),
+        [
+            *HELD, pull(4.0), wait(15), wrench(5.0, (4.0, 0.0)), acts((5.0, 5.4)), wait(4), tick,
+            acts((5.0, 5.4), (5.4, 5.8)),
+        ],
+    ),
     **{
         f"nothing is moved without the switch: {more}": (
             more, [*HELD, wrote(), *[pull(NEAR_N)] * 10, serve(20), wrote(0)],
@@ -82,7 +92,9 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         for more in ("", GRASP, REFLEX.replace("true", "false"))
     },
     "a gripper with a fault hears nothing": (REFLEX, [*HELD, gripper(fault=14), serve(30), pull(NEAR_N), acts()]),
-    "a session that takes no command is no act": (REFLEX, [*HELD, takes_nothing, pull(NEAR_N), acts()]),
+    "a session that takes no command is no act": (
+        REFLEX, [*HELD, session("gripper", execute=lambda *_: False), pull(NEAR_N), acts()],
+    ),
     **{
         f"A7 an old reading of the other finger raises nothing, {how}": (
             REFLEX, [*HELD, wait(60), *steps, wrench(5.0, (NEAR_N, 0.0)), newest("slip.right", level=level), acts()],
@@ -103,6 +115,13 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     ),
     "a grasp without a gripper knows no width": (
         NO_GRIPPER, [image(), skin(5.0), wrench(5.0), newest("grasp", width_m=None, external_torque_nm=None)],
+    ),
+    "a tick publishes that the session of a sensor failed": (
+        f"[rates]\ngrasp_hz = 1.0\n{GRASP}",
+        [
+            *HELD, session("left.wrench", receive=lambda *_: 1 / 0), wrench(5.0), during([tick], "grasp", 1),
+            newest("grasp", level="unknown"),
+        ],
     ),
     "a tick publishes that the fingers fell silent": (
         GRASP,
