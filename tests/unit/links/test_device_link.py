@@ -67,7 +67,7 @@ def test_a_session_writes_only_while_its_link_is_up_and_a_device_that_sends_unas
     links: dict[str, DeviceLink],
 ) -> None:
     link, unasked = links["gripper"], links["left.pad"]
-    assert link.due(T0) == []
+    assert (link.due(T0), link.due_ns) == ([], NEVER_NS)
     assert link.open("port", T0) != b""
     assert link.due(T0) == [], "one transaction at a time"
     assert (status(link, T0)["state"], link.due_ns) == ("waiting", T0 + 100 * MS)

@@ -186,6 +186,15 @@ def test_an_index_with_a_wrong_offset_is_rejected(whole: bytes, change: dict[int
     assert frames.parse(resum(bytes(body)) + bytes(frames.LONGEST), 0) == (-1, None)
 
 
+def test_an_unfinished_frame_is_awaited_up_to_the_longest_or_the_next_and_no_frame_is_longer() -> None:
+    begun = sim.encode_blocks([HUB, (frames.UNDEFINED, b"\1")])[:-6]
+    sizes = len(begun), frames.LONGEST - 1, frames.LONGEST
+    assert [frames.parse(b"\0" + begun.ljust(size, b"\1"), 1) for size in sizes] == [(0, None), (0, None), (-1, None)]
+    assert frames.parse(begun + frames.END + frames.START, 0) == (-1, None)
+    fits, beyond = (sim.encode_blocks([HUB, (frames.UNDEFINED, bytes(frames.LONGEST - 40 + more))]) for more in (0, 40))
+    assert [frames.parse(whole, 0)[0] for whole in (fits, beyond)] == [len(fits), -1]
+
+
 def test_T2_two_frames_mixed_or_one_that_misses_a_part_are_dropped_whole() -> None:
     for cut in range(1, len(frame(1)), 3):
         samples = papillarray.Decoder().receive(frame(0) + frame(1)[:cut] + frame(2) + bytes(frames.LONGEST), 0)

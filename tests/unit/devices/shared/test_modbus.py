@@ -124,6 +124,8 @@ def test_a_device_reads_its_requests_from_any_split_and_skips_all_else(
 def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
     reply = sim.encode_reply(POLL, (1, 2, 3))
     assert modbus.find_reply(b"\x09\x04\x06" + reply + b"\x09", POLL) == modbus.Reply((1, 2, 3), 0, 11)
+    odd = replace(POLL, unit=modbus.READ_INPUT | modbus.ERROR_FLAG)  # a refusal begins with two equal bytes
+    assert modbus.find_reply(bytes((odd.unit,)) + sim.encode_exception(odd, 2), odd) == modbus.Reply((), 2, 5)
     force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
     assert modbus.find_reply(sim.encode_reply(force), WORKED[0][0]) is None
     for other in ({"unit": 8}, {"function": modbus.READ_HOLDING}, {"read_count": 2}):

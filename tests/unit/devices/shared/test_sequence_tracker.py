@@ -72,9 +72,9 @@ NUMBERS: dict[str, tuple[int, dict[str, Any], list[int], list[int], tuple[int, i
     "a false number on a line that keeps order costs one reading": (
         256,
         {"in_order": True},
-        [5, 21, 7, 8, 9, 10],
-        [5, 21, 8, 9, 10],
-        (15, 1, 0),
+        [5, 21, 7, 8, 9, 10, 12],
+        [5, 21, 8, 9, 10, 12],
+        (16, 1, 0),
     ),
     "on another line what follows is late": (256, {}, [5, 21, 7, 8, 9], [5, 21], (15, 3, 0)),
     "a reading that is sent twice stays old on a line that keeps order": (
