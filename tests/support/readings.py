@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
+from project import DOCS
 
 from slipd.devices.shared.device_interface import DecoderHealth
 
@@ -18,6 +20,13 @@ T_NS = 77
 def fields(name: str, values: Iterable[Any]) -> list[dict[str, Any]]:
     """Return one known field for each reading."""
     return [{name: value} for value in values]
+
+
+def documented(name: str) -> bytes:
+    """Return the bytes of a frame in docs/devices.md."""
+    page = (DOCS / "devices.md").read_text(encoding="utf-8")
+    (block,) = re.findall(rf"<!-- {name} frame -->\n+```\n(.*?)```", page, re.DOTALL)
+    return bytes.fromhex("".join(line.split("|")[0] for line in block.splitlines()))
 
 
 def dropped(*stretches: bytes, length: int) -> dict[str, Any]:

@@ -25,18 +25,6 @@ WILD = slipd_anyskin.encode_frame(np.full((5, 3), 1e9))
 NOISE = random.Random(1).randbytes(20_000)
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        Case(b"\r\n" + FRAME, [{"values": EFLESH_UT, "status": ("raw",)}], {"bad_bytes": 2}),
-        Case(3 * FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 82}),
-        Case(b"\r\n" + FRAME + WILD + FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 84, "bad": 1}),
-    ],
-)
-def test_anyskin_a_published_reading_is_decoded_and_damage_counted(case: Case) -> None:
-    case.check(slipd_anyskin.Decoder)
-
-
 def test_anyskin_noise_gives_nothing_and_no_sensor_has_no_taxels() -> None:
     decoder = slipd_anyskin.Decoder()
     assert (decoder.receive(NOISE, 0), decoder.health.bad_bytes > 19_900) == ([], True)
@@ -52,25 +40,47 @@ def test_paxini_the_request_is_that_of_the_makers_program() -> None:
     assert slipd_paxini.encode_request(2) == bytes.fromhex("55AA09000300FBF003000003 00 04")
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        *(
+CASES = {
+    "anyskin: a published reading": (
+        slipd_anyskin.Decoder,
+        Case(b"\r\n" + FRAME, [{"values": EFLESH_UT, "status": ("raw",)}], {"bad_bytes": 2}),
+    ),
+    "anyskin: frames without an end between them": (
+        slipd_anyskin.Decoder,
+        Case(3 * FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 82}),
+    ),
+    "anyskin: values that no sensor has": (
+        slipd_anyskin.Decoder,
+        Case(b"\r\n" + FRAME + WILD + FRAME, [{"values": EFLESH_UT}] * 2, {"bad_bytes": 84, "bad": 1}),
+    ),
+    **{
+        f"paxini: x and y are signed, z is not, and {len(end)} bytes follow": (
+            slipd_paxini.Decoder,
             Case(
                 b"\x00" + 3 * reply(-3, 20, 200, end),
                 [{"force_n": [-0.3, 2.0, 20.0], "torque_nm": None, "status": ()}] * 3,
                 {"bad": 1, "bad_bytes": 1},
-            )
-            for end in (b"", b"\x42")
-        ),
+            ),
+        )
+        for end in (b"", b"\x42")
+    },
+    "paxini: each axis at the end of its range": (
+        slipd_paxini.Decoder,
         Case(reply(127, 0, 0) + reply(0, -128, 0) + reply(0, 0, 255), fields("status", [("overload",)] * 3)),
+    ),
+    "paxini: two bytes follow": (
+        slipd_paxini.Decoder,
         Case(
             reply(1, 1, 1, b"\x42") + reply(1, 1, 1, b"\x42\x43") + reply(1, 1, 1), [{}] * 3, {"bad": 1, "bad_bytes": 1}
         ),
-    ],
-)
-def test_paxini_x_and_y_are_signed_z_is_not_and_one_byte_may_follow(case: Case) -> None:
-    case.check(slipd_paxini.Decoder)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_stream_gives_these_readings_and_counts(name: str) -> None:
+    decoder, case = CASES[name]
+    case.check(decoder)
 
 
 def test_paxini_one_poll_is_outstanding_in_its_period_and_a_lost_one_is_repeated() -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
-from project import DOCS
-from readings import Case, fields
+from readings import Case, documented, fields
 
 from slipd.devices import gauges
 from slipd.devices.shared import checksums
@@ -67,8 +64,6 @@ def test_F2_N3_D2_D3_a_stream_gives_these_readings_and_counts(name: str) -> None
 
 
 def test_the_documented_frame_is_encoded_and_read() -> None:
-    page = (DOCS / "devices.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"<!-- gauges frame -->\n+```\n(.*?)```", page, re.DOTALL)
-    documented = bytes.fromhex("".join(line.split("|")[0] for line in block.splitlines()))
-    assert gauges.encode_frame((1000, -2000, 8_388_607, 0, -1, 70_000), 258, 1_001_875, 0b100) == documented
-    Case(documented, [{"device_time_ns": 1_001_875_000, "status": ("overload",)}]).check(gauges.Decoder)
+    frame = gauges.encode_frame((1000, -2000, 8_388_607, 0, -1, 70_000), 258, 1_001_875, 0b100)
+    assert frame == documented("gauges")
+    Case(frame, [{"device_time_ns": 1_001_875_000, "status": ("overload",)}]).check(gauges.Decoder)

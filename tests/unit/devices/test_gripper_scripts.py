@@ -139,12 +139,13 @@ def test_A6_D4_a_script_ends_with_these_commands_this_state_and_this_force(scrip
 
 
 @pytest.mark.parametrize("device", PEERS)
-def test_no_more_force_is_sent_than_requested_except_the_smallest(device: str) -> None:
-    session = ready(device).session
-    least, most = session.force_range_n
+def test_no_more_force_is_sent_than_requested_except_the_smallest_and_its_answer_counts(device: str) -> None:
+    talk = ready(device)
+    session, (least, most) = talk.session, talk.session.force_range_n
     for requested, applied in ((least / 2, least), (most * 2, most), (least + 1.0, least + 1.0)):
-        assert session.execute(Permit("set_force", force_n=requested), 10**9)
+        assert talk.ask("force", requested)
         assert session.force_sent_n == session.applied_n(applied) <= max(requested, least)
+        assert talk.run(0.25).session.force_acknowledged_n == session.force_sent_n
 
 
 NAN, INF = math.nan, math.inf

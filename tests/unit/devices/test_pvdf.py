@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from project import DOCS
-from readings import Case, fields
+from readings import Case, documented, fields
 
 from slipd.devices import pvdf
 from slipd.devices.shared import checksums
@@ -131,12 +129,10 @@ def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_documented_frame_is_encoded() -> None:
-    page = (DOCS / "devices.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"<!-- pvdf frame -->\n+```\n(.*?)```", page, re.DOTALL)
     readings = np.zeros((8, 16), dtype=np.int64)
     readings[3] = np.arange(-8, 8) * 100
     scan = pvdf.encode_scan(readings, 258, 1_000_000, 39.06)
-    assert scan[3 * FRAME : 4 * FRAME] == bytes.fromhex("".join(line.split("|")[0] for line in block.splitlines()))
+    assert scan[3 * FRAME : 4 * FRAME] == documented("pvdf")
 
 
 def test_each_row_carries_the_time_of_its_first_taxel() -> None:

@@ -76,7 +76,8 @@ def test_a_session_writes_only_while_its_link_is_up_and_a_device_that_sends_unas
     link.close("unplugged")
     assert link.due(T0 + 1000 * MS) == []
     assert (status(link, T0)["state"], link.due_ns) == ("closed", NEVER_NS)
-    assert (unasked.open("port", T0), unasked.due(T0 + 10**12), status(unasked, T0)["state"]) == (b"", [], None)
+    assert (unasked.open("port", T0), unasked.due(T0 + 10**12), unasked.fault) == (b"", [], "")
+    assert status(unasked, T0)["state"] is None
 
 
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
@@ -123,14 +124,23 @@ def raising(*_: object) -> bytes:
     raise KeyError("speed")
 
 
-def test_a_session_that_is_due_without_bytes_to_write_ends_the_loop(
-    links: dict[str, DeviceLink], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("deadlines", "pieces", "sent"),
+    [([T0] * 2, [b""], []), ([T0 - 1, T0, T0, T0 + 1], [b"", b"next"], [b"next"])],
+    ids=["it stays due", "it is due again"],
+)
+def test_a_session_that_is_due_without_bytes_to_write_ends_the_loop_unless_time_goes_on(
+    deadlines: list[int],
+    pieces: list[bytes],
+    sent: list[bytes],
+    links: dict[str, DeviceLink],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    link = links["left.wrench"]
+    link, left = links["left.wrench"], iter(pieces)
     link.open("port", T0)
-    monkeypatch.setattr(link.session, "next_deadline", lambda: T0)
-    monkeypatch.setattr(link.session, "on_time", lambda _: b"")
-    assert link.due(T0) == []
+    monkeypatch.setattr(link.session, "next_deadline", iter(deadlines).__next__)
+    monkeypatch.setattr(link.session, "on_time", lambda _: next(left))
+    assert link.due(T0) == sent
 
 
 def test_bytes_on_which_a_decoder_fails_are_dropped_and_reported_and_what_it_kept_is_forgotten(

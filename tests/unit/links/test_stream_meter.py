@@ -122,6 +122,19 @@ rate_hz = 1000.0
 """
 
 
+PAD = """
+[finger.left.pad]
+device = "external"
+port = "ipc:///run/slipd/readings"
+sensor = "left.pad"
+rate_hz = 1000.0
+rows = 2
+cols = 2
+pitch_m = 0.004
+electrode_m = 0.002
+"""
+
+
 def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(parse: Parse) -> None:
     stream = made(parse, EXTERNAL)
     assert date(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
@@ -140,10 +153,7 @@ def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse
     stream = made(parse, EXTERNAL)
     assert date(stream, TactileSample(T0, T0, np.zeros(16))) is None
     assert condition(stream, T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
-    pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
-    pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
-    pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
-    pad = made(parse, pads.replace('"left.pad"', '"p"'), "left.pad")
+    pad = made(parse, EXTERNAL + PAD, "left.pad")
     assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
     assert pad.update(mixed) == ("left.pad", [mixed[0], mixed[2]], [T0, T0], PROMPT), "those that fit are kept"
