@@ -14,8 +14,8 @@ from slipd.types.clocks import NEVER_NS
 from slipd_client.messages import Health
 
 
-def scan(rows: int = 4, cols: int = 4) -> bytes:
-    return pvdf.encode_scan(np.ones((rows, cols), dtype=int), 1, 0.0, 5.0)
+def scan(rows: int = 4, cols: int = 4, number: int = 1) -> bytes:
+    return pvdf.encode_scan(np.ones((rows, cols), dtype=int), number, 0.0, 5.0)
 
 
 def skin(number: int, sensors: str) -> bytes:
@@ -157,6 +157,7 @@ def test_bytes_on_which_a_decoder_fails_are_dropped_and_reported_and_what_it_kep
         assert link.receive(b"whatever", T0) == []
     assert link.receive(scan()[50:], T0) == []
     assert health(link, T0 + 2 * S)[0] is Health.STALE
+    assert len(link.receive(scan(number=2), T0 + 2 * S)) == 1
 
 
 @pytest.mark.parametrize("call", ["start", "receive", "next_deadline", "stop"])

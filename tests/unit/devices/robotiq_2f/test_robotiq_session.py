@@ -186,11 +186,21 @@ def test_a_flood_of_commands_leaves_every_third_turn_to_the_poll(active: Bench) 
     assert [data == POLL for _, data in active.sent] == [False, False, True] * 3
 
 
+def test_a_line_on_which_nothing_at_all_comes_back_is_explained(active: Bench) -> None:
+    active.gripper.silent = True
+    notes = []
+    for noise in (b"", b"", b"", b"\0", b""):
+        active.steps(1)
+        notes.append(active.session.health.note.partition(":")[0])
+        active.session.receive(noise, active.now_ns)
+    assert notes == ["", "", "", "no reply at Modbus address 9", ""]
+
+
 def test_noise_is_counted_between_the_replies_and_before_one(active: Bench) -> None:
     active.session.receive(b"\x09\x04", active.now_ns)
     reply = active.polled()
     assert len(active.session.receive(b"\x00" + reply, active.now_ns)) == 1
-    assert active.session.health.bad_bytes == 3
+    assert (active.session.health.bad, active.session.health.bad_bytes) == (2, 3)
 
 
 def test_activation_clears_then_activates_and_waits_until_the_gripper_reports_it(bench: Bench) -> None:
