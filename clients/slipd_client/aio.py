@@ -6,23 +6,17 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Sequence
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import zmq
 
 from slipd_client.client_base import GripClientBase
-from slipd_client.errors import ClientError
-from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper, check_held
-from slipd_client.link import Link
+from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
+from slipd_client.link import Link, Steps
 from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.topics import Message
 from slipd_client.motion import MotionAdvisorBase
-from slipd_client.request_protocol import TIMEOUT_S, Ask, Envelope, Result, Steps
 from slipd_client.subscriber import SubscriberBase
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
 
 
 class Waker:
@@ -73,34 +67,53 @@ AT_ONCE = 64
 
 
 class _InLoop:
-    """What owns a connection in the loop that runs when its ``async with`` begins."""
+    """What owns a connection in the loop that runs when its ``async with`` begins.
+
+    A message is taken from the connection in the same step that returns it, so that a cancelled call loses none.
+    """
 
     _link: Link
     _waker: Waker
+    _in_a_row = 0
 
     async def __aenter__(self: InLoop) -> InLoop:
         self._waker = Waker(self._link.socket)
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *failure: object) -> None:
         self._waker.stop()
         self._link.close()
+
+    def _run(self, steps: Steps[T]) -> Steps[T]:
+        """Return steps, for the caller to await."""
+        return steps
+
+    async def _frames(self, until: float | None) -> list[bytes] | None:
+        self._in_a_row += 1
+        if self._in_a_row > AT_ONCE:
+            self._in_a_row = 0
+            await asyncio.sleep(0)
+        while (frames := self._link.take()) is None and (until is None or time.monotonic() < until):
+            self._in_a_row = 0
+            await self._waker.wait(zmq.POLLIN, until)
+        return frames
+
+    async def _writable(self, until: float) -> bool:
+        if time.monotonic() >= until:
+            return False
+        await self._waker.wait(zmq.POLLOUT, until)
+        return True
 
 
 class AsyncSubscriber(_InLoop, SubscriberBase):
     """Receives messages in an asyncio loop, for an ``async with``. Arguments: `SubscriberBase`.
 
-    A message is taken from the connection in the same step that returns it. So a cancelled ``receive``, a timeout
-    around it, and an iteration that is left and begun again lose nothing.
+    A cancelled ``receive``, a timeout around it, and an iteration that is left and begun again lose nothing.
     """
-
-    _in_a_row = 0
 
     async def receive(self, timeout_s: float | None = None) -> Message | None:
         """Wait for the next message; None when none came within ``timeout_s`` (None waits for ever)."""
-        return await self._receive(None if timeout_s is None else time.monotonic() + timeout_s)
+        return await self._received(timeout_s)
 
     async def __aiter__(self) -> AsyncIterator[Message]:
         """Iterate over every message from now on.
@@ -110,31 +123,7 @@ class AsyncSubscriber(_InLoop, SubscriberBase):
             Silence: No message arrived for ``silence_s``. A new iteration continues to receive.
         """
         while True:
-            check_held()
-            message = await self._receive(self._patient_until(), by_silence=True)
-            if message is None:
-                self.check_silence()
-            else:
-                yield message
-
-    async def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
-        while True:
-            self._in_a_row += 1
-            if self._in_a_row > AT_ONCE:
-                self._in_a_row = 0
-                await asyncio.sleep(0)
-            frames = self._link.take()
-            if frames is not None:
-                message = self._accept(frames)
-                if message is not None:
-                    return message
-                if by_silence:
-                    until = self._patient_until()
-            elif until is not None and time.monotonic() >= until:
-                return None
-            else:
-                self._in_a_row = 0
-                await self._waker.wait(zmq.POLLIN, until)
+            yield await self._awaited()
 
 
 class AsyncLease(LeaseKeeper):
@@ -168,7 +157,7 @@ class AsyncGripClient(_InLoop, GripClientBase):
     carried out.
     """
 
-    _turn: asyncio.Lock
+    _lock = asyncio.Lock
 
     @contextlib.asynccontextmanager
     async def lease(self, ttl_ms: int = LEASE_MS) -> AsyncIterator[AsyncLease]:
@@ -184,8 +173,7 @@ class AsyncGripClient(_InLoop, GripClientBase):
         lease = AsyncLease(ttl_ms, time.monotonic_ns(), f"task {task.get_name()!r}" if task else "a callback")
         self._claim(lease)
         try:
-            await self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
-            lease.note_renewal(self._protocol.lease_asked_ns)
+            await self._acquire(lease, ttl_ms)
             renewer = asyncio.create_task(self._renew(lease), name="slipd-lease")
             lease.enter()
             try:
@@ -194,77 +182,29 @@ class AsyncGripClient(_InLoop, GripClientBase):
                 lease.leave()
                 renewer.cancel()
                 await asyncio.wait([renewer])
-                if not lease.lost:
-                    with contextlib.suppress(ClientError):
-                        await self._run(self._protocol.lease("lease.release", {}))
+                await self._give_back(lease)
         finally:
             self._unclaim()
 
     async def _renew(self, lease: AsyncLease) -> None:
         await asyncio.sleep(lease.period_s)
         while not lease.lost:
-            try:
-                await self._run(self._renewal(lease))
-            except ClientError as error:
-                lease.note_failure(error)
+            await self._renew_once(lease)
             await asyncio.sleep(lease.period_s)
 
-    async def __aenter__(self) -> AsyncGripClient:
-        self._turn = asyncio.Lock()
-        return await super().__aenter__()
+    async def _take_turn(self, timeout_s: float) -> float:
+        await self._turn.acquire()
+        return time.monotonic() + timeout_s
 
-    async def _run(self, steps: Steps[T]) -> T:
-        try:
-            step = next(steps)
-            while True:
-                if isinstance(step, Ask):
-                    try:
-                        result = await self._exchange(step)
-                    except ClientError as error:
-                        step = steps.throw(error)
-                        continue
-                else:
-                    await asyncio.sleep(step.seconds)
-                    result = {}
-                step = steps.send(result)
-        except StopIteration as done:
-            return done.value  # type: ignore[no-any-return]
-
-    async def _exchange(self, ask: Ask) -> Result:
-        timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
-        async with self._turn:
-            until = time.monotonic() + timeout_s
-            envelope = await self._send(ask, until)
-            while (frames := self._link.take()) is not None or time.monotonic() < until:
-                if frames is None:
-                    await self._waker.wait(zmq.POLLIN, until)
-                elif (result := self._protocol.result(envelope, frames)) is not None:
-                    return result
-            raise self._protocol.no_reply(timeout_s)
-
-    async def _send(self, ask: Ask, until: float) -> Envelope:
-        while True:
-            envelope = self._protocol.pack(ask)
-            if self._link.send(envelope.data):
-                return envelope
-            if time.monotonic() >= until:
-                raise self._protocol.no_listener()
-            await self._waker.wait(zmq.POLLOUT, until)
+    async def _sleep(self, seconds: float) -> None:
+        await asyncio.sleep(seconds)
 
 
 class AsyncMotionAdvisor(MotionAdvisorBase):
     """The asyncio advisor, for an ``async with``; arguments are those of `MotionAdvisor`, and `check` is awaited."""
 
-    def __init__(
-        self,
-        publish: str | None = None,
-        requests: str | None = None,
-        *,
-        keys: Keys | None = None,
-        timeout_s: float = TIMEOUT_S,
-    ) -> None:
-        self.client = AsyncGripClient(requests, keys=keys, timeout_s=timeout_s)
-        super().__init__(publish, self.client.clock, keys)
+    _kind = AsyncGripClient
+    client: AsyncGripClient
 
     async def check(
         self,
@@ -278,8 +218,6 @@ class AsyncMotionAdvisor(MotionAdvisorBase):
         await self.client.__aenter__()
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *failure: object) -> None:
         self._messages.close()
-        await self.client.__aexit__(kind, error, trace)
+        await self.client.__aexit__(*failure)

@@ -6,6 +6,8 @@ returns the class of the reply in `slipd_client.messages.typed`. Forces are norm
 
 from __future__ import annotations
 
+import abc
+import contextlib
 import functools
 import threading
 import time
@@ -16,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar,
 import zmq
 
 from slipd_client.clock import ServerClock
-from slipd_client.errors import CallError, LeaseInUse, RequestRefused, check_seconds
+from slipd_client.errors import CallError, ClientError, LeaseInUse, RequestRefused, check_seconds
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
-from slipd_client.link import Link
+from slipd_client.link import Link, Steps
 from slipd_client.messages.schema.replies import (
     FaultReply,
     FrictionReply,
@@ -36,7 +38,7 @@ from slipd_client.messages.schema.replies import (
 )
 from slipd_client.messages.schema.request_fields import TARE_S
 from slipd_client.paths import requests_endpoint
-from slipd_client.request_protocol import TIMEOUT_S, RequestProtocol, Steps
+from slipd_client.request_protocol import TIMEOUT_S, Ask, Envelope, RequestProtocol, Result
 
 if TYPE_CHECKING:
     from slipd_client.aio import AsyncGripClient
@@ -69,7 +71,7 @@ class operation(Generic[P, T]):  # noqa: N801 - a decorator
         return self._method if client is None else MethodType(self._method, client)
 
 
-class GripClientBase:
+class GripClientBase(abc.ABC):
     """Sends requests and returns their replies.
 
     Every method raises RequestRefused when the daemon refuses, NoAnswer when it does not answer, LeaseLost instead of
@@ -95,13 +97,17 @@ class GripClientBase:
             positive time.
     """
 
+    _lock: Callable[[], Any]
+    """Makes the lock whose holder sends the next request."""
+
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
         check_seconds("timeout_s", timeout_s, TIMEOUT_S)
         self.timeout_s = timeout_s
         # IMMEDIATE: without it ZeroMQ keeps a request for a daemon that starts later, and delivers it then
         where = requests_endpoint() if endpoint is None else endpoint
         self._link = Link(zmq.DEALER, where, keys, {zmq.IMMEDIATE: 1})
-        self._protocol = RequestProtocol(where, time.monotonic_ns, self._check)
+        self._protocol = RequestProtocol(where, time.monotonic_ns, self._check, self._exchange, self._sleep)
+        self._turn = self._lock()
         self._lease: LeaseKeeper | None = None
         self._lease_slot = threading.Lock()
 
@@ -119,11 +125,11 @@ class GripClientBase:
         """Send one request; fields that are None are left out."""
         return self._request_exactly(op, {name: each for name, each in fields.items() if each is not None})
 
-    def _request_exactly(self, op: str, fields: dict[str, Any]) -> Steps[Any]:
+    async def _request_exactly(self, op: str, fields: dict[str, Any]) -> Any:
         """Send one request with exactly these fields."""
         lease = self._lease
         try:
-            return (yield from self._protocol.request(op, fields))
+            return await self._protocol.request(op, fields)
         except RequestRefused as refusal:
             if lease is not None and refusal.code in ("no_lease", "wrong_boot"):
                 lease.lose(str(refusal))
@@ -149,10 +155,58 @@ class GripClientBase:
         self._lease = None
         self._lease_slot.release()
 
-    def _renewal(self, lease: LeaseKeeper) -> Steps[None]:
-        """Renew the lease once."""
-        yield from self._protocol.lease("lease.renew", {}, max(0.0, lease.left_s))
+    async def _acquire(self, lease: LeaseKeeper, ttl_ms: int) -> None:
+        await self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms})
         lease.note_renewal(self._protocol.lease_asked_ns)
+
+    async def _renew_once(self, lease: LeaseKeeper) -> None:
+        try:
+            await self._protocol.lease("lease.renew", {}, max(0.0, lease.left_s))
+            lease.note_renewal(self._protocol.lease_asked_ns)
+        except ClientError as error:
+            lease.note_failure(error)
+
+    async def _give_back(self, lease: LeaseKeeper) -> None:
+        if not lease.lost:
+            with contextlib.suppress(ClientError):
+                await self._protocol.lease("lease.release", {})
+
+    async def _exchange(self, ask: Ask) -> Result:
+        """Send a request when its turn has come, and return the result of its reply."""
+        timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
+        until = await self._take_turn(timeout_s)
+        try:
+            envelope = await self._send(ask, until)
+            while (frames := await self._frames(until)) is not None:
+                if (result := self._protocol.result(envelope, frames)) is not None:
+                    return result
+            raise self._protocol.no_reply(timeout_s)
+        finally:
+            self._turn.release()
+
+    async def _send(self, ask: Ask, until: float) -> Envelope:
+        while True:
+            envelope = self._protocol.pack(ask)
+            if self._link.send(envelope.data):
+                return envelope
+            if not await self._writable(until):
+                raise self._protocol.no_listener()
+
+    @abc.abstractmethod
+    async def _take_turn(self, timeout_s: float) -> float:
+        """Take the lock `_turn`; return until when the reply is waited for, on ``time.monotonic``."""
+
+    @abc.abstractmethod
+    async def _frames(self, until: float | None) -> list[bytes] | None:
+        """Wait for a message; None where none came."""
+
+    @abc.abstractmethod
+    async def _writable(self, until: float) -> bool:
+        """Wait for a peer to send to; return whether there may be one."""
+
+    @abc.abstractmethod
+    async def _sleep(self, seconds: float) -> None:
+        """Let time pass."""
 
     @operation
     def request(self, op: str, /, **fields: Any) -> Steps[Any]:

@@ -6,18 +6,11 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
-from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar
 
 from slipd_client.client_base import GripClientBase
-from slipd_client.errors import ClientError, NoAnswer
+from slipd_client.errors import NoAnswer
 from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
-from slipd_client.request_protocol import TIMEOUT_S, Ask, Envelope, Result, Steps
-
-if TYPE_CHECKING:
-    from slipd_client.keys import Keys
-
-T = TypeVar("T")
+from slipd_client.link import Blocking
 
 
 class Lease(LeaseKeeper):
@@ -42,16 +35,14 @@ class Lease(LeaseKeeper):
         self._ended.set()
 
 
-class GripClient(GripClientBase):
+class GripClient(Blocking, GripClientBase):
     """The blocking client, best used in a ``with`` statement; methods and arguments are those of `GripClientBase`.
 
     One request at a time: several threads may share it and wait for each other, but only the one that acquired the
     lease moves the gripper.
     """
 
-    def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
-        super().__init__(endpoint, keys=keys, timeout_s=timeout_s)
-        self._turn = threading.Lock()  # also the memory barrier that ZeroMQ needs where a socket changes its thread
+    _lock = threading.Lock  # also the memory barrier that ZeroMQ needs where a socket changes its thread
 
     @contextlib.contextmanager
     def lease(self, ttl_ms: int = LEASE_MS) -> Iterator[Lease]:
@@ -66,8 +57,7 @@ class GripClient(GripClientBase):
         lease = Lease(ttl_ms, time.monotonic_ns(), f"thread {threading.current_thread().name!r}")
         self._claim(lease)
         try:
-            self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
-            lease.note_renewal(self._protocol.lease_asked_ns)
+            self._run(self._acquire(lease, ttl_ms))
             ended = threading.Event()
             work = (lease, ended, threading.current_thread())
             renewer = threading.Thread(target=self._renew, args=work, name="slipd-lease", daemon=True)
@@ -79,18 +69,13 @@ class GripClient(GripClientBase):
                 lease.leave()
                 ended.set()
                 renewer.join()
-                if not lease.lost:
-                    with contextlib.suppress(ClientError):
-                        self._run(self._protocol.lease("lease.release", {}))
+                self._run(self._give_back(lease))
         finally:
             self._unclaim()
 
     def _renew(self, lease: Lease, ended: threading.Event, owner: threading.Thread) -> None:
         while not ended.wait(lease.period_s) and owner.is_alive() and not lease.lost:
-            try:
-                self._run(self._renewal(lease))
-            except ClientError as error:
-                lease.note_failure(error)
+            self._run(self._renew_once(lease))
 
     def disconnect(self) -> None:
         """Close the connection; a second call does nothing. A lease ends with it, and the gripper keeps its force."""
@@ -99,49 +84,13 @@ class GripClient(GripClientBase):
         with self._turn:
             self._link.close()
 
-    def __enter__(self) -> GripClient:
-        return self
+    close = disconnect
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.disconnect()
-
-    def _run(self, steps: Steps[T]) -> T:
-        try:
-            step = next(steps)
-            while True:
-                if isinstance(step, Ask):
-                    try:
-                        result = self._exchange(step)
-                    except ClientError as error:
-                        step = steps.throw(error)
-                        continue
-                else:
-                    time.sleep(step.seconds)
-                    result = {}
-                step = steps.send(result)
-        except StopIteration as done:
-            return done.value  # type: ignore[no-any-return]
-
-    def _exchange(self, ask: Ask) -> Result:
-        timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
+    async def _take_turn(self, timeout_s: float) -> float:
         until = time.monotonic() + timeout_s
         if not self._turn.acquire(timeout=timeout_s):
             raise NoAnswer("another thread still waits for its reply; nothing was sent")
-        try:
-            envelope = self._send(ask, until)
-            while (frames := self._link.receive(until)) is not None:
-                if (result := self._protocol.result(envelope, frames)) is not None:
-                    return result
-            raise self._protocol.no_reply(timeout_s)
-        finally:
-            self._turn.release()
+        return until
 
-    def _send(self, ask: Ask, until: float) -> Envelope:
-        while True:
-            envelope = self._protocol.pack(ask)
-            if self._link.send(envelope.data):
-                return envelope
-            if not self._link.wait_writable(until):
-                raise self._protocol.no_listener()
+    async def _sleep(self, seconds: float) -> None:
+        time.sleep(seconds)  # noqa: ASYNC251 - it blocks, as every wait of this client

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Coroutine, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import zmq
 
@@ -134,6 +134,45 @@ class Link:
             if self.socket.closed:
                 raise ConnectionClosed(f"the connection to {self.endpoint} was closed") from None
             raise
+
+
+T = TypeVar("T")
+Steps = Coroutine[Any, Any, T]
+"""What both kinds of client do, written once: it waits by the methods of `Blocking` or of their likes for a loop."""
+
+AnyBlocking = TypeVar("AnyBlocking", bound="Blocking")
+
+
+class Blocking:
+    """What owns a connection, best used in a ``with`` statement, and waits by blocking."""
+
+    _link: Link
+
+    def _run(self, steps: Steps[T]) -> T:
+        """Carry out steps. They never stop on the way, because all that they wait for blocks."""
+        try:
+            steps.send(None)
+        except StopIteration as done:
+            return done.value  # type: ignore[no-any-return]
+        raise RuntimeError("a step waits for a loop")
+
+    async def _frames(self, until: float | None) -> list[bytes] | None:
+        """Wait for a message, as `Link.receive`."""
+        return self._link.receive(until)
+
+    async def _writable(self, until: float) -> bool:
+        """Wait for a peer to send to, as `Link.wait_writable`."""
+        return self._link.wait_writable(until)
+
+    def close(self) -> None:
+        """Close the connection; a second call does nothing."""
+        self._link.close()
+
+    def __enter__(self: AnyBlocking) -> AnyBlocking:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self.close()
 
 
 def _check_trust(endpoint: str) -> None:

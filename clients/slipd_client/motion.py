@@ -6,10 +6,9 @@ What is not known is None, or the floor that the caller states. It is never full
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from slipd_client.clock import ServerClock
+from slipd_client.client_base import GripClientBase
 from slipd_client.errors import CallError
 from slipd_client.grip import GripClient
 from slipd_client.messages import MOTION_TOPIC
@@ -66,16 +65,27 @@ class MotionAdvisorBase:
 
     Args:
         publish: Where the daemon publishes; its default endpoint when None.
-        clock: Clock of the daemon, by the replies of the advisor's client.
+        requests: Where it accepts requests; likewise.
         keys: Keys of this client, for a daemon across a network; None on this machine.
+        timeout_s: How long ``check`` waits for a reply.
 
     Attributes:
+        client: Sends the requests; it never needs the lease.
         why_unknown: Why the newest advice is not known, for people; "" where it is.
     """
 
-    def __init__(self, publish: str | None, clock: ServerClock, keys: Keys | None) -> None:
+    _kind: type[GripClientBase]
+
+    def __init__(
+        self,
+        publish: str | None = None,
+        requests: str | None = None,
+        *,
+        keys: Keys | None = None,
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
+        self.client: Any = self._kind(requests, keys=keys, timeout_s=timeout_s)
         self._messages = Subscriber(publish, (MOTION_TOPIC,), keys=keys)
-        self._clock = clock
         self._newest: Motion | None = None
         self.why_unknown = ""
 
@@ -91,7 +101,7 @@ class MotionAdvisorBase:
         if newest is None:
             self.why_unknown = "no advice has come: is slipd running, with [grasp] in its config?"
             return None
-        age_s = newest.age_by(self._clock)
+        age_s = newest.age_by(self.client.clock)
         age_s = newest.age_s if age_s is None else age_s
         if not -STALE_S <= age_s <= STALE_S:
             self.why_unknown = f"the newest advice is {age_s:.3g} s old"
@@ -121,28 +131,10 @@ class MotionAdvisorBase:
 
 
 class MotionAdvisor(MotionAdvisorBase):
-    """The blocking advisor, best used in a ``with`` statement.
+    """The blocking advisor, best used in a ``with`` statement. Arguments: `MotionAdvisorBase`."""
 
-    Args:
-        publish: Where the daemon publishes; its default endpoint when None.
-        requests: Where it accepts requests; likewise.
-        keys: Keys of this client, for a daemon across a network; None on this machine.
-        timeout_s: How long `check` waits for a reply.
-
-    Attributes:
-        client: Sends the requests; it never needs the lease.
-    """
-
-    def __init__(
-        self,
-        publish: str | None = None,
-        requests: str | None = None,
-        *,
-        keys: Keys | None = None,
-        timeout_s: float = TIMEOUT_S,
-    ) -> None:
-        self.client = GripClient(requests, keys=keys, timeout_s=timeout_s)
-        super().__init__(publish, self.client.clock, keys)
+    _kind = GripClient
+    client: GripClient
 
     def check(
         self,
@@ -169,7 +161,5 @@ class MotionAdvisor(MotionAdvisorBase):
     def __enter__(self) -> MotionAdvisor:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *failure: object) -> None:
         self.close()

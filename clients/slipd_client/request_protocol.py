@@ -1,7 +1,6 @@
 """Requests and their replies without a socket: what both grip clients send, and in which order.
 
-A call that takes several requests is a generator: it yields each step and receives its result. The blocking and the
-asyncio client carry the steps out, so every rule is written once.
+The blocking and the asyncio client exchange each request in their own way, so every rule is written once.
 """
 
 from __future__ import annotations
@@ -9,12 +8,13 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar, Union
+from typing import Any
 
 from slipd_client.clock import ServerClock
 from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, check_seconds
+from slipd_client.link import Steps
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode, request_limits
 from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.ops import OPS
@@ -43,7 +43,7 @@ Result = dict[str, Any]
 
 @dataclass(frozen=True)
 class Ask:
-    """A step: send this request and return its result.
+    """A request.
 
     Attributes:
         op: Its operation.
@@ -56,17 +56,6 @@ class Ask:
     fields: dict[str, Any]
     timeout_s: float | None = None
     unchecked: bool = False
-
-
-@dataclass(frozen=True)
-class Pause:
-    """A step: let some time pass."""
-
-    seconds: float
-
-
-T = TypeVar("T")
-Steps = Generator[Union[Ask, Pause], Result, T]
 
 
 @dataclass(frozen=True)
@@ -85,6 +74,8 @@ class RequestProtocol:
         endpoint: Where they go, for errors.
         now_ns: CLOCK_MONOTONIC.
         check: Raises where the calling thread or task may not send an op now, see `LeaseKeeper.check_op`.
+        exchange: Sends a request, and returns the result of its reply.
+        sleep: Lets some seconds pass.
 
     Attributes:
         clock: The daemon's clock.
@@ -92,21 +83,27 @@ class RequestProtocol:
         lease_asked_ns: When the newest request for the client's own lease left; no greeting before it counts.
     """
 
-    def __init__(self, endpoint: str, now_ns: Callable[[], int], check: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        endpoint: str,
+        now_ns: Callable[[], int],
+        check: Callable[[str], None],
+        exchange: Callable[[Ask], Steps[Result]],
+        sleep: Callable[[float], Steps[None]],
+    ) -> None:
         self.endpoint = endpoint
         self.clock = ServerClock()
         self.boot: str | None = None
         self.lease_asked_ns = 0
-        self._now_ns = now_ns
-        self._check = check
+        self._now_ns, self._check, self._exchange, self._sleep = now_ns, check, exchange, sleep
         self._unreadable = ""
         self._prefix = os.urandom(8).hex()
         self._numbers = itertools.count(1)
 
-    def hello(self) -> Steps[HelloReply]:
+    async def hello(self) -> HelloReply:
         """Ask for the daemon's run and clock, again while the line was too slow to bound the clock well."""
         for _ in range(GREETINGS):
-            result = yield Ask("hello", {})
+            result = await self._exchange(Ask("hello", {}))
             try:
                 reply = typed_reply(HelloReply, result)
             except Mismatch as mismatch:
@@ -118,16 +115,16 @@ class RequestProtocol:
                 break
         return reply
 
-    def request(self, op: str, fields: dict[str, Any]) -> Steps[Any]:
+    async def request(self, op: str, fields: dict[str, Any]) -> Any:
         """Send one request, after ``hello`` where run or clock are not known; return the reply as the op's class."""
         self._check(op)
-        return (yield from self._request(Ask(op, fields)))
+        return await self._request(Ask(op, fields))
 
-    def lease(self, op: str, fields: dict[str, Any], timeout_s: float | None = None) -> Steps[Any]:
+    async def lease(self, op: str, fields: dict[str, Any], timeout_s: float | None = None) -> Any:
         """Send a request for the client's own lease: to acquire it, renew it or give it back."""
-        return (yield from self._request(Ask(op, fields, timeout_s, unchecked=True)))
+        return await self._request(Ask(op, fields, timeout_s, unchecked=True))
 
-    def _request(self, ask: Ask) -> Steps[Any]:
+    async def _request(self, ask: Ask) -> Any:
         """Send one request.
 
         A clock that is read again never redirects a request to a restarted daemon. That request is refused, so that the
@@ -135,11 +132,11 @@ class RequestProtocol:
         """
         boot = self.boot
         if boot is None or self._error_ns() > DEADLINE_NS // 2:
-            yield from self.hello()
+            await self.hello()
         if boot is not None:
             self.boot = boot
         try:
-            result = yield ask
+            result = await self._exchange(ask)
         except RequestRefused as refusal:
             if refusal.code in ("wrong_boot", "deadline_passed", "deadline_too_far"):
                 self.boot = None  # what hello returned is out of date
@@ -147,34 +144,34 @@ class RequestProtocol:
             raise
         return self._typed(ask.op, result)
 
-    def tare(
+    async def tare(
         self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
-    ) -> Steps[TareResult]:
+    ) -> TareResult:
         """Start a tare of one stream, or of "all", and wait until it is taken."""
         check_seconds("seconds", seconds, TARE_S)
         named = {} if stream is None else {"stream": stream}
         confirmed = {"unloaded": True} if unloaded else {}
-        begun: TareBegun = yield from self.request("tare", {"finger": finger, "seconds": seconds} | named | confirmed)
+        begun: TareBegun = await self.request("tare", {"finger": finger, "seconds": seconds} | named | confirmed)
         until_ns = self._now_ns() + int((seconds + timeout_s) * 1e9)
         verified = {"verified": begun.verified}
         if stream != "all" or not begun.tare_ids:
-            tare = yield from self._wait_for_tare({"finger": finger} | named, begun.tare_id, until_ns)
+            tare = await self._wait_for_tare({"finger": finger} | named, begun.tare_id, until_ns)
             return TareResult(tare | verified, finger, begun.verified, {tare.stream or "": tare})
         tares = {}
         for kind, before in begun.tare_ids.items():
-            tares[kind] = yield from self._wait_for_tare({"finger": finger, "stream": kind}, before, until_ns)
+            tares[kind] = await self._wait_for_tare({"finger": finger, "stream": kind}, before, until_ns)
         return TareResult({"finger": finger, "streams": tares} | verified, finger, begun.verified, tares)
 
-    def _wait_for_tare(self, fields: dict[str, str], before: int | None, until_ns: int) -> Steps[TareReply]:
+    async def _wait_for_tare(self, fields: dict[str, str], before: int | None, until_ns: int) -> TareReply:
         """Wait until the tare after ``before`` is taken."""
         what = " ".join(fields.values())
         while True:
-            tare: TareReply = yield from self.request("tare.get", fields)
+            tare: TareReply = await self.request("tare.get", fields)
             if not tare.busy:
                 break
             if self._now_ns() > until_ns:
                 raise NoAnswer(f"the tare of {what} was not taken in time: too few readings arrive")
-            yield Pause(TARE_POLL_S)
+            await self._sleep(TARE_POLL_S)
         if tare.tare_id != before:
             return tare
         if tare.given_up is None:  # neither taken nor given up: only tare.undo leaves that behind

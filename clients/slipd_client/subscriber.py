@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import abc
 import math
 import re
 import time
 from collections.abc import Iterator, Sequence
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 import zmq
 
 from slipd_client.errors import CallError, MessageError, Silence, check_seconds
 from slipd_client.lease_keeper import check_held, held_until
-from slipd_client.link import Link
+from slipd_client.link import Blocking, Link
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.codec import read, typed_message
 from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
@@ -32,7 +32,7 @@ _DRAINED = 5000
 """Most messages that one call of `Subscriber.newest` takes, however fast they arrive."""
 
 
-class SubscriberBase:
+class SubscriberBase(abc.ABC):
     """What the blocking and the asyncio subscriber share: the connection and the order of the messages.
 
     ``status`` is always received, as the daemon's sign of life where all else is quiet, but returned only to a
@@ -119,6 +119,35 @@ class SubscriberBase:
         until = min(self._silent_at(), held_until())
         return None if until == math.inf else until
 
+    @abc.abstractmethod
+    async def _frames(self, until: float | None) -> list[bytes] | None:
+        """Wait for the frames of a message; None where none came before ``until``."""
+
+    async def _received(self, timeout_s: float | None) -> Message | None:
+        """Return the next message; None when none came in time."""
+        return await self._next(None if timeout_s is None else time.monotonic() + timeout_s)
+
+    async def _awaited(self) -> Message:
+        """Return the next message of an iteration."""
+        while True:
+            check_held()
+            message = await self._next(self._patient_until(), by_silence=True)
+            if message is not None:
+                return message
+            self.check_silence()
+
+    async def _next(self, until: float | None, by_silence: bool = False) -> Message | None:
+        """Return the next message before ``until``; ``by_silence``: any message moves ``until`` on."""
+        while (frames := await self._frames(until)) is not None:
+            message = self._accept(frames)
+            if message is not None:
+                return message
+            if by_silence:
+                until = self._patient_until()
+            if until is not None and time.monotonic() > until:
+                break
+        return None
+
     def _accept(self, frames: list[bytes]) -> Message | None:
         """Return the message in these frames; None for one that is unreadable, a repeat, or not asked for."""
         try:
@@ -148,12 +177,12 @@ class SubscriberBase:
         return message if wanted else None
 
 
-class Subscriber(SubscriberBase):
+class Subscriber(Blocking, SubscriberBase):
     """Receives messages; blocking, for one thread, best used in a ``with`` statement. Arguments: `SubscriberBase`."""
 
     def receive(self, timeout_s: float | None = None) -> Message | None:
         """Wait for the next message; None when none came within ``timeout_s`` (None waits for ever)."""
-        return self._receive(None if timeout_s is None else time.monotonic() + timeout_s)
+        return self._run(self._received(timeout_s))
 
     def newest(self) -> list[Message]:
         """Return the newest message of each topic that has arrived and was not yet received; never waits.
@@ -171,36 +200,7 @@ class Subscriber(SubscriberBase):
             Silence: No message arrived for ``silence_s``. A new iteration continues to receive.
         """
         while True:
-            check_held()
-            message = self._receive(self._patient_until(), by_silence=True)
-            if message is None:
-                self.check_silence()
-            else:
-                yield message
-
-    def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
-        """Return the next message before ``until``; ``by_silence``: any message moves ``until`` on."""
-        while (frames := self._link.receive(until)) is not None:
-            message = self._accept(frames)
-            if message is not None:
-                return message
-            if by_silence:
-                until = self._patient_until()
-            if until is not None and time.monotonic() > until:
-                break
-        return None
-
-    def close(self) -> None:
-        """Close the connection; a second call does nothing."""
-        self._link.close()
-
-    def __enter__(self) -> Subscriber:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+            yield self._run(self._awaited())
 
 
 def _check_beginning(beginning: str) -> None:

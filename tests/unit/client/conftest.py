@@ -77,8 +77,7 @@ def publisher(publish: str) -> Iterator[Publisher]:
 @pytest.fixture
 def start_daemon(requests: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Daemon]]:
     """Starts daemons; unless a test says otherwise, clients wait for them however long this machine stands still."""
-    for kind in (GripClientBase, GripClient):
-        monkeypatch.setattr(kind.__init__, "__kwdefaults__", {"keys": None, "timeout_s": PATIENCE_S})
+    monkeypatch.setattr(GripClientBase.__init__, "__kwdefaults__", {"keys": None, "timeout_s": PATIENCE_S})
     with ExitStack() as stack:
         yield lambda **options: stack.enter_context(closing(Daemon(requests, **options)))
 
@@ -86,8 +85,7 @@ def start_daemon(requests: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cal
 @pytest.fixture
 def no_patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """Clients wait no longer than needed for a daemon that is not there."""
-    for kind in (GripClientBase, GripClient):
-        monkeypatch.setitem(kind.__init__.__kwdefaults__, "timeout_s", 0.05)
+    monkeypatch.setitem(GripClientBase.__init__.__kwdefaults__, "timeout_s", 0.05)
 
 
 @pytest.fixture
