@@ -10,7 +10,6 @@ import itertools
 import operator
 import statistics
 from collections import deque
-from dataclasses import dataclass
 from typing import Literal, NamedTuple, Union
 
 from slipd_client.messages.names import SlipLevel
@@ -97,17 +96,6 @@ class PullSample(NamedTuple):
     normal_n: float
 
 
-@dataclass(frozen=True)
-class PullRejected:
-    """A pull that gives no sample.
-
-    Attributes:
-        reason: Why, and what to do.
-    """
-
-    reason: str
-
-
 class _Reading(NamedTuple):
     t_s: float
     required: float
@@ -138,8 +126,8 @@ class PullWatch:
         self._slow = ""
         self._onset_s = self._pulled_at = self._let_go_at = 0.0
 
-    def add(self, slip: Slip) -> Union[PullSample, PullRejected, None]:
-        """Add a verdict; return what a pull that ended with it gives."""
+    def add(self, slip: Slip) -> Union[PullSample, str, None]:
+        """Add a verdict; return what a pull that ended with it gives: a sample, or why it gives none and what to do."""
         t_s = slip.t_ns * 1e-9
         self.normal_n = slip.normal_n
         obstacle = _obstacle(slip)
@@ -195,7 +183,7 @@ class PullWatch:
         rest = min((each for each in self._readings if each.t_s >= self._since_s), key=_required)
         self._pulled_at = PULLED * rest.required + NOISE_STD * rest.ratio_std
 
-    def _stop_at_gap(self, t_s: float) -> Union[PullSample, PullRejected, None]:
+    def _stop_at_gap(self, t_s: float) -> Union[PullSample, str, None]:
         """End the pull where verdicts are missing before ``t_s``."""
         gap_s = t_s - self._readings[-1].t_s if self._readings else 0.0
         if self.phase not in ("pull", "slide") or gap_s <= GAP_S:
@@ -205,13 +193,13 @@ class PullWatch:
             f"end other programs, or lower slip_hz in [rates] (to {LEAST_HZ:g} at least)"
         )
 
-    def _stop(self, obstacle: str) -> Union[PullSample, PullRejected, None]:
+    def _stop(self, obstacle: str) -> Union[PullSample, str, None]:
         """End the pull at a verdict that cannot be used, or at a missing one.
 
         An object may slip unseen meanwhile. The next pull begins once the load has fallen below ``LET_GO``.
         """
         phase, self.obstacle = self.phase, obstacle
-        judged: Union[PullSample, PullRejected, None] = None
+        judged: Union[PullSample, str, None] = None
         let_go_at = self._let_go_at
         if phase == "slide":
             peak = self._peak()
@@ -219,7 +207,7 @@ class PullWatch:
         elif phase == "pull":
             let_go_at = self._pulled_at
             if self._readings[-1].required > let_go_at:
-                judged = PullRejected(f"before it slipped: {obstacle}")
+                judged = f"before it slipped: {obstacle}"
         if phase == "grip" or obstacle == NO_CONTACT:
             self._begin()
         else:
@@ -233,21 +221,19 @@ class PullWatch:
         confirmed = [greater for less, greater in pairs if less.required >= CONFIRMED * greater.required]
         return max(confirmed or near, key=_required)
 
-    def _judge(self, peak: _Reading) -> Union[PullSample, PullRejected]:
+    def _judge(self, peak: _Reading) -> Union[PullSample, str]:
         """Return the sample of the pull that ended, or the reason why it gives none."""
         before = [reading for reading in self._readings if reading.t_s <= peak.t_s]
         around = [reading.normal_n for reading in self._readings if abs(reading.t_s - peak.t_s) <= SUDDEN_S]
         half = next((reading for reading in reversed(before) if reading.required <= 0.5 * peak.required), None)
         if peak.ratio_std > NOISY * peak.ratio:
-            return PullRejected(f"{peak.normal_n:.1f} N is too light for the noise of the sensor: squeeze harder")
+            return f"{peak.normal_n:.1f} N is too light for the noise of the sensor: squeeze harder"
         if max(around) - min(around) > SUDDEN * peak.normal_n:
-            return PullRejected(
-                f"the squeeze changed from {min(around):.1f} to {max(around):.1f} N at the slip: pull along the pads"
-            )
+            return f"the squeeze changed from {min(around):.1f} to {max(around):.1f} N at the slip: pull along the pads"
         if half is not None and peak.t_s - half.t_s < QUICK_S:
-            return PullRejected(f"the pull grew within {(peak.t_s - half.t_s) * 1e3:.0f} ms: pull more slowly")
+            return f"the pull grew within {(peak.t_s - half.t_s) * 1e3:.0f} ms: pull more slowly"
         if peak.ratio < STRAIGHT * peak.required:
-            return PullRejected("the object was turned rather than pulled: pull in line with the middle of the pads")
+            return "the object was turned rather than pulled: pull in line with the middle of the pads"
         return PullSample(peak.required, self._plateau(peak), peak.normal_n)
 
     def _plateau(self, peak: _Reading) -> float | None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Optional
 
 from slipd_client.errors import FrictionNotMeasured
-from slipd_client.friction_pull import NO_CONTACT, PullRejected, PullSample, PullWatch
+from slipd_client.friction_pull import NO_CONTACT, PullSample, PullWatch
 from slipd_client.messages import slip_topic
 from slipd_client.messages.schema.topics import Slip
 
@@ -218,8 +218,8 @@ class FrictionSession:
         if found is None:
             return
         self._since_s = now_s
-        if isinstance(found, PullRejected):
-            self._reject(finger, f"{finger}: not counted, {found.reason}")
+        if isinstance(found, str):
+            self._reject(finger, f"{finger}: not counted, {found}")
             return
         self._sample_s, self._rejected[finger] = now_s, 0
         samples = self._samples[finger]

@@ -73,8 +73,11 @@ def configuration(reach: Reach, listening_mode: str) -> zenoh.Config:
         config = zenoh.Config()
         settings = _SETTINGS | {"mode": listening_mode if reach.listen else "client"}
     else:
-        config = _from_file(reach.file)
         settings = {}
+        try:
+            config = zenoh.Config.from_file(str(reach.file))
+        except zenoh.ZError as error:
+            raise CallError(f"{reach.file}: not a configuration of Zenoh: {_why(error)}") from error
     if reach.connect:
         settings["connect/endpoints"] = reach.connect
     if reach.listen:
@@ -118,13 +121,6 @@ def opened(config: zenoh.Config, where: str, wait_s: float = math.inf) -> zenoh.
 def described(reach: Reach) -> str:
     """Return the endpoints of a session for people."""
     return ", ".join([*reach.connect, *reach.listen]) or str(reach.file)
-
-
-def _from_file(path: Path) -> zenoh.Config:
-    try:
-        return zenoh.Config.from_file(str(path))
-    except zenoh.ZError as error:
-        raise CallError(f"{path}: not a configuration of Zenoh: {_why(error)}") from error
 
 
 def _why(error: zenoh.ZError) -> str:

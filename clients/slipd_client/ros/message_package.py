@@ -73,16 +73,6 @@ def files() -> dict[str, str]:
     return texts
 
 
-def write(folder: Path) -> Path:
-    """Write the package into a folder, over an earlier one; return the path of the package."""
-    package = folder / PACKAGE
-    for name, text in files().items():
-        path = package / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    return package
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the package, print its path, and return the exit code.
 
@@ -94,11 +84,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder to write it into, e.g. ~/ros2_ws/src")
     folder: Path = parser.parse_args(arguments).folder
+    package = folder / PACKAGE
     try:
-        print(write(folder))
+        for name, text in files().items():
+            path = package / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
     except OSError as error:
         print(f"{folder}: cannot be written: {error.strerror}", file=sys.stderr)
         return 1
+    print(package)
     return 0
 
 

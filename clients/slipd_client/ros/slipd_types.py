@@ -45,6 +45,7 @@ _HEADER = RosField("header", "std_msgs/Header", None, "time of acquisition, and 
 _OF_PLAN = RosField("header", "std_msgs/Header", None, "that of the planned motion")
 _LEVELS = tuple(("int32", f"LEVEL_{level.upper()}", level_code(level)) for level in LEVELS)
 _ASCII = str.maketrans({"−": "-", "π": "pi", "μ": "mu", "×": "x", "→": "->", "≤": "<=", "²": "^2", "`": "'"})  # noqa: RUF001
+"""Characters that generators of ROS cannot be trusted with, and what stands for them."""
 _UNITS = {
     "_n": "N", "_nm": "N m", "_m": "m", "_m2": "m^2", "_s": "s", "_hz": "Hz", "_a": "A", "_rad": "rad",
     "_mps2": "m/s^2", "_radps2": "rad/s^2",
@@ -78,7 +79,7 @@ def _shape(kind: Kind, nullable: bool) -> _Shape:
     if kind in _SCALARS:
         return _SCALARS[kind]
     if kind is FLAG:
-        return _Shape("int8", None, _tristate, "-1") if nullable else _Shape("bool", None, bool, "false")
+        return _Shape("int8", None, _integer, "-1") if nullable else _Shape("bool", None, bool, "false")
     if kind in _VECTORS:
         length = _VECTORS[kind]
         return _Shape("float64", length, lambda value: value or [math.nan] * length, "NaN")
@@ -150,16 +151,12 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _integer(value: int | None) -> int:
-    return UNKNOWN_COUNT if value is None else value
+def _integer(value: int | bool | None) -> int:
+    return UNKNOWN_COUNT if value is None else int(value)
 
 
 def _text(value: str | None) -> str:
     return UNKNOWN_TEXT if value is None else str(value)
-
-
-def _tristate(value: bool | None) -> int:
-    return UNKNOWN_COUNT if value is None else int(value)
 
 
 def _point(pair: list[float]) -> dict[str, float]:
@@ -186,7 +183,7 @@ def _declare(cls: type[Any]) -> RosType:
     fields = [_HEADER] if issubclass(cls, topics.Message) else [_OF_PLAN] if cls is MotionReply else []
     fields += [_declared(field) for field in _kept(cls)]
     constants = _LEVELS if any(field.name == "level_code" for field in fields) else ()
-    comment = _ascii((cls.__doc__ or "").strip().partition("\n")[0].replace("``", "`"))
+    comment = (cls.__doc__ or "").strip().partition("\n")[0].replace("``", "`").translate(_ASCII)
     return RosType(f"{PACKAGE}/{NAMES[cls]}", tuple(fields), constants, comment)
 
 
@@ -198,12 +195,7 @@ def _declared(field: Field) -> RosField:
     unknown = f"; {shape.unknown}: not known" if field.nullable and "nil" not in meaning else ""
     clock = ", by CLOCK_MONOTONIC of the daemon's machine" if shape.type == _TIME else ""
     comment = re.sub(r"\bnil\b", shape.unknown, meaning) + unit + clock + unknown
-    return RosField(name, shape.type, shape.length, _ascii(comment))
-
-
-def _ascii(text: str) -> str:
-    """Return a text without the characters that generators of ROS cannot be trusted with."""
-    return text.translate(_ASCII)
+    return RosField(name, shape.type, shape.length, comment.translate(_ASCII))
 
 
 SLIPD_TYPES = {kind.name: kind for kind in (NAMED_NUMBER, NAMED_WORDS, *map(_declare, NAMES))}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, Union
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import zmq
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
@@ -16,17 +16,10 @@ from cyclonedds.util import duration
 from slipd_client.errors import CallError
 from slipd_client.messages.codec import encode
 from slipd_client.messages.names import Health
-from slipd_client.ros2.arm_stream import (
-    IMU_SPAN_S,
-    POSE_SPAN_S,
-    ArmReading,
-    ImuMotion,
-    PoseMotion,
-    clock_offset_ns,
-    stamp_of,
-)
-from slipd_client.ros2.orientation import STALE_S, OrientationUnknown, Quaternion, TransformTree, Vector
-from slipd_client.ros2.orientation_feed import RosFeed, ros_reader, taken
+from slipd_client.ros2.arm_sources import ArmSource
+from slipd_client.ros2.arm_stream import ArmReading, clock_offset_ns
+from slipd_client.ros2.orientation import STALE_S, OrientationUnknown
+from slipd_client.ros2.orientation_feed import RosFeed
 
 LOOK_S = 0.05
 """Longest wait for a message before the feed checks whether it has ended, s."""
@@ -73,83 +66,6 @@ def arm_port(config: Mapping[str, Any], span_s: float) -> ArmPort | None:
     return port
 
 
-class TransformMotion:
-    """The motion by ``/tf`` and ``/tf_static``.
-
-    Args:
-        participant: Of the domain.
-        topic: Topic of the transforms; that of the static ones has ``_static`` appended.
-        base: Frame that stands still and whose Z points up.
-        hand: Frame of the robot that is the gripper's frame.
-
-    Attributes:
-        reader: Receives the messages that move.
-        trouble: Why the newest of them gave no motion; "" if it did.
-    """
-
-    def __init__(self, participant: DomainParticipant, topic: str, base: str, hand: str) -> None:
-        self._base, self._hand = base, hand
-        self._tree, self._motion = TransformTree(), PoseMotion()
-        self._static = ros_reader(participant, f"{topic}_static", "tf2_msgs/TFMessage", latched=True)
-        self.reader = ros_reader(participant, topic, "tf2_msgs/TFMessage")
-        self.trouble = f"no transforms have come on {topic}"
-        self._slow = _slow(topic, POSE_SPAN_S, "raise publish_frequency of robot_state_publisher")
-
-    def take(self, now_s: float) -> Iterator[tuple[int, ArmReading | None]]:
-        """Yield the stamp of each pose that has arrived, ns, and the motion if it gave one."""
-        for reader in (self._static, self.reader):
-            for message in taken(reader):
-                try:
-                    for transform in message.transforms:
-                        self._tree.add(transform, now_s, static=reader is self._static)
-                    pose = self._tree.pose(self._base, self._hand, now_s)
-                except OrientationUnknown as error:
-                    self.trouble = str(error)
-                else:
-                    self.trouble = self._slow
-                    yield pose.stamp_ns, self._motion.add(pose)
-
-
-class ImuReadings:
-    """The motion by an IMU on the gripper.
-
-    Args:
-        participant: Of the domain.
-        topic: Topic of the IMU.
-        mount: Orientation of the IMU in the gripper frame.
-        place_m: Its place in the gripper frame, m.
-
-    Attributes:
-        reader: Receives its messages.
-        trouble: Why the newest of them gave no motion; "" if it did.
-    """
-
-    def __init__(self, participant: DomainParticipant, topic: str, mount: Quaternion, place_m: Vector) -> None:
-        self._motion = ImuMotion(topic, mount, place_m)
-        self.reader = ros_reader(participant, topic, "sensor_msgs/Imu")
-        self.trouble = f"no message has come on {topic}"
-        self._slow = _slow(topic, IMU_SPAN_S, "raise its rate")
-
-    def take(self, now_s: float) -> Iterator[tuple[int, ArmReading | None]]:
-        """Yield the stamp of each message that has arrived, ns, and the motion if it gave one."""
-        for message in taken(self.reader):
-            try:
-                motion = self._motion.add(message)
-            except OrientationUnknown as error:
-                self.trouble = str(error)
-            else:
-                self.trouble = self._slow
-                yield stamp_of(message), motion
-
-
-MotionSource = Union[TransformMotion, ImuReadings]
-"""Where the motion comes from."""
-
-
-def _slow(topic: str, span_s: float, cure: str) -> str:
-    return f"{topic} has too few new stamps within {span_s:g} s to derive the motion: {cure}"
-
-
 class ArmFeed(RosFeed):
     """Pushes every motion; where it stops, the daemon's stream becomes stale.
 
@@ -162,7 +78,7 @@ class ArmFeed(RosFeed):
         CallError: The port is not an endpoint.
     """
 
-    def __init__(self, participant: DomainParticipant, port: ArmPort, source: MotionSource) -> None:
+    def __init__(self, participant: DomainParticipant, port: ArmPort, source: ArmSource) -> None:
         super().__init__("motion of the arm")
         self._port, self._source = port, source
         self._numbers = itertools.count()

@@ -12,7 +12,7 @@ from slipd_client.errors import ClientError
 from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros.slipd_types import CHECKED, motion_check
-from slipd_client.ros2.orientation_feed import taken
+from slipd_client.ros2.arm_sources import taken
 from slipd_client.ros2.planned_motion import PlanError, points_of
 
 PLAN = "trajectory_msgs/MultiDOFJointTrajectory"

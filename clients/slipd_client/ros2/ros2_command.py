@@ -32,18 +32,12 @@ from slipd_client.ros.conversion import (
     stale_diagnostics,
 )
 from slipd_client.ros.slipd_types import time_of
-from slipd_client.ros2.arm_feed import ArmFeed, ImuReadings, MotionSource, TransformMotion, arm_port
+from slipd_client.ros2.arm_feed import ArmFeed, arm_port
+from slipd_client.ros2.arm_sources import ArmSource, Imu, Transforms, ros_reader
 from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY
-from slipd_client.ros2.orientation_feed import (
-    ImuSource,
-    OrientationFeed,
-    OrientationSource,
-    RosFeed,
-    TransformSource,
-    ros_reader,
-)
+from slipd_client.ros2.orientation_feed import OrientationFeed, RosFeed
 from slipd_client.ros2.plan_check import PLAN, PlanCheck
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
 from slipd_client.ros2.speed_scaling import SpeedScaling
@@ -146,11 +140,12 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
         participant = stack.enter_context(_joined(environment))
         feed: RosFeed | None = None
         if pads is not None and (chosen.imu or chosen.orientation_from):
+            source = _source(participant, chosen)
             if (port := arm_port(read_config(chosen.config), IMU_SPAN_S if chosen.imu else POSE_SPAN_S)) is not None:
-                feed = ArmFeed(participant, port, _motion_source(participant, chosen))
+                feed = ArmFeed(participant, port, source)
             else:
                 client = stack.enter_context(GripClient(chosen.requests, keys=keys))
-                feed = OrientationFeed(client, _source(participant, chosen), pads.orientations)
+                feed = OrientationFeed(client, source, pads.orientations)
             feed.start()
             stack.callback(feed.stop)
         if chosen.speed_scaling is not None:
@@ -235,14 +230,8 @@ def _joined(environment: RosEnvironment) -> Iterator[DomainParticipant]:
     del participant, domain  # the participant first: Cyclone DDS ends a domain with all that is in it
 
 
-def _motion_source(participant: DomainParticipant, chosen: argparse.Namespace) -> MotionSource:
+def _source(participant: DomainParticipant, chosen: argparse.Namespace) -> ArmSource:
     if chosen.imu:
         mount, place_m = tuple(chosen.imu_mount or IDENTITY), tuple(chosen.imu_at or (0.0, 0.0, 0.0))
-        return ImuReadings(participant, chosen.imu, mount, place_m)
-    return TransformMotion(participant, chosen.tf_topic, chosen.orientation_from, chosen.hand)
-
-
-def _source(participant: DomainParticipant, chosen: argparse.Namespace) -> OrientationSource:
-    if chosen.imu:
-        return ImuSource(participant, chosen.imu, tuple(chosen.imu_mount or IDENTITY))
-    return TransformSource(participant, chosen.tf_topic, chosen.orientation_from, chosen.hand)
+        return Imu(participant, chosen.imu, mount, place_m)
+    return Transforms(participant, chosen.tf_topic, chosen.orientation_from, chosen.hand)

@@ -9,7 +9,7 @@ import pytest
 from pulls import Hand, typed
 
 from slipd.publish.message_sequencer import Pace
-from slipd_client.friction_pull import LEAST_HZ, NO_CONTACT, PullRejected, PullSample, PullWatch
+from slipd_client.friction_pull import LEAST_HZ, NO_CONTACT, PullSample, PullWatch
 
 Bodies = Iterable[dict[str, Any]]
 Story = Callable[[Hand], Bodies]
@@ -24,7 +24,7 @@ def outcomes(watch: PullWatch, bodies: Bodies) -> list[str]:
     """What the pulls gave: both coefficients, or why they do not count."""
     found = [each for body in bodies if (each := watch.add(typed(body))) is not None]
     assert all(each.normal_n == 10.0 for each in found if isinstance(each, PullSample))
-    return [each.reason if isinstance(each, PullRejected) else f"{each.mu_s:.2f}, {each.mu_d and f'{each.mu_d:.2f}'}"
+    return [each if isinstance(each, str) else f"{each.mu_s:.2f}, {each.mu_d and f'{each.mu_d:.2f}'}"
             for each in found]  # fmt: skip
 
 

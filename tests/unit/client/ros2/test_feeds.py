@@ -28,10 +28,11 @@ from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros2 import orientation_feed
-from slipd_client.ros2.arm_feed import ArmFeed, ArmPort, ImuReadings, arm_port
+from slipd_client.ros2.arm_feed import ArmFeed, ArmPort, arm_port
+from slipd_client.ros2.arm_sources import Imu
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.orientation import IDENTITY, Quaternion
-from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, RosFeed
+from slipd_client.ros2.orientation_feed import OrientationFeed, RosFeed
 
 PADS = """
 [grasp.pads.left]
@@ -182,14 +183,14 @@ def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
     assert (process.returncode, "Traceback" in errors) == (130, False)
 
 
-def readings(participant: DomainParticipant) -> ImuReadings:
-    return ImuReadings(participant, "/imu", IDENTITY, (0.0, 0.0, 0.0))
+def on_the_gripper(participant: DomainParticipant) -> Imu:
+    return Imu(participant, "/imu", IDENTITY, (0.0, 0.0, 0.0))
 
 
 def test_an_imu_is_pushed_and_the_reason_is_reported_where_it_is_not(pull: Pull) -> None:
     with joined(free_domain()) as participant:
         robot = RosPublisher(participant, {})
-        feed = ArmFeed(participant, ArmPort(pull.endpoint, "wrist"), readings(participant))
+        feed = ArmFeed(participant, ArmPort(pull.endpoint, "wrist"), on_the_gripper(participant))
         feed.start()
         until(lambda: feed._state[:2] == (Health.STALE, "no message has come on /imu"))
         for why, ago_ns, known in (
@@ -216,7 +217,7 @@ def test_an_imu_is_pushed_and_the_reason_is_reported_where_it_is_not(pull: Pull)
 
 def test_a_port_that_is_none_is_refused() -> None:
     with joined(free_domain()) as participant, pytest.raises(CallError, match="must be an endpoint, got 'nowhere'"):
-        ArmFeed(participant, ArmPort("nowhere", "arm"), readings(participant))
+        ArmFeed(participant, ArmPort("nowhere", "arm"), on_the_gripper(participant))
 
 
 def test_only_a_stream_that_programs_push_is_sent_and_its_readings_must_not_be_stale_by_the_filter() -> None:
@@ -239,13 +240,13 @@ def test_only_a_stream_that_programs_push_is_sent_and_its_readings_must_not_be_s
 
 def test_an_imu_that_is_restarted_is_used_again() -> None:
     with joined(free_domain()) as participant:
-        source = ImuSource(participant, "/imu", IDENTITY)
+        source = on_the_gripper(participant)
         for sec, orientation in ((1, IDENTITY), (2, TILTED)):
             publisher = RosPublisher(participant, {"/imu": 1})
             publisher.publish(imu(sec * 10**9, orientation))
-            until(source._reader.read)
+            until(source.reader.read)
             del publisher
-            until(lambda: not source._reader.get_matched_publications())
+            until(lambda: not source.reader.get_matched_publications())
             for _ in range(2):
                 assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
 

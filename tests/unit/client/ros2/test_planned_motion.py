@@ -21,8 +21,8 @@ pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
 from ros_graph import free_domain, joined
 
+from slipd_client.ros2.arm_sources import ros_reader, taken
 from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.orientation_feed import ros_reader, taken
 from slipd_client.ros2.plan_check import PLAN, PlanCheck
 
 DOWN_MPS2 = np.array([0.0, 0.0, -9.80665])
