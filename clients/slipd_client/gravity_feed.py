@@ -15,8 +15,8 @@ from pathlib import Path
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages.schema.replies import GravityReply
+from slipd_client.quaternions import STANDARD_DOWN, conjugate, rotated
 
-STANDARD_GRAVITY_MPS2 = 9.80665
 PERIOD_S = 0.1
 """Time between two requests, s: an orientation is valid for 0.25 s, and a client may send 50 requests per second."""
 
@@ -54,9 +54,7 @@ def gravity_of(numbers: Sequence[float]) -> list[float]:
         raise CallError(
             f"the quaternion must be a unit quaternion in the order x y z w, got one of length {length:.4g}"
         )
-    x, y, z, w = (number / length for number in numbers)
-    down = (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y))  # third row of the rotation matrix
-    return [-STANDARD_GRAVITY_MPS2 * component + 0.0 for component in down]
+    return [each + 0.0 for each in rotated(conjugate([number / length for number in numbers]), STANDARD_DOWN)]
 
 
 def parse_line(line: str) -> list[float] | None:

@@ -14,6 +14,7 @@ from slipd_client.grip import GripClient
 from slipd_client.messages import MOTION_TOPIC
 from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.topics import Motion
+from slipd_client.quaternions import STANDARD_DOWN, conjugate, plus, rotated
 from slipd_client.request_protocol import TIMEOUT_S
 from slipd_client.subscriber import Subscriber
 
@@ -24,16 +25,15 @@ STALE_S = 0.35
 """Age at which advice no longer counts, s: the daemon publishes it at 10 Hz, so that two messages may be late."""
 
 
-STANDARD_GRAVITY_MPS2 = 9.80665
-Vector = Sequence[float]
+Numbers = Sequence[float]
 
 
 def point_of(
     t_s: float,
-    quat_xyzw: Vector,
-    acceleration_mps2: Vector,
-    angular_velocity_radps: Vector = (0.0, 0.0, 0.0),
-    angular_acceleration_radps2: Vector = (0.0, 0.0, 0.0),
+    quat_xyzw: Numbers,
+    acceleration_mps2: Numbers,
+    angular_velocity_radps: Numbers = (0.0, 0.0, 0.0),
+    angular_acceleration_radps2: Numbers = (0.0, 0.0, 0.0),
 ) -> list[float]:
     """Return a point of a trajectory for `MotionAdvisor.check`, from values in a base frame whose Z points up.
 
@@ -44,20 +44,9 @@ def point_of(
         angular_velocity_radps: Of the gripper, rad/s.
         angular_acceleration_radps2: Likewise, rad/s².
     """
-    ax, ay, az = acceleration_mps2
-    felt = (-ax, -ay, -STANDARD_GRAVITY_MPS2 - az)
+    felt = plus(STANDARD_DOWN, [-each for each in acceleration_mps2])
     vectors = (felt, angular_velocity_radps, angular_acceleration_radps2)
-    return [t_s, *(each for vector in vectors for each in _turned_back(quat_xyzw, vector))]
-
-
-def _turned_back(quat_xyzw: Vector, vector: Vector) -> tuple[float, float, float]:
-    """Return a vector of the base in the frame with this orientation: the transposed rotation matrix times it."""
-    (x, y, z, w), (a, b, c) = quat_xyzw, vector
-    return (
-        (1 - 2 * (y * y + z * z)) * a + 2 * (x * y + z * w) * b + 2 * (x * z - y * w) * c,
-        2 * (x * y - z * w) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z + x * w) * c,
-        2 * (x * z + y * w) * a + 2 * (y * z - x * w) * b + (1 - 2 * (x * x + y * y)) * c,
-    )
+    return [t_s, *(each for vector in vectors for each in rotated(conjugate(quat_xyzw), vector))]
 
 
 class MotionAdvisorBase:

@@ -13,14 +13,17 @@ from slipd_client.grip import GripClient
 from slipd_client.messages.schema.ops import lease_rule
 from slipd_client.messages.schema.replies import Reply
 
-SERVING = {
+PROGRAMS = {
+    "watch": ("", "", "watch"),
+    "diagnose": ("", "", "health.bundle"),
     "view": ("websockets", "websockets", "page.view_command"),
     "serve foxglove": ("foxglove", "foxglove-sdk", "viewers.viewers_command"),
     "serve ros2": ("cyclonedds", "cyclonedds", "ros2.ros2_command"),
     "serve fleet": ("zenoh", "eclipse-zenoh", "fleet.robot_bridge"),
     "fleet": ("zenoh", "eclipse-zenoh", "fleet.fleet_command"),
 }
-"""Commands that end by Ctrl-C → module and package of others that each needs, and the module that carries it out."""
+"""Commands with connections of their own → module and package of others that each needs, and the module that carries
+it out. Each is loaded here: a command loads only what it needs."""
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -34,20 +37,11 @@ def run(chosen: argparse.Namespace) -> None:
     command: str = chosen.command
     if command.startswith("keys "):
         keys.run(chosen)
-    elif command in SERVING:
-        needed, package, name = SERVING[command]
-        require(needed, package, f"slipctl {command}")
+    elif command in PROGRAMS:
+        needed, package, name = PROGRAMS[command]
+        if needed:
+            require(needed, package, f"slipctl {command}")
         importlib.import_module(f"slipd_client.{name}").run(chosen, _keys(chosen))
-    elif command == "watch":
-        from slipd_client.watch import watch  # here, as below: a command loads only what it needs
-
-        topics = chosen.topic or ()
-        watch(chosen.publish, topics, keys=_keys(chosen), as_json=chosen.json or bool(topics), once=chosen.once)
-    elif command == "diagnose":
-        from slipd_client.health.bundle import diagnose
-
-        places = {"publish": chosen.publish, "requests": chosen.requests}
-        diagnose(chosen.out, chosen.config, chosen.seconds, keys=_keys(chosen), as_json=chosen.json, **places)
     else:
         with GripClient(chosen.requests, keys=_keys(chosen)) as client:
             _ask(client, chosen)

@@ -15,7 +15,7 @@ from slipd_client.errors import CallError, MessageError, Silence, check_seconds
 from slipd_client.lease_keeper import check_held, held_until
 from slipd_client.link import Blocking, Link
 from slipd_client.messages import STATUS_TOPIC
-from slipd_client.messages.codec import read, typed_message
+from slipd_client.messages.codec import RunOrder, read
 from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
 from slipd_client.paths import hint_for, publish_endpoint
 
@@ -76,8 +76,7 @@ class SubscriberBase(abc.ABC):
         self._silence_s = silence_s
         self._topics = tuple(topics)
         self._boot = ""
-        self._seq: dict[str, int] = {}
-        self._known: set[tuple[str, str]] = set()  # topics and fingers of the messages so far
+        self._order = RunOrder()
         self._last_s: float | None = None
         self._restart_pending = False
         self._since_s = time.monotonic()
@@ -152,25 +151,16 @@ class SubscriberBase(abc.ABC):
         """Return the message in these frames; None for one that is unreadable, a repeat, or not asked for."""
         try:
             topic, raw = read(frames)
-            seq, boot = raw["seq"], raw["boot"]
-            restarted = self._boot not in ("", boot)
-            last = seq - 1 if restarted else self._seq.get(topic, seq - 1)
-            if seq <= last:  # after a reconnection the daemon sends the last message of each topic again
-                return None
-            about = topic, str(raw.get("finger"))
-            # a subscriber that comes late gets the last warning of each finger, and none of those between them
-            missed = seq - last - 1 if about in self._known else 0
-            message = typed_message(topic, raw, missed=missed, restarted=restarted or self._restart_pending)
+            restarted = self._boot not in ("", raw["boot"])
+            order = RunOrder() if restarted else self._order
+            message = order.accept(topic, raw, restarted or self._restart_pending)
         except MessageError as error:
             self.bad += 1
             self.bad_reason = str(error)
             return None
-        if restarted:
-            self._seq.clear()
-            self._known.clear()
-        self._boot = boot
-        self._seq[topic] = seq
-        self._known.add(about)
+        if message is None:
+            return None
+        self._boot, self._order = message.boot, order
         self._last_s = time.monotonic()
         wanted = topic.startswith(self._topics)
         self._restart_pending = message.restarted and not wanted

@@ -7,7 +7,7 @@ import signal
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import TextIO
 
 UNCUT = 10_000
@@ -159,9 +159,7 @@ class TerminalScreen:
         self._write(_ENTER)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *failure: object) -> None:
         self._give_back()
         for number in self._handled:
             signal.signal(number, signal.SIG_DFL)

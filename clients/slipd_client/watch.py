@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import json
 import sys
 import textwrap
 import time
-from collections.abc import Sequence
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from slipd_client.health.repairs import DOCUMENT, Repair, repairs
@@ -35,31 +34,18 @@ REDRAW_S = 0.15
 LINE_S = 1.0
 
 
-def watch(
-    endpoint: str | None,
-    topics: Sequence[str] = (),
-    *,
-    keys: Keys | None = None,
-    as_json: bool,
-    once: bool,
-) -> None:
-    """Show messages on standard output until interrupted, or only the last of each topic with ``once``.
-
-    Args:
-        endpoint: Where the daemon publishes; its default when None.
-        topics: Beginnings of the topics to print as JSON; none: all of them.
-        keys: Keys of this client, for a daemon across a network.
-        as_json: Print every message, one per line, instead of what a person reads.
-        once: End with the last message of each topic.
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out the command until interrupted; with ``--once`` it ends with the last message of each topic.
 
     Raises:
         Silence: No message came within ``FIRST_S``.
-        CallError: ``endpoint`` is not a ZeroMQ endpoint, or no topic begins like one of ``topics``.
+        CallError: The endpoint is not one of ZeroMQ, or no topic begins like one that is named.
     """
-    shown = (topics or ("",)) if as_json else TOPICS
-    with Subscriber(endpoint, shown, keys=keys, silence_s=FIRST_S) as subscriber:
+    as_json = chosen.json or bool(chosen.topic)
+    shown = (chosen.topic or ("",)) if as_json else TOPICS
+    with Subscriber(chosen.publish, shown, keys=keys, silence_s=FIRST_S) as subscriber:
         first = next(iter(subscriber))
-        if once:
+        if chosen.once:
             _show_once(_gather(subscriber, first), as_json)
         elif as_json:
             _print_json(subscriber, first)
@@ -145,12 +131,10 @@ class Display:
             self._screen.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *failure: object) -> None:
         if self._screen is None:
             return
-        self._screen.__exit__(kind, error, trace)
+        self._screen.__exit__(*failure)
         with contextlib.suppress(OSError):  # the terminal is gone
             for line in self._lines():
                 print(line)

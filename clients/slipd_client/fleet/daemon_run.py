@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
-from slipd_client.messages.codec import typed_message
+from slipd_client.messages.codec import RunOrder
 from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 
 BESIDE_S = 3.0
@@ -25,8 +24,7 @@ class DaemonRun:
         heard_s: When its last message arrived.
         first_status_s: When its first ``status`` arrived.
         last_status_s: When its last ``status`` arrived.
-        seq: Topic → number of its last message.
-        known: Topics and fingers of the messages so far.
+        order: Numbers of its messages.
         status: The last ``status``; None before the first.
         fingers: Finger → time (CLOCK_MONOTONIC of the daemon, ns), level and reasons.
     """
@@ -34,8 +32,7 @@ class DaemonRun:
     heard_s: float = 0.0
     first_status_s: float = math.inf
     last_status_s: float = -math.inf
-    seq: dict[str, int] = field(default_factory=dict)
-    known: set[tuple[str, str]] = field(default_factory=set)
+    order: RunOrder = field(default_factory=RunOrder)
     status: Status | None = None
     fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
 
@@ -47,18 +44,6 @@ class DaemonRun:
         """Return whether both daemons published at the same time."""
         both_s = min(self.last_status_s, other.last_status_s) - max(self.first_status_s, other.first_status_s)
         return both_s >= CLASH_S
-
-    def accept(self, topic: str, raw: dict[str, Any]) -> Message | None:
-        """Return the message; None for a repeat."""
-        seq = raw["seq"]
-        last = self.seq.get(topic, seq - 1)
-        if seq <= last:
-            return None
-        about = topic, str(raw.get("finger"))
-        message = typed_message(topic, raw, missed=seq - last - 1 if about in self.known else 0)
-        self.seq[topic] = seq
-        self.known.add(about)
-        return message
 
     def note(self, message: Message, now_s: float) -> None:
         """Update with a message that arrived at ``now_s``."""

@@ -167,7 +167,7 @@ class _Robot:
     def take(self, topic: str, raw: dict[str, Any], now_s: float) -> Message | None:
         """Note a message and return it; None for a repeat."""
         run = self.runs.get(raw["boot"]) or DaemonRun()
-        message = run.accept(topic, raw)
+        message = run.order.accept(topic, raw)
         if message is None:
             return None
         if message.boot not in self.runs:

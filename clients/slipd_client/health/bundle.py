@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import os
@@ -119,30 +120,15 @@ class Bundle:
             raise CallError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def diagnose(
-    out: Path,
-    config: Path | None,
-    seconds: float,
-    *,
-    publish: str | None,
-    requests: str | None,
-    keys: Keys | None,
-    as_json: bool = False,
-) -> None:
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     """Write the bundle and print what is in it; a daemon that does not answer is a problem like any other.
 
-    Args:
-        out: The new file.
-        config: Config of the rig; None: it is left out.
-        seconds: How long to listen to the messages, s.
-        publish: Endpoint of the messages; None: the default one.
-        requests: Endpoint of the requests; None: the default one.
-        keys: Keys for a daemon across a network.
-        as_json: Print what is in it as one JSON document, and do not ask before it is written.
+    Before it is written, a person at a terminal is asked, unless the list is printed as JSON.
 
     Raises:
         CallError: The file exists, or cannot be written.
     """
+    out: Path = chosen.out
     if out.exists():
         raise CallError(f"{out}: exists, and is not overwritten; name another file")
     bundle = Bundle()
@@ -150,7 +136,7 @@ def diagnose(
     recordings: list[str] = []
 
     def status() -> str:
-        with GripClient(requests, keys=keys) as client:
+        with GripClient(chosen.requests, keys=keys) as client:
             reply = client.status()
         found = repairs(reply)
         bundle.add("repairs.txt", lambda: repairs_text(found) + "\n")
@@ -159,13 +145,13 @@ def diagnose(
         return json.dumps({**reply, "repairs": [repair.as_map() for repair in found]}, indent=1)
 
     bundle.add("status.json", status)
-    bundle.add("messages.jsonl", lambda: _messages(publish, keys, seconds))
-    if config is not None:
-        bundle.add("config.toml", lambda: config.read_text(encoding="utf-8", errors="replace"))
+    bundle.add("messages.jsonl", lambda: _messages(chosen.publish, keys, chosen.seconds))
+    if chosen.config is not None:
+        bundle.add("config.toml", lambda: chosen.config.read_text(encoding="utf-8", errors="replace"))
     bundle.add("log.txt", _log)
     for path in recordings:
         bundle.add_recording(Path(path))
-    if as_json:
+    if chosen.json:
         bundle.write(out)
         sizes = {name: len(data) for name, data in bundle.parts.items()}
         print(json.dumps({"file": str(out), "bytes": sizes, "problems": bundle.problems}))

@@ -66,6 +66,31 @@ def typed_message(topic: str, raw: dict[str, Any], missed: int = 0, restarted: b
     return cls(topic=topic, raw=raw, missed=missed, restarted=restarted, **values)
 
 
+class RunOrder:
+    """The numbers of the messages of one run of the daemon: which repeat, and how many did not arrive."""
+
+    def __init__(self) -> None:
+        self._seq: dict[str, int] = {}
+        self._known: set[tuple[str, str]] = set()  # topics and fingers of the messages so far
+
+    def accept(self, topic: str, raw: dict[str, Any], restarted: bool = False) -> Message | None:
+        """Return a message as its class; None for a repeat: after a reconnection the last of each topic comes again.
+
+        Raises:
+            MessageError: See `typed_message`.
+        """
+        seq = raw["seq"]
+        last = self._seq.get(topic, seq - 1)
+        if seq <= last:
+            return None
+        about = topic, str(raw.get("finger"))
+        # who comes late gets the last warning of each finger, and none of those between them
+        message = typed_message(topic, raw, seq - last - 1 if about in self._known else 0, restarted)
+        self._seq[topic] = seq
+        self._known.add(about)
+        return message
+
+
 MAX_DEPTH = 6
 """Nested maps and lists; the deepest message (a stream in ``status``) has three levels."""
 

@@ -31,20 +31,6 @@ CHANGES = 200
 """Changes of level that are kept for a browser that is late, or comes later."""
 
 
-class _Arrived(NamedTuple):
-    """A message as received, until a browser needs it.
-
-    Attributes:
-        tick: When it arrived, in ticks.
-        at_s: The same in seconds of the caller's clock.
-        frames: Topic and map.
-    """
-
-    tick: int
-    at_s: float
-    frames: list[bytes]
-
-
 class _Shown(NamedTuple):
     """A message as browsers get it.
 
@@ -75,12 +61,13 @@ class Newest:
         self.bad = 0
         self.bad_reason = ""
         self._boot = ""
-        self._arrived: dict[bytes, _Arrived] = {}
         self._shown: dict[bytes, _Shown] = {}
         self._changes: deque[tuple[int, str]] = deque(maxlen=CHANGES)
 
     def add(self, messages: list[list[bytes]], now_s: float) -> bool:
         """Add what has arrived since the last tick, and begin a tick where anything has; return whether it has.
+
+        Of each topic but ``warning`` only the newest message is read.
 
         Args:
             messages: The frames of each message.
@@ -89,17 +76,20 @@ class Newest:
         if not messages:
             return False
         self.tick += 1
+        newest: dict[bytes, list[bytes]] = {}
         for frames in messages:
             if frames[0] == WARNING_TOPIC.encode():
-                self._add_change(frames)
+                if raw := self._read(frames):
+                    self._changes.append((self.tick, _json(raw)))
             else:
-                self._arrived.pop(frames[0], None)  # so that they stay in the order of their arrival
-                self._arrived[frames[0]] = _Arrived(self.tick, now_s, frames)
+                newest.pop(frames[0], None)  # so that they stay in the order of their arrival
+                newest[frames[0]] = frames
+        for topic, frames in newest.items():
+            self._show(topic, self._read(frames), now_s)
         return True
 
     def clear(self) -> None:
         """Forget the newest messages: nobody looks, and they grow old. The daemon sends them again."""
-        self._arrived.clear()
         self._shown.clear()
 
     def frame(self, since: int, now_s: float) -> str:
@@ -107,9 +97,6 @@ class Newest:
 
         Each topic is sent with the age of its message, s: it may have arrived long before this browser.
         """
-        for topic, arrived in self._arrived.items():
-            self._show(topic, arrived)
-        self._arrived.clear()
         new = {json.dumps(topic.decode()): shown for topic, shown in self._shown.items() if shown.tick > since}
         topics = ",".join(f"{name}:{shown.text}" for name, shown in new.items())
         ages = ",".join(f"{name}:{max(now_s - shown.at_s, 0.0):.3f}" for name, shown in new.items())
@@ -117,9 +104,8 @@ class Newest:
         bad = json.dumps(self.bad_reason)
         return f'{{"topics":{{{topics}}},"ages":{{{ages}}},"changes":[{changes}],"bad":{bad}}}'
 
-    def _show(self, topic: bytes, arrived: _Arrived) -> None:
-        """Decode a message; one that repeats an earlier one, as after a reconnection, changes nothing."""
-        raw = self._read(arrived.frames)
+    def _show(self, topic: bytes, raw: dict[str, Any] | None, now_s: float) -> None:
+        """Keep a message; one that repeats an earlier one, as after a reconnection, changes nothing."""
         if raw is None:
             self._shown.pop(topic, None)  # what it replaces is no longer the newest
             return
@@ -128,13 +114,7 @@ class Newest:
             self._shown.clear()
         before = self._shown.get(topic)
         if before is None or raw["seq"] > before.seq:
-            text = json.dumps(raw, separators=(",", ":"), default=bytes.hex)
-            self._shown[topic] = _Shown(arrived.tick, arrived.at_s, raw["seq"], text)
-
-    def _add_change(self, frames: list[bytes]) -> None:
-        raw = self._read(frames)
-        if raw is not None:
-            self._changes.append((self.tick, json.dumps(raw, separators=(",", ":"), default=bytes.hex)))
+            self._shown[topic] = _Shown(self.tick, now_s, raw["seq"], _json(raw))
 
     def _read(self, frames: list[bytes]) -> dict[str, Any] | None:
         try:
@@ -143,6 +123,10 @@ class Newest:
             self.bad += 1
             self.bad_reason = str(error)
             return None
+
+
+def _json(raw: dict[str, Any]) -> str:
+    return json.dumps(raw, separators=(",", ":"), default=bytes.hex)
 
 
 TOPICS = (b"slip", b"tactile", b"warning", b"grasp", b"motion", b"gripper", b"status")

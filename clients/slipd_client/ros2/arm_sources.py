@@ -10,11 +10,12 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
+from slipd_client.quaternions import Quaternion, Vector
 from slipd_client.ros.conversion import TYPES
 from slipd_client.ros.ros_types import type_hash
 from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S, ArmReading, ImuMotion, PoseMotion, stamp_of
 from slipd_client.ros2.dds import dds_topic_name, decoded_type
-from slipd_client.ros2.orientation import ImuOrientation, OrientationUnknown, Quaternion, TransformTree, Vector
+from slipd_client.ros2.orientation import ImuOrientation, OrientationUnknown, TransformTree
 
 DEPTH = 100
 """Longest queue of received messages."""

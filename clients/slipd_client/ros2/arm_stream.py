@@ -12,19 +12,8 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from slipd_client.gravity_feed import STANDARD_GRAVITY_MPS2
-from slipd_client.ros2.orientation import (
-    OrientationUnknown,
-    Pose,
-    Quaternion,
-    Vector,
-    conjugate,
-    cross,
-    plus,
-    product,
-    rotated,
-    vector,
-)
+from slipd_client.quaternions import STANDARD_DOWN, Quaternion, Vector, conjugate, cross, plus, product, rotated
+from slipd_client.ros2.orientation import OrientationUnknown, Pose, vector
 
 POSE_SPAN_S = 0.04
 """Span of poses, s. The acceleration has about 0.01 m/s² noise for each micrometre of the positions' at 250 Hz."""
@@ -37,8 +26,6 @@ DENSITY = 16
 
 LATEST_S, EARLIEST_S = 0.25, 0.02
 """A stamp may be so much earlier or later than this machine's clock at its arrival, s."""
-
-STANDARD_DOWN = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
 
 
 class ArmReading(NamedTuple):

@@ -11,13 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from slipd_client.gravity_feed import UNIT_TOLERANCE, gravity_of
+from slipd_client.quaternions import IDENTITY, Quaternion, Vector, conjugate, plus, product, rotated
 
 STALE_S = 0.3
 """Age at which an orientation is no longer used, s: three periods of a publisher at 10 Hz."""
-
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 class OrientationUnknown(Exception):  # noqa: N818 - it is a state, not a fault
@@ -201,40 +198,6 @@ def unit(rotation: Any, what: str) -> Quaternion:
     return x, y, z, w
 
 
-def product(one: Sequence[float], other: Sequence[float]) -> Quaternion:
-    """Return the rotation that first does ``other``, then ``one``."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = one, other
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def conjugate(rotation: Sequence[float]) -> Quaternion:
-    """Return the inverse of a rotation."""
-    x, y, z, w = rotation
-    return -x, -y, -z, w
-
-
-def rotated(rotation: Sequence[float], vector: Sequence[float]) -> Vector:
-    """Return a vector of the rotated frame in the frame in which it is rotated."""
-    x, y, z, _ = product(product(rotation, (*vector, 0.0)), conjugate(rotation))
-    return x, y, z
-
-
 def vector(message: Any) -> Vector:
     """Return the numbers of a ``geometry_msgs/Vector3``."""
     return message.x, message.y, message.z
-
-
-def plus(one: Sequence[float], other: Sequence[float]) -> Vector:
-    """Return the sum of two vectors."""
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
-
-
-def cross(one: Sequence[float], other: Sequence[float]) -> Vector:
-    """Return the cross product of two vectors."""
-    (ax, ay, az), (bx, by, bz) = one, other
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

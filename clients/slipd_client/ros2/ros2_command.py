@@ -19,6 +19,7 @@ from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.grip import GripClient
 from slipd_client.messages.names import Health
 from slipd_client.motion import MotionAdvisor
+from slipd_client.quaternions import IDENTITY
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
     NAMESPACE,
@@ -36,7 +37,6 @@ from slipd_client.ros2.arm_feed import ArmFeed, arm_port
 from slipd_client.ros2.arm_sources import ArmSource, Imu, Transforms, ros_reader
 from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S
 from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.orientation import IDENTITY
 from slipd_client.ros2.orientation_feed import OrientationFeed, RosFeed
 from slipd_client.ros2.plan_check import PLAN, PlanCheck
 from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment

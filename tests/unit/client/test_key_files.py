@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -17,13 +18,8 @@ from slipd_client.keys import KeyFileError, Keys, create, load, load_allowed, lo
 Call = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture
-def made(tmp_path: Path) -> tuple[Path, Path]:
-    return create("robot-1", tmp_path / "keys")
-
-
 @pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
-def test_a_secret_is_for_its_user_alone_and_the_public_key_for_all_whatever_the_umask(
+def test_a_secret_is_for_its_user_alone_and_both_are_read_here_and_by_the_tools_of_zeromq(
     umask: int, tmp_path: Path
 ) -> None:
     before = os.umask(umask)
@@ -32,22 +28,11 @@ def test_a_secret_is_for_its_user_alone_and_the_public_key_for_all_whatever_the_
     finally:
         os.umask(before)
     assert [stat.S_IMODE(path.stat().st_mode) for path in (secret, public, secret.parent)] == [0o600, 0o644, 0o700]
-    assert "secret-key" not in public.read_text()
-
-
-def test_what_is_made_can_be_read_here_and_by_the_tools_of_zeromq(made: tuple[Path, Path]) -> None:
-    public, secret = made
     pair = load_secret(secret)
     assert pair == zmq.auth.load_certificate(secret)
-    assert load_public(public) == pair[0] == zmq.auth.load_certificate(public)[0]
-    assert zmq.curve_public(pair[1]) == pair[0]
-
-
-def test_a_client_has_its_own_keys_and_the_daemons_public_one(made: tuple[Path, Path], tmp_path: Path) -> None:
-    server, _ = create("server", tmp_path)
-    found = load(made[1], server)
-    assert found == Keys(*load_secret(made[1]), load_public(server))
-    assert found.secret.decode() not in repr(found)
+    assert zmq.auth.load_certificate(public) == (load_public(public), None) == (pair[0], None)
+    found = load(secret, public)
+    assert (found, found.secret.decode() in repr(found)) == (Keys(*pair, pair[0]), False)
 
 
 @pytest.mark.parametrize("suffix", [".key", ".key_secret"])
@@ -65,84 +50,79 @@ def test_a_name_that_could_be_a_path_is_refused(name: str, tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("loose", [0o640, 0o604, 0o660, 0o601, 0o777])
-def test_a_secret_that_others_may_use_is_refused(loose: int, made: tuple[Path, Path]) -> None:
-    made[1].chmod(loose)
-    with pytest.raises(KeyFileError, match=f"mode {loose:04o}.*chmod 600"):
-        load_secret(made[1])
+root_alone = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
-def test_a_secret_of_another_user_is_refused(made: tuple[Path, Path]) -> None:
-    os.chown(made[1], 12345, -1)
-    with pytest.raises(KeyFileError, match="it belongs to 12345"):
-        load_secret(made[1])
+def given(path: Path) -> None:
+    os.chown(path, 12345, 12345)
+
+
+def opened(mode: int) -> Callable[[Path], None]:
+    return lambda path: path.chmod(mode)
+
+
+def of_another(path: Path) -> None:
+    path.write_text(path.read_text().replace(load_secret(path)[0].decode(), zmq.curve_keypair()[0].decode()))
+
+
+def holds(text: bytes) -> Callable[[Path], None]:
+    return lambda path: path.write_bytes(text)
 
 
 @pytest.mark.parametrize(
-    ("text", "wrong"),
+    ("load_it", "name", "change", "why"),
     [
-        (b"", "must hold a public key"),
-        (b"\xff\xfe\x00", "must hold a public key"),
-        (b'public-key = "short"', "40 characters"),
-        ('public-key = "{}"'.format("é" * 40).encode(), "40 characters"),
-        (b'public-key = "%s"' % (b"~" * 40), "40 characters"),
-        (b"#" * 5000, "at most 4096 bytes"),
+        *((load_secret, "a.key_secret", opened(mode), f"mode {mode:04o}.*chmod 600")
+          for mode in (0o640, 0o604, 0o660, 0o601, 0o777)),
+        pytest.param(load_secret, "a.key_secret", given, "it belongs to 12345", marks=root_alone),
+        (load_secret, "a.key_secret", of_another, "must be that of the secret key"),
+        (load_secret, "a.key_secret", Path.unlink, "No such file"),
+        (load_secret, "a.key_secret", holds(b""), "must hold a secret key .*, but holds no key"),
+        *((load_it, "a.key", holds(text), why)
+          for load_it in (load_public, load_allowed)
+          for text, why in (
+              (b"", "must hold a public key"),
+              (b"\xff\xfe\x00", "must hold a public key"),
+              (b'public-key = "short"', "40 characters"),
+              ('public-key = "{}"'.format("é" * 40).encode(), "40 characters"),
+              (b'public-key = "%s"' % (b"~" * 40), "40 characters"),
+              (b"#" * 5000, "at most 4096 bytes"))),
+        *((load_allowed, ".", opened(mode), "keys: others must not write to it") for mode in (0o770, 0o707, 0o1777)),
+        *((load_allowed, "a.key", opened(mode), "a.key: others must not write to it")
+          for mode in (0o666, 0o660, 0o602)),
+        *(pytest.param(load_allowed, name, given, "must belong to .*user 12345", marks=root_alone)
+          for name in (".", "a.key")),
+        (load_allowed, ".", shutil.rmtree, "No such file"),
     ],
-)
-def test_a_file_that_holds_no_key_is_refused(text: bytes, wrong: str, tmp_path: Path) -> None:
-    (tmp_path / "a.key").write_bytes(text)
-    with pytest.raises(KeyFileError, match=wrong):
-        load_public(tmp_path / "a.key")
-    with pytest.raises(KeyFileError, match=wrong):
-        load_allowed(tmp_path)
+)  # fmt: skip
+def test_a_file_that_holds_no_key_or_that_others_may_use_is_refused(
+    load_it: Callable[[Path], object], name: str, change: Callable[[Path], None], why: str, tmp_path: Path
+) -> None:
+    create("a", tmp_path / "keys")
+    path = tmp_path / "keys" / name
+    change(path)
+    with pytest.raises(KeyFileError, match=why):
+        load_it(path.parent if load_it is load_allowed and name != "." else path)
 
 
-def test_a_pair_that_does_not_belong_together_is_refused(made: tuple[Path, Path]) -> None:
-    made[1].write_text(made[1].read_text().replace(load_public(made[0]).decode(), zmq.curve_keypair()[0].decode()))
-    with pytest.raises(KeyFileError, match="must be that of the secret key"):
-        load_secret(made[1])
-
-
-@pytest.mark.parametrize("load_it", [load_secret, load_allowed])
-def test_a_file_that_is_not_there_is_told(load_it: Callable[[Path], object], tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="No such file"):
-        load_it(tmp_path / "nowhere")
-
-
-def test_those_allowed_are_the_public_keys_of_a_directory(tmp_path: Path) -> None:
+def test_those_allowed_are_the_public_keys_of_a_directory_also_of_root(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     public = {load_public(create(name, tmp_path)[0]) for name in ("a", "b")}
     (tmp_path / "README").write_text("not a key")
+    if os.geteuid() == 0:
+        monkeypatch.setattr(os, "geteuid", lambda: 12345)
     assert load_allowed(tmp_path) == public
     (tmp_path / "empty").mkdir()
     assert load_allowed(tmp_path / "empty") == frozenset()
 
 
-@pytest.mark.parametrize("loose", [0o770, 0o707, 0o1777, 0o666, 0o660, 0o602])
-def test_a_list_to_which_others_may_add_or_of_which_they_may_write_a_key_is_refused(
-    loose: int, made: tuple[Path, Path]
-) -> None:
-    theirs = made[0].parent if loose & 0o111 else made[0]
-    theirs.chmod(loose)
-    with pytest.raises(KeyFileError, match=f"{theirs}: others must not write to it"):
-        load_allowed(made[0].parent)
-    assert load_public(made[0]), "a client's own copy is its own matter"
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
-@pytest.mark.parametrize("theirs", [".", "a.key"])
-def test_a_list_of_another_user_is_refused(theirs: str, tmp_path: Path) -> None:
-    create("a", tmp_path)
-    os.chown(tmp_path / theirs, 12345, 12345)
-    with pytest.raises(KeyFileError, match=rf"{(tmp_path / theirs).name}: must belong to .*user 12345"):
-        load_allowed(tmp_path)
-
-
-def test_a_list_of_root_is_taken_by_everybody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    public, _ = create("a", tmp_path)
-    if os.geteuid() == 0:
-        monkeypatch.setattr(os, "geteuid", lambda: 12345)
-    assert load_allowed(tmp_path) == {load_public(public)}
+def test_a_public_key_that_others_may_write_is_a_clients_own_matter(tmp_path: Path) -> None:
+    public, secret = create("a", tmp_path)
+    public.chmod(0o666)
+    assert load_public(public) == load_secret(secret)[0]
+    with pytest.raises(KeyFileError, match="must hold only a public key"):
+        load_public(secret)
 
 
 def test_keys_are_made_where_they_belong_and_no_secret_is_printed(

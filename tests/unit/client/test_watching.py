@@ -19,8 +19,8 @@ from terminals import PseudoTerminal
 from slipd_client import watch as module
 from slipd_client.messages.codec import typed_message
 from slipd_client.messages.schema.topics import Message
+from slipd_client.slipctl_parser import parser
 from slipd_client.terminal import TerminalScreen
-from slipd_client.watch import watch
 
 Start = Callable[..., "subprocess.Popen[str]"]
 
@@ -51,9 +51,9 @@ def test_once_shows_the_last_message_of_every_topic(
 
     messages = [typed_message(topic, head | {"seq": n} | body) for n, (topic, body) in enumerate(bodies)]
     monkeypatch.setattr(module, "Subscriber", lambda *_, **__: nullcontext(Heard(messages)))
-    watch("", as_json=False, once=True)
+    module.run(parser().parse_args(["watch", "--once"]), None)
     assert re.search(r"^[^\x1b]*left +CAUTION[^\x1b]*right +UNKNOWN[^\x1b]*$", capsys.readouterr().out)
-    watch("", as_json=True, once=True)
+    module.run(parser().parse_args(["watch", "--once", "--json"]), None)
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [(line["topic"], line.get("mu"), line.get("force_n")) for line in lines] == [
         ("slip.left", None, None),

@@ -26,12 +26,12 @@ from slipd.devices.external import Decoder
 from slipd_client.errors import CallError
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
+from slipd_client.quaternions import IDENTITY, Quaternion
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros2 import orientation_feed
 from slipd_client.ros2.arm_feed import ArmFeed, ArmPort, arm_port
 from slipd_client.ros2.arm_sources import Imu
 from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.orientation import IDENTITY, Quaternion
 from slipd_client.ros2.orientation_feed import OrientationFeed, RosFeed
 
 PADS = """

@@ -1,0 +1,50 @@
+"""Rotations and vectors as tuples, for a client that loads no NumPy.
+
+A quaternion x, y, z, w is the orientation of a frame in another one: it takes coordinates of the first to the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+STANDARD_GRAVITY_MPS2 = 9.80665
+STANDARD_DOWN: Vector = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
+"""Gravity in a frame whose Z points up."""
+
+
+def product(one: Sequence[float], other: Sequence[float]) -> Quaternion:
+    """Return the rotation that first does ``other``, then ``one``."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = one, other
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(rotation: Sequence[float]) -> Quaternion:
+    """Return the inverse of a rotation."""
+    x, y, z, w = rotation
+    return -x, -y, -z, w
+
+
+def rotated(rotation: Sequence[float], vector: Sequence[float]) -> Vector:
+    """Return a vector of the rotated frame in the frame in which it is rotated."""
+    x, y, z, _ = product(product(rotation, (*vector, 0.0)), conjugate(rotation))
+    return x, y, z
+
+
+def plus(one: Sequence[float], other: Sequence[float]) -> Vector:
+    """Return the sum of two vectors."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
+def cross(one: Sequence[float], other: Sequence[float]) -> Vector:
+    """Return the cross product of two vectors."""
+    (ax, ay, az), (bx, by, bz) = one, other
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
