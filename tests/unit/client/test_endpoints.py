@@ -1,4 +1,4 @@
-"""Where clients look for the daemon, whom they trust there, and where pages are served."""
+"""Where clients look for the daemon, whom they trust there, where pages are served, and wrong calls."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import zmq
 
-from slipd_client import paths
+from slipd_client import keys, paths
 from slipd_client.arguments import parse_listen
-from slipd_client.errors import CallError
+from slipd_client.errors import CallError, ClientError, SlipdClientError
 from slipd_client.grip import GripClient
+from slipd_client.messages import decode
+from slipd_client.messages.codec import read
 from slipd_client.paths import hint_for, publish_endpoint, requests_endpoint
 from slipd_client.subscriber import Subscriber
 
@@ -104,18 +106,11 @@ def test_a_user_outside_the_group_is_told_to_join_it(directory: Path) -> None:
 
 
 @pytest.fixture
-def shared(directory: Path) -> Path:
-    """A folder like /tmp, in which every user may create names, and which every user can reach."""
+def home(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The runtime folder of this user where there is no session, as in /tmp; nobody has made it yet."""
     directory.chmod(0o1777)
-    return directory
-
-
-@pytest.fixture
-def home(shared: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The runtime folder of this user where there is no session; nobody has made it yet."""
-    folder = shared / "slipd-1000"
-    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(folder))
-    return folder
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(directory / "slipd-1000"))
+    return directory / "slipd-1000"
 
 
 @needs_root
@@ -140,21 +135,61 @@ def test_the_folder_that_root_made_for_the_service_is_trusted(tmp_path: Path) ->
         Subscriber(f"ipc://{made_by_root}/deeper/publish")
 
 
-def test_a_client_that_comes_before_the_daemon_makes_the_folder_for_its_user_alone(home: Path) -> None:
-    Subscriber().close()
+def test_a_client_that_comes_first_makes_the_folder_for_its_user_alone_and_what_others_may_change_is_refused(
+    home: Path,
+) -> None:
+    for start in (Subscriber, GripClient):
+        start().close()
     assert stat.S_IMODE(home.stat().st_mode) == 0o700
-    GripClient().disconnect()
-
-
-def test_what_other_users_may_change_is_refused(shared: Path) -> None:
-    folder = shared / "mine"
-    folder.mkdir()
-    folder.chmod(0o777)
-    with pytest.raises(
-        CallError, match=f"the folder {folder} on its path must not be writable .*: chmod go-w {folder}"
+    home.chmod(0o777)
+    for where, why in (
+        (home, f"the folder {home} on its path must not be writable .*: chmod go-w {home}"),
+        (home.parent, f"{home.parent}/publish may be created by any user"),
     ):
-        Subscriber(f"ipc://{folder}/publish")
-    folder.chmod(0o755)
-    Subscriber(f"ipc://{folder}/publish").close()
-    with pytest.raises(CallError, match=f"{shared}/publish may be created by any user"):
-        Subscriber(f"ipc://{shared}/publish")
+        with pytest.raises(CallError, match=why):
+            Subscriber(f"ipc://{where}/publish")
+
+
+NOWHERE = "ipc:///run/slipd-test/no-daemon"
+EVERY = "slip.FINGER, warning, wrench.FINGER, tactile.FINGER, grasp, motion, gripper, status"
+
+
+def ask_nobody(call: Callable[[GripClient], object]) -> None:
+    with GripClient(NOWHERE, timeout_s=0.01) as client:
+        call(client)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda: GripClient("tcp://robot"), "^endpoint must be"),
+        (lambda: Subscriber("nowhere"), "^endpoint must be of the form .*, got 'nowhere'"),
+        (lambda: Subscriber(NOWHERE, topics="slip"), "^topics must be a sequence of strings, .*got 'slip'"),
+        (lambda: ask_nobody(lambda client: client.tare("left", 0.0)), "^seconds must be .*, got 0"),
+        (lambda: ask_nobody(lambda client: client.tare("left", -1.0)), "^seconds must be .*, got -1"),
+        (lambda: ask_nobody(lambda client: client.tare("left", 1.0, "pad")), r"^call tare\(finger, stream, seconds\)"),
+        (lambda: ask_nobody(lambda client: client.status()), "nobody accepts requests"),
+        (lambda: decode(b""), "malformed"),
+        (lambda: read([b"slip.left"]), "two frames"),
+        (lambda: keys.load_public(Path("/no/such.key")), "No such file"),
+        (lambda: keys.create("no name", Path("/tmp")), "name must consist of"),
+        *[
+            row
+            for seconds in (0, -1.0, float("nan"), float("inf"), "1")
+            for row in (
+                (lambda s=seconds: GripClient(NOWHERE, timeout_s=s), "^timeout_s must be a positive time in .* 1, got"),
+                (lambda s=seconds: Subscriber(NOWHERE, silence_s=s), "^silence_s must be a positive time in .* 3, got"),
+            )
+        ],
+        *[
+            (lambda topic=topic: Subscriber(NOWHERE, topics=("slip", topic)), f"^topics .* {EVERY}.*, got {topic!r}$")
+            for topic in ("slips", "slip.Left", "sli.left", "warning.left", "status.", "Slip", "slip left")
+        ],
+    ],
+)
+def test_whatever_goes_wrong_is_of_the_base_and_a_wrong_call_is_a_value_error(
+    call: Callable[[], object], complaint: str
+) -> None:
+    with pytest.raises(SlipdClientError, match=complaint) as caught:
+        call()
+    assert isinstance(caught.value, ValueError) != isinstance(caught.value, ClientError)

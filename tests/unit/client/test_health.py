@@ -51,22 +51,36 @@ LATE = stream(health=1, message=f"{DAEMON_LATE} 0.04 s: readings waited, the sen
 UNKNOWN_GRIP = {"streams": {"gripper": {"health": 2, "message": f"{GRIP_UNKNOWN}, and stays as it is"}}}
 
 
+def failed(why: str) -> dict[str, Any]:
+    failure = f"/r 1.mcap: the recording stopped: {why}"
+    return WELL | {"recording": {"state": "failed", "failure": failure, "path": "/r 1.mcap"}}
+
+
+PORT, DISK = "ls -l /dev/left /dev/serial/by-id", "recording-failed"
+
+
 @pytest.mark.parametrize(
-    ("changes", "number", "command"),
+    ("status", "number", "command"),
     [
-        ({"health": 1}, "stream-degraded", "slipctl watch"),
-        ({"health": 3}, "stream-silent", "ls -l /dev/left /dev/serial/by-id"),
-        ({"health": 2}, "stream-fault", "slipctl watch"),
-        ({"health": 2, "age_s": 5.0}, "stream-fault", "ls -l /dev/left /dev/serial/by-id"),
-        ({"health": 2, "age_s": None, "address": "udp://192.168.1.1:49152"}, "stream-missing", "ping -c 3 192.168.1.1"),
-        ({"health": 2, "age_s": 5.0, "address": "tcp://[fe80::1]:1000"}, "stream-fault", "ping -c 3 fe80::1"),
-        ({"health": 3, "address": "ws://sensors"}, "stream-silent", "ping -c 3 sensors"),
-        ({"health": 3, "address": "ipc:///run/own"}, "stream-silent", "slipctl status --json"),
+        (stream(health=1), "stream-degraded", "slipctl watch"),
+        (stream(health=3), "stream-silent", PORT),
+        (stream(health=2), "stream-fault", "slipctl watch"),
+        (stream(health=2, age_s=5.0), "stream-fault", PORT),
+        (stream(health=2, age_s=None, address="udp://192.168.1.1:49152"), "stream-missing", "ping -c 3 192.168.1.1"),
+        (stream(health=2, age_s=5.0, address="tcp://[fe80::1]:1000"), "stream-fault", "ping -c 3 fe80::1"),
+        (stream(health=3, address="ws://sensors"), "stream-silent", "ping -c 3 sensors"),
+        (stream(health=3, address="ipc:///run/own"), "stream-silent", "slipctl status --json"),
+        (failed("Read-only file system"), DISK, "findmnt --target '/r 1.mcap'"),
+        (failed("Input/output error"), DISK, "dmesg --level err"),
+        (failed("No space left on device"), DISK, "df -h"),
     ],
 )
-def test_a_stream_that_is_not_well_is_to_be_looked_at(changes: dict[str, Any], number: str, command: str) -> None:
-    [repair] = repairs(stream(**changes))
-    assert (repair.id, repair.about, repair.command) == (number, "left.wrench", command)
+def test_a_stream_that_is_not_well_and_a_recording_that_failed_are_to_be_looked_at(
+    status: dict[str, Any], number: str, command: str
+) -> None:
+    [repair] = repairs(status)
+    about = "recording" if number == DISK else "left.wrench"
+    assert (repair.id, repair.about, repair.command) == (number, about, command)
 
 
 @pytest.mark.parametrize("reason", FINGER_REPAIRS)
@@ -102,19 +116,6 @@ def test_what_is_wrong_around_the_streams_is_listed_and_summed_up(changes: dict[
     assert ids(repairs(WELL | changes)) == found
     assert ("streams are read;" in summary(WELL | changes)) == (found != [])
     assert ("more)" in summary(WELL | changes)) == (len(found) > 2)
-
-
-@pytest.mark.parametrize(
-    ("failure", "command"),
-    [
-        ("/r 1.mcap: the recording stopped: Read-only file system", "findmnt --target '/r 1.mcap'"),
-        ("/r 1.mcap: the recording stopped: Input/output error", "dmesg --level err"),
-        ("/r 1.mcap: the recording stopped: No space left on device", "df -h"),
-    ],
-)
-def test_a_recording_that_failed_is_answered_with_a_look_at_its_disk(failure: str, command: str) -> None:
-    [repair] = repairs(WELL | {"recording": {"state": "failed", "failure": failure, "path": "/r 1.mcap"}})
-    assert repair.command == command
 
 
 def test_every_repair_has_its_section_in_the_documents() -> None:

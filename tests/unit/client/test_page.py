@@ -71,30 +71,32 @@ async def test_every_file_of_the_page_is_served_within_the_budget() -> None:
     assert sum(len(body) for _, body, _ in answers.values()) + len(settings) < BUDGET_BYTES
 
 
+STRANGE = ("/nothing", "/../page_server.py", "/%2e%2e/site.py", "//etc/passwd", "/vendor/", "/data/some")
+HOSTS = ("evil.example", "evil.example:8710", "127.0.0.1.evil.example", "", "a b", "user@127.0.0.1")
+WRONG: dict[str, str] = {"Authorization": "Bearer wrong"}
+
+
 @pytest.mark.parametrize(
-    ("path", "host", "status"),
+    ("live", "path", "headers", "status"),
     [
+        *((True, path, {}, HTTPStatus.NOT_FOUND) for path in STRANGE),
+        *((True, "/", {"Host": host}, HTTPStatus.FORBIDDEN) for host in HOSTS),
         *(
-            (path, None, HTTPStatus.NOT_FOUND)
-            for path in (
-                *("/nothing", "/../page_server.py", "/%2e%2e/site.py"),
-                *("//etc/passwd", "/vendor/", "/data/some"),
-            )
+            (False, path, headers, HTTPStatus.UNAUTHORIZED)
+            for path in ("/data/some", "/settings.json")
+            for headers in ({}, WRONG)
         ),
-        *(
-            ("/", host, HTTPStatus.FORBIDDEN)
-            for host in (
-                *("evil.example", "evil.example:8710", "127.0.0.1.evil.example"),
-                *("", "a b", "user@127.0.0.1"),
-            )
-        ),
+        (False, "/data/some", None, HTTPStatus.OK),
+        (False, "/data/other", None, HTTPStatus.NOT_FOUND),
+        (False, "/live", {}, HTTPStatus.NOT_FOUND),
     ],
 )
-async def test_nothing_else_is_served_and_nothing_under_a_name_of_another_machine(
-    path: str, host: str | None, status: HTTPStatus
+async def test_nothing_else_is_served_and_neither_without_the_token_nor_under_a_name_of_another_machine(
+    live: bool, path: str, headers: dict[str, str] | None, status: HTTPStatus
 ) -> None:
-    async with served() as url:
-        assert (await get(url, path, **({} if host is None else {"Host": host})))[0] == status
+    async with served(live) as url:
+        found, body, _ = await get(url, path, **({"Authorization": bearer(url)} if headers is None else headers))
+    assert (found, body == b'"/data/some"', b"live" in body) == (status, status is HTTPStatus.OK, False)
 
 
 @pytest.mark.parametrize(
@@ -112,17 +114,6 @@ async def test_a_wrong_token_is_refused_with_the_reason(token: str) -> None:
     async with served() as url, browser(url, token=token) as socket:
         with pytest.raises(ConnectionClosed, match=f"{WRONG_TOKEN}.*token"):
             await socket.recv()
-
-
-async def test_data_and_settings_need_the_token() -> None:
-    async with served(live=False) as url:
-        for path in ("/data/some", "/settings.json"):
-            for headers in ({}, {"Authorization": "Bearer wrong"}):
-                status, body, _ = await get(url, path, **headers)
-                assert (status, b"live" in body) == (HTTPStatus.UNAUTHORIZED, False)
-        assert (await get(url, "/data/some", Authorization=bearer(url)))[:2] == (HTTPStatus.OK, b'"/data/some"')
-        assert (await get(url, "/data/other", Authorization=bearer(url)))[0] == HTTPStatus.NOT_FOUND
-        assert (await get(url, "/live"))[0] == HTTPStatus.NOT_FOUND
 
 
 async def test_a_port_in_use_is_an_error_that_names_another() -> None:

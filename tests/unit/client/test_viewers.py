@@ -44,6 +44,11 @@ def published() -> dict[str, list[Body]]:
 
 
 @pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    return tmp_path / "rig.toml"
+
+
+@pytest.fixture
 def server() -> Iterator[ViewerServer]:
     server = ViewerServer("127.0.0.1", 0, PADS)
     yield server
@@ -161,19 +166,34 @@ def test_while_nobody_watches_the_newest_of_every_topic_is_kept_and_a_silence_sa
         assert capsys.readouterr().err.count("no message from") == 1, "of a further silence"
 
 
-def test_the_levels_of_the_layouts_are_those_of_a_config(tmp_path: Path) -> None:
-    rig = tmp_path / "rig.toml"
-    for text, *levels in (
-        ("", 0.7, 0.85),
-        ("[levels]\ncaution = 0.5", 0.5, 0.85),
-        ("[levels]\ncaution = 0.5\nwarning = 0.6", 0.5, 0.6),
-    ):
-        rig.write_text(text)
-        assert levels_of(rig) == (*levels, "rig.toml")
-    rig.write_text("[levels]\ncaution = true")
-    with pytest.raises(CallError, match="must be numbers"):
-        levels_of(rig)
-    assert levels_of(None) == (0.7, 0.85, "slipd's defaults")
+@pytest.mark.parametrize(
+    ("text", "levels"),
+    [
+        ("", (0.7, 0.85)),
+        ("[levels]\ncaution = 0.5", (0.5, 0.85)),
+        ("[levels]\ncaution = 0.5\nwarning = 0.6", (0.5, 0.6)),
+    ],
+)
+def test_the_levels_of_the_layouts_are_those_of_a_config(text: str, levels: tuple[float, float], rig: Path) -> None:
+    rig.write_text(text)
+    assert (levels_of(rig), levels_of(None)) == ((*levels, "rig.toml"), (0.7, 0.85, "slipd's defaults"))
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "complaint"),
+    [
+        (levels_of, "[levels]\ncaution = true", "must be numbers"),
+        (pads_of, "[grasp", "not a TOML file"),
+        (pads_of, "[finger.left]", r"must have \[grasp.pads\]"),
+        (pads_of, "[grasp.pads.left]\npositions = 3", r"must have \[grasp.pads\]"),
+    ],
+)
+def test_a_config_without_what_is_needed_is_refused(
+    read: Callable[[Path], object], text: str, complaint: str, rig: Path
+) -> None:
+    rig.write_text(text)
+    with pytest.raises(CallError, match=complaint):
+        read(rig)
 
 
 def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -189,21 +209,12 @@ def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.Capture
     assert not (folder / "foxglove.json").exists(), "nothing is written in part"
 
 
-def test_the_places_of_the_pads_are_those_of_a_config(tmp_path: Path) -> None:
-    pads = pads_of(ROOT / "config" / "demo.toml")
-    found = pads.transforms({"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}, 0.06)
-    assert [(each["child_frame_id"], each["transform"]["translation"]["y"]) for each in found] == [
-        ("left_pad", pytest.approx(0.03)),
-        ("right_pad", pytest.approx(-0.03)),
-    ]
-    for text, complaint in (
-        ("[grasp", "not a TOML file"),
-        ("[finger.left]", r"must have \[grasp.pads\]"),
-        ("[grasp.pads.left]\npositions = 3", r"must have \[grasp.pads\]"),
-    ):
-        (tmp_path / "rig.toml").write_text(text)
-        with pytest.raises(CallError, match=complaint):
-            pads_of(tmp_path / "rig.toml")
+def test_the_places_of_the_pads_are_those_of_a_config() -> None:
+    found = pads_of(ROOT / "config" / "demo.toml").transforms({"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}, 0.06)
+    assert {each["child_frame_id"]: each["transform"]["translation"]["y"] for each in found} == {
+        "left_pad": pytest.approx(0.03),
+        "right_pad": pytest.approx(-0.03),
+    }
 
 
 FINGERS = ("thumb", "index")

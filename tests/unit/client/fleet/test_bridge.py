@@ -20,7 +20,7 @@ from slipd_client.fleet.robot_bridge import BridgePublisher
 from slipd_client.messages import decode, encode
 
 Start = Callable[..., "subprocess.Popen[str]"]
-FLOOD = 30_000
+FLOOD = 3_000
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slipd_client.errors import CallError
@@ -285,28 +285,47 @@ STRANGER = row("arm0", level="slipping", expected=False)
 ILL = row("arm4", health=Health.STALE, complaint="left.pad: nothing arrives", missed_warnings=2)
 
 
-def test_the_most_urgent_robot_comes_first_and_the_head_counts() -> None:
-    lines = fleet_lines("plant", [STRANGER, row("arm1"), GONE, SLIPPING, ILL], 0, Terminal())
-    assert lines[0] == "fleet plant  5 robots  1 gone  4 live  2 slipping  2 warnings missed"
-    assert lines[1].split() == ["robot", "state", "level", "health", "age"]
-    assert [line.split()[0] for line in lines[2:]] == ["arm3", "arm2", "arm4", "arm1", "arm0"]
-    slipping, gone, ill = (" ".join(line.split()[1:]) for line in lines[2:5])
-    assert slipping == "live slipping OK 0.4 s left slipping, right stable; slip_detected"
-    assert gone == "gone unknown – – last: left stable"
-    assert ill.endswith("left stable; left.pad: nothing arrives; 2 warnings missed")
+TWO = row("arm5", state="clash", level="slipping", fault="two arm5")
+HEAD = "robot state level health age"
 
 
-def test_robots_of_one_name_are_told_and_their_alarm_counts() -> None:
-    lines = fleet_lines("plant", [row("arm5", state="clash", level="slipping", fault="two arm5")], 0, Terminal())
-    assert lines[0] == "fleet plant  1 robot  1 clash  1 slipping"
-    assert " ".join(lines[2].split()) == "arm5 clash slipping OK 0.4 s two arm5; left stable"
+@pytest.mark.parametrize(
+    ("rows", "lines"),
+    [
+        (
+            [STRANGER, row("arm1"), GONE, SLIPPING, ILL],
+            [
+                "fleet plant 5 robots 1 gone 4 live 2 slipping 2 warnings missed",
+                HEAD,
+                "arm3 live slipping OK 0.4 s left slipping, right stable; slip_detected",
+                "arm2 gone unknown – – last: left stable",
+                "arm4 live stable STALE 0.4 s left stable; left.pad: nothing arrives; 2 warnings missed",
+                "arm1 live stable OK 0.4 s left stable",
+                "arm0 live slipping OK 0.4 s not one of --robots; left stable",
+            ],
+        ),
+        (
+            [TWO],
+            ["fleet plant 1 robot 1 clash 1 slipping", HEAD, "arm5 clash slipping OK 0.4 s two arm5; left stable"],
+        ),
+        ([], ["fleet plant 0 robots"]),
+    ],
+)
+def test_the_most_urgent_robot_comes_first_and_the_head_counts(rows: list[RobotRow], lines: list[str]) -> None:
+    assert [" ".join(line.split()) for line in fleet_lines("plant", rows, 0, Terminal())] == lines
 
 
-def test_a_log_has_a_line_for_each_change_and_none_without() -> None:
-    assert change_text(None, row("arm1")) == "arm1: live, stable"
-    assert change_text(row("arm1"), row("arm1", age_s=0.9)) == ""
-    assert change_text(row("arm3"), SLIPPING) == "arm3: stable → slipping  (left slipping, right stable; slip_detected)"
-    assert change_text(row("arm2"), GONE) == "arm2: live → gone, stable → unknown, OK → –  (last: left stable)"
+@pytest.mark.parametrize(
+    ("before", "after", "line"),
+    [
+        (None, row("arm1"), "arm1: live, stable"),
+        (row("arm1"), row("arm1", age_s=0.9), ""),
+        (row("arm3"), SLIPPING, "arm3: stable → slipping  (left slipping, right stable; slip_detected)"),
+        (row("arm2"), GONE, "arm2: live → gone, stable → unknown, OK → –  (last: left stable)"),
+    ],
+)
+def test_a_log_has_a_line_for_each_change_and_none_without(before: RobotRow | None, after: RobotRow, line: str) -> None:
+    assert change_text(before, after) == line
 
 
 def test_json_has_every_field() -> None:
@@ -315,11 +334,10 @@ def test_json_has_every_field() -> None:
     assert (told["fleet"], told["unread"], robots) == ("plant", 1, [(None, 0), ("STALE", 2)])
 
 
+@pytest.mark.parametrize("topic", ["slip.left", "daemon"])
 @pytest.mark.parametrize("name", ["a", "Arm-3", "robot_7.left", "9", "x" * 64])
-def test_a_name_of_letters_digits_and_joints_is_a_part_of_a_key(name: str) -> None:
-    assert check_name("--robot", name) == name
-    assert split_key(message_key("plant", name, "slip.left"), "plant") == (name, "slip.left")
-    assert split_key(message_key("plant", name, "daemon"), "plant") == (name, "daemon")
+def test_a_name_of_letters_digits_and_joints_is_a_part_of_a_key(name: str, topic: str) -> None:
+    assert split_key(message_key("plant", check_name("--robot", name), topic), "plant") == (name, topic)
 
 
 NAMES = ["", "a*", "$b", "c#", "d?", "e/f", "@adv", ".g", "-h", "ä", "a b", "a\n", "x" * 65]
@@ -362,6 +380,7 @@ def test_topics_do_not_wait_for_each_other() -> None:
     assert [limit.passes(topic, b"", now_s) for topic, now_s in sent] == [True, True, False]
 
 
+@settings(max_examples=40)
 @given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=40), st.sampled_from([1.0, 10.0, 50.0]))
 def test_the_newest_message_comes_through_and_the_rate_holds(times: list[float], rate_hz: float) -> None:
     times = sorted(times)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -90,13 +91,23 @@ def test_a_value_that_does_not_fit_is_refused_with_the_path_of_its_field(change:
     assert str(refused.value).startswith(f"t/Point: {error}")
 
 
-def test_a_type_without_fields_with_an_undeclared_one_or_with_another_line_is_refused() -> None:
-    with pytest.raises(ValueError, match="t/Empty must have a field"):
-        CdrEncoder("t/Empty", {"t/Empty": RosType("t/Empty", ())})
-    with pytest.raises(KeyError):
-        CdrEncoder("t/Point", {"t/Point": POINT})
-    with pytest.raises(ValueError, match=r"t/Odd: a line must be 'type name' or 'type NAME=value', got 'float64'"):
-        type_from_text("t/Odd", "int32 x\nfloat64")
+@pytest.mark.parametrize(
+    ("make", "error", "why"),
+    [
+        (lambda: CdrEncoder("t/Empty", {"t/Empty": RosType("t/Empty", ())}), ValueError, "t/Empty must have a field"),
+        (lambda: CdrEncoder("t/Point", {"t/Point": POINT}), KeyError, "t/Tag"),
+        (
+            lambda: type_from_text("t/Odd", "int32 x\nfloat64"),
+            ValueError,
+            "t/Odd: a line must be 'type name' or 'type NAME=value', got 'float64'",
+        ),
+    ],
+)
+def test_a_type_without_fields_with_an_undeclared_one_or_with_another_line_is_refused(
+    make: Callable[[], object], error: type[Exception], why: str
+) -> None:
+    with pytest.raises(error, match=why):
+        make()
 
 
 @pytest.mark.parametrize("name", sorted(TYPES))

@@ -109,52 +109,43 @@ def test_the_gripper_is_a_child_of_the_hand() -> None:
     assert transform["transform"]["rotation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
 
-def test_without_variables_dds_is_left_to_its_defaults_in_domain_0() -> None:
-    for variables in (
-        {},
-        {"ROS_DOMAIN_ID": "", "ROS_STATIC_PEERS": ";"},
-        {"ROS_LOCALHOST_ONLY": "0"},
-        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "ROS_STATIC_PEERS": "robot"},
-        {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"},
-    ):
-        assert ros_environment(variables) == (0, "", "")
-
-
 PEERS = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
     "<Peers>{}</Peers></Discovery>"
 )
 LOCALHOST, ROBOTS = '<Peer address="localhost"/>', '<Peer address="robot"/><Peer address="10.0.0.7"/>'
 ALONE = "<General><AllowMulticast>false</AllowMulticast></General>"
+LOOPBACK = '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>'
+NONE = "<Discovery><ParticipantIndex>none</ParticipantIndex></Discovery>"
+NAMED = {"ROS_STATIC_PEERS": "robot; 10.0.0.7;"}
+OWN = "file:///etc/cyclonedds.xml"
 
 
 @pytest.mark.parametrize(
-    ("variables", "domains"),
+    ("variables", "domains", "warning"),
     [
-        ({}, [PEERS.format(ROBOTS)]),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "localhost"}, [ALONE + PEERS.format(LOCALHOST + ROBOTS)]),
-        (
-            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"},
-            [ALONE + "<Discovery><ParticipantIndex>none</ParticipantIndex></Discovery>"],
-        ),
-        (
-            {"ROS_LOCALHOST_ONLY": "1"},
-            [
-                '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>',
-                ALONE + PEERS.format(LOCALHOST),
-            ],
-        ),
+        ({}, [], ""),
+        ({"ROS_DOMAIN_ID": "", "ROS_STATIC_PEERS": ";"}, [], ""),
+        ({"ROS_LOCALHOST_ONLY": "0"}, [], ""),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "ROS_STATIC_PEERS": "robot"}, [], ""),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, [], ""),
+        (NAMED, [PEERS.format(ROBOTS)], ""),
+        (NAMED | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "localhost"}, [ALONE + PEERS.format(LOCALHOST + ROBOTS)], ""),
+        (NAMED | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, [ALONE + NONE], ""),
+        (NAMED | {"ROS_LOCALHOST_ONLY": "1"}, [LOOPBACK, ALONE + PEERS.format(LOCALHOST)], ""),
+        ({"CYCLONEDDS_URI": OWN}, [OWN], ""),
+        (NAMED | {"CYCLONEDDS_URI": OWN}, [PEERS.format(ROBOTS), OWN], ""),
+        ({"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}, [], "rmw_zenoh_cpp: its nodes do not speak DDS"),
+        ({"ROS_SECURITY_ENABLE": "true"}, [], "slipctl has no keys for SROS 2"),
     ],
 )
-def test_the_reach_of_discovery_is_that_of_ros(variables: dict[str, str], domains: list[str]) -> None:
-    found = ros_environment({"ROS_STATIC_PEERS": "robot; 10.0.0.7;"} | variables).configuration
-    assert found.split(",") == [f"<CycloneDDS><Domain>{domain}</Domain></CycloneDDS>" for domain in domains]
-
-
-def test_the_configuration_of_cyclone_dds_comes_last_so_that_it_outranks_ours() -> None:
-    own = "file:///etc/cyclonedds.xml"
-    assert ros_environment({"CYCLONEDDS_URI": own}).configuration == own
-    assert ros_environment({"CYCLONEDDS_URI": own, "ROS_STATIC_PEERS": "a"}).configuration.endswith(f",{own}")
+def test_the_reach_of_discovery_is_that_of_ros_and_the_own_configuration_comes_last(
+    variables: dict[str, str], domains: list[str], warning: str
+) -> None:
+    found = ros_environment(variables)
+    parts = [each if each is OWN else f"<CycloneDDS><Domain>{each}</Domain></CycloneDDS>" for each in domains]
+    assert (found.domain, found.configuration, bool(found.warning)) == (0, ",".join(parts), bool(warning))
+    assert warning in found.warning
 
 
 @pytest.mark.parametrize(
@@ -169,8 +160,3 @@ def test_the_configuration_of_cyclone_dds_comes_last_so_that_it_outranks_ours() 
 def test_a_value_that_ros_does_not_know_is_refused(variables: dict[str, str], why: str) -> None:
     with pytest.raises(CallError, match=why):
         ros_environment(variables)
-
-
-def test_a_middleware_without_dds_and_security_are_warned_of() -> None:
-    assert "rmw_zenoh_cpp" in ros_environment({"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}).warning
-    assert "SROS" in ros_environment({"ROS_SECURITY_ENABLE": "true"}).warning
