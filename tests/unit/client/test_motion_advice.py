@@ -12,8 +12,9 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import msgpack
 import pytest
@@ -107,48 +108,46 @@ def test_a_point_is_turned_into_the_gripper_frame_as_by_scipy() -> None:
 STORE = typestore()
 
 
-class Robot(threading.Thread):
-    """The RTDE server of a UR as its guide describes it: it answers the set-up, and sends a package for each input."""
+SETUP = (  # kind, payload that is asked, payload of the answer
+    (b"V", b"\x00\x02", b"\x01"),
+    (b"O", struct.pack(">d", 50.0) + b"timestamp", b"\x01DOUBLE"),
+    (b"I", b"speed_slider_mask,speed_slider_fraction", b"\x05UINT32,DOUBLE"),
+    (b"S", b"", b"\x01"),
+)
+TEXT = b"\x00\x0fM\x04text\x05robot\x00"
+"""A message of the robot that may come at any time."""
 
-    ANSWERS = (  # kind, payload that is asked, payload of the answer
-        (b"V", b"\x00\x02", b"\x01"),
-        (b"O", struct.pack(">d", 50.0) + b"timestamp", b"\x01DOUBLE"),
-        (b"I", b"speed_slider_mask,speed_slider_fraction", b"\x05UINT32,DOUBLE"),
-        (b"S", b"", b"\x01"),
-    )
 
-    def __init__(self, until: float) -> None:
-        super().__init__(daemon=True)
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        self.sliders: list[float] = []
-        self._until = until
-        self.start()
+def package(kind: bytes, payload: bytes) -> bytes:
+    return struct.pack(">Hc", len(payload) + 3, kind) + payload
 
-    def run(self) -> None:
-        """Serve one program until its slider reaches ``until``."""
-        with self._listener:
-            connection, _ = self._listener.accept()
-        with connection, connection.makefile("rwb") as stream:
-            for kind, wanted, answer in self.ANSWERS:
-                if self._next(stream) != (kind, wanted):
+
+@contextmanager
+def robot(until: float, *, inputs: bytes = SETUP[2][2]) -> Iterator[tuple[int, list[float]]]:
+    """Run the RTDE server of a UR as its guide describes it; yield its port, and the places of its slider.
+
+    It answers the set-up, and sends a package for each input until the slider reaches ``until``.
+    """
+    sliders: list[float] = []
+
+    def serve() -> None:
+        with listener, listener.accept()[0] as connection, connection.makefile("rwb", 0) as stream:
+            for kind, wanted, answer in SETUP:
+                assert stream.read(len(wanted) + 3) == package(kind, wanted)
+                stream.write(TEXT + package(kind, inputs if kind == b"I" else answer))
+                if kind == b"I" and inputs != answer:
                     return
-                self._send(stream, b"M", b"\x04text\x05robot\x00")  # it may come at any time
-                self._send(stream, kind, answer)
-            while not self.sliders or self.sliders[-1] < self._until:
-                self._send(stream, b"U", b"\x01" + struct.pack(">d", time.monotonic()))
-                kind, payload = self._next(stream)
-                if (kind, payload[:5]) != (b"U", b"\x05\x00\x00\x00\x01"):  # the input's recipe, and its mask
-                    return
-                self.sliders += struct.unpack(">d", payload[5:])
+            while not sliders or sliders[-1] < until:
+                stream.write(package(b"U", b"\x01" + struct.pack(">d", time.monotonic())))
+                head, slider = struct.unpack(">8sd", stream.read(16))
+                assert head == b"\x00\x10U\x05\x00\x00\x00\x01", "recipe of the input, and its mask"
+                sliders.append(slider)
 
-    def _next(self, stream: Any) -> tuple[bytes, bytes]:
-        size, kind = struct.unpack(">Hc", stream.read(3) or b"\x00\x03-")  # the program has ended
-        return kind, stream.read(size - 3)
-
-    def _send(self, stream: Any, kind: bytes, payload: bytes) -> None:
-        stream.write(struct.pack(">Hc", len(payload) + 3, kind) + payload)
-        stream.flush()
+    listener = socket.create_server(("127.0.0.1", 0))
+    with ThreadPoolExecutor() as threads:
+        served = threads.submit(serve)
+        yield listener.getsockname()[1], sliders
+        served.result()
 
 
 @contextmanager
@@ -166,79 +165,59 @@ def advised(publisher: Publisher) -> Iterator[None]:
 
 
 def test_the_slider_of_a_ur_rises_slowly_from_the_floor_to_the_scale(publisher: Publisher) -> None:
-    robot = Robot(until=0.6)
-    with advised(publisher), pytest.raises(SystemExit, match="the robot closed the connection"):
-        ur_speed.main("127.0.0.1", robot.port, publisher.endpoint)
-    robot.join()
-    assert max(robot.sliders) == pytest.approx(0.6)
-    steps = [after - before for before, after in itertools.pairwise([ur_speed.FLOOR, *robot.sliders])]
-    assert max(steps) < ur_speed.RISE + 1e-9
+    ended = pytest.raises(SystemExit, match="the robot closed the connection")
+    with robot(until=0.6) as (port, sliders), advised(publisher), ended:
+        ur_speed.main("127.0.0.1", port, publisher.endpoint)
+    steps = [after - before for before, after in itertools.pairwise([ur_speed.FLOOR, *sliders])]
+    assert (max(sliders), max(steps) < ur_speed.RISE + 1e-9) == (pytest.approx(0.6), True)
 
 
 def test_a_robot_that_has_no_slider_to_move_is_named(publisher: Publisher) -> None:
-    robot = Robot(until=0.0)
-    robot.ANSWERS = (*Robot.ANSWERS[:2], (*Robot.ANSWERS[2][:2], b"\x00IN_USE,IN_USE"), Robot.ANSWERS[3])
-    with pytest.raises(SystemExit, match="does not let this program move the slider: IN_USE,IN_USE"):
-        ur_speed.main("127.0.0.1", robot.port, publisher.endpoint)
-    robot.join()
+    refused = pytest.raises(SystemExit, match="does not let this program move the slider: IN_USE,IN_USE")
+    with robot(until=0.0, inputs=b"\x00IN_USE,IN_USE") as (port, _), refused:
+        ur_speed.main("127.0.0.1", port, publisher.endpoint)
 
 
-def ros(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Put stand-ins of rclpy in its place, with the messages of rosbags; return what the node publishes."""
-    published: list[Any] = []
+class Node:
+    """Stands in for a node of rclpy; keeps what it was given."""
 
-    class Node:
-        def __init__(self, _: str) -> None:
-            self.get_logger = lambda: SimpleNamespace(warning=lambda *_, **__: None)
-
-        def declare_parameter(self, _: str, default: float) -> Any:
-            return SimpleNamespace(value=default)
-
-        def create_publisher(self, *_: Any) -> Any:
-            return SimpleNamespace(publish=published.append)
-
-        def create_subscription(self, kind: Any, _: str, callback: Any, __: int) -> None:
-            self.kind, self.callback = kind, callback
-
-    modules = {
-        "rclpy": {},
-        "rclpy.executors": {"ExternalShutdownException": KeyboardInterrupt},
-        "rclpy.node": {"Node": Node},
-        "geometry_msgs": {},
-        "geometry_msgs.msg": {"TwistStamped": TWIST},
-    }
-    for name, names in modules.items():
-        module = ModuleType(name)
-        vars(module).update(names)
-        monkeypatch.setitem(sys.modules, name, module)
-    return published
+    def __init__(self, _: str) -> None:
+        self.published: list[Any] = []
+        self.get_logger = Mock()
+        self.declare_parameter = lambda _, default: SimpleNamespace(value=default)
+        self.create_publisher = lambda *_: SimpleNamespace(publish=self.published.append)
+        self.create_subscription = Mock()
 
 
-TWIST = STORE.types["geometry_msgs/msg/TwistStamped"]
+TYPES = STORE.types
+TWIST = TYPES["geometry_msgs/msg/TwistStamped"]
 
 
 def twist() -> Any:
     """Return a twist of ROS's own type: 1 m/s along X and against Z, 1 rad/s about Y."""
-    vector = STORE.types["geometry_msgs/msg/Vector3"]
-    linear, angular = vector(x=1.0, y=0.0, z=-1.0), vector(x=0.0, y=1.0, z=0.0)
-    header = STORE.types["std_msgs/msg/Header"](STORE.types["builtin_interfaces/msg/Time"](1, 2), "tool0")
-    return TWIST(header, STORE.types["geometry_msgs/msg/Twist"](linear, angular))
+    linear, angular = (TYPES["geometry_msgs/msg/Vector3"](*xyz) for xyz in ((1.0, 0.0, -1.0), (0.0, 1.0, 0.0)))
+    header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](1, 2), "tool0")
+    return TWIST(header, TYPES["geometry_msgs/msg/Twist"](linear, angular))
 
 
 def test_twists_for_servo_are_slowed_to_the_floor_and_then_to_the_scale(
     publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    published = ros(monkeypatch)
+    modules = {"rclpy": {}, "rclpy.executors": {"ExternalShutdownException": KeyboardInterrupt}}
+    modules |= {"rclpy.node": {"Node": Node}, "geometry_msgs": {}, "geometry_msgs.msg": {"TwistStamped": TWIST}}
+    for name, names in modules.items():
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(**names))
     monkeypatch.delitem(sys.modules, "servo_speed", raising=False)
     with MotionAdvisor(publisher.endpoint) as advisor:
         node: Any = importlib.import_module("servo_speed").ServoSpeed(advisor)
-        assert node.kind is TWIST
-        node.callback(twist())
-        assert (published[-1].twist.linear.x, published[-1].header.frame_id) == (0.2, "tool0")
+        kind, _, slow, _ = node.create_subscription.call_args.args
+        slow(twist())
+        slowed = node.published[-1]
+        assert (kind, slowed.twist.linear.x, slowed.header.frame_id) == (TWIST, 0.2, "tool0")
         with advised(publisher):
-            until(lambda: published[-1].twist.linear.x == 0.6, lambda: node.callback(twist()))
-    assert (published[-1].twist.linear.z, published[-1].twist.angular.y) == (-0.6, 0.6)
-    STORE.serialize_cdr(published[-1], TWIST.__msgtype__)
+            until(lambda: node.published[-1].twist.linear.x == 0.6, lambda: slow(twist()))
+    assert (node.published[-1].twist.linear.z, node.published[-1].twist.angular.y) == (-0.6, 0.6)
+    STORE.serialize_cdr(node.published[-1], TWIST.__msgtype__)
 
 
 def packet(kind: int, *numbers: int) -> bytes:

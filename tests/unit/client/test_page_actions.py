@@ -7,6 +7,7 @@ import json
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -175,37 +176,28 @@ async def test_no_other_touch_is_passed_on(tmp_path: Path, touch: str) -> None:
     assert emulation.lines == ["show"]
 
 
-class Page:
-    """What a browser is told of the hand."""
-
-    def __init__(self) -> None:
-        self._told: asyncio.Queue[Any] = asyncio.Queue()
-
-    async def send(self, text: str) -> None:
-        await self._told.put(json.loads(text)["hand"])
-
-    async def told(self) -> Any:
-        return await asyncio.wait_for(self._told.get(), PATIENCE_S)
-
-
 async def test_a_browser_hears_of_emulations_that_begin_and_end_and_keeps_one_that_is_late(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(requests_of_page, "LOOK_S", 0.005)
-    hand, page = EmulatedHand(tmp_path), Page()
-    telling = asyncio.create_task(hand.tell(page))  # type: ignore[arg-type]
-    assert await page.told() == []
+    hand, page = EmulatedHand(tmp_path), asyncio.Queue()
+    telling = asyncio.create_task(hand.tell(SimpleNamespace(send=page.put)))  # type: ignore[arg-type]
+
+    async def told() -> Any:
+        return json.loads(await asyncio.wait_for(page.get(), PATIENCE_S))["hand"]
+
+    assert await told() == []
     async with emulating(tmp_path):
-        assert await page.told() == ["left", "right"]
-    assert await page.told() == []
+        assert await told() == ["left", "right"]
+    assert await told() == []
     async with emulating(tmp_path) as emulation:
-        assert await page.told() == ["left", "right"]
+        assert await told() == ["left", "right"]
         monkeypatch.setattr(requests_of_page, "ANSWER_S", 0.01)
         emulation.answers |= {"press": "", "show": ""}
         said = await hand.touch(json.dumps(PRESS))
         assert said["text"].startswith("the emulation has ended, or does not answer")
         assert await hand.look() == ("left", "right"), "the page would forget place and focus"
-    assert await page.told() == [], "and nothing before it ended"
+    assert await told() == [], "and nothing before it ended"
     telling.cancel()
     await asyncio.gather(telling, return_exceptions=True)
 
