@@ -165,16 +165,21 @@ def advised(publisher: Publisher) -> Iterator[None]:
 
 
 def test_the_slider_of_a_ur_rises_slowly_from_the_floor_to_the_scale(publisher: Publisher) -> None:
-    ended = pytest.raises(SystemExit, match="the robot closed the connection")
-    with robot(until=0.6) as (port, sliders), advised(publisher), ended:
+    with (
+        robot(until=0.6) as (port, sliders),
+        advised(publisher),
+        pytest.raises(SystemExit, match="the robot closed the connection"),
+    ):
         ur_speed.main("127.0.0.1", port, publisher.endpoint)
     steps = [after - before for before, after in itertools.pairwise([ur_speed.FLOOR, *sliders])]
     assert (max(sliders), max(steps) < ur_speed.RISE + 1e-9) == (pytest.approx(0.6), True)
 
 
 def test_a_robot_that_has_no_slider_to_move_is_named(publisher: Publisher) -> None:
-    refused = pytest.raises(SystemExit, match="does not let this program move the slider: IN_USE,IN_USE")
-    with robot(until=0.0, inputs=b"\x00IN_USE,IN_USE") as (port, _), refused:
+    with (
+        robot(until=0.0, inputs=b"\x00IN_USE,IN_USE") as (port, _),
+        pytest.raises(SystemExit, match="does not let this program move the slider: IN_USE,IN_USE"),
+    ):
         ur_speed.main("127.0.0.1", port, publisher.endpoint)
 
 

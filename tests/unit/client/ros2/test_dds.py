@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
+import itertools
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from client_peers import until
 from ros_peers import built, typestore
 
-from slipd_client.motion import MotionAdvisorBase
 from slipd_client.ros.conversion import TYPES, RosMessage
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
-from ros_graph import Heard, Listener, free_domain, joined, reader
+from ros_graph import Heard, Listener, free_domain, joined
 
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.speed_scaling import SpeedScaling
@@ -94,39 +93,15 @@ def test_a_reliable_subscriber_that_hangs_delays_nobody_and_gets_the_last_messag
         until(lambda: listener.hear().data == last)
 
 
-TOPIC = "/joint_trajectory_controller/speed_scaling_input"
-STORE = typestore()
-
-
-class Advisor(MotionAdvisorBase):
-    """Advice that the test sets."""
-
-    def __init__(self) -> None:
-        self.scale: float | None = None
-
-    def speed_scale(self, floor: float | None = None) -> float | None:
-        return floor if self.scale is None else self.scale
-
-
-def factors(controller: Any) -> Iterator[float]:
-    """Yield the factors that arrive at a controller, for ever."""
-    until_s = time.monotonic() + 40
-    while time.monotonic() < until_s:
-        for sample in controller.take(20):
-            if sample.sample_info.valid_data:
-                yield STORE.deserialize_cdr(sample.data, "control_msgs/msg/SpeedScalingFactor").factor
-        time.sleep(0.01)
-
-
 def test_a_controller_receives_the_scale_and_is_left_with_the_floor() -> None:
-    with joined(free_domain()) as participant:
-        advisor = Advisor()
-        speed = SpeedScaling(RosPublisher(participant, {TOPIC: 1}).publish, TOPIC, advisor, 0.2)
-        speed.start()
-        arrived = factors(reader(participant, TOPIC, "control_msgs/SpeedScalingFactor", latched=True))
-        assert next(arrived) == 0.2, "it is not known yet"
-        advisor.scale = 0.7
-        assert next(factor for factor in arrived if factor != 0.2) == 0.7
-        speed.stop()
-        late = factors(reader(participant, TOPIC, "control_msgs/SpeedScalingFactor", latched=True))
-        assert next(late) == 0.2, "a controller that comes late gets the last factor"
+    topic, sent, known = "/joint_trajectory_controller/speed_scaling_input", [], {}
+    advisor: Any = SimpleNamespace(speed_scale=lambda floor: known.get("scale", floor))
+    speed = SpeedScaling(sent.append, topic, advisor, 0.2)
+    speed.start()
+    until(lambda: sent)
+    known["scale"] = 0.7
+    until(lambda: sent[-1].value["factor"] == 0.7)
+    speed.stop()
+    factors = [factor for factor, _ in itertools.groupby(message.value["factor"] for message in sent)]
+    kinds = {message[:2] for message in sent}
+    assert (factors, kinds) == ([0.2, 0.7, 0.2], {(topic, "control_msgs/SpeedScalingFactor")})

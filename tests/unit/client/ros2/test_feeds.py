@@ -7,7 +7,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -106,29 +106,46 @@ def arrived(readings: Any, name: str) -> list[Any]:
     return [STORE.deserialize_cdr(sample.data, name) for sample in readings.take(50)]
 
 
-def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper_to_ros(
+@pytest.fixture
+def serving(
     publisher: Publisher, daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]], tmp_path: Path
+) -> Callable[[str], AbstractContextManager[Any]]:
+    """Runs ``slipctl serve ros2`` with this config and transforms of base_link; yields process and participant."""
+
+    @contextmanager
+    def serve(config: str) -> Iterator[Any]:
+        variables = free_domain()
+        (tmp_path / "rig.toml").write_text(config, encoding="utf-8")
+        process = slipctl(
+            *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2"),
+            *("--config", str(tmp_path / "rig.toml"), "--hand", "tool0", "--orientation-from", "base_link"),
+            env=os.environ | variables,
+            silence_s=0.5,
+        )
+        assert process.stdout.readline() == f"ros2: domain {variables['ROS_DOMAIN_ID']}, topics /slipd/…\n"
+        with joined(variables) as participant:
+            yield process, participant
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=PATIENCE_S)
+        assert (process.returncode, rest, "Traceback" in errors) == (130, "", False)
+
+    return serve
+
+
+def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper_to_ros(
+    publisher: Publisher, daemon: Daemon, serving: Callable[[str], AbstractContextManager[Any]]
 ) -> None:
-    variables = free_domain()
-    (tmp_path / "rig.toml").write_text(PADS, encoding="utf-8")
-    process = slipctl(
-        *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2"),
-        *("--config", str(tmp_path / "rig.toml"), "--hand", "tool0", "--orientation-from", "base_link"),
-        env=os.environ | variables,
-        silence_s=0.5,
-    )
-    assert process.stdout.readline() == f"ros2: domain {variables['ROS_DOMAIN_ID']}, topics /slipd/…\n"
     arm, flange = Rotation.random(2, random_state=3)
-    with joined(variables) as participant:
+    with serving(PADS) as (process, participant):
         robot = RosPublisher(participant, {"/tf_static": 1})
         robot.publish(transform(0, "flange", "tool0", flange, "/tf_static"))
         request = until(
             lambda: [each for each in daemon.requests if each["op"] == "gravity.set"],
             lambda: robot.publish(transform(time.time_ns(), "base_link", "flange", arm)),
         )[-1]
-        assert request["finger"] == "left"
         pad = arm * flange * Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
-        assert pad.apply(request["gravity_mps2"]) == pytest.approx([0.0, 0.0, -9.80665], abs=1e-9)
+        gravity = pytest.approx([0.0, 0.0, -9.80665], abs=1e-9)
+        assert (request["finger"], pad.apply(request["gravity_mps2"])) == ("left", gravity)
 
         frames = reader(participant, "/tf_static", "tf2_msgs/TFMessage", latched=True)
 
@@ -148,25 +165,14 @@ def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper
         until(lambda: daemon_is(0), lambda: publisher.send("status", 1, timestamp=1.0, frame="", config_id="c"))
         assert "slipd: orientation from ROS" in levels
         until(lambda: daemon_is(3))
-    shown = process.stderr.readline()
-    process.send_signal(signal.SIGINT)
-    rest, errors = process.communicate(timeout=PATIENCE_S)
-    assert f"slipctl: no message from {publisher.endpoint} for 0.5 s. Is slipd running?\n" in shown + errors
-    assert (process.returncode, rest, "Traceback" in errors) == (130, "", False)
+        assert f"slipctl: no message from {publisher.endpoint} for 0.5 s. Is slipd running?\n" in process.stderr
 
 
 def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
-    publisher: Publisher, daemon: Daemon, slipctl: Callable[..., subprocess.Popen[str]], pull: Pull, tmp_path: Path
+    daemon: Daemon, serving: Callable[[str], AbstractContextManager[Any]], pull: Pull
 ) -> None:
-    variables = free_domain()
-    (tmp_path / "rig.toml").write_text(PADS + ARM.format(port=pull.endpoint), encoding="utf-8")
     rotation = Rotation.from_euler("x", 90, degrees=True)
-    process = slipctl(
-        *("--publish", publisher.endpoint, "--requests", daemon.endpoint, "serve", "ros2"),
-        *("--config", str(tmp_path / "rig.toml"), "--hand", "tool0", "--orientation-from", "base_link"),
-        env=os.environ | variables,
-    )
-    with joined(variables) as participant:
+    with serving(PADS + ARM.format(port=pull.endpoint)) as (_, participant):
         robot = RosPublisher(participant, {})
 
         def move() -> None:
@@ -178,9 +184,6 @@ def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
     assert sample.angular_velocity_radps == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
     assert (sample.t_ns - sample.device_time_ns) * 1e-9 >= 0.015, "the delay of the filter is in its time"
     assert "gravity.set" not in daemon.ops
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=PATIENCE_S)
-    assert (process.returncode, "Traceback" in errors) == (130, False)
 
 
 def on_the_gripper(participant: DomainParticipant) -> Imu:
