@@ -108,15 +108,19 @@ def load_allowed(directory: str | os.PathLike[str]) -> frozenset[bytes]:
         KeyFileError: The directory cannot be read, one of its files holds no public key, or the directory or one of
             them belongs to another user (except root) or may be written by others, who could then admit themselves.
     """
-    files = _files(Path(directory))
-    _check_own(Path(directory), Path(directory).stat())
-    return frozenset(map(_allowed, files))
-
-
-def _allowed(file: Path) -> bytes:
-    found, about = _read(file)
-    _check_own(file, about)
-    return _public(file, found)
+    folder, allowed = Path(directory), set()
+    try:
+        files = sorted(file for file in folder.iterdir() if file.suffix == PUBLIC_SUFFIX)
+    except OSError as error:
+        raise KeyFileError(
+            f"{folder}: must be a readable directory: {error.strerror}; slipctl keys new creates a first key"
+        ) from None
+    _check_own(folder, folder.stat())
+    for file in files:
+        found, about = _read(file)
+        _check_own(file, about)
+        allowed.add(_public(file, found))
+    return frozenset(allowed)
 
 
 def create(name: str, directory: Path) -> tuple[Path, Path]:
@@ -225,12 +229,3 @@ def run(chosen: argparse.Namespace) -> None:
         return
     print(f"{public}: public key, for the list of keys that the other side allows")
     print(f"{secret}: secret key, for this user alone")
-
-
-def _files(directory: Path) -> list[Path]:
-    try:
-        return sorted(file for file in directory.iterdir() if file.suffix == PUBLIC_SUFFIX)
-    except OSError as error:
-        raise KeyFileError(
-            f"{directory}: must be a readable directory: {error.strerror}; slipctl keys new creates a first key"
-        ) from None

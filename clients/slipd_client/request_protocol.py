@@ -142,7 +142,12 @@ class RequestProtocol:
                 self.boot = None  # what hello returned is out of date
                 self.clock.forget()
             raise
-        return self._typed(ask.op, result)
+        try:
+            return typed_reply(OPS[ask.op].reply if ask.op in OPS else Reply, result)
+        except Mismatch as mismatch:
+            raise NoAnswer(
+                f"{self.endpoint} carried out {ask.op}, but in its reply {mismatch.path} {mismatch.rule}"
+            ) from mismatch
 
     async def tare(
         self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
@@ -241,15 +246,6 @@ class RequestProtocol:
             f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
         )
         return NoAnswer(text + self._unreadable)
-
-    def _typed(self, op: str, result: Result) -> Reply:
-        """Return a result as the class of its op."""
-        try:
-            return typed_reply(OPS[op].reply if op in OPS else Reply, result)
-        except Mismatch as mismatch:
-            raise NoAnswer(
-                f"{self.endpoint} carried out {op}, but in its reply {mismatch.path} {mismatch.rule}"
-            ) from mismatch
 
     def _error_ns(self) -> float:
         error_ns = self.clock.error_ns(self._now_ns())

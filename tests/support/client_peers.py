@@ -59,12 +59,9 @@ class Publisher:
             change(asked[1:])
         return self.topics
 
-    def wait_for(self, *topics: bytes, meanwhile: Callable[[], object] = lambda: None) -> None:
-        """Wait until somebody subscribes to these beginnings of topics; without any, to one at least.
-
-        ``meanwhile``: a subscriber of this thread joins a second publisher only while it receives.
-        """
-        until(lambda: self.subscribed() >= set(topics) and self.topics, meanwhile)
+    def wait_for(self, *topics: bytes) -> None:
+        """Wait until somebody subscribes to these beginnings of topics; without any, to one at least."""
+        until(lambda: self.subscribed() >= set(topics) and self.topics)
 
     def send(self, topic: str, seq: int | None = None, **fields: Any) -> int:
         """Send a message with all that its class needs, and what is given; return its number."""

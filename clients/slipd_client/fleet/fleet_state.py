@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -202,7 +202,8 @@ class _Robot:
                 state = CLASH
         runs = [self.run, *beside] if state in PUBLISHING else [self.run]
         fingers = _fingers(runs)
-        level, reasons = _worst(fingers) if state in PUBLISHING else ("unknown", ("stale",))
+        worst = max(fingers.values(), key=lambda each: SEVERITY[each[0]], default=("unknown", ()))
+        level, reasons = worst if state in PUBLISHING else ("unknown", ("stale",))
         if state == CLASH and SEVERITY[level] <= SEVERITY["unknown"]:
             level, reasons = "unknown", (NAME_CLASH,)
         health, complaint = _health(runs) if state in PUBLISHING else (None, "")
@@ -232,10 +233,6 @@ def _fingers(runs: Sequence[DaemonRun]) -> dict[str, tuple[str, tuple[str, ...]]
             if finger not in fingers or SEVERITY[level] > SEVERITY[fingers[finger][0]]:
                 fingers[finger] = level, reasons
     return fingers
-
-
-def _worst(fingers: Mapping[str, tuple[str, tuple[str, ...]]]) -> tuple[str, tuple[str, ...]]:
-    return max(fingers.values(), key=lambda each: SEVERITY[each[0]], default=("unknown", ()))
 
 
 def _health(runs: Sequence[DaemonRun]) -> tuple[Health | None, str]:

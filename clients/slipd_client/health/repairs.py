@@ -27,6 +27,12 @@ FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
 }
 """Reason of a finger → id, severity and command of its repair. Streams and motions cause the other reasons."""
 
+NOTICE_REPAIRS: dict[str, tuple[str, Severity, str]] = {
+    "config": ("config-kept", "error", "slipd check FILE"),
+    "realtime": ("realtime-refused", "warning", "systemctl show slipd -p LimitRTPRIO"),
+    "state": ("state-not-kept", "warning", "slipctl status --json"),
+}
+"""The same of each notice about the host."""
 
 READ_ONLY = "Read-only file system"
 """Text of the error EROFS: the disk is mounted read-only, on purpose or by the kernel after a fault."""
@@ -106,12 +112,9 @@ def _unknown_grip(status: Mapping[str, Any]) -> Iterator[Repair]:
 
 def _host(status: Mapping[str, Any]) -> Iterator[Repair]:
     notices = _maps(status, "notices")
-    if text := notices.get("config"):
-        yield Repair("config-kept", "error", "config", text, "slipd check FILE")
-    if text := notices.get("realtime"):
-        yield Repair("realtime-refused", "warning", "realtime", text, "systemctl show slipd -p LimitRTPRIO")
-    if text := notices.get("state"):
-        yield Repair("state-not-kept", "warning", "state", text, "slipctl status --json")
+    for about, (number, severity, command) in NOTICE_REPAIRS.items():
+        if text := notices.get(about):
+            yield Repair(number, severity, about, text, command)
     for topic, text in notices.items():
         if topic.startswith("latency "):
             command = f"echo 1 | sudo tee {text.rpartition(' ')[2]}"

@@ -228,15 +228,10 @@ class LiveFeed:
                 ready.set()
             elif isinstance(text, str) and self._hand is not None and text.startswith(TOUCH):
                 await touches.put(text.removeprefix(TOUCH))
+            elif asked.full():  # it is refused while another is carried out: none is carried out later
+                await _reply(connection, refused("busy: the request before it is not answered yet"))
             elif isinstance(text, str):
-                await self._accept(connection, asked, text)
-
-    async def _accept(self, connection: ServerConnection, asked: asyncio.Queue[str], text: str) -> None:
-        """Pass a request on, or refuse it while another is carried out: none is carried out later."""
-        try:
-            asked.put_nowait(text)
-        except asyncio.QueueFull:
-            await _reply(connection, refused("busy: the request before it is not answered yet"))
+                asked.put_nowait(text)
 
     async def _carry_out(self, connection: ServerConnection, asked: asyncio.Queue[str]) -> None:
         """Carry out the requests of one browser, one after another."""

@@ -44,7 +44,9 @@ def ros_environment(variables: Mapping[str, str], domain: int | None = None) -> 
         CallError: A variable has a value that ROS does not know.
     """
     parts = [*_fragments(variables), *filter(None, [variables.get("CYCLONEDDS_URI", "").strip()])]
-    return RosEnvironment(_domain(variables) if domain is None else domain, ",".join(parts), _warning(variables))
+    if domain is None:
+        domain = check_domain(variables.get("ROS_DOMAIN_ID", "").strip() or "0", "ROS_DOMAIN_ID")
+    return RosEnvironment(domain, ",".join(parts), _warning(variables))
 
 
 def check_domain(text: str, name: str) -> int:
@@ -56,11 +58,6 @@ def check_domain(text: str, name: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= LARGEST_DOMAIN):
         raise CallError(f"{name} must be an integer from 0 to {LARGEST_DOMAIN}, got {text!r:.40}")
     return int(text)
-
-
-def _domain(variables: Mapping[str, str]) -> int:
-    text = variables.get("ROS_DOMAIN_ID", "").strip()
-    return check_domain(text, "ROS_DOMAIN_ID") if text else 0
 
 
 def _fragments(variables: Mapping[str, str]) -> Iterator[str]:

@@ -172,28 +172,37 @@ def test_a_silent_daemon_may_or_may_not_have_done_it_and_its_late_reply_is_not_t
     assert daemon.ops.count("grip.set") == 2
 
 
-@pytest.mark.parametrize("data", [b"", b"\xc1", encode({"id": 5, "ok": True, "result": {}})])
-def test_a_reply_that_is_none_is_not_believed(daemon: Daemon, data: bytes) -> None:
-    with GripClient(daemon.endpoint) as client:
-        client.hello()
-        client.timeout_s = 0.1
-        daemon.handlers["status"] = lambda _: data
-        with pytest.raises(NoAnswer, match="may or may not"):
-            client.status()
-        daemon.handlers["hello"] = lambda _: {"boot": "b"}
-        client.timeout_s = PATIENCE_S
-        with pytest.raises(NoAnswer, match="is this slipd"):
-            client.hello()
+UNREADABLE = [b"", b"\xc1", encode({"id": 5, "ok": True, "result": {}})]
+NEITHER: list[dict[str, Any]] = [
+    *({}, {"ok": True}, {"ok": True, "result": 5}, {"ok": False}, {"ok": 1, "result": {}}, {"ok": False, "error": []})
+]
 
 
 @pytest.mark.parametrize(
-    "reply",
-    [{}, {"ok": True}, {"ok": True, "result": 5}, {"ok": False}, {"ok": 1, "result": {}}, {"ok": False, "error": []}],
+    ("reply", "error", "why"),
+    [
+        *((lambda _, data=data: data, NoAnswer, "may or may not") for data in UNREADABLE),
+        *(
+            (lambda request, body=body: encode({"v": 1, "id": request["id"], **body}), RequestRefused, "malformed")
+            for body in NEITHER
+        ),
+    ],
 )
-def test_a_reply_with_neither_result_nor_error_is_no_success(daemon: Daemon, reply: dict[str, Any]) -> None:
-    daemon.handlers["status"] = lambda request: encode({"v": 1, "id": request["id"], **reply})
-    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="malformed"):
-        client.status()
+def test_a_reply_that_is_none_or_has_neither_result_nor_error_is_no_success(
+    daemon: Daemon, reply: Callable[[Any], bytes], error: type[Exception], why: str
+) -> None:
+    with GripClient(daemon.endpoint) as client:
+        client.hello()
+        client.timeout_s = 0.1 if error is NoAnswer else PATIENCE_S
+        daemon.handlers["status"] = reply
+        with pytest.raises(error, match=why):
+            client.status()
+
+
+def test_who_answers_hello_in_another_way_is_no_slipd(daemon: Daemon) -> None:
+    daemon.handlers["hello"] = lambda _: {"boot": "b"}
+    with GripClient(daemon.endpoint) as client, pytest.raises(NoAnswer, match="is this slipd"):
+        client.hello()
 
 
 def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) -> None:
@@ -341,18 +350,15 @@ def test_a_reply_is_its_map_and_has_its_fields_as_attributes(daemon: Daemon) -> 
     daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 0}, "tare_id": 0}
     daemon.handlers["tare.get"] = lambda _: {"busy": False, "tare_id": 1, "stream": "wrench", "std": [0.1]}
     with GripClient(daemon.endpoint) as client:
-        grip = client.grip_set(5.0)
-        assert (grip.applied_n, grip["applied_n"], grip.get("later"), "later" in grip) == (5.0, 5, [1], True)
-        assert json.loads(json.dumps(grip)) == grip == {"applied_n": 5, "later": [1]}
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            grip.applied_n = 7.0  # type: ignore[misc]
-        status = client.status()
-        assert (status.version, status.streams["left.wrench"].health, status.gripper) == ("0.1.0", Health.WARN, None)
-        assert status["streams"]["left.wrench"]["health"] == 1
-        tare = client.tare("left", 0.1)
-        assert (tare.verified, tare.tares["wrench"].std, tare["std"]) == (True, (0.1,), [0.1])
-        assert client.request("grip.set", force_n=5.0).applied_n == 5.0
-        assert client.request("later.op") == {}
+        grip, again, later = client.grip_set(5.0), client.request("grip.set", force_n=5.0), client.request("later.op")
+        status, tare = client.status(), client.tare("left", 0.1)
+    assert (grip.applied_n, grip["applied_n"], again.applied_n, later) == (5.0, 5, 5.0, {})
+    assert json.loads(json.dumps(grip)) == grip == {"applied_n": 5, "later": [1]}
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        grip.applied_n = 7.0  # type: ignore[misc]
+    assert (status.version, status.streams["left.wrench"].health, status.gripper) == ("0.1.0", Health.WARN, None)
+    assert status["streams"] == {"left.wrench": {"health": 1}}
+    assert (tare.verified, tare.tares["wrench"].std, tare["std"]) == (True, (0.1,), [0.1])
 
 
 @pytest.mark.parametrize("applied_n", ["5", True, [5.0]])
