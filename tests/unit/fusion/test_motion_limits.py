@@ -1,4 +1,4 @@
-"""The half-spaces of a pad beside the exact solver of the friction limit."""
+"""The half-spaces of a pad beside the exact solver of the friction limit, and what follows from them for a motion."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from slipd.fusion import utilisation
-from slipd.fusion.held_pad import NET_SHARE, twist_net
-from slipd.fusion.motion_scale import follow_gravity
+from slipd.fusion.held_pad import NET_SHARE, HeldPad, pad_use, tipping_edges, twist_net
+from slipd.fusion.motion_limits import nearest_limit, worst_turn
+from slipd.fusion.motion_scale import check_points, follow_gravity, held_ratio, largest_scale
+from slipd.types.arrays import Array
 
 
 @pytest.mark.parametrize(
@@ -41,3 +43,93 @@ def test_gravity_is_followed_through_a_turn() -> None:
     found = np.empty((101, 3))
     follow_gravity(points, np.array((1.0, 0.0, -9.0)), found)
     assert found[-1] == pytest.approx((1.0, 0.0, 9.0), abs=1e-3)
+
+
+def held(right: bool) -> HeldPad:
+    """Return one of two pads that hold an object a little unevenly, of which little is known exactly."""
+    x, y = (each.ravel() * 0.004 - 0.006 for each in np.meshgrid(np.arange(4), np.arange(4)))
+    shares = 1.0 + 0.3 * np.sin(np.arange(16) + right)
+    shares /= shares.sum()
+    cx, cy = float(shares @ x), float(shares @ y)
+    net, corners_m = twist_net(x, y, shares, cx, cy), 0.006 * np.array(((-1.0, 1.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0)))
+    turn = np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)))
+    c, s = math.cos(0.3), math.sin(0.3)
+    return HeldPad(
+        turn=-turn @ ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, -1.0)) if right else turn,
+        lever=np.array((0.003, -0.002, 0.015)),
+        lever_error=np.array((0.002, 0.001, 0.003)),
+        load=np.array((-0.3, 0.8, -0.003) if right else (0.5, -1.0, 0.004)),
+        normal=7.0 if right else 8.0,
+        shares=np.array((0.4, 0.6)),
+        spin_shares=np.array((0.45, 0.55)),
+        mass=np.array((0.2, 0.3)),
+        mu=0.5,
+        spin_scale=1.5,
+        twists=np.vstack((net[:3], 0.5 * net[3], 0.01 * np.abs(net[0]))),
+        edges=tipping_edges(*corners_m, cx, cy, 0.002),
+    )
+
+
+PADS = held(right=False), held(right=True)
+STILL, TURNING = np.zeros(6), np.array((1.0, -2.0, 0.5, 0.01, -0.02, 0.015))
+
+
+@pytest.mark.parametrize(
+    ("pad", "rest", "expected"),
+    [
+        (PADS[0], STILL, (4.093857, -0.08071044, -0.1489215, 0.9039864, 0.4007879)),
+        (PADS[0], TURNING, (1.130364, 2.41594, -0.1852463, 0.9472388, -0.261577)),
+        (PADS[1], STILL, (6.388693, -1.323199, 0.463178, 0.6893324, 0.557034)),
+        (PADS[1], TURNING, (2.89734, 0.6856707, 0.4220111, 0.6796844, -0.5999464)),
+    ],
+)
+def test_the_worst_acceleration_keeps_its_digits(pad: HeldPad, rest: Array, expected: tuple[float, ...]) -> None:
+    direction = np.empty(3)
+    assert (*nearest_limit(pad, rest, 1.5, 4.0, direction), *direction) == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("pad", "expected"),
+    [(PADS[0], (1.247432, 3.84874, -0.2132141, 9.020967)), (PADS[1], (1.429579, -5.193964, -4.062605, 7.2632))],
+)
+def test_the_worst_orientation_keeps_its_digits(pad: HeldPad, expected: tuple[float, ...]) -> None:
+    gravity = np.empty(3)
+    assert (worst_turn(pad, np.array((0.5, 1.0, -9.7)), 9.81, gravity), *gravity) == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("felt", "couple", "expected"),
+    [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), [(0.3978151, 4.773781, 8.0, 0.0), (0.3474467, 3.64819, 7.0, 0.0)]),
+        ((3.0, -2.0, 4.0), (0.02, -0.01, 0.03), [(0.8104677, 9.178547, 7.55, 0), (0.8458838, 9.320419, 7.345705, 0)]),
+        ((0.0, 6.0, -12.0), (0.0, 0.1, 0.0), [(3.052586, 36.63103, 8.0, 0.0), (1.783207, 18.01226, 6.734032, 0.0)]),
+        ((0.0, 0.0, 9.0), (0.05, 0.12, 0.0), [(1.060928, 12.73114, 8.0, 0.0), (3.524833, 37.01075, 7.0, 0.0)]),
+    ],
+)
+def test_what_a_motion_uses_of_both_pads_keeps_its_digits(
+    felt: tuple[float, ...], couple: tuple[float, ...], expected: list[tuple[float, ...]]
+) -> None:
+    found = [pad_use(pad, felt, couple, 1.5, np.empty(PADS[0].twists.shape[1])) for pad in PADS]
+    assert np.array(found) == pytest.approx(np.array(expected), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("swings", "expected", "scales"),
+    [
+        (1.0, (0.5932274, 5, 0, 0, -0.8739064, 1.0), [2.0, 2.0, 1.546821]),
+        (2.0, (0.8201557, 5, 0, 0, 1.800844, 0.6735488), [1.148371, 1.915097, 0.7733403]),
+        (6.0, (2.351911, 5, 0, 0, 18.64687, 0.2245296), [0.3827196, 0.6383518, 0.2578]),
+    ],
+)
+def test_how_far_a_motion_must_be_slowed_down_keeps_its_digits(
+    swings: float, expected: tuple[float, ...], scales: list[float]
+) -> None:
+    parts = np.array((1.0, 1.0, 1.0, 0.01, 0.01, 0.01))
+    rest = 0.3 * np.sin(np.arange(42.0)).reshape(7, 6) * parts
+    swing = swings * np.cos(1.7 * np.arange(42.0)).reshape(7, 6) * parts
+    each = np.empty(PADS[0].twists.shape[1])
+    assert check_points(*PADS, rest, swing, 1.5, each) == pytest.approx(expected, rel=1e-5)
+    found = [largest_scale(*PADS, rest[k], swing[k], 1.5, 2.0, each) for k in range(3)]
+    assert found == pytest.approx(scales, rel=1e-5)
+    ratios = [held_ratio(*PADS, rest[k], swing[k], scale, 1.5, each) for k, scale in enumerate(found)]
+    assert [0.99 <= ratio <= 1.0 for ratio in ratios] == [scale < 2.0 for scale in found]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chirps import chirp
 from simulated_grasp.contact_patch import ContactPatch
 from simulated_grasp.grasp_parts import FrictionLaw, GraspedObject, PadCompliance
 from simulated_grasp.load_history import LoadHistory
@@ -192,6 +193,49 @@ def test_a_contact_that_turns_about_its_centroid_is_found_where_it_follows_its_t
         image = 0.3 * np.exp(-((u / 0.014) ** 4) - (v / 0.009) ** 4) + rng.normal(0.0, 0.002, X.size)
         found.append(shift.update(T0 + k * PERIOD_NS, image, measured(rng, (0.5, 0.0, -10.0, 0.0, 0.0, 0.05))))
     assert any(evidence is not None and evidence.surprise > CERTAIN for evidence in found) == (turns > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("torque", "turns", "slides_m", "expected", "until_ms"),
+    [
+        (
+            True, 0.0, 1e-5,
+            {90: 21.158, 95: 23.794, 100: 26.014, 105: 28.206, 115: 32.331, 130: 37.644, 140: 40.748},
+            [1450, 1450, 1600, 1700],
+        ),
+        (
+            False, 0.0, 1e-5, {95: 28.12, 100: 30.153, 105: 32.401, 115: 32.401, 125: 32.401, 140: 32.401},
+            [1450, 1450, 1550, 1700],
+        ),
+        (
+            True, 1e-3, 0.0, {90: 37.44, 95: 44.1, 100: 42.107, 105: 47.024, 120: 47.024, 135: 47.024},
+            [1450, 1500, 1650],
+        ),
+        (
+            False, 5e-4, 1e-5, {95: 24.706, 100: 24.541, 105: 26.734, 120: 26.734, 130: 26.734, 145: 26.734},
+            [1450, 1500, 1600, 1750],
+        ),
+    ],
+)  # fmt: skip
+def test_the_surprise_of_a_patch_that_slides_or_turns_keeps_its_digits(
+    torque: bool, turns: float, slides_m: float, expected: dict[int, float], until_ms: list[int]
+) -> None:
+    """From the first second on, the motion is confirmed, so that only a further one is evidence."""
+    shift, found, until_ns = ImageShift(GEOMETRY, NOISE), {}, []
+    for k, noise in enumerate(chirp(150, 6, turn=0.7) * np.repeat((0.005, 1e-4), 3)):
+        moved_m, angle = max(k - 60, 0) * slides_m, max(k - 60, 0) * turns
+        x, y = X - 0.8 * moved_m, Y - 0.6 * moved_m
+        u, v = x * math.cos(angle) + y * math.sin(angle), y * math.cos(angle) - x * math.sin(angle)
+        image = 0.3 * np.exp(-((u / 0.014) ** 4) - (v / 0.009) ** 4) + 0.002 * chirp(150, 128)[k]
+        spin = 0.03 + (0.8 * 3.0 - 0.6 * 4.0) * moved_m
+        wrench = noise + np.array((4.0, 3.0, -12.0, -7.2 * moved_m, 9.6 * moved_m, spin))
+        wrench[3:] += 0.0 if torque else math.nan
+        evidence = shift.update(T0 + k * PERIOD_NS, image, tuple(wrench.tolist()))
+        if evidence is not None:
+            found[k] = evidence.surprise
+            until_ns += [shift.confirm()] if k > 100 else []
+    assert found == pytest.approx(expected, abs=2e-3)
+    assert [(end_ns - T0) / 1e6 for end_ns in until_ns] == until_ms
 
 
 def test_loads_are_the_same_within_shares_of_themselves_and_the_noise() -> None:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from chirps import chirp
 from plain_kernels import check_without_compilation
 
 from slipd.motion import vibration
@@ -82,6 +83,24 @@ def test_the_kernels_find_the_same_without_compilation(loud: float) -> None:
     readings = np.random.default_rng(1).normal(0.0, 0.02, (BLOCK, 3)) + np.sin(0.9 * np.arange(BLOCK))[:, None]
     check_without_compilation(vibration._powers, loud * readings, np.zeros(4))
     check_without_compilation(vibration._unpredictable, loud * readings[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("normal", "expected"),
+    [
+        (0.0, [0.0] * 5 + [3.68834, 5.90101, 5.42311, 4.81669] + [6.0] * 6),
+        (0.05, [0.0] * 6 + [4.19469, 0.0, 0.0, 3.00099, 3.87423, 0.0, 4.061, 3.97995, 4.23038]),
+    ],
+)
+def test_the_surprise_of_a_sliding_that_grows_louder_keeps_its_digits(normal: float, expected: list[float]) -> None:
+    """It is less where the normal force shakes as well."""
+    heard, found = Vibration(RATE_HZ), []
+    for n, block in enumerate(0.02 * chirp(75, BLOCK, 6)):
+        louder = max(n - 60, 0)
+        scale = 1.0 + louder * np.array((0.12, 0.132, normal, 0.0, 0.0, 0.0))
+        evidence = heard.update(10**11 + n * BLOCK * 1_000_000, block * scale)
+        found.append(0.0 if evidence is None else evidence.surprise)
+    assert found == pytest.approx([0.0] * 60 + expected, abs=1e-4)
 
 
 def test_a_new_contact_settles_first_and_a_block_needs_its_readings() -> None:

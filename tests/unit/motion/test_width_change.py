@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from chirps import chirp
 
 from slipd.motion.evidence import Evidence, f_surprise
 from slipd.motion.width_change import REFERENCE, WidthChange
@@ -84,6 +85,20 @@ def test_a_jump_is_as_surprising_after_twenty_minutes_as_after_ten_seconds(std_m
 def test_a_jump_without_noise_is_as_surprising_as_the_least_variance_says() -> None:
     found = watch(np.where(np.arange(130) < 100, 0.03, 0.0295))
     assert found[0].surprise == pytest.approx(f_surprise(25e-8 / 1e-12, 1, REFERENCE - 1), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("step_m", "expected"),
+    [(0.0, [32.731, 32.2349, 31.7741, 31.6266]), (1e-4, [18.2688, 17.8722, 17.5176, 17.1636])],
+)
+def test_the_surprise_of_a_width_that_walks_and_falls_twice_keeps_its_digits(
+    step_m: float, expected: list[float]
+) -> None:
+    k = np.arange(400)
+    falls = 3e-4 * (k >= 300) + 2e-4 * (k >= 340)
+    found = watch(0.03 + 2e-5 * chirp(400) + 3e-6 * chirp(400, turn=0.7).cumsum() - falls, step_m)
+    assert [(evidence.t_ns - T0) / PERIOD_NS for evidence in found] == [360, 371, 382, 393]
+    assert [evidence.surprise for evidence in found] == pytest.approx(expected, abs=1e-3)
 
 
 def test_another_command_or_an_unknown_width_begins_another_hold_and_a_release_ends_it() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from chirps import chirp
 from numpy.testing import assert_allclose, assert_array_equal
 from plain_kernels import check_without_compilation
 from scipy.signal import lfilter
@@ -195,6 +196,25 @@ def test_T1_hot_taxels_do_not_make_the_others_look_unloaded() -> None:
     counts[160:, 60:62] += 30_000.0
     others = LOADED & (np.arange(SHARES.size) // 2 != 30)
     assert_allclose(held(counts, force_n)[others], 20_000.0 * SHARES[others], rtol=0.02)
+
+
+def test_the_forces_of_a_pad_that_warms_and_is_anchored_later_keep_their_digits() -> None:
+    charge, images = ChargeReconstruction(16, TAU_S), []
+    pressed = np.where(np.arange(16) < 5, 100.0 * (1 + np.arange(16) % 3), 0.0)
+    for k, noise in enumerate(chirp(400, 16)):
+        leaked = pressed * min(max(k - 40, 0) / 20.0, 1.0) * math.exp(-max(k - 60, 0) * 0.01 / TAU_S)
+        readings = leaked + 3.0 + 0.2 * noise + 0.02 * max(k - 40, 0)
+        images.append(charge.update(readings, 0.01 * k, k < 40, math.nan if k < 250 else 950.0))
+    assert np.array(images)[[80, 240, 399]][:, [0, 1, 2, 4, 6, 15]] == pytest.approx(
+        np.array(
+            (
+                (105.738, 210.489, 315.423, 210.713, 0.508, 0.601),
+                (107.898, 212.981, 317.486, 212.908, 2.504, 2.705),
+                (108.935, 213.7, 318.612, 214.204, 4.435, 4.38),
+            )
+        ),
+        abs=2e-3,
+    )
 
 
 CONTACTS: dict[str, Callable[[Array], Array]] = {

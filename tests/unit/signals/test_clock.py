@@ -280,6 +280,46 @@ def test_C3_a_step_back_of_less_than_a_period_is_followed_within_a_second() -> N
     assert clock.state == "locked"
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "ppm", "tick_ns", "together", "wait_ns", "late_ns", "drift_ppm", "mapped_ns"),
+    [
+        (100, 300.0, 1, 1, 300, None, 299.253, [(3805, 137863), (-246, 174574), (7139, 140299), (4456, 132734)]),
+        (
+            1000, -200.0, 1000, 16, 100, None, -199.896,
+            [(-449993, 643887), (-456226, 640256), (-454840, 628958), (-451478, 637595)],
+        ),
+        (
+            30, 50.0, MS, 1, 2000, None, 103.11,
+            [(-347363, 3630595), (166000, 3639456), (239784, 3868377), (239262, 3608952)],
+        ),
+        (
+            100, 0.0, 1, 1, 300, lambda k: 80 * MS * (k > 2000), -0.747,
+            [(8176, 151143), (11911, 213551), (15645, 275959), (19380, 338367)],
+        ),
+        (
+            100, 0.0, 1, 1, 300, lambda k: 50_000 * max(k - 2000, 0), -4.648,
+            [(24249, 47903908), (47488, 55776937), (70727, 60731266), (93967, 65685594)],
+        ),
+    ],
+)  # fmt: skip
+def test_errors_and_bounds_of_a_line_keep_their_digits(
+    rate_hz: int, ppm: float, tick_ns: int, together: int, wait_ns: int, late_ns: Callable[[int], int] | None,
+    drift_ppm: float, mapped_ns: list[tuple[int, int]],
+) -> None:  # fmt: skip
+    """Delays look random, and readings come together; then all come later, at once or more and more."""
+    count = {100: 3000 if late_ns is None else 4000, 1000: 12_000, 30: 900}[rate_hz]
+    clock, found = DeviceClock(None), []
+    for k in range(count):
+        true, last = k * S // rate_hz, (k // together + 1) * together - 1
+        later = 0 if late_ns is None else late_ns(last)
+        receipt = BOOT_NS + last * S // rate_hz + last * last * 7919 % 1009 * wait_ns + later
+        told = clock.map(int(true * (1.0 + ppm * 1e-6)) // tick_ns * tick_ns, receipt)
+        if k >= count // 2 and k % (count // 8) == count // 16:
+            found.append((told - BOOT_NS - true, clock.uncertainty_ns))
+    assert clock.drift_ppm == pytest.approx(drift_ppm, abs=2e-3)
+    assert np.array(found) == pytest.approx(np.array(mapped_ns), abs=2)
+
+
 KINDS = {
     "µs at 1 kHz": Stream(1000.0, ppm=500.0),
     "counter at 100 Hz": Stream(100.0, ppm=-500.0),

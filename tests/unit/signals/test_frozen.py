@@ -195,6 +195,49 @@ def test_F1_a_sensor_that_hung_twice_is_reported_as_soon_the_third_time() -> Non
     assert all(suspect[-18:])
 
 
+@pytest.mark.parametrize(
+    ("step_ms", "repeats", "runs", "stuck", "suspect"),
+    [
+        *((1, repeats, (), stuck, 1) for repeats, stuck in ((0, None), (4, 20), (50, 50), (51, 51), (100, 100))),
+        *((5, repeats, (), stuck, 1) for repeats, stuck in ((4, 4), (50, 14), (51, 51))),
+        *((10, repeats, (), stuck, 1) for repeats, stuck in ((4, 4), (50, 7), (51, 51))),
+        *((30, repeats, (), stuck, 1) for repeats, stuck in ((4, 3), (50, 3), (51, 51))),
+        # what it is used to
+        *((1, 50, 3 * (run,), 50, run + 1) for run in (0, 1, 3, 6)),
+        *((5, 50, runs, stuck, suspect) for runs, stuck, suspect in (((3, 3, 3), 14, 4), ((6, 6, 6), 21, 7))),
+        *((10, 50, runs, stuck, suspect) for runs, stuck, suspect in (((3, 3, 3), 12, 4), ((6, 6, 6), 21, 6))),
+        (5, 50, (6, 6), 14, 1),
+    ],
+)
+def test_F1_a_sensor_is_stuck_and_suspect_from_these_repeats_on(
+    step_ms: int, repeats: int, runs: tuple[int, ...], stuck: int | None, suspect: int
+) -> None:
+    watch, found = WrenchWatch(200.0, repeats=repeats, gap_ns=300 * MS), []
+    readings = [run for run, length in enumerate((*runs, 200)) for _ in range(length + 1)]
+    for k, run in enumerate(readings):
+        found.append((take(watch, 0.1 * run * ONES, NONE, k * step_ms * MS), watch.suspect))
+    faults, suspicions = zip(*found[-201:], strict=True)
+    assert (faults.index("stuck") if "stuck" in faults else None, suspicions.index(True)) == (stuck, suspect)
+
+
+@pytest.mark.parametrize(
+    ("force_n", "times", "found"),
+    [
+        *((300.0, times, (times, 0 if times == 1 else 61)) for times in (1, 2, 3, 4, 8, 20)),
+        (60.0, 2, (0, 0)), (60.0, 3, (0, 61)),
+        (60.0, 5, (2, 61)), (24.9, 8, (0, 0)), (25.1, 8, (4, 60)),
+    ],
+)  # fmt: skip
+def test_F1_readings_to_and_fro_are_garbage_and_leave_this_much_of_it(
+    force_n: float, times: int, found: tuple[int, int]
+) -> None:
+    """Values beyond the range, and jumps by more than a quarter of it; how many are garbage, of them and after them."""
+    watch = WrenchWatch(200.0)
+    forces = [*(0.01 * np.arange(50)), *(force_n * (-1.0) ** np.arange(times)), *(0.01 * np.arange(200))]
+    said = [take(watch, np.array((x, 0.0, 1.0)), NONE, k * MS) for k, x in enumerate(forces)]
+    assert (said[: 50 + times].count("garbage"), said[50 + times :].count("garbage")) == found
+
+
 def test_F1_a_habit_is_forgotten() -> None:
     habit = Habit()
     habit.age(0)

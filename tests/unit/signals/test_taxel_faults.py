@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import tomllib
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -247,6 +249,61 @@ def test_T1_taxels_that_feel_again_are_believed_after_some_seconds_and_soon_afte
     assert not after.any()
     assert found_s <= 1.3
     assert mended_s <= 2.2
+
+
+def scaled(course: Course, share: float, *taxels: int) -> None:
+    course.images[30:, taxels] = np.rint(share * course.images[30:, taxels])
+
+
+def cut_off(course: Course, seconds: float) -> None:
+    """Lose a taxel so many seconds before the end."""
+    course.images = course.images[: round(30.0 * (1.0 + seconds))]
+    scaled(course, 0.0, 70)
+
+
+def restless(course: Course, counts: float, taxel: int) -> None:
+    course.images[:, taxel] += np.rint(counts * course.rng.normal(size=len(course.images)))
+
+
+def high(course: Course, counts: float) -> None:
+    course.images[30:, 70] += counts
+
+
+def follows(course: Course, share: float) -> None:
+    """Taxel 77 follows the force in part, and the rest of it is the force of another time."""
+    course.images[:, 77] = np.rint(100.0 * (share * course.force_n + (1.0 - share) * course.force_n[::-1]))
+
+
+REST, POINT = {"end_s": 3.0, "force_n": np.zeros(1)}, Patch(0.006, 0.006, 2.0, (-0.016, 0.0))
+TREMBLES = {"end_s": 4.0, "force_n": 10.0 + 4.0 * np.random.default_rng(14).normal(size=120), "patch": POINT}
+PRESSED = {"end_s": 5.0, "force_n": np.full(1, 5.0), "patch": Patch()}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "course", "watched", "limits", "reported"),
+    [
+        (lambda course, share: scaled(course, share, 70), {"end_s": 5.0}, {}, (0.157, 0.137), {"dead": [70]}),
+        (
+            lambda course, share: scaled(course, share, *range(48, 64)), {"end_s": 5.0}, {}, (0.08, 0.04),
+            {"row": [3]},
+        ),
+        (cut_off, {"end_s": 5.0}, {}, (0.35, 0.45), {"dead": [70]}),
+        (high, REST, {"light_touch": 0.8}, (1480.0, 1690.0), {"hot": [70]}),
+        (high, REST, {}, (164.0, 188.0), {"hot": [70]}),
+        (lambda course, counts: restless(course, counts, 70), REST, {}, (11.5, 13.4), {"hot": [70]}),
+        (lambda course, counts: restless(course, counts, 2), PRESSED, {}, (9.9, 11.5), {"hot": [2]}),
+        (follows, TREMBLES, {}, (0.39, 0.33), {"hot": [77]}),
+    ],
+)  # fmt: skip
+def test_T1_a_taxel_is_masked_from_these_limits_on(
+    spoil: Callable[[Course, float], None], course: dict[str, Any], watched: dict[str, float],
+    limits: tuple[float, float], reported: dict[str, list[int]],
+) -> None:  # fmt: skip
+    """Shares of its readings that are left, or counts on top of them, with which it is not masked, and is."""
+    for limit, found in zip(limits, ({}, reported), strict=True):
+        spoilt = Course(30.0, **course)
+        spoil(spoilt, limit)
+        assert spoilt.report(**watched) == found
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

@@ -1,0 +1,262 @@
+"""Where each rule about a load that falls or jumps begins and ends, without noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from load_course import MU, assessed, contact_rows, line, readings, slips_at
+
+from slipd.types.arrays import Array
+
+RISE, HELD = (2.0, 6.0, 800), (4.8, 4.8, 300)
+FALL = (6.0, 4.8, 3), HELD
+REST, SETTLED = (2.0, 2.0, 500), (3.6, 3.6, 300)
+OVERSHOT = (2.0, 4.0, 6), (4.0, 3.6, 4)
+ODD = {"mu": 1.2}
+"""The peak is far below the friction that is believed: a plateau must last longer."""
+AT = np.arange(1103)
+
+
+def gripped(begin_n: float, end_n: float, since: int, within: int, count: int) -> Array:
+    """Return the normal force of a grip that changes within some readings, since one of them."""
+    return np.interp(np.arange(count), (since, since + within), (begin_n, end_n))
+
+
+def bent(depth_n: float) -> Array:
+    """Return a load whose plateau is bent like a trough."""
+    return np.concatenate(
+        (line(RISE, FALL[0]), 4.8 + depth_n * np.linspace(-1.0, 1.0, 60) ** 2, np.full(100, 4.8 + depth_n))
+    )
+
+
+Found = dict[float, int | None]
+"""Value of what is varied, and at which reading a slip is reported; None: at none."""
+
+LOADS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = {
+    "a fall by this share": (
+        lambda s: (line(RISE, (6.0, 6.0 * (1.0 - s), 3), (6.0 * (1.0 - s), 6.0 * (1.0 - s), 300)), {}),
+        {0.031094: None, 0.03125: 815, 0.11: 807, 0.31: 807, 0.40125: 812, 0.4025: None, 0.51: None},
+    ),
+    "a fall within so many ms": (
+        lambda s: (line(RISE, (6.0, 4.8, s), HELD), {}),
+        {12: 815, 32: 839, 52: 859},
+    ),
+    "likewise, where mu is unknown": (
+        lambda s: (line(RISE, (6.0, 4.8, s), HELD), {"mu": math.nan}),
+        {12: 815, 32: 839, 52: 859},
+    ),
+    "likewise within 12 ms, where mu is this": (
+        lambda s: (line(RISE, (6.0, 4.8, 12), HELD), {"mu": s}),
+        {0.603: 815, 1.01: 826, 1.42: 830},
+    ),
+    "a plateau of so many ms": (
+        lambda s: (line(RISE, *FALL[:1], (4.8, 4.8, s), (4.8, 1.0, 20), (1.0, 1.0, 100)), {}),
+        {1: None, 3: 807, 11: 807, 31: 807, 51: 807},
+    ),
+    "a plateau that falls on by so much in 40 ms, N": (
+        lambda s: (line(RISE, (6.0, 4.8, 3), (4.8, 4.8 - s, 40), (4.8 - s, 4.8 - s, 260)), ODD),
+        {0.203: 822, 0.61: 822, 0.80847: 822, 0.81102: None, 1.02: None},
+    ),
+    "a plateau that swings, N": (
+        lambda s: (line(RISE, *FALL) + s * np.sin(0.4 * AT) * (AT > 803), ODD),
+        {0.102: 825, 0.26822: 848, 0.26949: None, 0.305: None, 0.508: None},
+    ),
+    "a plateau that is bent, N": (
+        lambda s: (
+            np.concatenate(
+                (line(RISE, (6.0, 4.8, 3)), 4.8 + s * np.linspace(-1.0, 1.0, 60) ** 2, np.full(100, 4.8 + s))
+            ),
+            ODD,
+        ),
+        {0.271: 822, 0.47119: 848, 0.47288: None, 0.814: None, 1.36: None},
+    ),
+    "a rise before the fall, N": (
+        lambda s: (line((6.0 - s, 6.0 - s, 800), (6.0 - s, 6.0, 300), *FALL), {}),
+        {0.154: None, 0.16907: None, 0.16987: 1109, 0.513: 1107, 0.846: 1107},
+    ),
+    "a hold before the fall, ms": (
+        lambda s: (line(RISE, (6.0, 6.0, s + 1), *FALL), {}),
+        {60: 868, 120: 961, 130: None, 200: None, 330: None},
+    ),
+    "a peak after so many times that load was carried": (
+        lambda s: (line((1.0, 6.0 * s, 300), (6.0 * s, 2.0, 300), (2.0, 6.0, 800), *FALL), {}),
+        {0.923: 1407, 1.1026: 1407, 1.1077: None, 1.21: None, 1.48: None},
+    ),
+    "a swing before, N": (
+        lambda s: (line((2.0, 3.0, 300), (3.0, 3.0 - s, 60), (3.0 - s, 3.0, 60), (3.0, 6.0, 500), *FALL), {}),
+        {0.308: 927, 1.03: 927, 1.4295: 927, 1.4359: None, 1.69: None},
+    ),
+    "a load that came down from a top by so much first, N": (
+        lambda s: (line((2.0, 6.0 + s, 700), (6.0 + s, 6.0, 90), *FALL), {}),
+        {0.136: 811, 0.407: 811, 0.678: 811},
+    ),
+    "a grip that grows tighter by this share meanwhile": (
+        lambda s: (
+            line(RISE, *FALL),
+            {"normal": gripped(10.0, 10.0 * (1.0 + s), 800, 2, 1103)},
+        ),
+        {0.0462: 807, 0.15192: 848, 0.1524: None, 0.154: None, 0.254: None},
+    ),
+    "a grip that closed by this share just before": (
+        lambda s: (
+            line(RISE, *FALL),
+            {
+                "normal": line(
+                    (10.0, 10.0, 760), (10.0, 10.0 * (1.0 + s), 30), (10.0 * (1.0 + s), 10.0 * (1.0 + s), 313)
+                )
+            },
+        ),
+        {0.0462: 807, 0.10529: 847, 0.10577: None, 0.154: None, 0.254: None},
+    ),
+    "a load that grows aside, N": (
+        lambda s: (line(RISE, *FALL), {"aside": line((0.0, 0.0, 800), (0.0, s, 3), (s, s, 300))}),
+        {0.308: 807, 0.59295: 807, 0.59615: None, 1.03: None, 1.69: None},
+    ),
+    "a rise just before the fall within so many ms": (
+        lambda s: (line((2.0, 4.0, 800), (4.0, 6.0, s), (6.0, 4.8, 12), HELD), {}),
+        {17: None, 53: None, 65: None, 68: 883, 86: 903},
+    ),
+    "readings so many ms apart": (
+        lambda s: (line((2.0, 6.0, round(800 / s)), (6.0, 4.8, 2), (4.8, 4.8, round(600 / s))), {"hz": 1000.0 / s}),
+        {4.0: 202, 10.5: 78, 12.0: 69, 13.0: None, 17.0: None},
+    ),
+    "a jump to this load, N": (
+        lambda s: (line(REST, (2.0, s, 5), (s, s, 300)), {}),
+        {3.4: None, 3.95: None, 3.9625: 507, 5.3: 507, 7.1: 507},
+    ),
+    "a jump within so many ms": (
+        lambda s: (line(REST, (2.0, 5.5, s), (5.5, 5.4, 300)), {}),
+        {8: 510, 22: 532, 26: 535, 27: None, 35: None},
+    ),
+    "a jump after this load was carried, N": (
+        lambda s: (line((1.0, s, 400), (s, 2.0, 300), (2.0, 2.0, 200), (2.0, 5.5, 5), (5.5, 5.4, 300)), {}),
+        {4.31: 907, 5.03: 907, 5.1026: 907, 5.1282: None, 5.69: None},
+    ),
+    "a jump that falls back by so much in 40 ms, N": (
+        lambda s: (line(REST, (2.0, 5.5, 5), (5.5, 5.5 - s, 40), (5.5 - s, 5.5 - s, 260)), {}),
+        {1.02: 507, 3.05: 507, 5.0085: 507, 5.0339: None, 5.08: None},
+    ),
+    "a jump that swings, N": (
+        lambda s: (line(REST, (2.0, 5.5, 5), (5.5, 5.5, 300)) + s * np.sin(1.3 * AT[:805]) * (AT[:805] > 505), {}),
+        {0.254: 507, 0.26536: 507, 0.26695: None, 0.763: None, 1.27: None},
+    ),
+    "a jump after a swing, N": (
+        lambda s: (line((3.0, 3.0 - s, 100), (3.0 - s, 3.0, 100), (3.0, 3.0, 300), (3.0, 5.0, 5), (5.0, 5.0, 300)), {}),
+        {0.508: 507, 1.53: 507, 2.3771: 508, 2.3898: None, 2.54: None},
+    ),
+    "a jump while the grip loosens by so much, N": (
+        lambda s: (
+            line(REST, (2.0, 5.0, 5), (5.0, 5.0, 300)),
+            {"normal": gripped(10.0 + s, 10.0, 500, 4, 805)},
+        ),
+        {2.03: 507, 5.9: 507, 6.0254: None, 6.1: None, 10.2: None},
+    ),
+    "an overshoot by this share": (
+        lambda s: (line(REST, (2.0, 3.6 * (1.0 + s), 6), (3.6 * (1.0 + s), 3.6, 4), SETTLED), {}),
+        {0.083898: None, 0.084322: 515, 0.136: 515, 0.407: 516, 0.64068: 519, 0.64407: None, 0.678: None},
+    ),
+    "an overshoot to this load, N": (
+        lambda s: (line((0.4 * s, 0.4 * s, 500), (0.4 * s, 1.12 * s, 6), (1.12 * s, s, 4), (s, s, 300)), {}),
+        {2.77: None, 3.2821: None, 3.2981: 515, 4.56: 515, 6.23: 516},
+    ),
+    "an overshoot within so many ms": (
+        lambda s: (line(REST, (2.0, 4.0, s), (4.0, 3.6, s), SETTLED), {}),
+        {2: None, 3: 512, 5: 515, 11: 527, 17: 541},
+    ),
+    "an overshoot that falls on by so much in 40 ms, N": (
+        lambda s: (line(REST, *OVERSHOT, (3.6, 3.6 - s, 40), (3.6 - s, 3.6 - s, 260)), {}),
+        {-0.397: None, -0.33051: None, -0.32924: 515, 0.0102: 515, 0.417: 516},
+    ),
+    "an overshoot after a rise from this load, N": (
+        lambda s: (line((s, s, 500), (s, 4.0, 6), (4.0, 3.6, 4), SETTLED), {}),
+        {1.86: 515, 2.57: 515, 2.8881: 515, 2.897: None, 3.28: None},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_a_load_in_newtons_is_a_slip_within_these_limits(name: str) -> None:
+    course, expected = LOADS[name]
+    found: Found = {}
+    for value in expected:
+        load, how = course(value)
+        slips = slips_at(assessed(readings(load, std_n=0.0, **how), how.get("mu", MU)))
+        found[value] = slips[0] if slips else None
+    assert found == expected
+
+
+def fall(share: float = 0.12, ms: int = 90, power: float = 2.0, begin: float = 0.4) -> Array:
+    """Return q / μ that rises to 1 within a second, falls ever more slowly, and stays."""
+    part = np.linspace(0.0, 1.0, ms)
+    return np.concatenate(
+        (np.linspace(begin, 1.0, 1000), 1.0 - share * (1.0 - (1.0 - part) ** power), np.full(200, 1.0 - share))
+    )
+
+
+FALLS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = {
+    "by this share": (
+        lambda s: (fall(s), {}),
+        {0.042503: None, 0.04266: 1039, 0.106: 1031, 0.308: 1031, 0.509: 1031, 0.54453: 1031, 0.54706: None},
+    ),
+    "within so many ms": (
+        lambda s: (fall(ms=s), {}),
+        {60: 1027, 160: 1051, 230: 1071, 240: None, 260: None},
+    ),
+    "that slows down with this power": (
+        lambda s: (fall(power=s), {}),
+        {1.17: 1083, 1.51: 1051, 1.85: 1035},
+    ),
+    "likewise, by a third": (
+        lambda s: (fall(0.34, power=s), {}),
+        {1.24: 1075, 1.71: 1039, 2.19: 1027},
+    ),
+    "from this share of mu": (
+        lambda s: (fall(), {"mu": MU / s}),
+        {0.569: None, 0.67966: None, 0.68178: 1031, 0.908: 1031, 1.25: 1031},
+    ),
+    "after a rise by this share in a second": (
+        lambda s: (fall(begin=1.0 - s), {}),
+        {0.0678: None, 0.12373: None, 0.12415: 1031, 0.203: 1031, 0.339: 1031},
+    ),
+    "while the grip loosens by so much, N": (
+        lambda s: (fall(power=1.55), {"shear_n": 4.0, "normal_n": np.linspace(10.0 + s, 10.0, 1290)}),
+        {0.678: 1079, 2.03: 1071, 3.39: 1047},
+    ),
+    "while the grip grows tighter by this share": (
+        lambda s: (
+            fall(),
+            {
+                "normal_n": line(
+                    (10.0, 10.0, 1000), (10.0, 10.0 * (1.0 + s), 90), (10.0 * (1.0 + s), 10.0 * (1.0 + s), 200)
+                )
+            },
+        ),
+        {0.03125: 1059, 0.031356: None, 0.0339: None, 0.102: None, 0.169: None},
+    ),
+    "after a rise by this share in a tenth of a second": (
+        lambda s: (np.concatenate((line((0.4, 1.0 - s, 900), (1.0 - s, 1.0, 100)), fall()[1000:])), {}),
+        {0.0045882: None, 0.0046081: 1031, 0.0508: 1031, 0.153: 1035, 0.16081: 1035, 0.16144: None, 0.254: None},
+    ),
+    "after so many times that load was carried": (
+        lambda s: (np.concatenate((line((0.2, s, 800), (s, 0.4, 300)), fall())), {}),
+        {0.902: 2163, 1.0136: 2195, 1.0186: None, 1.11: None, 1.31: None},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FALLS)
+def test_a_slow_fall_of_the_required_friction_is_a_slip_within_these_limits(name: str) -> None:
+    course, expected = FALLS[name]
+    found: Found = {}
+    for value in expected:
+        used, how = course(value)
+        mu, count = how.get("mu", MU), len(used)
+        shear_n = how.get("shear_n", np.linspace(1.0, 4.0, count))
+        times_s = 100.0 + 1e-3 * np.arange(count)
+        slips = slips_at(assessed(contact_rows(count, shear_n, how.get("normal_n", 10.0), MU * used / mu, times_s), mu))
+        found[value] = slips[0] if slips else None
+    assert found == expected
