@@ -259,7 +259,7 @@ class ImageChannel:
 
         They are computed once for each image, with the contact that ``contact_of`` then returns.
         """
-        if not self._usable or self.t_ns is None:
+        if not self._usable:
             return None
         if not self._distributed:
             self._distribution = distribute(self._rule, self.x, self.y, self.pressure, contact_of())

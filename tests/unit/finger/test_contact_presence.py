@@ -13,30 +13,51 @@ from slipd.types.samples import TactileSample
 
 
 @pytest.mark.parametrize(
-    ("force_known", "pad_known", "normal_n", "counts", "age_ms", "pressed"),
+    ("force_known", "pad_known", "normal_n", "counts", "age_ms", "known"),
     [
-        (True, True, 0.1, EMPTY, 0, False),
-        (True, True, 5.0, EMPTY, 0, True),
-        (True, True, 0.1, FULL, 0, True),  # the image overrides a force sensor that reads no contact
-        (True, True, 0.1, FULL, 31, False),  # but not an old one
-        (False, True, 30.0, EMPTY, 0, False),  # an untared force sensor reads its own bias: the pad counts
-        (False, True, 0.0, FULL, 0, True),
-        (False, True, 0.0, EMPTY, 31, None),
-        (False, False, 0.0, EMPTY, 0, None),
-        (False, False, 30.0, FULL, 0, None),
+        (True, True, 0.1, EMPTY, 0, (False, False, False, False, False, True, True)),
+        (True, True, 5.0, EMPTY, 0, (True, True, True, True, True, False, True)),
+        # the image overrides a force sensor that reads no contact, but an old one does not
+        (True, True, 0.1, FULL, 0, (True, False, True, False, True, False, False)),
+        (True, True, 0.1, FULL, 31, (False, False, False, False, False, True, False)),
+        # an untared force sensor reads its own bias: the pad counts
+        (False, True, 30.0, EMPTY, 0, (False, None, False, None, False, None, True)),
+        (False, True, 0.0, FULL, 0, (True, None, True, None, True, None, False)),
+        (False, True, 0.0, EMPTY, 31, (*(None,) * 6, False)),
+        (False, False, 0.0, EMPTY, 0, (*(None,) * 6, False)),
+        (False, False, 30.0, FULL, 0, (*(None,) * 6, False)),
     ],
 )
 def test_what_presses_by_force_and_image(
     untared: Finger, wrench: Wrench, image: Image, force_known: bool, pad_known: bool, normal_n: float,
-    counts: np.ndarray, age_ms: int, pressed: bool | None,
+    counts: np.ndarray, age_ms: int, known: tuple[bool | None, ...],
 ) -> None:  # fmt: skip
     assert untared.presence.is_pressed() is None, "before the first reading"
-    for channel, known in ((untared.force, force_known), (untared.image, pad_known)):
-        if known:
+    for channel, has_zero in ((untared.force, force_known), (untared.image, pad_known)):
+        if has_zero:
             channel.tare.observe(T0)
     untared.update_image(image(T0, counts))
     read_force(untared, wrench(T0 + age_ms * MS, normal_n))
-    assert untared.presence.is_pressed() is pressed
+    found = (
+        untared.presence.is_pressed(),
+        untared.presence.is_measured(),
+        untared.presence.is_pressed_without({"wrench": 0}),
+        untared.presence.is_pressed_without({"pad": 0}),
+        untared.presence.is_pressed_without({"wrench": 0, "pad": 0}),
+        untared.presence.is_untouched(disagreement=False),
+        untared.presence.is_free_by_image(),
+    )
+    assert found == known
+    assert untared.presence.is_untouched(disagreement=True) is None
+
+
+def test_without_a_pad_the_force_alone_shows_a_contact(left: str, parse: Parse, wrench: Wrench) -> None:
+    padless = make_finger(left.partition("[finger.left.pad]")[0], parse)
+    for normal_n, pressed in ((5.0, True), (0.1, False)):
+        read_force(padless, wrench(T0, normal_n))
+        found = padless.presence.is_pressed(), padless.presence.is_pressed_without({"wrench": 0})
+        assert found == (pressed, pressed)
+        assert not padless.presence.is_free_by_image()
 
 
 @pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])

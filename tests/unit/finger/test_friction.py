@@ -60,50 +60,6 @@ def test_fall_that_counts_as_slip_follows_dynamic_friction(
     assert [level == "slipping" for level in falls] == expected
 
 
-def nothing(_: Finger) -> None:
-    """What the config states holds."""
-
-
-def slippery_before(finger: Finger) -> None:
-    """A named object slipped, and another one is in the grip now."""
-    finger.friction.set_object("soap")
-    teach(finger, 0.3, slips=True)
-    finger.friction.set_object("rubber")
-    assert finger.friction.state.mu == 0.5
-
-
-@pytest.mark.parametrize(
-    ("stated", "before", "given", "lenient"),
-    [
-        *((True, nothing, given, False) for given in ((0.5, None), (0.4, None), (0.5, 0.4), (0.4, 0.1))),
-        (True, nothing, (0.6, None), True),
-        (False, nothing, (0.1, None), True),
-        # a larger fall than one set before
-        (True, lambda finger: finger.set_friction(0.5, 0.49), (0.5, 0.4), True),
-        (True, lambda finger: finger.set_friction(0.5, 0.49), (0.5, 0.49), False),
-        # what a grasp taught beyond the stated mu ends with it, what it taught below counts, and so does another object
-        (True, lambda finger: teach(finger, 0.6), (0.55, None), True),
-        (True, lambda finger: teach(finger, 0.6), (0.5, None), False),
-        (True, lambda finger: teach(finger, 0.3, slips=True), (0.5, None), True),
-        (True, lambda finger: teach(finger, 0.3, slips=True), (0.2, None), False),
-        (False, lambda finger: teach(finger, 0.5, slips=True), (0.1, None), True),
-        (True, slippery_before, (0.5, None), True),
-        (True, slippery_before, (0.2, None), False),
-    ],
-)
-def test_what_is_more_lenient(
-    left: str,
-    parse: Parse,
-    stated: bool,
-    before: Callable[[Finger], None],
-    given: tuple[float, float | None],
-    lenient: bool,
-) -> None:
-    finger = make_finger(left if stated else left.replace("mu = 0.5\n", ""), parse)
-    before(finger)
-    assert finger.friction.is_more_lenient(*given) is lenient
-
-
 def test_friction_against_rotation_is_learned_from_the_spin_before_a_turn_and_forgotten_with_the_contact(
     left: str, parse: Parse, wrench: Wrench
 ) -> None:

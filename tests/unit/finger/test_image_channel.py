@@ -13,6 +13,7 @@ from known_zeros import known_finger
 
 from slipd.config import Levels
 from slipd.finger.finger import Finger
+from slipd.finger.force_image_check import ForceSummary
 from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import Contact, contact_from_wrench
 from slipd.types.samples import TactileSample
@@ -153,6 +154,18 @@ def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChan
     assert (pad.shows_contact(), pad.load_distribution(press)) == (False, None)
     shape = pad.shape()
     assert shape.active == 0
+
+
+@pytest.mark.parametrize(("status", "origin"), [((), "observed"), (("invalid",), None)])
+def test_images_of_a_free_pad_that_read_nothing_show_its_zero_unless_they_are_doubtful(
+    left: str, parse: Parse, status: tuple[str, ...], origin: str | None
+) -> None:
+    config = parse(left).finger["left"]
+    pad = ImageChannel(config.pad, config)
+    for k in range(1000):
+        sample = TactileSample(T0 + k * 10 * MS, None, np.zeros(16), status)
+        pad.update(sample, summary=ForceSummary(no_contact=True, normal_n=0.0 + 0.001 * k, moving=False, agrees=True))
+    assert pad.zero_origin == origin
 
 
 def test_image_states_why_it_cannot_be_used(make: Callable[..., ImageChannel], image: Image) -> None:

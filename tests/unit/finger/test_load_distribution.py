@@ -49,6 +49,15 @@ def test_each_rule_uses_what_it_says_of_pressure_and_centroid(rule: str) -> None
     assert distribute(rule, X, Y, np.zeros(16), contact()) is None
 
 
+def test_a_spin_requires_friction_by_the_lever_of_its_load() -> None:
+    pressed = contact()._replace(spin_nm=-0.004)
+    found = distributed("grey", RAMP, pressed)
+    lever_m = found.loads.loads @ np.hypot(found.x - CENTROID[0], found.y - CENTROID[1])
+    assert found.spin_required(pressed) == pytest.approx(-0.004 / (8.0 * lever_m))
+    point = distributed("grey", np.where(np.arange(16) == 5, 1.0, 0.0), pressed)
+    assert point.spin_required(pressed._replace(cx_m=float(X[5]), cy_m=float(Y[5]))) == 0.0
+
+
 FINE = (np.arange(120) - 59.5) / 10.0
 """Positions of the true contact, in pitches of the pad of 12 × 12 taxels."""
 

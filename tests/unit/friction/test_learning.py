@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from learning_hand import STEP_S, Hand, Q, carry, slip
 
 from slipd.friction.friction_state import LEAST_SHARE, ONSET_S, FrictionState, RotationFriction
-from slipd.fusion.rows import UNTRUSTED
+from slipd.fusion.rows import FREE, UNTRUSTED
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
@@ -194,6 +195,99 @@ def test_a_long_time_without_trusted_readings_ends_what_was_learned(hand: Hand) 
     assert hand.feel(carry(0.1)).mu == pytest.approx(0.8)
     hand.feel(carry(0.8, 0.4), phase=UNTRUSTED)
     assert hand.feel(carry(0.1, 0.02)) == fresh
+
+
+def stay(_: Hand) -> None:
+    """What the config states holds."""
+
+
+def state_more(hand: Hand) -> None:
+    """A client states a small fall."""
+    hand.estimate.set(0.5, 0.49, "ann", None)
+
+
+def carry_more(hand: Hand) -> None:
+    hand.feel(carry(0.6))
+
+
+def slip_at(q: float) -> Callable[[Hand], object]:
+    return lambda hand: hand.feel(slip(q, 0.8 * q))
+
+
+def slippery_before(hand: Hand) -> None:
+    """A named object slipped, and another one is in the grip now."""
+    hand.estimate.set_object("soap")
+    slip_at(0.3)(hand)
+    hand.estimate.set_object("rubber")
+
+
+@pytest.mark.parametrize(
+    ("stated", "before", "strictest", "given", "lenient"),
+    [
+        *((0.5, stay, 0.5, given, False) for given in ((0.5, None), (0.4, None), (0.5, 0.4), (0.4, 0.1))),
+        (0.5, stay, 0.5, (0.6, None), True),
+        (None, stay, None, (0.1, None), True),
+        # a larger fall than one set before
+        (0.5, state_more, 0.5, (0.5, 0.4), True),
+        (0.5, state_more, 0.5, (0.5, 0.49), False),
+        # what a grasp taught beyond the stated mu ends with it, what it taught below counts, and so does another object
+        (0.5, carry_more, 0.5, (0.55, None), True),
+        (0.5, carry_more, 0.5, (0.5, None), False),
+        (0.5, slip_at(0.3), 0.3 / ONE_SLIP, (0.5, None), True),
+        (0.5, slip_at(0.3), 0.3 / ONE_SLIP, (0.2, None), False),
+        (None, slip_at(0.5), None, (0.1, None), True),
+        (0.5, slippery_before, 0.3 * math.exp(-1.645 * math.sqrt(0.0075)), (0.5, None), True),
+        (0.5, slippery_before, 0.3 * math.exp(-1.645 * math.sqrt(0.0075)), (0.2, None), False),
+    ],
+)
+def test_what_is_more_lenient_than_what_is_in_use_or_known(
+    stated: float | None, before: Callable[[Hand], None], strictest: float | None, given: Any, lenient: bool
+) -> None:
+    hand = Hand(stated)
+    before(hand)
+    assert hand.estimate.strictest == (None if strictest is None else pytest.approx(strictest))
+    assert hand.estimate.is_more_lenient(*given) is lenient
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        (
+            0.5,
+            [
+                (0.5, 0.5894018, None, 0.35), (0.4426123, 0.5877428, 0.4, 0.35), (0.4270548, 0.5597448, 0.4, 0.35),
+                (0.4314839, 0.5351118, 0.3651044, 0.35), (0.4379246, 0.5591749, 0.400395, 0.35),
+                (0.4202829, 0.5774523, 0.400395, None), (0.55, 0.5774523, 0.400395, 0.55),
+                (0.303814, 0.526638, 0.33, 0.55),
+            ],
+        ),
+        (
+            None,
+            [
+                (None, None, None, 0.35), (0.4335237, 0.6237259, 0.4, 0.35), (0.1410242, 0.6812596, 0.4, 0.35),
+                (0.4257602, 0.5330462, 0.3651044, 0.35), (0.4300409, 0.5643494, 0.400395, 0.35),
+                (0.4202829, 0.5774523, 0.400395, None), (0.55, 0.5774523, 0.400395, 0.55),
+                (0.303814, 0.526638, 0.33, 0.55),
+            ],
+        ),
+    ],
+)  # fmt: skip
+def test_the_numbers_of_a_grasp_with_slips_and_noise_keep_their_digits(
+    stated: float | None, expected: list[tuple[float | None, ...]]
+) -> None:
+    """Bound, upper bound, dynamic friction and what was carried, after each part."""
+    hand, found = Hand(stated), []
+    hand.estimate.set_object("mug")
+    for part, how in (
+        (carry(0.35), {"noise": 0.02}), (slip(0.52, 0.4), {"noise": 0.03, "ratio": 0.6, "shape": 0.1}),
+        ([*carry(0.2), *CREEP], {"shape": 0.05, "ratio": 0.3}), (slip(0.47, 0.36), {}),
+        ([*carry(0.2), *slip(0.61, 0.5), *carry(0.3), *slip(0.43, 0.35, 0.15), *carry(0.2), *slip(0.5, 0.41)], {}),
+        (carry(math.nan, STEP_S), {"phase": FREE}), (carry(0.55), {}), (slip(0.4, 0.33), {"noise": 0.05}),
+    ):  # fmt: skip
+        state = hand.feel(part, **how)
+        found.append((state.mu, state.mu_high, state.mu_d, state.carried))
+    for numbers, known in zip(found, expected, strict=True):
+        assert numbers == pytest.approx(known, abs=1e-6)
 
 
 def test_dynamic_friction_is_never_above_the_interval_of_static_friction(hand: Hand) -> None:
