@@ -68,7 +68,7 @@ class Browser:
         self.do(lambda page: page.goto("about:blank"))
         self.problems.clear()
         self.hosts.clear()
-        assert problems == []
+        assert not problems, problems
 
     def open(self, url: str) -> None:
         """Open the page, and wait until it has started."""

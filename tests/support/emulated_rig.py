@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import socket
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
 from rig_parts import emulating, endpoints_of, first_line, part
+
+from slipd.tools.sim.emulate_command import touch_command
 
 RIG = """
 [finger.left]
@@ -92,8 +93,4 @@ class EmulatedRig:
 
     def touch(self, command: str) -> None:
         """Let the hand carry out a command."""
-        with socket.socket(socket.AF_UNIX) as line, line.makefile("rw") as both:
-            line.connect(str(self.hand))
-            both.write(f"{command}\n")
-            both.flush()
-            assert both.readline() == "ok\n"
+        assert touch_command(self.hand.parent, command.split()) == 0

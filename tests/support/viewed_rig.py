@@ -86,7 +86,7 @@ class ViewedRig:
         self.url = ""
         self._folder = folder
         self._without_mu = without_mu
-        self._bus = _make_keys(folder) if keyed else ""
+        self._bus = make_keys(folder) if keyed else ""
         self._ended, self._adding = threading.Event(), threading.Lock()
         self.sensors = Sensors(f"ipc://{folder}/readings")
 
@@ -164,7 +164,7 @@ class ViewedRig:
                         self.messages[message.topic, message.seq] = message.raw
 
 
-def _make_keys(folder: Path) -> str:
+def make_keys(folder: Path) -> str:
     """Make the keys of the daemon and of two clients; return the part of the config that names them."""
     keys = folder / "keys"
     for name, lists in (("daemon", ()), ("requester", ("readers", "requesters")), ("reader", ("readers",))):

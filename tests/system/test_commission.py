@@ -9,9 +9,9 @@ from commission_person import TOUCHES
 from commission_rig import PRESSES, TRUE, commission_rig
 from commission_terminal import CommissionTerminal
 from own_address import free_port, own_host
+from viewed_rig import make_keys
 
 from slipd import config
-from slipd_client import keys
 
 pytestmark = pytest.mark.process
 
@@ -27,32 +27,16 @@ sign = -1
 stale_s = 0.5
 pad_from_sensor = { xyz_m = [0.004, -0.002, -0.025], quat_xyzw = [0.9659258, 0.2588190, 0.0, 0.0] }
 """
-KEYED = """
-[bus]
-publish = "tcp://{host}:{publish}"
-requests = "tcp://{host}:{requests}"
-secret_key = "{folder}/daemon.key_secret"
-readers = "{folder}/admitted"
-requesters = "{folder}/admitted"
-"""
-
-
-def make_keys(folder: Path) -> str:
-    """Create the keys of the daemon and of a person; return the part of the config."""
-    admitted = folder / "admitted"
-    admitted.mkdir(mode=0o700)
-    keys.create("daemon", folder)
-    public, _ = keys.create("person", folder)
-    public.rename(admitted / public.name)
-    return KEYED.format(host=own_host(), publish=free_port(), requests=free_port(), folder=folder)
 
 
 def test_what_is_found_is_written_with_a_backup_where_the_daemon_admits_only_keys(tmp_path: Path) -> None:
-    changes = {"# One finger.": make_keys(tmp_path), "sign = -1": "sign = 1  # MEASURE"}
-    secret = str(tmp_path / "person.key_secret")
+    bus = make_keys(tmp_path)
+    for _ in range(2):
+        bus = bus.replace("127.0.0.1:*", f"{own_host()}:{free_port()}", 1)
+    changes = {"# One finger.": bus, "sign = -1": "sign = 1  # MEASURE"}
     with CommissionTerminal(tmp_path, RIG, changes, TOUCHES) as person:
         before, there = person.config.read_text(encoding="utf-8"), {*tmp_path.iterdir()}
-        code = person.follow("--key", secret, until="Now restart the daemon")
+        code = person.follow("--key", f"{tmp_path}/keys/requester.key_secret", until="Now restart the daemon")
         assert code == 130, "\n".join(person.lines)
         previous = tmp_path / "rig.toml.previous"
         assert {*tmp_path.iterdir()} - there == {previous}

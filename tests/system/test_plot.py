@@ -17,7 +17,6 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 
 DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
-SLIPD = str(Path(sys.executable).with_name("slipd"))
 
 
 @pytest.fixture(autouse=True)

@@ -56,23 +56,24 @@ async def test_every_recording_of_a_run_is_complete_and_replays_as_it_was_publis
     assert replayed == run, "nothing was dropped"
 
 
+@pytest.fixture
+def nothing_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "compile_kernels", lambda: pytest.fail("the kernels are compiled"))
+
+
 @pytest.mark.parametrize("scheme", ["ipc", "tcp"])
 async def test_a_run_whose_endpoint_is_in_use_leaves_no_recording_and_compiles_nothing(
-    rig: Rig, tmp_path: Path, scheme: str, monkeypatch: pytest.MonkeyPatch
+    rig: Rig, tmp_path: Path, scheme: str, request: pytest.FixtureRequest
 ) -> None:
     endpoint = f"ipc://{tmp_path}/requests" if scheme == "ipc" else f"tcp://{own_host()}:{free_port()}"
     bus = f'[bus]\npublish = "ipc://{tmp_path}/{{}}"\nrequests = "{endpoint}"\nallow_local_tcp = true\n'
     text = rig.file.read_text(encoding="utf-8")
     first, second = (config.parse(text + bus.format(name), "rig.toml") for name in ("first", "second"))
     async with serving(first):
-        with monkeypatch.context() as patch:
-            patch.setattr(service, "compile_kernels", lambda: pytest.fail("the kernels are compiled"))
-            with pytest.raises(LinkError, match=f"{endpoint}: "):
-                await service.serve(second, record=tmp_path / "run.mcap")
-        assert not (tmp_path / "run.mcap").exists()
-    async with serving(second, record=tmp_path / "run.mcap"):
-        pass
-    assert open_recording(tmp_path / "run.mcap").complete
+        request.getfixturevalue("nothing_is_compiled")
+        with pytest.raises(LinkError, match=f"{endpoint}: "):
+            await service.serve(second, record=tmp_path / "run.mcap")
+    assert not (tmp_path / "run.mcap").exists()
 
 
 async def test_a_run_that_fails_while_it_starts_leaves_no_recording(rig: Rig, tmp_path: Path) -> None:
@@ -84,12 +85,12 @@ async def test_a_run_that_fails_while_it_starts_leaves_no_recording(rig: Rig, tm
     assert not (tmp_path / "run.mcap").exists()
 
 
+@pytest.mark.usefixtures("nothing_is_compiled")
 @pytest.mark.parametrize("record", ["run.mcap", "nowhere/run.mcap"])
 async def test_a_recording_that_cannot_be_created_is_refused_before_the_kernels_are_compiled(
-    rig: Rig, tmp_path: Path, record: str, monkeypatch: pytest.MonkeyPatch
+    rig: Rig, tmp_path: Path, record: str
 ) -> None:
     (tmp_path / "run.mcap").write_bytes(b"precious")
-    monkeypatch.setattr(service, "compile_kernels", lambda: pytest.fail("the kernels are compiled"))
     with pytest.raises(RecordingError, match=rf"{record}: (exists already|cannot be created: there is no folder)"):
         await service.serve(rig.config, record=tmp_path / record)
     assert (tmp_path / "run.mcap").read_bytes() == b"precious"
