@@ -107,6 +107,7 @@ def test_the_page_shows_levels_names_that_clash_and_robots_that_vanish_the_most_
     fleet: Fleet, browser: Browser
 ) -> None:
     url, robots = fleet
+    browser.leave()
     browser.open(url)
     calm = ["live", "STABLE", "WARN"]
     browser.until(shows(["arm1", calm], ["arm2", calm]))
