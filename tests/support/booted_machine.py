@@ -16,6 +16,7 @@ from pathlib import Path
 
 from rig_parts import wait_for
 
+PYTHON = "/usr/bin/python3"
 SOURCE = "/srv/source"
 BOOT_S = 60.0
 QUIET = ("avahi-daemon.service", "postgresql.service", "apt-daily.timer", "apt-daily-upgrade.timer")
@@ -26,7 +27,11 @@ def why_not() -> str:
     """Return why no copy can be booted here; "" where one can."""
     if os.geteuid() != 0:
         return "only root boots a container"
-    return "" if shutil.which("systemd-nspawn") else "needs systemd-nspawn (package systemd-container)"
+    if shutil.which("systemd-nspawn") is None or shutil.which(PYTHON) is None:
+        return f"needs systemd-nspawn (package systemd-container) and {PYTHON}"
+    code = "import ensurepip, sys; sys.exit(sys.version_info < (3, 11))"
+    suffices = subprocess.run([PYTHON, "-c", code], check=False).returncode == 0
+    return "" if suffices else f"{PYTHON} is older than 3.11, or has no venv"
 
 
 class BootedMachine:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from collections.abc import Iterator
 
 import pytest
-from booted_machine import SOURCE, BootedMachine, booted_machine, why_not
+from booted_machine import PYTHON, SOURCE, BootedMachine, booted_machine, why_not
 from project import ROOT
 from rig_parts import wait_for
 
-PYTHON = "/usr/bin/python3"
 START_S = 600.0
 """Until the kernels are compiled, at most."""
 WATCHDOG_S = 20.0
@@ -24,16 +21,9 @@ pytestmark = [
 ]
 
 
-def system_python_suffices() -> bool:
-    code = "import ensurepip, sys; sys.exit(sys.version_info < (3, 11))"
-    return shutil.which(PYTHON) is not None and subprocess.run([PYTHON, "-c", code], check=False).returncode == 0
-
-
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BootedMachine]:
     """A machine on which docs/service.md was followed, with emulated devices."""
-    if not system_python_suffices():
-        pytest.skip(f"{PYTHON} is older than 3.11, or has no venv")
     with booted_machine(tmp_path_factory.mktemp("machine"), ROOT) as booted:
         for command in (
             f"make -C {SOURCE} install PYTHON={PYTHON}",

@@ -13,10 +13,9 @@ import pytest
 from project import CONFIG, DOCS, TRIAL
 from replays import RECORDINGS
 
-from slipd import cli
 from slipd.cli import SLIPCTL, main
 from slipd.tools.cli_parser import parser
-from slipd_client import slipctl, slipctl_commands, slipctl_parser
+from slipd_client import slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
@@ -164,13 +163,8 @@ def test_both_installed_programs_return_the_documented_exit_codes(code: int, tmp
         assert "Traceback" not in done.stderr
 
 
-def test_ctrl_c_ends_both_programs_with_130_and_the_docs_name_no_other_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setitem(cli.COMMANDS, "info", interrupted)
-    monkeypatch.setattr(slipctl_commands, "run", interrupted)
-    assert (main(["info", "run.mcap"]), slipctl.main(["watch"])) == (130, 130)
+def test_the_docs_name_each_exit_code_and_no_other() -> None:
+    """`test_interrupts.py` has that of Ctrl-C."""
     table = (DOCS / "commands.md").read_text(encoding="utf-8").partition("## Exit codes")[2].partition("## Rules")[0]
     assert {int(code) for code in re.findall(r"^\| (\d+) \|", table, re.MULTILINE)} == {*CODES, 130}
 
