@@ -18,7 +18,7 @@ from rig_parts import wait_for
 
 PYTHON = "/usr/bin/python3"
 SOURCE = "/srv/source"
-BOOT_S = 60.0
+BOOT_S = 300.0
 QUIET = ("avahi-daemon.service", "postgresql.service", "apt-daily.timer", "apt-daily-upgrade.timer")
 """Units of this machine that the copy need not start."""
 

@@ -16,6 +16,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
+from rig_parts import PATIENCE_S
+
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
@@ -26,8 +28,6 @@ MISSING = (
     "" if CHROMIUM and importlib.util.find_spec("playwright") else "there is no Chromium (Debian: apt install chromium)"
 )
 """Why no browser can be started; "" where one can."""
-
-PATIENCE_S = 60.0
 
 
 class Browser:

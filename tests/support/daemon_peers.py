@@ -12,12 +12,11 @@ from typing import Any
 import link_ends
 import numpy as np
 import zmq
+from loop_waits import PATIENCE_S
 
 from slipd.devices import bota, pvdf
 from slipd.service_run import Endpoints
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
-
-PATIENCE_S = 60.0
 
 
 class Device(link_ends.Device):

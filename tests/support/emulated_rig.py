@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -68,8 +67,8 @@ class EmulatedRig:
         listen = ("--listen", "127.0.0.1:0", "--emulation", str(self.hand.parent), "--config", str(self.config))
         self.emulate()
         self.write_config(self._wrong)
-        viewing = self._start("slipd_client.slipctl", "view", *listen)
-        self.daemon = self._start("slipd", "run", "--config", str(self.config))
+        viewing = self._stack.enter_context(part(self._folder, "slipd_client.slipctl", "view", *listen))
+        self.daemon = self._stack.enter_context(part(self._folder, "slipd", "run", "--config", str(self.config)))
         endpoints_of(self.daemon)
         self.url = first_line(viewing).partition(": ")[2]
         return self
@@ -87,9 +86,6 @@ class EmulatedRig:
     def emulate(self) -> None:
         """Start the emulation."""
         self.emulator, self._true = self._stack.enter_context(emulating(self._folder, RIG))
-
-    def _start(self, *command: str) -> subprocess.Popen[str]:
-        return self._stack.enter_context(part(self._folder, *command))
 
     def touch(self, command: str) -> None:
         """Let the hand carry out a command."""

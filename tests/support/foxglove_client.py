@@ -11,11 +11,11 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, NamedTuple
 
+from rig_parts import PATIENCE_S
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-PATIENCE_S = 60.0
 _HEAD = struct.Struct("<BIQ")  # opcode, subscription, log time
 MESSAGE_DATA = 1
 

@@ -12,8 +12,7 @@ import time
 from collections.abc import Callable
 
 import pyte
-
-PATIENCE_S = 60.0
+from rig_parts import PATIENCE_S
 
 
 class PseudoTerminal:

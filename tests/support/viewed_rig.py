@@ -78,6 +78,7 @@ class ViewedRig:
         url: Address of the page.
         sensors: What the sensors send.
         daemon: The process of the first daemon.
+        endpoints: Of the newest daemon.
         messages: Every message so far, by topic and number.
     """
 
@@ -87,7 +88,7 @@ class ViewedRig:
         self._folder = folder
         self._without_mu = without_mu
         self._bus = make_keys(folder) if keyed else ""
-        self._ended, self._adding = threading.Event(), threading.Lock()
+        self._ended = threading.Event()
         self.sensors = Sensors(f"ipc://{folder}/readings")
 
     def __enter__(self) -> ViewedRig:
@@ -117,27 +118,22 @@ class ViewedRig:
         config.write_text(text, encoding="utf-8")
         keep_zeros(configs.load(config))
         with part(self._folder, "slipd", "run", "--config", str(config)) as process:
-            self._endpoints = endpoints_of(process)
+            self.endpoints = endpoints_of(process)
             yield process
 
     @contextlib.contextmanager
     def view(self, key: str) -> Iterator[str]:
         """Serve the live view to the holder of a key, and return its address."""
-        endpoints = ("--publish", self._endpoints.publish, "--requests", self._endpoints.requests)
+        endpoints = ("--publish", self.endpoints.publish, "--requests", self.endpoints.requests)
         keys = self._folder / "keys"
         secret = ("--key", f"{keys}/{key}.key_secret", "--server-key", f"{keys}/daemon.key") if self._bus else ()
         view = ("slipd_client.slipctl", *endpoints, *secret, "view", "--listen", "127.0.0.1:0")
         with part(self._folder, *view) as process:
             yield first_line(process).partition(": ")[2]
 
-    @property
-    def requests(self) -> str:
-        """Endpoint of the daemon for requests."""
-        return self._endpoints.requests
-
     def client(self) -> GripClient:
         """Return a client for requests."""
-        return GripClient(self.requests, keys=self._keys(), timeout_s=5.0)
+        return GripClient(self.endpoints.requests, keys=self._keys(), timeout_s=5.0)
 
     def _keys(self) -> Keys | None:
         keys = self._folder / "keys"
@@ -152,16 +148,14 @@ class ViewedRig:
 
     def heard(self, topic: str) -> list[dict[str, Any]]:
         """Return every message of a topic so far."""
-        with self._adding:
-            return [body for (name, _), body in self.messages.items() if name == topic]
+        return [body for (name, _), body in list(self.messages.items()) if name == topic]
 
     def _listen(self) -> None:
-        with Subscriber(self._endpoints.publish, ("",), keys=self._keys()) as subscriber:
+        with Subscriber(self.endpoints.publish, ("",), keys=self._keys()) as subscriber:
             while not self._ended.is_set():
                 message = subscriber.receive(0.1)
                 if message is not None:
-                    with self._adding:
-                        self.messages[message.topic, message.seq] = message.raw
+                    self.messages[message.topic, message.seq] = message.raw
 
 
 def make_keys(folder: Path) -> str:

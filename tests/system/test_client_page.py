@@ -32,7 +32,9 @@ def test_the_exchange_grips_and_raises(kind: str, rig: ViewedRig, tmp_path: Path
         """What the program prints; nothing where a busy machine was too late for its lease, as the program says."""
         with rig.client() as client:
             leased(client, lambda: client.gripper_open(drop=True))
-        done = subprocess.run([sys.executable, program, rig.requests], capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            [sys.executable, program, rig.endpoints.requests], capture_output=True, text=True, timeout=60
+        )
         print(done.stderr)
         return done.stdout if done.returncode == 0 else ""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -37,13 +37,14 @@ class Place:
 
     Attributes:
         gripper: The emulated gripper.
+        address: Of its line.
         forces_n: Every force of its grip so far.
     """
 
     def __init__(self, kind: str, folder: Path) -> None:
         self._folder = folder
         wsg = f"tcp://{own_host()}:{free_port()}"
-        address, table = {
+        self.address, table = {
             "robotiq_2f": (f"{folder}/gripper", gripper_table(f"{folder}/gripper")),
             "wsg": (wsg, WSG.format(wsg)),
             "external_gripper": (f"unix://{folder}/gripper", external_gripper_table(folder)),
@@ -53,12 +54,7 @@ class Place:
         self.gripper: Any = make_emulator(kind)
         self.gripper.set_part(0.04)
         self.forces_n: list[float] = []
-        self._devices = [(kind, self.gripper, address)]
         self.sensors = Sensors(f"ipc://{folder}/readings")
-
-    def hardware(self) -> AbstractContextManager[None]:
-        """Serve the gripper."""
-        return emulation(self._devices, lambda _: self.forces_n.append(self.gripper.grip_n))
 
     @contextmanager
     def daemon(self, state: str) -> Iterator[tuple[subprocess.Popen[str], Endpoints]]:
@@ -80,8 +76,9 @@ class Place:
 def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
     """A gripper that held an object when its daemon was killed."""
     place = Place(request.param, tmp_path_factory.mktemp(request.param))
+    devices = [(request.param, place.gripper, place.address)]
     with ExitStack() as stack:
-        stack.enter_context(place.hardware())
+        stack.enter_context(emulation(devices, lambda _: place.forces_n.append(place.gripper.grip_n)))
         place.sensors.start()
         stack.callback(place.sensors.stop)
         with place.daemon("state") as (_, endpoints), GripClient(endpoints.requests) as client:
