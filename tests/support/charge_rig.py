@@ -22,7 +22,7 @@ pad_from_sensor = {{ xyz_m = {xyz}, quat_xyzw = {quat} }}  # from the drawing
 [finger.{name}.pad]
 device = "pvdf"
 port = "/dev/{pad}"
-rate_hz = 50.0
+rate_hz = 25.0
 rows = 12
 cols = 12
 pitch_m = 0.0035

@@ -65,4 +65,4 @@ PRESSES = {
 def commission_rig(*, gripper: str = GRIPPER + LIMIT, **changed: Any) -> config.Config:
     """Return the config, with changed values of ``TRUE``."""
     tables = [FINGER.format(name=name, number=k, **(TRUE | changed)) for k, name in enumerate(FINGERS, 1)]
-    return config.parse("# A rig.\n[rates]\nslip_hz = 20.0\n" + "".join(tables) + gripper, "rig.toml")
+    return config.parse("# A rig.\n[rates]\nslip_hz = 50.0\n" + "".join(tables) + gripper, "rig.toml")

@@ -19,7 +19,7 @@ from slipd_client.messages.schema import replies
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.topics import Message
 
-STEP_NS = 5_000_000
+STEP_NS = 10_000_000
 BOOT = "b00t"
 T0 = 1_000_000_000_000
 

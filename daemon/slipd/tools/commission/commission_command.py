@@ -8,7 +8,7 @@ from pathlib import Path
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.commission.commission_guide import Allowed, Commission
+from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.daemon_link import link_to
 from slipd.tools.commission.dialogue import follow
 from slipd.tools.commission.hosts import PageHost, TerminalHost
@@ -62,8 +62,8 @@ def commission_command(file: Path, chosen: CommissionOptions) -> bool:
             raise SlipdError(f"--finger must be one of {', '.join(rig.finger)}, got {name!r:.40}")
     link = link_to(rig, chosen.publish, chosen.requests, chosen.key, chosen.server_key)
     restart = f"Now restart the daemon: Ctrl-C in its terminal and slipd run {file} again, or systemctl reload slipd."
-    allowed = Allowed(write=chosen.write, move=chosen.write and not chosen.page)
-    guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, allowed)
+    moves = chosen.write and not chosen.page
+    guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, moves=moves)
     try:
         with (PageHost if chosen.page else TerminalHost)(file, rig.text, link, write=chosen.write) as host:
             if not isinstance(host, PageHost):

@@ -6,7 +6,6 @@ What a step finds is written before the next one begins, and the next one waits 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 from slipd import config
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
@@ -54,22 +53,6 @@ LINKS_UP_S = 0.5
 Values = dict[tuple[str, ...], str]
 
 
-@dataclass(frozen=True, slots=True)
-class Allowed:
-    """What the guide may do.
-
-    Attributes:
-        write: Write the config.
-        move: Move the gripper, each time after the person agreed.
-    """
-
-    write: bool = True
-    move: bool = True
-
-
-EVERYTHING = Allowed()
-
-
 class Commission:
     """Leads through the steps.
 
@@ -78,7 +61,7 @@ class Commission:
         fingers: Names of the fingers.
         patience_s: How long to wait for each touch, s.
         restart: What the person does so that the daemon reads a changed config, for people.
-        allowed: What the guide may do.
+        moves: It may move the gripper, each time after the person agreed.
     """
 
     def __init__(
@@ -87,10 +70,11 @@ class Commission:
         fingers: Sequence[str],
         patience_s: float,
         restart: str = "",
-        allowed: Allowed = EVERYTHING,
+        *,
+        moves: bool = True,
     ) -> None:
         self._rig, self._fingers, self._patience_s = rig, fingers, patience_s
-        self._restart, self._allowed = restart, allowed
+        self._restart, self._moves = restart, moves
         self._mounts: dict[str, Mount] = {}
         self._unwritten = self._contradicted = False
         self._zeroed = False
@@ -197,7 +181,7 @@ class Commission:
         needed_n = pulling_force(self._rig.finger[name] for name in self._fingers)
         force_n = gentle_force(self._rig.gripper, needed_n)
         yield from report_noise(needed_n, force_n)
-        by_gripper = None if isinstance(force_n, str) or not self._allowed.move else force_n
+        by_gripper = None if isinstance(force_n, str) or not self._moves else force_n
         results = yield from measure_friction(self._fingers, by_gripper, self._patience_s)
         found: Values = {}
         for name, group in results.items():
@@ -207,7 +191,7 @@ class Commission:
         return len(results) == len(self._fingers)
 
     def _grasp(self) -> Steps[bool]:
-        if not self._allowed.move:
+        if not self._moves:
             yield Say("  left out: only slipd commission in a terminal moves the gripper, without --dry-run")
             return True
         force_n = gentle_force(self._rig.gripper)

@@ -63,15 +63,11 @@ def identify(forces: ArrayLike, torques: ArrayLike, gravities: ArrayLike) -> Ide
         gravities: Apparent gravity in the pad frame in each pose, shape (poses, 3), m/s².
 
     Raises:
-        ValueError: Shapes are wrong, values are not finite, the poses leave a direction unobservable (the text names
+        ValueError: Values are not finite, the poses leave a direction unobservable (the text names
             it), or the mass is negative or lost in the noise.
     """
     f, t, g = (np.asarray(rows, dtype=np.float64) for rows in (forces, torques, gravities))
     n = len(g)
-    if not f.shape == t.shape == g.shape == (n, 3):
-        raise ValueError(
-            f"forces, torques and gravities must have shape (poses, 3), got {f.shape}, {t.shape}, {g.shape}"
-        )
     if not (np.isfinite(f).all() and np.isfinite(t).all() and np.isfinite(g).all()):
         raise ValueError("forces, torques and gravities must be finite")
     if n < MIN_POSES:

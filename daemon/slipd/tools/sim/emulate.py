@@ -10,7 +10,7 @@ import signal
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack
-from typing import Protocol, cast
+from typing import Any
 from urllib.parse import urlsplit
 
 from slipd.devices import DEVICES, Inquiry
@@ -36,14 +36,6 @@ HARDWARE_NICENESS = -10
 """Niceness of this process if permitted, because hardware is not late on a busy machine."""
 
 STDIN = 0
-
-
-class Inquired(Protocol):
-    """An emulator that also answers inquiries."""
-
-    def inquire(self, request: bytes) -> bytes:
-        """Return the answer; empty if there is none."""
-        ...
 
 
 class Emulation:
@@ -117,7 +109,7 @@ async def emulated(
             inquiry = _inquiry(name, device)
             if inquiry is not None:
                 host = urlsplit(address).hostname
-                await stack.enter_async_context(await _serve_inquiries(cast("Inquired", device), host, inquiry.port))
+                await stack.enter_async_context(await _serve_inquiries(device, host, inquiry.port))
         yield Emulation(lines, load)
 
 
@@ -126,7 +118,7 @@ def _inquiry(name: str, device: Emulator) -> Inquiry | None:
     return make(**device.options) if make is not None and hasattr(device, "inquire") else None
 
 
-async def _serve_inquiries(device: Inquired, host: str | None, port: int) -> asyncio.Server:
+async def _serve_inquiries(device: Any, host: str | None, port: int) -> asyncio.Server:
     async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(TimeoutError, ConnectionError):
             async with asyncio.timeout(QUESTION_S):

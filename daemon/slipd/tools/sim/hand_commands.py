@@ -117,24 +117,21 @@ class _Words:
         return units[0]
 
     def place_m(self, count: int) -> tuple[float, ...] | None:
-        if self.next != "at":
+        if not self.took("at"):
             return None
-        self._rest.pop(0)
         place = tuple(1e-3 * self.number("XYZ"[k], -500.0, 500.0) for k in range(count))
         self.unit("mm")
         return place
 
-    def turns(self) -> bool:
-        """Drop the word "turn"; return whether it was there."""
-        if self.next != "turn":
-            return False
-        self._rest.pop(0)
-        return True
+    def took(self, word: str) -> bool:
+        """Drop this word; return whether it was there."""
+        there = self.next == word
+        del self._rest[:there]
+        return there
 
     def seconds(self) -> float:
-        if self.next != "in":
+        if not self.took("in"):
             return 0.0
-        self._rest.pop(0)
         value = self.number("S", 0.0, LONGEST_S)
         self.unit("s")
         return value
@@ -209,7 +206,7 @@ def _tilt(words: _Words) -> Command:
 def _arm(words: _Words) -> Command:
     gravity = tuple(words.number(name, -50.0, 50.0) for name in ("GX", "GY", "GZ"))
     velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
-    if words.turns():
+    if words.took("turn"):
         velocity = tuple(words.number(name, -20.0, 20.0) for name in ("WX", "WY", "WZ"))
     return Command(words.verb, values=gravity + velocity, seconds=words.seconds())
 

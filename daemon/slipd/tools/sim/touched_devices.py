@@ -13,7 +13,7 @@ import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -97,7 +97,7 @@ class TouchedDevices:
             if finger.wrench is not None and (pose := finger.wrench.pad_from_sensor)
         }
         self._set: dict[str, tuple[PadLoad, bytes]] = {}
-        self._grips = cast("_Gripping | None", self._by_port[rig.gripper.port] if rig.gripper is not None else None)
+        self._grips: Any = None if rig.gripper is None else self._by_port[rig.gripper.port]
 
     def advance(self, t_ns: int) -> None:
         """Let the hand act on the devices until ``t_ns``; a load that did not change is not set again."""
@@ -151,15 +151,6 @@ class TouchedDevices:
                 if quoted in line:
                     return line.replace(quoted, json.dumps(address))
         return line
-
-
-class _Gripping(Protocol):
-    """An emulated gripper that can hold a part."""
-
-    @property
-    def grip_n(self) -> float: ...
-
-    def set_part(self, width_m: float) -> None: ...
 
 
 class _TouchedPad:

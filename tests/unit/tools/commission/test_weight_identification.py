@@ -23,10 +23,8 @@ BIAS = np.array((1.5, -2.0, 30.0, 0.1, -0.2, 0.05))
 POSES = G * np.array(((0, 0, -1), (1, 0, 0), (0, 1, 0), (0, -1, 0), (-1, 0, 0), (0, 0, 1)), dtype=float)
 
 
-def found_in(gravities: np.ndarray, weight: FingerWeight = WEIGHT, noise: np.ndarray | None = None) -> Identification:
-    wrenches = BIAS + np.array([weight.wrench(gravity) for gravity in gravities])
-    if noise is not None:
-        wrenches = wrenches + noise
+def found_in(gravities: np.ndarray, weight: FingerWeight = WEIGHT, noise: np.ndarray | float = 0.0) -> Identification:
+    wrenches = np.array([weight.wrench(gravity) for gravity in gravities]).reshape(-1, 6) + BIAS + noise
     return identify(wrenches[:, :3], wrenches[:, 3:], gravities)
 
 
@@ -53,27 +51,38 @@ def test_standard_errors_and_residuals_tell_the_truth() -> None:
     rng = np.random.default_rng(1)
     sigma = np.repeat((0.01, 0.0002), 3)
     gravities = np.array([Rotation.random(random_state=k).apply(POSES[0]) for k in range(8)])
-    trials = [found_in(gravities, noise=rng.normal(scale=sigma, size=(8, 6))) for _ in range(800)]
+    trials = [found_in(gravities, noise=rng.normal(scale=sigma, size=(8, 6))) for _ in range(400)]
     masses = np.array([trial.mass_kg for trial in trials])
     coms = np.array([trial.com_m for trial in trials])
     assert masses.mean() == pytest.approx(0.060, abs=5e-5)
     assert_allclose(coms.mean(axis=0), COM, atol=1e-4)
-    assert math.sqrt(np.mean([trial.mass_std_kg**2 for trial in trials])) == pytest.approx(masses.std(), rel=0.08)
-    assert_allclose(np.sqrt(np.mean([trial.com_std_m**2 for trial in trials], axis=0)), coms.std(axis=0), rtol=0.08)
+    assert math.sqrt(np.mean([trial.mass_std_kg**2 for trial in trials])) == pytest.approx(masses.std(), rel=0.1)
+    assert_allclose(np.sqrt(np.mean([trial.com_std_m**2 for trial in trials], axis=0)), coms.std(axis=0), rtol=0.1)
     assert math.sqrt(np.mean([trial.residual_n**2 for trial in trials])) == pytest.approx(0.01, rel=0.03)
     assert math.sqrt(np.mean([trial.residual_nm**2 for trial in trials])) == pytest.approx(0.0002, rel=0.03)
 
 
-@pytest.mark.parametrize("count", [0, 1, 2])
-def test_two_poses_are_not_enough(count: int) -> None:
-    with pytest.raises(ValueError, match=rf"at least 3 poses with gravity in different directions, got {count}"):
-        found_in(POSES[:count]) if count else identify(*np.zeros((3, 0, 3)))
+FEW = "at least 3 poses with gravity in different directions, got "
+ALIKE = POSES[[0, 0, 0, 0]] + 0.1 * np.eye(4, 3)
+LOST = np.random.default_rng(2).normal(scale=0.02, size=(6, 6))
+UPWARDS = -2.0 * np.array([WEIGHT.wrench(gravity) for gravity in POSES])
 
 
-def test_poses_that_are_all_alike_are_refused_with_what_is_missing() -> None:
-    alike = POSES[[0, 0, 0, 0]] + 0.1 * np.eye(4, 3)
-    with pytest.raises(ValueError, match=r"gravity is about \(0\.0\d, 0\.0\d, -9\.7\d\) m/s² in every pose; add poses"):
-        found_in(alike)
+@pytest.mark.parametrize(
+    ("gravities", "weight", "noise", "words"),
+    [
+        *((POSES[:count], WEIGHT, 0.0, f"{FEW}{count}") for count in (0, 1, 2)),
+        (ALIKE, WEIGHT, 0.0, r"gravity is about \(0\.0\d, 0\.0\d, -9\.7\d\) m/s² in every pose; add poses"),
+        (POSES, FingerWeight(0.0005, COM), LOST, r"mass must differ clearly from zero, got .*: leave mass_kg out"),
+        (POSES, FingerWeight(), -BIAS, "mass must differ clearly from zero"),
+        (POSES, WEIGHT, UPWARDS, "sign or pad_from_sensor is wrong, or gravity points the other way"),
+    ],
+)
+def test_too_few_poses_and_a_mass_that_is_lost_in_the_noise_or_falls_up_are_refused_with_what_helps(
+    gravities: np.ndarray, weight: FingerWeight, noise: np.ndarray, words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        found_in(gravities, weight, noise)
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -86,20 +95,6 @@ def test_N3_poses_on_one_line_leave_the_centre_along_it_unseen_and_it_is_named(a
     assert [abs(float(value)) for value in blind[1].split(",")] == [float(k == axis) for k in range(3)]
 
 
-def test_a_mass_below_the_noise_is_refused() -> None:
-    noise = np.random.default_rng(2).normal(scale=0.02, size=(6, 6))
-    with pytest.raises(ValueError, match=r"mass must differ clearly from zero, got .*: leave mass_kg out"):
-        found_in(POSES, FingerWeight(0.0005, COM), noise)
-    with pytest.raises(ValueError, match="mass must differ clearly from zero"):
-        identify(np.zeros((6, 3)), np.zeros((6, 3)), POSES)
-
-
-def test_a_mass_that_falls_up_means_a_wrong_sign() -> None:
-    forces = -0.06 * POSES
-    with pytest.raises(ValueError, match="sign or pad_from_sensor is wrong, or gravity points the other way"):
-        identify(forces, np.zeros((6, 3)), POSES)
-
-
 @pytest.mark.parametrize("place", range(3))
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_N1_what_is_no_number_is_refused(place: int, bad: float) -> None:
@@ -107,9 +102,3 @@ def test_N1_what_is_no_number_is_refused(place: int, bad: float) -> None:
     tables[place][1, 2] = bad
     with pytest.raises(ValueError, match="must be finite"):
         identify(*tables)
-
-
-@pytest.mark.parametrize("shape", [(6, 2), (5, 3), (18,)])
-def test_wrong_shapes_are_refused(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=r"must have shape \(poses, 3\)"):
-        identify(np.zeros(shape), np.zeros((6, 3)), POSES)

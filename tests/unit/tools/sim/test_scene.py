@@ -36,8 +36,9 @@ def raised(at_s, to_n):
     return lambda t: to_n if t >= at_s else 7.0
 
 
-@pytest.mark.parametrize("step_s", [0.0007, 0.001, 0.00125, 0.0013, 0.05])
-@pytest.mark.parametrize("speed_mps", [0.02, 0.0333, 0.05, 0.085, 0.15])
+@pytest.mark.parametrize(
+    ("step_s", "speed_mps"), [(0.0007, 0.0333), (0.001, 0.05), (0.00125, 0.085), (0.0013, 0.15), (0.05, 0.02)]
+)
 def test_the_fingers_close_at_the_commanded_speed_and_stop_at_the_object(step_s, speed_mps):
     scene = Scene()
     for i in range(1, math.ceil(1.6 / step_s)):
