@@ -233,6 +233,7 @@ class Complete(Exception):  # noqa: N818 - it names what happened
 def test_a_touch_without_images_is_held_until_they_are_back(tmp_path: Path) -> None:
     """On a busy machine, those of the first second after a question are lost."""
     engine, lost, printed = EmulatedEngine(SMALL, SMALL, tmp_path), [0], list[str]()
+    know_zeros(*engine._engine._fingers.values())
 
     def respond(output: Output) -> Event:
         if not isinstance(output, (Say, Prompt)):

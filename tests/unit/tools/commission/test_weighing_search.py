@@ -17,7 +17,6 @@ from slipd.tools.commission.weighing_search import (
     WXYZ,
     Pose,
     WeightFindings,
-    _fit,
     find_weight,
     force_misfit,
     torque_misfit,
@@ -135,8 +134,3 @@ def test_quaternions_in_the_order_w_x_y_z_are_found() -> None:
     findings = find_weight(made, TRUE)
     assert findings.notes[0] == WXYZ
     assert findings.found.mass_kg == pytest.approx(0.08, rel=0.001)
-
-
-def test_forces_that_never_change_show_no_mass() -> None:
-    found = _fit(np.ones((len(DOWN), 3)), np.array(DOWN))
-    assert (found.mass_kg, found.misfit) == (0.0, math.inf)

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from slipd.devices import pvdf
-from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.tools.sim.emulated_pvdf import FULL_SCALE, PvdfElectronics, PvdfPad
-from slipd.tools.sim.scene_parts import Pad, Patch
 
 MS = 1_000_000
 IDEAL = PvdfElectronics(gain_spread=0.0, offset_counts=0.0, noise_counts=0.0, clock_ppm=0.0)
@@ -41,19 +39,6 @@ def test_taxels_are_sampled_one_after_another():
     assert sample.dwell_ns == 20_000
     assert rise == pytest.approx(20_000 * math.exp(-1.0 / 2.0), rel=0.02)
     assert sample.values == pytest.approx(sample.values[0] + rise * k * 20e-6, abs=1.1)
-
-
-def test_the_force_is_reconstructed_from_its_charge():
-    shares = Pad().shares(Patch())
-
-    def force(t):
-        return 0.0 if t < 1.0 else min((t - 1.0) * 40.0, 7.0) if t < 4.0 else 12.0
-
-    charge = ChargeReconstruction(128, tau_s=2.0)
-    for sample in scans(made(PvdfElectronics(gain_spread=0.0)), force, 8_000 * MS, shares=shares):
-        t_s = sample.device_time_ns * 1e-9
-        found = charge.update(sample.values, t_s, known_free=force(t_s) == 0.0)
-    assert found / 2000.0 == pytest.approx(12.0 * shares, abs=0.02)
 
 
 def test_each_taxel_has_a_charge_of_its_own():

@@ -1,8 +1,6 @@
 import math
 
-import numpy as np
 import pytest
-from pad_wrenches import finger_load, pad_wrench
 
 from slipd.tools.sim.scene_parts import FrictionLimit, Pad, Patch
 
@@ -28,16 +26,3 @@ def test_the_image_carries_the_force_and_its_centroid():
     assert shares.sum() == pytest.approx(1.0, abs=0.02)
     assert (x @ shares, y @ shares) / shares.sum() == pytest.approx(Patch().centre_m, abs=2e-4)
     assert shares.min() == 0.0
-
-
-def test_both_fingers_together_carry_the_load_in_the_gripper_frame():
-    # Rows are the pad's axes in the gripper frame: Z approach, Y from the right finger to the left.
-    left = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-    right = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    wrench = np.zeros((2, 3))
-    for axes, is_right in ((left, False), (right, True)):
-        centre = (Patch().mirrored() if is_right else Patch()).centre_m
-        force, torque = pad_wrench(finger_load((2.0, 3.0, 0.05), right=is_right), 10.0, centre)
-        about = torque - np.cross((*centre, 0.0), force)  # about the contact's centre, both pads' planes merged
-        wrench += np.stack((force, about)) @ axes
-    assert wrench == pytest.approx(np.array(((2.0, 3.0, 0.0), (0.0, 0.0, 0.05))) @ left)
