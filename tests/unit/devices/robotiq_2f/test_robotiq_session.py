@@ -199,8 +199,9 @@ def test_a_line_on_which_nothing_at_all_comes_back_is_explained(active: Bench) -
 def test_noise_is_counted_between_the_replies_and_before_one(active: Bench) -> None:
     active.session.receive(b"\x09\x04", active.now_ns)
     reply = active.polled()
+    active.session.receive(bytes(300), active.now_ns)
     assert len(active.session.receive(b"\x00" + reply, active.now_ns)) == 1
-    assert (active.session.health.bad, active.session.health.bad_bytes) == (2, 3)
+    assert (active.session.health.bad, active.session.health.bad_bytes) == (3, 303)
 
 
 def test_activation_clears_then_activates_and_waits_until_the_gripper_reports_it(bench: Bench) -> None:
