@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import socket
 import stat
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgpack
@@ -14,6 +12,7 @@ import pytest
 import zmq
 from link_ends import pieces, serving
 from loop_waits import PATIENCE_S, eventually
+from zeromq_peers import Clients
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec, LinkUp
@@ -21,42 +20,22 @@ from slipd.io.transport.local_sockets import MAX_MESSAGE_BYTES, open_driver_sock
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
-Pusher = Callable[[], zmq.Socket[bytes]]
 
-
-@pytest.fixture
-def spec(tmp_path: Path) -> LinkSpec:
-    return LinkSpec("left.wrench", "external", f"ipc://{tmp_path}/readings")
-
-
-@pytest.fixture
-def pusher(spec: LinkSpec) -> Iterator[Pusher]:
-    with zmq.Context() as context, contextlib.ExitStack() as stack:
-        context.setsockopt(zmq.LINGER, 0)
-
-        def connect() -> zmq.Socket[bytes]:
-            made = stack.enter_context(context.socket(zmq.PUSH))
-            made.connect(spec.address)
-            return made
-
-        yield connect
-
-
-async def test_each_message_is_delivered_as_one_piece_and_nothing_is_written(spec: LinkSpec, pusher: Pusher) -> None:
+async def test_each_message_is_delivered_as_one_piece_and_nothing_is_written(endpoint: str, peer: Clients) -> None:
     """Of a message in many parts no more than two are judged, and one that is too long is refused."""
     sent = [*(bytes([n % 256]) * n for n in range(500)), bytes(MAX_MESSAGE_BYTES)]
-    first = pusher()  # it waits for the daemon
-    async with serving(spec) as (links, events):
+    first = peer(zmq.PUSH, endpoint).socket  # it waits for the daemon
+    async with serving(LinkSpec("left.wrench", "external", endpoint)) as (links, events):
         for data in sent:
             first.send(data)
         first.send_multipart([b"part"] * 1000)
         await eventually(lambda: len(pieces(events)) == len(sent) + 2)
         first.send(bytes(MAX_MESSAGE_BYTES + 1))
-        pusher().send(b"of another")
+        peer(zmq.PUSH, endpoint).socket.send(b"of another")
         await eventually(lambda: pieces(events)[-1] == b"of another")
         assert not links.write("left.wrench", b"zero")
     assert links.refused_writes == {"left.wrench": 1}
-    assert events[0] == LinkUp("left.wrench", spec.address)
+    assert events[0] == LinkUp("left.wrench", endpoint)
     assert pieces(events) == [*sent, b"part", b"part", b"of another"]
 
 

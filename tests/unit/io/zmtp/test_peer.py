@@ -37,16 +37,6 @@ class Server(Listener):
         self.got.append(frames)
 
 
-async def test_a_stock_client_sends_long_messages_and_its_heartbeats_are_answered(endpoint: str, peer: Clients) -> None:
-    with Server(endpoint) as server:
-        client = peer(zmq.DEALER, endpoint, HEARTBEAT_IVL=10, HEARTBEAT_TIMEOUT=60_000, RECONNECT_IVL=-1)
-        client.socket.send_multipart([b"%d" % number for number in range(10_000)])
-        await eventually(lambda: server.got == [[b"0", b"1", b"2"]])
-        await asyncio.sleep(0.1)
-        client.socket.send(b"still there")
-        await eventually(lambda: server.got[1:] == [[b"still there"]])
-
-
 async def test_all_pings_of_a_peer_that_reads_are_answered(endpoint: str, plain: Plain) -> None:
     heard = bytearray()
     with Server(endpoint):
