@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from collections.abc import Mapping, Sequence
 
@@ -13,10 +12,11 @@ from slipd_client.grip import GripClient
 from slipd_client.messages.names import Health
 from slipd_client.ros.conversion import Entry, entry
 from slipd_client.ros2.arm_sources import ArmSource
+from slipd_client.ros2.background import Background
 from slipd_client.ros2.orientation import OrientationUnknown, pad_gravities
 
 
-class RosFeed(threading.Thread):
+class RosFeed(Background):
     """Sends the daemon what ROS reports of the arm, and reports failures.
 
     Args:
@@ -24,9 +24,8 @@ class RosFeed(threading.Thread):
     """
 
     def __init__(self, what: str) -> None:
-        super().__init__(name=what, daemon=True)
+        super().__init__(what)
         self._what = what
-        self._ended = threading.Event()
         self._state = (Health.STALE, f"no {what} yet")
         self._well_s = time.monotonic()
         self._told = ""
@@ -45,11 +44,6 @@ class RosFeed(threading.Thread):
             except Exception as error:  # a message that cannot be decoded, for example; the next one may be well
                 self._state = (Health.ERROR, f"{type(error).__name__}: {error}")
             self._tell(*self._state)
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._ended.set()
-        self.join()
 
     def _wait(self) -> bool:
         """Wait until there is something to send; return whether the feed has ended."""

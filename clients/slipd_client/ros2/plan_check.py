@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros.slipd_types import CHECKED, motion_check
 from slipd_client.ros2.arm_sources import taken
+from slipd_client.ros2.background import Background
 from slipd_client.ros2.planned_motion import PlanError, points_of
 
 PLAN = "trajectory_msgs/MultiDOFJointTrajectory"
@@ -20,7 +20,7 @@ LOOK_S = 0.02
 """Time between two looks for plans, s."""
 
 
-class PlanCheck(threading.Thread):
+class PlanCheck(Background):
     """Answers each plan with a `slipd_msgs/MotionCheck` that has the header of the plan.
 
     Args:
@@ -41,10 +41,9 @@ class PlanCheck(threading.Thread):
         base: str,
         hand: str,
     ) -> None:
-        super().__init__(name="check of planned motions", daemon=True)
+        super().__init__("check of planned motions")
         self._reader, self._publish, self._topic, self._check = reader, publish, topic, check
         self._base, self._hand = base, hand
-        self._ended = threading.Event()
 
     def run(self) -> None:
         """Answer until `stop`."""
@@ -53,11 +52,6 @@ class PlanCheck(threading.Thread):
                 stamp = {"sec": plan.header.stamp.sec, "nanosec": plan.header.stamp.nanosec}
                 header = {"stamp": stamp, "frame_id": plan.header.frame_id}
                 self._publish(RosMessage(self._topic, CHECKED, motion_check(header, self._answer(plan))))
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._ended.set()
-        self.join()
 
     def _answer(self, plan: Any) -> Mapping[str, Any]:
         try:

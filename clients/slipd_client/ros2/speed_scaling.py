@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 from slipd_client.motion import MotionAdvisorBase
 from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros2.background import Background
 
 PERIOD_S = 0.05
 """Time between two messages, s: half of that between two messages of slipd, so that stale advice ends soon."""
 
 
-class SpeedScaling(threading.Thread):
+class SpeedScaling(Background):
     """Publishes the scale, and the floor while the scale is not known.
 
     A controller keeps the last factor that it received. So the end of this thread leaves the floor in force.
@@ -27,9 +27,8 @@ class SpeedScaling(threading.Thread):
     def __init__(
         self, publish: Callable[[RosMessage], None], topic: str, advisor: MotionAdvisorBase, floor: float
     ) -> None:
-        super().__init__(name="speed scaling", daemon=True)
+        super().__init__("speed scaling")
         self._publish, self._topic, self._advisor, self._floor = publish, topic, advisor, floor
-        self._ended = threading.Event()
 
     def run(self) -> None:
         """Publish until `stop`."""
@@ -39,11 +38,6 @@ class SpeedScaling(threading.Thread):
                 self._send(self._floor if scale is None else scale)
         finally:
             self._send(self._floor)
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._ended.set()
-        self.join()
 
     def _send(self, factor: float) -> None:
         self._publish(RosMessage(self._topic, "control_msgs/SpeedScalingFactor", {"factor": factor}))

@@ -1,0 +1,22 @@
+"""A thread beside the messages of ``slipctl serve ros2``."""
+
+from __future__ import annotations
+
+import threading
+
+
+class Background(threading.Thread):
+    """A thread that works until it is told to stop, and ends with the process.
+
+    Args:
+        name: What it does.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name=name, daemon=True)
+        self._ended = threading.Event()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self.join()
