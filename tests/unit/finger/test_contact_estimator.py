@@ -115,7 +115,7 @@ IMAGES = {"full": FULL, "part": np.where(np.arange(16) < 6, FULL, 0.0), "empty":
 
 
 @pytest.mark.no_cover
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     reads=st.lists(READ, min_size=1, max_size=6), sizes=st.lists(st.integers(1, 12), min_size=1), agrees=st.booleans()
 )

@@ -234,7 +234,7 @@ def test_F1_readings_to_and_fro_are_garbage_and_leave_this_much_of_it(
     """Values beyond the range, and jumps by more than a quarter of it; how many are garbage, of them and after them."""
     watch = WrenchWatch(200.0)
     forces = [*(0.01 * np.arange(50)), *(force_n * (-1.0) ** np.arange(times)), *(0.01 * np.arange(200))]
-    said = [take(watch, np.array((x, 0.0, 1.0)), NONE, k * MS) for k, x in enumerate(forces)]
+    said = [take(watch, np.roll((x, 0.0, 1.0), times), NONE, k * MS) for k, x in enumerate(forces)]
     assert (said[: 50 + times].count("garbage"), said[50 + times :].count("garbage")) == found
 
 
