@@ -44,13 +44,10 @@ def test_a_config_that_a_page_copies_runs_without_keys() -> None:
     assert [rig.bus.secret_key for rig in rigs] == [None] * len(rigs)
 
 
-def test_there_are_commands_on_many_pages() -> None:
+def test_there_are_commands_on_many_pages_and_each_program_is_ours_or_known() -> None:
     assert len(ours("slipd", "slipctl")) > 40
     assert len({command.page for command in ALL}) >= 6
     assert len(MENTIONED) > 40
-
-
-def test_every_program_is_ours_or_known() -> None:
     assert {command.words[0] for command in ALL} <= PROGRAMS | OTHERS
 
 

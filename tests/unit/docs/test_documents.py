@@ -164,17 +164,11 @@ def test_each_operation_is_a_method_of_its_name_with_its_fields() -> None:
         assert required == [each.name for each in fields.values() if each.required]
 
 
-def columns_of_glossary() -> list[tuple[str, str, str]]:
-    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
-    rows = [line.strip("|").split(" | ") for line in text.splitlines() if line.startswith("| ") and "---" not in line]
-    return [(row[0].strip(), row[1], row[2]) for row in rows if row[1].strip() != "code"]
-
-
 def test_a_term_has_the_name_in_code_and_on_the_wire_that_the_glossary_states() -> None:
     words = {word for file in DAEMON.rglob("*.py") for word in re.findall(r"\w+", file.read_text(encoding="utf-8"))}
     keys = set(re.findall(r"\w+", (DOCS / "protocol.md").read_text(encoding="utf-8")))
-    terms = columns_of_glossary()
-    assert len(terms) > 10
-    for term, code, wire in terms:
+    rows = re.findall(r"^\|(.*?) \| (.*?) \| (.*?) \|", (DOCS / "glossary.md").read_text("utf-8"), re.MULTILINE)
+    assert len(rows) > 12
+    for term, code, wire in rows[1:]:
         assert set(re.findall(r"`(\w+)`", code)) <= words, f"{term}: not in the daemon"
         assert set(re.findall(r"`(\w+)`", wire)) <= keys, f"{term}: not in docs/protocol.md"

@@ -76,7 +76,7 @@ def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried
     run.poll(0)
     wait_until(lambda: run.poll(1) or run.changes)
     (path,) = {change.path for change in run.changes}
-    assert run.changes == [RecordingChanged("", path, "limited", "the disk is full")]
+    assert run.changes == [RecordingChanged("", path, "limited", f"{path}: the disk is full")]
     run.prepare = lambda: None
     run.poll(RETRY_NS // 2)
     assert run.files() == []

@@ -205,5 +205,6 @@ def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path) -> N
         for _ in range(80 * 1024 * 1024 // size):
             file.event(count, count, Bytes("left.wrench", bytes(size)))
             count += 1
-    file.finish(count)
-    assert len(complete(tmp_path / "run.mcap")) == count
+    file.published(count, count, "tactile.left", bytes(mcap_file.ENTRY_LIMIT_BYTES))
+    file.finish(count + 1)
+    assert len(complete(tmp_path / "run.mcap")) == count + 1

@@ -3,41 +3,49 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from recorded_entries import ABOUT_RUN, complete, small_disk
 
+from slipd import config
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
-from slipd.events import Bytes, IncidentsChanged
+from slipd.events import Bytes, IncidentsChanged, Publish
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.run_files import RunFiles, run_name
+from slipd.recording.run_recorders import RunRecorders
 from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
+NAME = run_name("b00t", WallClock(0))
 WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
 
 
-@pytest.fixture
-def incidents(tmp_path: Path):
-    def make(prepare=lambda: None, **limits: object) -> Incidents:
-        return Incidents(
-            RunFiles(tmp_path, "b00t"),
-            Limits(**limits),
-            run_name("b00t", WallClock(0)),
-            lambda path, first: RecordingFile(path, first=first, **ABOUT_RUN),
-            prepare,
-        )
+def nothing() -> None:
+    """There is room."""
 
-    return make
+
+def full() -> None:
+    raise RecordingError("no room")
+
+
+def incidents(folder: Path, prepare: Callable[[], None] = nothing, **limits: object) -> Incidents:
+    return Incidents(
+        RunFiles(folder, "b00t"),
+        Limits(**limits),
+        NAME,
+        lambda path, first: RecordingFile(path, first=first, **ABOUT_RUN),
+        prepare,
+    )
 
 
 def called(number: int, second: int, what: str) -> str:
-    return f"incident-{number:06}-{run_name('b00t', WallClock(0))(second * SECOND_NS)}-{what}.mcap"
+    return f"incident-{number:06}-{NAME(second * SECOND_NS)}-{what}.mcap"
 
 
 def files(folder: Path) -> list[str]:
@@ -45,10 +53,10 @@ def files(folder: Path) -> list[str]:
 
 
 def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_the_pause(
-    tmp_path: Path, incidents, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
-    kept = incidents(after_s=2.0, pause_s=60.0)
+    kept = incidents(tmp_path, after_s=2.0, pause_s=60.0)
     for n in range(200):
         t_ns = n * SECOND_NS
         kept.event(Bytes("left.wrench", bytes([n])), t_ns)
@@ -78,16 +86,16 @@ def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_t
     ],
 )
 def test_the_level_decides_what_is_an_incident(
-    tmp_path: Path, incidents, least: str, level: str, previous: str, name: str | None
+    tmp_path: Path, least: str, level: str, previous: str, name: str | None
 ) -> None:
-    kept = incidents(level=least)
+    kept = incidents(tmp_path, level=least)
     kept.note_warning({"finger": "left", "level": level, "previous": previous}, 0)
     kept.close()
     assert files(tmp_path) == ([called(1, 0, name)] if name else [])
 
 
-def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_path: Path, incidents) -> None:
-    kept = incidents(after_s=5.0, pause_s=60.0)
+def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_path: Path) -> None:
+    kept = incidents(tmp_path, after_s=5.0, pause_s=60.0)
     for second, state, since in ((1, "held", 1), (3, "lost", 3), (4, "unknown", 4), (5, "lost", 3), (70, "lost", 70)):
         t_ns = second * SECOND_NS
         kept.event(Bytes("left.wrench", b"x"), t_ns)
@@ -100,17 +108,12 @@ def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_
 
 
 def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
-    tmp_path: Path, incidents, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 100)
     monkeypatch.setattr(entry_ring, "MOST_BYTES", 300)
-    reasons = iter(["no room", ""])
-
-    def prepare() -> None:
-        if reason := next(reasons):
-            raise RecordingError(reason)
-
-    kept = incidents(prepare, pause_s=1.0)
+    prepare = iter([full, nothing])
+    kept = incidents(tmp_path, lambda: next(prepare)(), pause_s=1.0)
     assert kept.change(0) == IncidentsChanged(0, 0, 0, 0, "", "")
     assert kept.change(2 * SECOND_NS) is None
     monkeypatch.setattr(module, "QUEUE_LIMIT", 0)
@@ -130,16 +133,13 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
 
 
 def test_a_disk_without_room_or_that_fails_costs_the_file_only(
-    tmp_path: Path, incidents, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def full() -> None:
-        raise RecordingError("no room")
-
-    kept = incidents(full)
+    kept = incidents(tmp_path, full)
     kept.note_warning(WARNING, 0)
     kept.close()
     assert "incident-19700101T000000Z-b00t-left-warning.mcap: not saved: no room" in caplog.text
-    kept = incidents()
+    kept = incidents(tmp_path)
     for n in range(1000):
         kept.event(Bytes("left.wrench", bytes(range(n % 256))), n)
     kept.note_warning(WARNING, 1)
@@ -147,3 +147,16 @@ def test_a_disk_without_room_or_that_fails_costs_the_file_only(
         kept.close()
     assert "incident-000001-19700101T000000Z-b00t-left-warning.mcap: not saved: File too large" in caplog.text
     assert files(tmp_path) == []
+
+
+@pytest.mark.parametrize(("enabled", "saved"), [(True, ["grasp-lost.mcap", "left-warning.mcap"]), (False, [])])
+def test_of_all_messages_of_a_run_a_warning_and_a_loss_are_incidents(
+    tmp_path: Path, rig: str, enabled: bool, saved: list[str]
+) -> None:
+    table = f'[recording]\ndirectory = "{tmp_path}"\n[recording.incidents]\nenabled = {str(enabled).lower()}\n'
+    recorders = RunRecorders(config.parse(f"{rig}\n{table}", "rig.toml"), "b00t", WallClock(0), None)
+    recorders.open(0)
+    for topic, body in (("status", {}), ("warning", WARNING), ("grasp", {"state": "lost", "state_t_ns": 1})):
+        recorders.published(Publish(topic, body), b"\x80", 0)
+    recorders.close()
+    assert sorted(name.rpartition("b00t-")[2] for name in files(tmp_path)) == saved

@@ -7,7 +7,7 @@ from io import BytesIO
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from slipd.recording.mcap_records import BLOCK_CHUNKS, PackedChunkIndices, keep_index_packed
+from slipd.recording.mcap_records import BLOCK_CHUNKS, keep_index_packed
 
 
 def written(*, packed: bool, chunks: int) -> bytes:
@@ -23,7 +23,7 @@ def written(*, packed: bool, chunks: int) -> bytes:
             writer.add_message(channel, n, bytes([n % 256]), n)
         writer.flush()
     if packed:
-        assert isinstance(writer._Writer__chunk_indices, PackedChunkIndices)
+        assert len(writer._Writer__chunk_indices._blocks) == chunks // BLOCK_CHUNKS
     writer.finish()
     return output.getvalue()
 

@@ -77,7 +77,7 @@ def test_K4_a_recording_with_a_changed_byte_is_never_misread(run: Run) -> None:
     assert ended > 50
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100, deadline=None)
 @given(place=st.floats(0, 1), noise=st.binary(min_size=1, max_size=40), cut=st.integers(0, 40))
 def test_K4_noise_in_a_recording_raises_only_recording_errors(run: Run, place: float, noise: bytes, cut: int) -> None:
     at = int(place * len(run.data))

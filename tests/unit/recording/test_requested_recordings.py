@@ -30,6 +30,16 @@ def make(path: Path, prepare: Callable[[], None], room: Room = ROOM) -> Recorder
     return Recorder(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, room=room)
 
 
+def held(disk: threading.Event, then: Callable[[], None]) -> Callable[[], None]:
+    """Return a preparation that waits for the disk."""
+
+    def prepare() -> None:
+        disk.wait(PATIENCE_S)
+        then()
+
+    return prepare
+
+
 @pytest.fixture
 def state(tmp_path: Path) -> Path:
     return tmp_path / "state" / "slipd"
@@ -96,10 +106,12 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
     recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
     recorder = recordings._running.recorder
-    with small_disk((state / "full.mcap").stat().st_size):
+    size = (state / "full.mcap").stat().st_size
+    with small_disk(size + 10):
         for n in range(100):
             recordings.event(Tick(n), n)
         wait_until(lambda: recorder.lost >= 100)  # the thread counts on after the failure
+        assert (state / "full.mcap").stat().st_size == size, "no part of an end"
         failed = news(recordings, 2)
         recordings.event(Tick(101), 101)
     assert (failed.state, failed.lost) == ("failed", 100)
@@ -146,18 +158,13 @@ def test_a_folder_that_cannot_be_used_or_is_full_keeps_a_recording_from_beginnin
 
 
 def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(state: Path) -> None:
-    go_on = threading.Event()
-
-    def prepare() -> None:
-        go_on.wait(PATIENCE_S)
-        private_directory(state)
-
-    made = RequestedRecordings(state, make, prepare)
+    disk = threading.Event()
+    made = RequestedRecordings(state, make, held(disk, lambda: private_directory(state)))
     made.handle(Record("a.mcap"), 0)
     assert made.changes(START_LIMIT_NS - 1) == []
     (failed,) = made.changes(START_LIMIT_NS)
     assert (failed.state, failed.reason.partition("the disk")[2]) == ("failed", " did not create the file within 0.5 s")
-    go_on.set()
+    disk.set()
     made.close()
     assert made.changes(2 * START_LIMIT_NS) == []
     assert list(state.iterdir()) == []
@@ -182,20 +189,16 @@ def test_lost_entries_are_reported_periodically(
 
 
 def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    state: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    go_on = threading.Event()
+    disk = threading.Event()
     made: list[Recorder] = []
 
-    def make_slow(path: Path, prepare: Callable[[], None]) -> Recorder:
-        def prepare_late() -> None:
-            go_on.wait(PATIENCE_S)
-            prepare()
-
-        made.append(make(path, prepare_late))
+    def make_one(path: Path, prepare: Callable[[], None]) -> Recorder:
+        made.append(make(path, prepare))
         return made[-1]
 
-    recordings = RequestedRecordings(tmp_path / "slipd", make_slow, lambda: private_directory(tmp_path / "slipd"))
+    recordings = RequestedRecordings(state, make_one, held(disk, lambda: private_directory(state)))
     refused = []
     for n in range(20):
         recordings.handle(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
@@ -204,33 +207,29 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
         recordings.handle(Record(""), 0)
     assert len(made) == MOST_UNFINISHED + 1
     assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
-    go_on.set()
+    disk.set()
     for recorder in made:
         recorder.close()
     recordings.handle(Record("next.mcap"), 0)
     assert all(change.state == "running" for change in recordings.changes(1)), "the disk has taken what was before"
     recordings.close()
-    assert len(list((tmp_path / "slipd").iterdir())) == len(made)
+    assert len(list(state.iterdir())) == len(made)
     assert [record.levelname for record in caplog.records].count("WARNING") == len(refused)
 
 
 def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    state: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    go_on = threading.Event()
+    disk = threading.Event()
     waits: list[float] = []
+    real = Recorder.close
 
-    class Hanging(Recorder):
-        def close(self, within_s: float = PATIENCE_S) -> None:
-            waits.append(within_s)
-            super().close(within_s)
+    def close(recorder: Recorder, within_s: float) -> None:
+        waits.append(within_s)
+        real(recorder, within_s)
 
-    def make_hanging(path: Path, _: Callable[[], None]) -> Recorder:
-        return Hanging(
-            path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=lambda: go_on.wait(PATIENCE_S)
-        )
-
-    recordings = RequestedRecordings(tmp_path, make_hanging, bool)
+    monkeypatch.setattr(Recorder, "close", close)
+    recordings = RequestedRecordings(state, make, held(disk, lambda: private_directory(state)))
     for name in ("a.mcap", "b.mcap"):
         recordings.handle(Record(name), 0)
     monkeypatch.setattr(requested_recordings, "CLOSE_LIMIT_S", 0.05)
@@ -238,7 +237,7 @@ def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
     assert waits[0] <= 0.05
     assert waits[1:] == [0.0], "the first took all the time there was"
     assert caplog.text.count("did not write the last entries in time") == 2
-    go_on.set()
+    disk.set()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def names(folder: Path) -> set[str]:
 def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
     tmp_path: Path, files: int, size: int, left: str
 ) -> None:
-    run = RunFiles(tmp_path, "a")
+    handles, run = len(names(Path("/proc/self/fd"))), RunFiles(tmp_path, "a")
     (tmp_path / "run-20300101T000000Z-a-0001.mcap").write_bytes(bytes(10))  # of slipd 0.1
     kept = {str(n): record(run, f"{2030 - n}0101T000000Z", "a").name for n in range(1, 9)}
     others = {"slipd-20200101T000000Z-a.mcap", "incident-20200101T000000Z-a.mcap", "run-mine.mcap", "run-2020.txt"}
@@ -36,6 +36,7 @@ def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
     run.close()
     run.close()
     assert ".run-a.lock" not in names(tmp_path)
+    assert len(names(Path("/proc/self/fd"))) == handles
 
 
 def test_K3_no_run_deletes_the_files_of_another_that_goes_on(tmp_path: Path) -> None:

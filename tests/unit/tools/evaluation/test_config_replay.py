@@ -11,6 +11,8 @@ import pytest
 from lossy_recording import lossy
 from replays import RECORDINGS
 
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import NOT_RECORDED, RECORDED, ConfigRun, StreamHealth, with_status
 
@@ -35,9 +37,9 @@ def test_the_zero_of_a_pad_stays_that_of_the_recording(config_file: Write) -> No
     text = config_file("import_grips", "a.toml").read_text()
     head, _, tail = text.partition("tare = [")
     without = head + tail[tail.index("\n]\n") + 3 :]
-    assert run_config(GRIPS, without, "a.toml").spans == run_config(GRIPS, None, RECORDED).spans
     other = text.replace("16456.3", "12456.3").replace("37526.9", "31526.9")
-    assert run_config(GRIPS, other, "a.toml").spans == run_config(GRIPS, None, RECORDED).spans
+    recorded, *others = (run_config(GRIPS, each, "a.toml").spans for each in (None, without, other))
+    assert others == [recorded, recorded]
 
 
 def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
@@ -53,8 +55,14 @@ def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
         assert not [span for span in spans if span is not lost and span.begin_s < 1.98 and span.end_s > 1.02]
 
 
-def test_a_run_survives_json() -> None:
-    run = run_config(RECORDINGS / "demo.mcap", None, RECORDED)
+def test_the_largest_utilisation_is_that_of_the_replay_and_a_run_survives_json() -> None:
+    recording = open_recording(RECORDINGS / "xela.mcap")
+    begin_s = next(recording.events())[0] * 1e-9
+    slips = [body for topic, body in replay(recording) if topic == "slip.left" and body["utilisation"] is not None]
+    worst = max(slips, key=lambda body: body["utilisation"])
+    run = run_config(recording.path, None, RECORDED)
+    assert run.largest == (worst["utilisation"], "left", pytest.approx(worst["t_ns"] * 1e-9 - begin_s))
+    assert run.spans["left"][0].begin_s == pytest.approx(slips[0]["t_ns"] * 1e-9 - begin_s, abs=1.0)
     for each in (run, ConfigRun({}, None, 1.5, "cut off")):
         assert ConfigRun.from_map(json.loads(json.dumps(each.as_map()))) == each
 

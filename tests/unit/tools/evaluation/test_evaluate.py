@@ -11,7 +11,7 @@ from replays import RECORDINGS
 from slipd.tools.evaluation import evaluate as module
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
-from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs
+from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
 from slipd.tools.evaluation.executors import Finished, NamedConfig, Work, here
 from slipd.tools.evaluation.result_cache import ResultCache
 
@@ -81,3 +81,8 @@ def test_a_config_that_fits_one_recording_may_not_fit_another(cache: ResultCache
     assert isinstance(xela.runs["a.toml"], str)
     assert xela.faults[0].endswith("the config must have the link 'left.pad' of an event, got left.wrench (a.toml)")
     assert isinstance(xela.runs[RECORDED], ConfigRun)
+
+
+def test_names_have_as_many_folders_as_make_them_differ() -> None:
+    assert short_names([Path("/runs/x/a.mcap"), Path("/runs/y/a.mcap")]) == ["x/a.mcap", "y/a.mcap"]
+    assert short_names([]) == []

@@ -49,6 +49,18 @@ def test_what_a_config_changes_is_told_against_the_recorded_one() -> None:
     assert list(comparisons([evaluation(same=again)])) == ["a.mcap, same: the same levels as recorded"]
 
 
+def test_of_many_differences_the_longest_are_told() -> None:
+    lengths_s = (0.1, 0.5, 0.3, 0.2, 0.4, 0.6)
+    parts: list[tuple[str, float, float]] = []
+    for at_s, length_s in enumerate(lengths_s):
+        parts += [("slipping", at_s, at_s + length_s), ("stable", at_s + length_s, at_s + 1.0)]
+    one = Evaluation("a.mcap", Path("/data/a.mcap"), {RECORDED: run(("stable", 0.0, 6.0)), "after": run(*parts)})
+    _, *times, more = comparisons([one])
+    assert [float(line.split("…")[0]) for line in times] == [1.0, 2.0, 4.0, 5.0]
+    assert more == "    and 2 shorter times"
+    assert "0.00…0.10, 1.00…1.50, 2.00…2.30, 3.00…3.20 and 2 more" in list(table([one]))[2]
+
+
 def test_a_config_that_reports_nothing_is_not_said_to_report_the_same() -> None:
     (told,) = comparisons([evaluation(deaf=ConfigRun({}, end_s=4.0))])
     assert told == "a.mcap, deaf: no levels; the sensors of a config must be those of the recording"

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,7 @@ def test_a_process_that_dies_takes_no_other_recording_with_it(monkeypatch: pytes
     found = {one.job.path: one.run for one in in_processes(iter([missing[0], deadly, *missing[1:]]))}
     assert found.pop(deadly.path) == "deadly.mcap: the process that replayed it ended; is there enough memory?"
     assert found == {job.path: f"{job.path}: cannot be opened: No such file or directory" for job in missing}
+    assert active_children() == []
 
 
 def test_an_error_of_slipd_is_the_result_of_its_recording(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from slipd.recording.reader import Gap
 from slipd.tools.evaluation.config_run import NOT_RECORDED, ConfigRun, Largest, LevelSpan, level_spans
-from slipd.tools.evaluation.run_figures import differences, figures, worst_spans
+from slipd.tools.evaluation.run_figures import RunFigures, differences, figures, worst_spans
 
 
 def spans(*parts: tuple[str, float]) -> list[LevelSpan]:
@@ -53,15 +53,19 @@ def test_the_worse_finger_counts_at_each_time() -> None:
 
 
 def test_the_figures_of_a_run() -> None:
-    found = figures(RUN)
-    assert found.level_s == {
-        "no_contact": 1.0, "stable": 1.25, "unknown": 0.25, "caution": 0.0, "warning": 1.0, "slipping": 0.5
-    }  # fmt: skip
-    assert (found.changes, found.warnings, found.first_warning_s) == (7, 2, 2.0)
-    assert (found.alarms, found.slipping) == ([(2.0, 3.0), (3.5, 4.0)], [(2.5, 3.0)])
-    assert found.unknown_s == {"stale": 0.25}
-    assert found.largest == Largest(1.1, "left", 2.6)
-    assert found.named == ["rotation", "load_drop", "tipping"]
+    levels_s = {"no_contact": 1.0, "stable": 1.25, "unknown": 0.25, "caution": 0.0, "warning": 1.0, "slipping": 0.5}
+    assert figures(RUN) == RunFigures(
+        length_s=4.0,
+        level_s=levels_s,
+        changes=7,
+        warnings=2,
+        first_warning_s=2.0,
+        alarms=[(2.0, 3.0), (3.5, 4.0)],
+        slipping=[(2.5, 3.0)],
+        unknown_s={"stale": 0.25},
+        largest=Largest(1.1, "left", 2.6),
+        named=["rotation", "load_drop", "tipping"],
+    )
 
 
 def test_the_differences_of_two_runs() -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from replays import RECORDINGS
 
+from slipd import __version__
 from slipd.tools.evaluation.config_replay import run_config
 from slipd.tools.evaluation.config_run import RECORDED
 from slipd.tools.evaluation.evaluate import finished_runs
@@ -17,35 +17,49 @@ from slipd.tools.evaluation.run_table import write_table
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
-DEMO = RECORDINGS / "demo.mcap"
-
-
-def rows(path: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = parquet.read_table(path).to_pylist()
-    return found
+XELA = RECORDINGS / "xela.mcap"
 
 
 def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
-    cache = ResultCache(tmp_path / "results")
-    write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache))
-    (row,) = rows(tmp_path / "a.parquet")
-    run = run_config(DEMO, None, RECORDED)
+    cache, path = ResultCache(tmp_path / "results"), tmp_path / "a.parquet"
+    write_table(path, finished_runs([XELA], [], cache))
+    (row,) = parquet.read_table(path).to_pylist()
+    run = run_config(XELA, None, RECORDED)
     found = figures(run)
-    assert (row["recording"], row["config"], row["fault"]) == (str(DEMO), RECORDED, None)
-    assert [row["key"]] == cache.keys(DEMO, [None])
-    assert (row["length_s"], row["warning_s"], row["changes"]) == (run.end_s, found.level_s["warning"], found.changes)
-    assert row["warnings"] == found.warnings > 0
-    alarms = [(alarm["source"], alarm["level"], alarm["begin_s"], tuple(alarm["reasons"])) for alarm in row["alarms"]]
-    assert alarms == [
-        (source, span.level, span.begin_s, span.reasons)
+    alarms = [
+        {"source": source} | span._asdict() | {"reasons": list(span.reasons), "evidence": list(span.evidence)}
         for source, spans in run.spans.items()
         for span in spans
         if span.level in ("warning", "slipping")
     ]
-    assert {stream["stream"]: stream["samples"] for stream in row["streams"]} == {
-        stream.stream: stream.samples for stream in run.streams
+    assert row.pop("compute_s") > 0.0
+    assert row == {
+        "recording": str(XELA),
+        "config": RECORDED,
+        "key": cache.keys(XELA, [None])[0],
+        "version": __version__,
+        "fault": None,
+        "length_s": run.end_s,
+        **{f"{level}_s": seconds for level, seconds in found.level_s.items()},
+        "unknown_because": list(found.unknown_s.items()),
+        "changes": found.changes,
+        "warnings": found.warnings,
+        "first_warning_s": found.first_warning_s,
+        "alarms": alarms,
+        "largest": run.largest._asdict() if run.largest else None,
+        "streams": [stream._asdict() for stream in run.streams],
+        "gaps": run.gaps,
     }
-    assert row["streams"][0]["samples"] > 0
-    assert row["compute_s"] > 0.0
-    write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache))
-    assert rows(tmp_path / "a.parquet") == [row], "the time of computing is that of the first evaluation"
+    assert found.warnings > 0
+    again = parquet.read_table(path).to_pylist()
+    write_table(path, finished_runs([XELA], [], cache))
+    assert parquet.read_table(path).to_pylist() == again, "the time of computing is that of the first evaluation"
+
+
+def test_a_row_says_why_a_run_is_incomplete(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(XELA.read_bytes()[: XELA.stat().st_size * 3 // 4])
+    write_table(tmp_path / "a.parquet", finished_runs([XELA, cut], [], ResultCache(tmp_path / "results")))
+    faults = {row["recording"]: row["fault"] for row in parquet.read_table(tmp_path / "a.parquet").to_pylist()}
+    assert faults[str(XELA)] is None
+    assert faults[str(cut)].startswith(f"{cut}: was cut off in the record at byte ")

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from replays import messages
 
-from slipd.tools.plot.run_tracks import RunTracks
+from slipd.tools.plot.run_tracks import COUNTERS, RunTracks
 
 SLIP: dict[str, Any] = {
     "level": "stable",
@@ -51,6 +51,12 @@ class Run:
         words = {"reasons": list(reasons), "evidence": [], "utilisation": 0.9}
         self.add("warning", t_s, finger=finger, previous=previous, level=level, rising=rising, **words)
         self.add(f"slip.{finger}", t_s, level=level, reasons=list(reasons))
+
+    def add_stream(self, t_s: float, health: int, message: str = "", **counters: Any) -> None:
+        """The health of a pad, and of a force sensor that is well."""
+        well = dict.fromkeys(COUNTERS, 0) | {"health": 0, "message": ""}
+        ill = well | {"health": health, "message": message} | counters
+        self.add("status", t_s, streams={"left.pad": ill, "left.wrench": well})
 
     def add_image(self, t_s: float, finger: str, *loads: float) -> None:
         self.add(f"tactile.{finger}", t_s, rows=2, cols=2, pitch_m=0.01, force_unit="N", loads_n=list(loads))

@@ -3,7 +3,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hypothesis import given
+import pytest
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from slipd.config import Levels
@@ -64,7 +65,7 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
 def test_levels_name_their_reasons_and_evidence_its_finger(run: Any) -> None:
     run.add("slip.left", 0.0, level="caution", reasons=["rotation", "tipping"])
     run.add("slip.left", 1.0, level="slipping", evidence=["load_drop"])
-    run.add("slip.left", 2.0)
+    run.add("slip.left", 2.0, mu_source="one of a later version")
     parts = chart(run.tracks, LEVELS_IN_FORCE)
     (strip,) = part(parts, "level and reasons").strips
     assert strip.spans[0] == Span(
@@ -75,17 +76,16 @@ def test_levels_name_their_reasons_and_evidence_its_finger(run: Any) -> None:
         "caution: rotation, tipping",
     )
     assert strip.spans[1].texts == ("slipping",)
+    (sources,) = part(parts, "source of μ").strips
+    assert [span.colour for span in sources.spans] == ["config", "none"]
     (moved,) = part(parts, "evidence of motion").strips
     (span,) = moved.spans
     assert (moved.name, span.begin_s, span.end_s, span.whole) == ("left: load_drop", 1.0, 2.0, "load_drop")
 
 
 def test_faults_of_streams_are_counted_beside_the_title(run: Any) -> None:
-    counters = dict.fromkeys(("lost", "bad", "duplicates", "dropped", "restarts", "reconnects"), 0)
-    well = counters | {"health": 0, "message": ""}
-    ill = counters | {"health": 2, "message": "no such port", "lost": 3, "reconnects": 1, "masked": [1, 2]}
-    run.add("status", 0.5, streams={"left.pad": ill, "left.wrench": well})
-    run.add("status", 1.0, streams={"left.pad": ill, "left.wrench": well})
+    for t_s in (0.5, 1.0):
+        run.add_stream(t_s, 2, "no such port", lost=3, reconnects=1, masked=[1, 2])
     group = part(chart(run.tracks, LEVELS_IN_FORCE), "health of the streams")
     assert group.note == "left.pad: 3 lost, 1 reconnects, 2 taxels masked"
     assert group.strips[0].spans[0].texts == ("ERROR: no such port", "ERROR")
@@ -95,24 +95,22 @@ def test_every_level_and_health_has_a_colour() -> None:
     assert {*LEVELS, *HEALTH, "evidence", "config", "request", "learned", "none"} == set(SPAN_COLOURS)
 
 
-def held(*values: tuple[float, float]) -> list[Held[tuple[float, float]]]:
-    return [Held(float(at), at + 1.0, value) for at, value in enumerate(values)]
-
-
 def test_an_axis_has_every_value_that_is_finite_and_zero() -> None:
-    curve = Curve("x", "now", held((-2.0, 1.0), NO_VALUE, (3.0, math.inf)))
+    values = (-2.0, 1.0), NO_VALUE, (3.0, math.inf)
+    curve = Curve("x", "now", [Held(float(at), at + 1.0, value) for at, value in enumerate(values)])
     least, most = Panel("x", "", [curve]).span
     assert least < -2.0
     assert 3.0 < most < 4.0
     assert Panel("x", "", [curve], most=2.0).span[1] < 2.5
-    assert Panel("x", "", [Curve("x", "now", held((0.0, 0.0)))]).span == (0.0, 1.0)
+    assert Panel("x", "", [Curve("x", "now", [Held(0.0, 1.0, (0.0, 0.0))])]).span == (0.0, 1.0)
+    above = Curve("x", "now", [Held(0.0, 1.0, (2.0, 3.0))])
+    assert Panel("x", "", [above], limits=[(4.0, "slips")]).span == (0.0, pytest.approx(4.24))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(3, 12))
 def test_ticks_are_round_and_within_the_axis(least: float, length: float, about: int) -> None:
     most = least + length
-    if most <= least:
-        return
+    assume(most > least)
     found = ticks(least, most, about)
     assert len(found) <= about + 1
     assert len(found) >= about / 2.5 - 1

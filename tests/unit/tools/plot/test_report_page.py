@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import re
-from html.parser import HTMLParser
 from typing import Any
+from xml.etree import ElementTree
 
 from slipd.config import Levels
 from slipd.tools.plot.chart import chart
@@ -13,35 +13,19 @@ def page_of(tracks: Any, *, title: str = "a.mcap", faults: tuple[str, ...] = ())
     return page(Report(title, ["Recorded."], faults, tracks.window, chart(tracks, Levels()), tracks.changes))
 
 
-class Tags(HTMLParser):
-    """Collects tags and attributes, and sees to it that each is closed."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.found: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.feed(text)
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.append((tag, dict(attrs)))
-        if tag not in ("meta", "br"):
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
+def elements(text: str) -> list[ElementTree.Element]:
+    """Return all elements of a page, whose tags are closed, but for those that have no content."""
+    closed = re.sub(r"<(meta|br)\b([^>]*)>", r"<\1\2/>", text.removeprefix("<!doctype html>"))
+    return list(ElementTree.fromstring(closed).iter())
 
 
 def test_the_page_asks_nobody_for_anything(demo: Any) -> None:
     text = page_of(demo[0])
-    tags = Tags(text).found
-    assert not {tag for tag, _ in tags} & {"script", "link", "img", "iframe", "object", "base", "form", "a"}
-    assert not [name for _, attributes in tags for name in attributes if name in ("src", "href", "action")]
+    found = elements(text)
+    assert not {each.tag for each in found} & {"script", "link", "img", "iframe", "object", "base", "form", "a"}
+    assert not {name for each in found for name in each.attrib} & {"src", "href", "action"}
     assert not re.search(r"https?:|url\(|@import", text)
-    assert any("default-src 'none'" in (attributes.get("content") or "") for _, attributes in tags)
+    assert any("default-src 'none'" in each.get("content", "") for each in found)
 
 
 def test_a_real_run_is_shown_with_its_alarms_and_changes(demo: Any) -> None:
@@ -57,9 +41,7 @@ def test_names_and_reasons_are_escaped(run: Any) -> None:
     run.add_image(0.0, "left", 0.0, 1.0, 2.0, 4.0)
     run.add_change(1.0, "left", "stable", "warning", "<b>why</b>")
     text = page_of(run.tracks, title="<i>.mcap", faults=("cut & off",))
-    Tags(text)
-    assert "<b>" not in text
-    assert "<i>" not in text
+    assert not {each.tag for each in elements(text)} & {"b", "i"}
     assert '<p class="fault">cut &amp; off</p>' in text
 
 

@@ -70,16 +70,12 @@ def test_a_column_shows_the_worse_level(one: LevelState, other: LevelState, kept
     assert worse(one, other) == kept
 
 
-COUNTERS = dict.fromkeys(("lost", "bad", "duplicates", "dropped", "restarts", "reconnects"), 0)
-
-
 def test_the_health_of_a_stream_has_its_worst_time_and_its_counters(run: Any) -> None:
     for t_s, health, lost, masked in ((0.0, 0, 0, [3]), (1.0, 3, 7, [3, 4]), (2.0, 0, 7, [])):
-        stream = COUNTERS | {"health": health, "message": "stale" if health else "", "lost": lost, "masked": masked}
-        run.add("status", t_s, streams={"left.pad": stream, "gripper": COUNTERS | {"health": 0, "message": ""}})
-    pad, gripper = run.tracks.streams["left.pad"], run.tracks.streams["gripper"]
-    assert [each.value.code for each in pad.health.runs(Extent(3.0))] == [0, 3, 0]
-    assert (pad.counters["lost"], pad.masked, gripper.masked) == (7, 2, None)
+        run.add_stream(t_s, health, "stale" * bool(health), lost=lost, masked=masked)
+    pad, wrench = run.tracks.streams["left.pad"], run.tracks.streams["left.wrench"]
+    assert [each.value for each in pad.health.runs(Extent(3.0))] == [(0, ""), (3, "stale"), (0, "")]
+    assert (pad.counters["lost"], pad.masked, wrench.masked) == (7, 2, None)
 
 
 def test_no_level_is_known_while_no_event_is_recorded(run: Any) -> None:

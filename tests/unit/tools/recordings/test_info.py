@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -20,31 +22,44 @@ DEMO = RECORDINGS / "demo.mcap"
 
 
 def test_what_a_run_holds_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = live(DEMO, tmp_path / "run.mcap")
+    run = live(RECORDINGS / "xela.mcap", tmp_path / "run.mcap")
+    recording = open_recording(run)
+    topics = Counter(topic for topic, _ in recording.messages())
+    events = list(recording.events())
+    length_s = (events[-1][0] - events[0][0]) * 1e-9
+    data = [event.data for _, event in events if isinstance(event, Bytes)]
+    link = {"reads": len(data), "reads_hz": pytest.approx(len(data) / length_s), "bytes": len(b"".join(data))}
     assert main(["info", str(run), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    recording = open_recording(run)
-    messages, events = list(recording.messages()), list(recording.events())
-    assert {topic: each["messages"] for topic, each in found["topics"].items()} == {
-        topic: sum(name == topic for name, _ in messages) for topic, _ in messages
+    begun = datetime.fromisoformat(found.pop("begun")).timestamp()
+    assert begun == pytest.approx((events[0][0] + recording.wall_minus_monotonic_ns) * 1e-9, abs=1e-3)
+    assert found == {
+        "recording": str(run),
+        "bytes": run.stat().st_size,
+        "complete": True,
+        "fault": "",
+        "length_s": pytest.approx(length_s),
+        "gaps": [],
+        "boot": recording.boot,
+        "config_id": config.parse(recording.config_text, "a").config_id,
+        "config_fault": "",
+        "streams": {"left.pad": {"device": "xela", "rate_hz": 20.0}},
+        "links": {"left.pad": link},
+        "versions": recording.versions,
+        "events": Counter(type(event).__name__ for _, event in events),
+        "topics": {
+            topic: {"messages": count, "rate_hz": pytest.approx(count / length_s)} for topic, count in topics.items()
+        },
+        "changes_to_level": {"no_contact": 2, "stable": 1, "caution": 1, "warning": 1},
     }
-    assert found["length_s"] == pytest.approx((events[-1][0] - events[0][0]) * 1e-9)
-    assert found["topics"]["slip.left"]["rate_hz"] == pytest.approx(20.0, rel=0.5)
-    assert (found["complete"], found["fault"], found["gaps"], found["boot"]) == (True, "", [], "b")
-    assert found["config_id"] == config.parse(recording.config_text, "a").config_id
-    assert found["streams"]["left.wrench"] == {"device": "bota", "rate_hz": 200.0}
-    pads = [event.data for _, event in events if isinstance(event, Bytes) and event.link == "left.pad"]
-    assert found["links"]["left.pad"]["bytes"] == sum(map(len, pads))
-    assert found["links"]["left.pad"]["reads_hz"] == pytest.approx(len(pads) / found["length_s"])
-    assert found["events"]["Bytes"] == sum(type(event).__name__ == "Bytes" for _, event in events)
-    assert found["changes_to_level"]["slipping"] == 2
-
     assert main(["info", str(run)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == f"recording: {run}"
-    assert lines[2] == "complete:  yes"
-    assert "    left.wrench: bota, 200 Hz in the config" in "\n".join(lines)
-    assert any(line.startswith("changes of level to: ") and "slipping 2" in line for line in lines)
+    assert {
+        f"recording: {run}",
+        "complete:  yes",
+        "    left.pad: xela, 20 Hz in the config",
+        "changes of level to: no_contact 2, stable 1, caution 1, warning 1",
+    } <= set(lines)
 
 
 def test_what_is_missing_is_stated_and_the_answer_is_no(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

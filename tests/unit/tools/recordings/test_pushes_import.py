@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -141,13 +141,6 @@ def test_a_bag_is_read(tmp_path: Path) -> None:
 
 
 def test_a_bag_needs_rosbags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *arguments: Any, **more: Any) -> Any:
-        if name.startswith("rosbags"):
-            raise ImportError(name)
-        return real(name, *arguments, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "rosbags.interfaces", None)
     with pytest.raises(UsageError, match=r"slipd\[bags\]"):
         read_pushes(tmp_path / "run.bag")

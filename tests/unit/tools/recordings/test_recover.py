@@ -18,19 +18,14 @@ from slipd.recording.reader import open_recording
 from slipd.tools.recordings.recover import Recovered, recover
 
 
-@pytest.fixture
-def damaged(tmp_path: Path) -> Callable[[Callable[[bytearray], object]], Path]:
+def damaged(folder: Path, change: Callable[[bytearray], object]) -> Path:
     """Write a recording of 60 entries in chunks of 20, damage its bytes, and return its path."""
-
-    def damage(change: Callable[[bytearray], object]) -> Path:
-        path = tmp_path / "damaged.mcap"
-        write(path, entries(60), 20)
-        data = bytearray(path.read_bytes())
-        change(data)
-        path.write_bytes(data)
-        return path
-
-    return damage
+    path = folder / "damaged.mcap"
+    write(path, entries(60), 20)
+    data = bytearray(path.read_bytes())
+    change(data)
+    path.write_bytes(data)
+    return path
 
 
 def chunks(data: bytes) -> list[tuple[int, int]]:
@@ -67,11 +62,11 @@ def recovered(path: Path) -> tuple[Recovered, list]:
     return found, kept
 
 
-def test_a_truncated_recording_gets_an_end_an_index_and_a_summary(damaged) -> None:
+def test_a_truncated_recording_gets_an_end_an_index_and_a_summary(tmp_path: Path) -> None:
     def cut(data: bytearray) -> None:
         del data[chunks(data)[2][1] - 5 :]
 
-    path = damaged(cut)
+    path = damaged(tmp_path, cut)
     found, kept = recovered(path)
     assert kept == entries(40)
     size = path.stat().st_size
@@ -83,30 +78,30 @@ def test_a_truncated_recording_gets_an_end_an_index_and_a_summary(damaged) -> No
 
 
 @pytest.mark.parametrize("at", [0, 5, 60])
-def test_entries_behind_a_damaged_chunk_are_recovered_and_the_gap_is_located(damaged, at: int) -> None:
-    found, kept = recovered(damaged(flip(1, at)))
+def test_entries_behind_a_damaged_chunk_are_recovered_and_the_gap_is_located(tmp_path: Path, at: int) -> None:
+    found, kept = recovered(damaged(tmp_path, flip(1, at)))
     assert kept == entries(60)[:20] + entries(60)[40:]
     assert (found.entries, found.lost) == (40, 20)
     assert any("20 entries are missing, from 0.009 s up to 0.020 s: bytes " in fault for fault in found.faults)
 
 
-def test_a_damaged_end_record_is_reported(damaged) -> None:
+def test_a_damaged_end_record_is_reported(tmp_path: Path) -> None:
     def change(data: bytearray) -> None:
         at = data.index(b"\x02\x00\x00\x0060")
         data[at + 4 : at + 6] = b"99"
 
-    found, kept = recovered(damaged(change))
+    found, kept = recovered(damaged(tmp_path, change))
     assert kept == entries(60)
     assert "its end is damaged" in found.faults[0]
     assert "the end is missing" in found.faults[1]
 
 
-def test_a_damaged_summary_of_a_file_without_its_first_chunk_leaves_nothing(damaged) -> None:
+def test_a_damaged_summary_of_a_file_without_its_first_chunk_leaves_nothing(tmp_path: Path) -> None:
     def change(data: bytearray) -> None:
         flip(0, 60)(data)
         data[-80] ^= 1
 
-    path = damaged(change)
+    path = damaged(tmp_path, change)
     with pytest.raises(RecordingError, match=r"holds no entry that is intact; .*on a channel that was never announced"):
         recover(path, path.with_name("out.mcap"))
     assert not path.with_name("out.mcap").exists()
@@ -122,8 +117,8 @@ def test_versions_boot_and_first_index_of_the_run_are_kept(tmp_path: Path) -> No
     assert (out.versions, out.first, out.boot) == ({"slipd": "0.0.1"}, 40, ABOUT_RUN["boot"])
 
 
-def test_the_command_prints_what_is_missing_and_where(damaged, capsys: pytest.CaptureFixture[str]) -> None:
-    path = damaged(flip(1, 60))
+def test_the_command_prints_what_is_missing_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = damaged(tmp_path, flip(1, 60))
     assert main(["recover", str(path), os.fspath(path.with_name("out.mcap"))]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"{path}: at byte ")

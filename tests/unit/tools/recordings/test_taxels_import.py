@@ -61,8 +61,10 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
-def levels(path: Path) -> list[str]:
-    return [body["level"] for topic, body in replay(open_recording(path)) if topic == "slip.pad"]
+def assert_pressed_at_last(path: Path) -> None:
+    levels = [body["level"] for topic, body in replay(open_recording(path)) if topic == "slip.pad"]
+    assert "no_contact" in levels
+    assert levels[-10] == "stable"
 
 
 def test_an_experiment_is_read_and_replayed(hdf5: dict[str, Any], source: Path, tmp_path: Path) -> None:
@@ -71,9 +73,7 @@ def test_an_experiment_is_read_and_replayed(hdf5: dict[str, Any], source: Path, 
     assert trial.time_s[[0, -1]] == pytest.approx([0.0, 179 / 180])
     assert np.flatnonzero(trial.slips).tolist() == list(range(150, SAMPLES))
     assert main(["import", "arq", str(source), EXPERIMENT, str(tmp_path / "out.mcap")]) == 0
-    found = levels(tmp_path / "out.mcap")
-    assert "no_contact" in found
-    assert found[-10] == "stable"
+    assert_pressed_at_last(tmp_path / "out.mcap")
 
 
 @pytest.mark.parametrize(
@@ -124,9 +124,7 @@ def test_a_trial_of_pillars_is_read_and_replayed(tmp_path: Path) -> None:
     assert trial.values.shape == (1000, 9, 3)
     assert np.flatnonzero(trial.slips).tolist() == list(range(880, 1000)), "once the last pillar slipped"
     assert main(["import", "papillarray", str(tmp_path / "trial.csv"), str(tmp_path / "out.mcap")]) == 0
-    found = levels(tmp_path / "out.mcap")
-    assert "no_contact" in found
-    assert found[-10] == "stable"
+    assert_pressed_at_last(tmp_path / "out.mcap")
 
 
 @pytest.mark.parametrize("text", ["", "1,2,3\n", "time,x\n"])
