@@ -116,3 +116,4 @@ def test_ticks_are_round_and_within_the_axis(least: float, length: float, about:
     assert len(found) >= about / 2.5 - 1
     slack = 1e-6 * max(abs(least), abs(most), length)
     assert all(least - slack <= tick <= most + slack for tick in found)
+    assert ticks(0.0, 10.0, 10) == list(range(11))
