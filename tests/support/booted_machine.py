@@ -74,10 +74,7 @@ def booted_machine(folder: Path, source: Path) -> Iterator[BootedMachine]:
         streams = subprocess.DEVNULL
         container = subprocess.Popen(boot, stdin=streams, stdout=streams, stderr=streams, start_new_session=True)
         try:
-            machine = BootedMachine(_leader(container))
-            states = ("running\n", "degraded\n")
-            wait_for(lambda: machine.run("systemctl is-system-running").stdout in states, BOOT_S)
-            yield machine
+            yield wait_for(lambda: _booted(container), BOOT_S)
         finally:
             container.terminate()
             container.wait()
@@ -92,7 +89,10 @@ def _mounted(command: list[str], place: Path) -> Iterator[None]:
         subprocess.run(["umount", "--lazy", str(place)], check=True)
 
 
-def _leader(container: subprocess.Popen[bytes]) -> int:
-    """Return the process id of the first process in a container."""
-    children = Path(f"/proc/{container.pid}/task/{container.pid}/children")
-    return int(wait_for(children.read_text, BOOT_S).split()[0])
+def _booted(container: subprocess.Popen[bytes]) -> BootedMachine | None:
+    """Return the machine once its systemd is up; the first child of the container only starts that."""
+    for leader in Path(f"/proc/{container.pid}/task/{container.pid}/children").read_text(encoding="ascii").split():
+        machine = BootedMachine(int(leader))
+        if machine.run("systemctl is-system-running").stdout in ("running\n", "degraded\n"):
+            return machine
+    return None
