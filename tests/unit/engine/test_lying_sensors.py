@@ -20,6 +20,7 @@ from run_courses import (
     during,
     follow,
     grip,
+    health,
     image,
     level,
     serve,
@@ -147,17 +148,6 @@ def images(*expected: tuple[bool, list[str]]) -> Step:
     return step
 
 
-def healthy(*words: str, severity: Health = Health.ERROR, stream: str = "left.pad") -> Step:
-    """Check severity and message of a stream."""
-
-    def step(hand: Hand) -> None:
-        found = hand.ask("status")["result"]["streams"][stream]
-        assert found["health"] == severity
-        assert all(word in found["message"] for word in words), found["message"]
-
-    return step
-
-
 def stuck_within_100_ms(hand: Hand) -> None:
     """Every level since the last reading that was new: stable, and then unknown, without a flicker."""
     levels = [(body["level"], body["reasons"]) for body in hand.published("slip.left")[-60:]]
@@ -169,7 +159,7 @@ def stuck_within_100_ms(hand: Hand) -> None:
 MAY_REST = {"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"}
 SAME, SPOILT = image(np.full(16, 30.0)), image(np.where(np.arange(16) == 5, math.nan, 30.0))
 HELD, PADLESS = skin(5.0, ms=0.0), LEFT.partition("[finger.left.pad]")[0]
-WELL, RARELY = healthy(severity=Health.OK), "[rates]\ntactile_hz = 0.001\n"
+WELL, RARELY = health("left.pad", severity=Health.OK), "[rates]\ntactile_hz = 0.001\n"
 REST: list[Step] = [force(0.0, 0.0, 0.0), image([0.0] * 16), skin(0.0, ms=0.0)]
 COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
     "no raise from the first repeated reading on, and unknown within 100 ms": (
@@ -246,10 +236,13 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
                 step
                 for shown, seen in (
                     (image(None), WELL),
-                    (SPOILT, healthy("not finite numbers")),
-                    (SPOILT, healthy("not finite numbers")),
+                    (SPOILT, health("left.pad", "not finite numbers", severity=Health.ERROR)),
+                    (SPOILT, health("left.pad", "not finite numbers", severity=Health.ERROR)),
                     (image(None), WELL),
-                    (image(np.full(16, 1e14)), healthy("larger than those of any pad")),
+                    (
+                        image(np.full(16, 1e14)),
+                        BAD,
+                    ),
                     (image(None), WELL),
                 )
                 for step in (force(), shown, seen)
@@ -274,7 +267,7 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
                 force(*(force_n if k == axis else n for k, n in enumerate((0.0, 0.0, -5.0)))),
                 level("unknown", "garbage"),
                 REFUSED,
-                healthy("range_n", stream="left.wrench"),
+                health("left.wrench", "range_n", severity=Health.ERROR),
                 live(),
             ]
             * 3,
@@ -335,7 +328,5 @@ def test_a_pad_that_measures_the_force_and_repeats_never_raises_and_is_stuck_unl
     stuck = levels.count(("unknown", ["stuck"]))
     assert levels == [("stable", [])] * (12 - stuck) + [("unknown", ["stuck"])] * stuck
     assert (stuck >= 3) is (stuck_after > 0), "within 100 ms at 100 Hz"
-    follow(
-        run, [healthy(*["it hangs"] * (stuck > 0), severity=Health.ERROR if stuck else Health.WARN, stream="right.pad")]
-    )
+    follow(run, [health("right.pad", *["it hangs"] * (stuck > 0), severity=Health.ERROR if stuck else Health.WARN)])
     live(5.0, level("stable", finger="right"), RAISED)

@@ -228,25 +228,23 @@ def test_finger_in_disagreement_is_unknown(make_hand: MakeHand) -> None:
     assert nil(body) == set(body) - ALWAYS
 
 
-def test_learned_friction_lowers_the_need_but_not_what_the_reflex_keeps(hand: Hand) -> None:
+@pytest.mark.parametrize(
+    ("stated", "kept_n"),
+    [("mu = 0.5\n", pytest.approx(1.3 * 2.4, rel=1e-5)), ("", None)],  # it keeps all that it added
+)
+def test_learned_friction_lowers_the_need_but_not_what_the_reflex_keeps(
+    make_hand: MakeHand, stated: str, kept_n: Any
+) -> None:
+    hand = make_hand(("mu = 0.5\n", stated), both=True)
     hand.hold()
     for finger in hand.fingers.values():
-        teach(finger, 0.6)
+        teach(finger, 0.6, slips=not stated)
     hand.hold(T0 + 400 * MS)
     state = hand.view.update(WIDTH_M)
-    assert state.grip_needed_n == pytest.approx(1.3 * 2.0, rel=1e-5)
-    assert state.grip_kept_n == pytest.approx(1.3 * 2.4, rel=1e-5), "as with the stated μ of 0.5"
-
-
-def test_the_reflex_keeps_all_that_it_added_where_friction_is_only_learned(make_hand: MakeHand) -> None:
-    hand = make_hand(("mu = 0.5\n", ""))
-    hand.hold()
-    teach(hand.fingers["left"], 0.6, slips=True)
-    hand.hold(T0 + 400 * MS)
-    assert hand.fingers["left"].friction.state.source == "learned"
-    state = hand.view.update(WIDTH_M)
+    assert {finger.friction.state.source for finger in hand.fingers.values()} == {"learned"}
     assert state.grip_needed_n is not None
-    assert state.grip_kept_n is None
+    assert not stated or state.grip_needed_n == pytest.approx(1.3 * 2.0, rel=1e-5)
+    assert state.grip_kept_n == kept_n
 
 
 def test_unknown_finger_weight_hides_the_load_but_not_the_grip(make_hand: MakeHand) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from judging import LIMITS
 
-from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.grip_policy import GripPolicy
 
 
 @pytest.fixture
 def policy() -> GripPolicy:
-    return GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), max_lease_ms=1000)
+    return GripPolicy(LIMITS, max_lease_ms=1000)

@@ -8,16 +8,15 @@ from dataclasses import replace
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from judging import ask, code
+from judging import LIMITS, ask, code
 
-from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
 from slipd.types.permit import Permit
 from slipd.types.refusal import Refusal
 
 MS = 1_000_000
 T0 = 50_000_000_000
-LIMITS = GripLimits(min_n=3.0, max_n=25.0, step_n=2.0, raise_n_per_s=10.0, lower_n_per_s=2.0, budget_n=12.0)
 
 
 def change(policy: GripPolicy, force_n: float, t_ns: int) -> Refusal | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from judging import READY
+from judging import LIMITS, READY
 
 import slipd
 from slipd.gripper.grip_policy import GripLimits, GripState
@@ -21,7 +21,6 @@ from slipd.gripper.no_gripper import NoGripper
 from slipd.types.permit import Permit
 from slipd.types.refusal import Refusal
 
-LIMITS = GripLimits(min_n=3.0, max_n=25.0, step_n=2.0, raise_n_per_s=10.0, lower_n_per_s=2.0, budget_n=12.0)
 FREE = GripState(
     holder=b"ann",
     fault="",
