@@ -148,6 +148,11 @@ def images(*expected: tuple[bool, list[str]]) -> Step:
     return step
 
 
+def faulty(words: str, stream: str = "left.pad") -> Step:
+    """Check that a stream is not used, and why."""
+    return health(stream, words, severity=Health.ERROR)
+
+
 def stuck_within_100_ms(hand: Hand) -> None:
     """Every level since the last reading that was new: stable, and then unknown, without a flicker."""
     levels = [(body["level"], body["reasons"]) for body in hand.published("slip.left")[-60:]]
@@ -236,13 +241,10 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
                 step
                 for shown, seen in (
                     (image(None), WELL),
-                    (SPOILT, health("left.pad", "not finite numbers", severity=Health.ERROR)),
-                    (SPOILT, health("left.pad", "not finite numbers", severity=Health.ERROR)),
+                    (SPOILT, faulty("not finite numbers")),
+                    (SPOILT, faulty("not finite numbers")),
                     (image(None), WELL),
-                    (
-                        image(np.full(16, 1e14)),
-                        BAD,
-                    ),
+                    (image(np.full(16, 1e14)), faulty("larger than those of any pad")),
                     (image(None), WELL),
                 )
                 for step in (force(), shown, seen)
@@ -267,7 +269,7 @@ COURSES: dict[str, tuple[str, dict[str, str], list[Step]]] = {
                 force(*(force_n if k == axis else n for k, n in enumerate((0.0, 0.0, -5.0)))),
                 level("unknown", "garbage"),
                 REFUSED,
-                health("left.wrench", "range_n", severity=Health.ERROR),
+                faulty("range_n", stream="left.wrench"),
                 live(),
             ]
             * 3,
