@@ -35,6 +35,7 @@ from slipd.gripper.intent import IntentKind
 from slipd_client.messages import Health
 
 NOT_READY, FORCE_OUT, WIDTH_OUT = ("not_ready", ""), ("out_of_range", "force_n"), ("out_of_range", "width_m")
+FORCED: tuple[IntentKind, ...] = ("activate", "open", "close", "set", "reflex")
 Course = tuple[Bench, list[Step]]
 COURSES: dict[str, Callable[[], Course]] = {
     # commands
@@ -51,6 +52,9 @@ COURSES: dict[str, Callable[[], Course]] = {
     ),
     "opening takes the least force of the config": lambda: (
         Bench("min_force_n = 4.0\n"), [want("open"), be(commands=[("move", 0.085, None, 4.0)])],
+    ),
+    "without a limit nothing is moved": lambda: (
+        Bench(max_force_n=""), [want(kind, 0, ("no_limit", ""), force_n=5.0) for kind in FORCED] + [be(commands=[])],
     ),
     "a force alone is set without motion": lambda: (
         Bench(),
@@ -282,14 +286,6 @@ def test_G3_what_the_gripper_does_not_have_is_refused(
     has(**session)(bench)
     want(kind, 0, refusal, **wanted)(bench)
     assert len(bench.session.commands) == (refusal is None)
-
-
-@pytest.mark.parametrize("kind", ["activate", "open", "close", "set", "reflex"])
-def test_without_a_limit_nothing_is_moved(kind: IntentKind) -> None:
-    bench = Bench(max_force_n="")
-    assert bench.control.policy.limits.max_n is None
-    want(kind, 0, ("no_limit", ""), force_n=5.0)(bench)
-    assert bench.session.commands == []
 
 
 @pytest.mark.parametrize(
