@@ -84,7 +84,7 @@ def hold(seed: int, mode: Mode) -> Outcome:
     bed = _bed(seed, Scene(script=script, friction=friction, mass_kg=mass), mode, mu)
     bed.free()
     bed.lease()
-    bed.ask("gripper.close", force_n=force, speed_mps=0.15)
+    assert bed.code("gripper.close", force_n=force, speed_mps=0.15) is None
     forces: list[float] = []
     slid = turned = 0.0
     while bed.said_ns < END_S * 1e9:
