@@ -69,7 +69,10 @@ def what_waits_is_lost(bed):
 
 def late_for_good(delay_ms: int, tick_us: int) -> Course:
     """Lines that are late for good stay stale until they are prompt again."""
-    coarse = lambda us, _: us // tick_us * tick_us  # noqa: E731
+
+    def coarse(us, _):
+        return us // tick_us * tick_us
+
     return HELD, [
         clocks(coarse), run(0.2), clocks(coarse, delay_ms), run(0.1), forget,
         *[lease, RAISE, run(0.25 + delay_ms * 2e-4)] * 5,

@@ -40,6 +40,10 @@ def cut_short(rng):
     return Edit(lambda data, _: data[: rng.randrange(1, max(2, len(data)))] if data else data, lies=False)
 
 
+def bad_bytes_are_counted(bed):
+    assert all(bed.health(stream)["bad_bytes"] > 0 for stream in STREAMS)
+
+
 def noise(seed: int):
     return lambda _: Noise(Random(seed), per_thousand=3.0)
 
@@ -50,9 +54,7 @@ COURSES: dict[str, Course] = {
             HELD,
             [
                 strike(noise(seed)), run(0.5),
-                *(health(stream, severity=severity) for stream, severity in (
-                    (WRENCH, Health.WARN), (PAD, Health.WARN))),
-                *MENDED, replays,
+                *(unwell(stream=stream) for stream in STREAMS), bad_bytes_are_counted, *MENDED, replays,
             ],
         )
         for seed in (1, 2)
