@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import pytest
 from engine_rig import FULL_IMAGE, NO_IMAGE, Run, refusal_of
 
@@ -202,3 +203,12 @@ def mu(value: float, by: str | None = "ann", source: str = "request") -> Step:
 def approx(*offset: float) -> Any:
     """Return what an offset must be, to a millionth."""
     return pytest.approx(list(offset), abs=1e-6)
+
+
+def slip(run: Run) -> None:
+    """Let an object held with 5 N slip on the left finger, at less than half the load that stated friction carries."""
+    for k in range(620):
+        run.wrench(5.0, (0.6 + 0.001 * k if k < 580 else 0.9, 0.0))
+        if k % 20 == 0:
+            run.image(np.full((4, 4), 100 + k % 7))
+            follow(run, [skin(5.0, ms=1.0), serve(5)])

@@ -8,7 +8,6 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 from engine_rig import BOOT, GRIPPER, LEFT, RIGHT, WALL_NS, Run
 from run_courses import (
@@ -27,6 +26,7 @@ from run_courses import (
     no_image,
     serve,
     skin,
+    slip,
     status,
     up,
     wait,
@@ -46,15 +46,6 @@ EARLIER = BOOT.replace("b", "a")
 def kept(run: Run) -> dict[str, Any]:
     """What a run keeps for the next one, as by another boot."""
     return json.loads(run.engine.kept.text(run.t_ns).partition(" ")[2]) | {"boot": EARLIER}
-
-
-def slip(run: Run) -> None:
-    """Let the object slip on the left finger, at less than half of the load that the stated friction carries."""
-    for k in range(620):
-        run.wrench(5.0, (0.6 + 0.001 * k if k < 580 else 0.9, 0.0))
-        if k % 20 == 0:
-            run.image(np.full((4, 4), 100 + k % 7))
-            follow(run, [skin(5.0, ms=1.0), serve(5)])
 
 
 QUIET: list[Step] = [serve(10), feel(0.0)] * 30

@@ -19,6 +19,7 @@ from run_courses import (
     newest,
     serve,
     skin,
+    slip,
     tick,
     wait,
     wrench,
@@ -50,7 +51,7 @@ def acts(*expected: tuple[float, float]) -> Step:
     def step(run: Run) -> None:
         found = [body["reflex"] for body in run.published("gripper") if body["reflex"] is not None]
         assert [(act["from_n"], act["force_n"]) for act in found] == list(map(pytest.approx, expected))
-        assert {act["reason"] for act in found} <= {"needed"}
+        assert {act["reason"] for act in found} <= {"needed", "slipping"}
 
     return step
 
@@ -77,6 +78,13 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     "it goes on to what is needed, at its rate, and no further than its ceiling": (
         f"step_n = 20.0\nraise_n_per_s = 1000.0\n{REFLEX}",
         [*HELD, *[pull(4.0), serve(10)] * 40, acts((5.0, 7.0), (7.0, 9.0)), newest("gripper", force_command_n=9.0)],
+    ),
+    "A8 a slip raises it again only when the last rise could be felt": (
+        REFLEX,
+        [
+            *HELD, slip, *[pull(0.9), serve(5)] * 5, acts((5.0, 6.0)), *[pull(0.9), serve(5)] * 10,
+            acts((5.0, 6.0), (6.0, 7.2)),
+        ],
     ),
     "it goes on at a tick between two readings": (
         REFLEX.replace("100.0", "20.0"),
