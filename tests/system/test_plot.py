@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from live_recording import live
@@ -16,7 +15,7 @@ from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 
-DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
+DEMO, XELA = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "xela.mcap")
 
 
 @pytest.fixture(autouse=True)
@@ -25,14 +24,22 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_page_is_written_into_this_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_page_is_written_into_this_folder_and_replaces_an_earlier_one(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for _ in range(2):
-        assert main(["plot", DEMO]) == 0
-        assert capsys.readouterr().out == "demo.html: written\n"
-    assert [path.name for path in here.iterdir()] == ["demo.html"]
-    text = (here / "demo.html").read_text(encoding="utf-8")
+        assert main(["plot", XELA]) == 0
+        assert capsys.readouterr().out == "xela.html: written\n"
+    assert [path.name for path in here.iterdir()] == ["xela.html"]
+    text = (here / "xela.html").read_text(encoding="utf-8")
     assert "Replayed with its own config" in text
-    assert re.search(r"left: warning, λ 0\.8", text)
+    assert re.search(r"left: warning, λ \d", text)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The demo with the messages that it published."""
+    return str(live(Path(DEMO), tmp_path_factory.mktemp("run") / "run.mcap"))
 
 
 WITHOUT_ENGINE = """
@@ -43,11 +50,10 @@ assert "slipd.engine.engine" not in sys.modules
 """
 
 
-def test_what_a_run_reported_itself_is_drawn_without_a_replay(here: Path) -> None:
-    run = live(Path(REFLEX), here / "run.mcap")
-    subprocess.run([sys.executable, "-c", WITHOUT_ENGINE, "plot", str(run), "--to", "1"], check=True)
-    Path("own.toml").write_text(open_recording(run).config_text, encoding="utf-8")
-    assert main(["plot", str(run), "--to", "1", "--config", "own.toml", "--out", "replayed.html"]) == 0
+def test_what_a_run_reported_itself_is_drawn_without_a_replay(run: str) -> None:
+    subprocess.run([sys.executable, "-c", WITHOUT_ENGINE, "plot", run], check=True)
+    Path("own.toml").write_text(open_recording(Path(run)).config_text, encoding="utf-8")
+    assert main(["plot", run, "--config", "own.toml", "--out", "replayed.html"]) == 0
     drawn, replayed = (Path(name).read_text(encoding="utf-8") for name in ("run.html", "replayed.html"))
     said = re.compile("<p>(As the run itself reported it|Replayed with)[^<]*</p>")
     assert [found[1] for found in map(said.search, (drawn, replayed)) if found] == [
@@ -57,27 +63,20 @@ def test_what_a_run_reported_itself_is_drawn_without_a_replay(here: Path) -> Non
     assert said.sub("", drawn) == said.sub("", replayed)
 
 
-def test_verdicts_of_another_version_are_replayed_and_false_ones_refused(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    old = live(Path(REFLEX), here / "old.mcap", lambda topic, body: body.pop("mu_low", None))
-    assert main(["plot", str(old), "--to", "1"]) == 0
+def test_verdicts_of_another_version_are_replayed_and_false_ones_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    live(Path(XELA), Path("old.mcap"), lambda topic, body: body.pop("mu_low", None))
+    assert main(["plot", "old.mcap"]) == 0
     assert "Replayed with its own config" in Path("old.html").read_text()
-
-    def forge(topic: str, body: dict[str, Any]) -> None:
-        if topic == "slip.left" and body["seq"] > 3:
-            body["level"] = "<script>"
-
-    forged = live(Path(REFLEX), here / "forged.mcap", forge)
-    capsys.readouterr()
-    assert main(["plot", str(forged)]) == 1
+    false = {"level": "<script>"}
+    live(Path(XELA), Path("forged.mcap"), lambda topic, body: body.update(false if body["seq"] > 3 else {}))
+    assert main(["plot", "forged.mcap"]) == 1
     assert "forged.mcap: holds a message that slipd cannot have published: " in capsys.readouterr().err
     assert not Path("forged.html").exists()
 
 
-def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path) -> None:
-    assert main(["plot", DEMO, "--from", "1.5", "--to", "2.5"]) == 0
-    text = (here / "demo.html").read_text(encoding="utf-8")
+def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path, run: str) -> None:
+    assert main(["plot", run, "--from", "1.5", "--to", "2.5"]) == 0
+    text = (here / "run.html").read_text(encoding="utf-8")
     assert "drawn from 1.5 to 2.5 s." in text
     ticks = [float(tick) for tick in re.findall(r'class="small middle"[^>]*>([\d.]+) s<', text)]
     assert (ticks[0], 2.4 <= ticks[-1] <= 2.5) == (1.5, True)
@@ -88,11 +87,11 @@ def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path) -> None:
 @pytest.mark.parametrize(
     ("call", "ends", "told"),
     [
-        (["plot", DEMO, "--from", "100"], 1, "demo.mcap: no message after 100 s, the last is at "),
+        (["plot", XELA, "--from", "100"], 1, "xela.mcap: no message after 100 s, the last is at "),
         (
-            ["plot", DEMO, "--from", "1", "--to", "1.00001"],
+            ["plot", XELA, "--from", "1", "--to", "1.00001"],
             1,
-            "demo.mcap: no two messages from 1 to 1.00001 s, so there is nothing to draw",
+            "xela.mcap: no two messages from 1 to 1.00001 s, so there is nothing to draw",
         ),
         (["plot", DEMO, "--from", "2", "--to", "1"], 2, "slipd: --from 2 must be before --to 1"),
         (["plot", "no_event.mcap"], 1, "slipd: no_event.mcap: no events in it, so there is nothing to draw"),
