@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,7 +127,9 @@ def test_mass_and_centre_are_found_through_bias_mounting_and_sign_and_fit_a_conf
     assert table["mass_kg"] == pytest.approx(found.mass_kg, abs=1e-5)
     assert_allclose(table["com_m"], found.com_m, atol=1e-5)
     assert "finger left, 4 poses" in text
-    assert "that is much" not in text
+    assert "the residual is large" not in text
+    for residual in ({"residual_n": 0.04}, {"residual_nm": 0.001}):
+        assert "the residual is large" in identification_text(replace(found, **residual), "left")
 
 
 def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(save: Save) -> None:
