@@ -45,8 +45,7 @@ def run_demo(folder: Path, *options: str) -> Demo:
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
-    """Until the load that is poured in has called for more grip force; a test of a terminal plays the whole scene."""
-    return run_demo(tmp_path_factory.mktemp("demo"), "--seconds", "12")
+    return run_demo(tmp_path_factory.mktemp("demo"))
 
 
 def test_the_exit_code_and_the_summary_are_honest_on_any_machine(demo: Demo) -> None:
@@ -57,6 +56,7 @@ def test_the_exit_code_and_the_summary_are_honest_on_any_machine(demo: Demo) -> 
     missing = {
         "ended early": "ended early" in demo.errors,
         "the rotation was not warned of": "truth    hold" in demo.summary and warned is None,
+        "the slip was not reported": "truth    slide_begins" in demo.summary and "(slip_detected" not in demo.summary,
     }
     assert {what: what in (said[1] if said else "") for what in missing} == missing, demo.summary
 
@@ -65,7 +65,7 @@ def test_each_message_is_received_or_counted_as_missed_and_a_replay_gives_the_sa
     """On a machine that cannot keep up some are missed; the few of the beginning and of the end are not asked for."""
     figures = dict(re.findall(r"^(\w+(?: latency)?): ([\d.]+)", demo.summary, re.MULTILINE))
     published = replayed(demo)
-    assert int(figures["readings"]) > 5000, demo.errors
+    assert int(figures["readings"]) > 10_000, demo.errors
     assert 0.9 * published < int(figures["messages"]) + int(figures["gaps"]) <= published
     assert float(figures["median latency"]) > 0.0
 
