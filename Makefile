@@ -25,7 +25,7 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py \
 	page.py::test_a_change_of_the_grip_force_reaches_the_gripper \
 	page.py::test_sensors_that_fall_silent_are_unknown_with_the_reason \
 	service.py::test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised \
-	service_process.py::test_P4_a_signal_ends_the_process_well \
+	service_process.py::test_P4_a_signal_ends_the_process_well[15] \
 	service_unit.py::test_P2_P5_a_daemon_that_crashes_or_hangs_is_started_again_without_limit \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
 # Programs of long runs: their targets test them first.
@@ -33,11 +33,12 @@ EVALUATION := $(addprefix benchmarks/,evaluate fit second_world)
 LONG := $(EVALUATION) $(addprefix benchmarks/,bench campaign chart soak)
 # The tests of one file stay together on one core: they share a daemon, or what takes long to compute.
 PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
-# `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled, what guides a person,
-# and what draws and exports recordings.
+# `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled or not warmed up, how
+# much a decoder calls, what guides a person, and what draws, imports and exports recordings.
 LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_fleet_command.py client/ros client/ros2 \
-	client/test_viewers.py fusion/test_compiled.py tools/commission tools/discovery tools/evaluation tools/export \
-	tools/plot tools/sim tools/test_carry_story.py)
+	client/test_viewers.py devices/test_bounded_work.py engine/test_warm_up.py fusion/test_compiled.py \
+	tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/recordings tools/sim \
+	tools/test_carry_story.py tools/test_faulty_recordings.py)
 
 .PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
 
@@ -50,12 +51,12 @@ test: $(KERNELS) lint
 	@$(BIN)/pytest $(TESTS)
 else
 test: $(KERNELS) lint
-	@echo "== tests of the service and its clients, one demo, one client, one page (some minutes on two idle cores)"
+	@echo "== tests of the service and its clients, one demo, one client, one page (three minutes on two idle cores)"
 	@$(PYTEST) -m "not long and not statistics" $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
 endif
 
 check: $(KERNELS) lint portable_quick
-	@echo "== all tests but those of long runs, with coverage (10 to 20 minutes on two idle cores)"
+	@echo "== all tests but those of long runs, with coverage (10 to 15 minutes on two idle cores)"
 	@$(PYTEST) -m "not long" --cov --cov-report= $(addprefix --ignore=,$(LONG)) benchmarks tests
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2

@@ -38,7 +38,7 @@ def surprises(*places: tuple[float, ...], step: ImageStep | None = None) -> list
     return [math.nan if surprise is None else surprise for surprise in found]
 
 
-@pytest.mark.no_cover
+@pytest.mark.statistics
 def test_a_hold_with_the_background_of_real_holds_alarms_about_once_an_hour() -> None:
     rng = np.random.default_rng(7)
     step, alarms, hours = ImageStep(), 0, 1

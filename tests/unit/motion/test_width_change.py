@@ -63,7 +63,7 @@ def test_noise_is_as_rare_as_it_says(std_m: float, keeps: float) -> None:
     assert found <= 1 + 5.0 * 40 * 90 * math.exp(-8.0)
 
 
-@pytest.mark.no_cover
+@pytest.mark.statistics
 @pytest.mark.parametrize("walk_m", [1e-6, 1e-4])
 def test_a_width_that_walks_for_twenty_minutes_is_as_rare_as_it_says(walk_m: float) -> None:
     steps_m = np.random.default_rng(6).normal(0.0, walk_m, 60_000)
