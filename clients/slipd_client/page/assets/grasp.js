@@ -26,7 +26,7 @@ export class GraspCard {
     const [grasp, gripper] = [state.fresh("grasp"), state.fresh("gripper")];
     const { rows } = this;
     if (state.last("grasp")) this.#drawGrasp(grasp);
-    if (state.last("motion")) this.#drawMotion(grasp?.object, state.fresh("motion"));
+    if (state.last("status")?.streams?.arm) this.#drawMotion(grasp?.object, state.fresh("motion"));
     if (state.last("gripper")) this.#drawGripper(gripper);
     const now_n = grasp ? grasp.internal_n : gripper?.force_n;
     this.drawn = drawGrip(this.canvas, now_n, grasp?.grip_needed_n, gripper?.force_limit_n);
