@@ -74,7 +74,8 @@ export class Rows {
     this.values = new Map();
   }
 
-  set(name, text, field = name) {
+  /** Show a value; `why` explains it under the mouse. */
+  set(name, text, field = name, why = "") {
     let value = this.values.get(name);
     if (!value) {
       const row = document.createElement("div");
@@ -87,6 +88,7 @@ export class Rows {
       this.values.set(name, value);
     }
     setText(value, text);
-    value.classList.toggle("unknown", text.startsWith(UNKNOWN));
+    value.classList.toggle("unknown", text === UNKNOWN);
+    if (value.title !== (why ?? "")) value.title = why ?? "";
   }
 }

@@ -49,14 +49,10 @@ export class GraspCard {
 
   #drawMotion(object, motion) {
     const { rows } = this;
-    const unknown = (why) => (why ? `${UNKNOWN}: ${why}` : UNKNOWN);
-    const weighed = isNumber(object?.mass_kg);
-    rows.set("object", weighed ? withSpread(object.mass_kg, object.mass_std_kg, 3, "kg") : unknown(object?.unknown), "mass_kg");
+    rows.set("object", withSpread(object?.mass_kg, object?.mass_std_kg, 3, "kg"), "mass_kg", object?.unknown);
+    rows.set("speed that holds", quantity(motion?.speed_scale, 0, "%", 100), "speed_scale", motion?.unknown);
     const limit = quantity(motion?.acceleration_limit_mps2, 1, "m/s²");
-    const speed = isNumber(motion?.speed_scale)
-      ? `${quantity(motion.speed_scale, 0, "%", 100)}; ${limit} in every direction`
-      : unknown(motion?.unknown);
-    rows.set("speed that the grip holds", speed, "speed_scale");
+    rows.set("acceleration that holds", limit, "acceleration_limit_mps2", motion?.unknown);
   }
 
   #drawGripper(gripper) {
