@@ -20,7 +20,7 @@ from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd_client.errors import CallError
 from slipd_client.health.bundle import REMOVED, Bundle, without_secrets
-from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
+from slipd_client.health.repairs import FINGER_REPAIRS, repairs, summary
 from slipd_client.messages import decode, encode
 from slipd_client.messages.names import DAEMON_LATE, GRIP_UNKNOWN, REASONS
 from slipd_client.slipctl_parser import parser
@@ -35,10 +35,6 @@ WELL: dict[str, Any] = {
     "run_recording": None,
     "notices": {},
 }
-
-
-def ids(found: list[Repair]) -> list[str]:
-    return [repair.id for repair in found]
 
 
 def stream(**changes: Any) -> dict[str, Any]:
@@ -113,9 +109,9 @@ def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
     ],
 )
 def test_what_is_wrong_around_the_streams_is_listed_and_summed_up(changes: dict[str, Any], found: list[str]) -> None:
-    assert ids(repairs(WELL | changes)) == found
-    assert ("streams are read;" in summary(WELL | changes)) == (found != [])
-    assert ("more)" in summary(WELL | changes)) == (len(found) > 2)
+    status = WELL | changes
+    assert [repair.id for repair in repairs(status)] == found
+    assert ("streams are read;" in summary(status), "more)" in summary(status)) == (found != [], len(found) > 2)
 
 
 def test_every_repair_has_its_section_in_the_documents() -> None:
@@ -132,7 +128,8 @@ def test_the_status_of_a_real_engine_becomes_repairs() -> None:
     run.tick()
     run.feed(HostNotice("config", "kept"))
     run.feed(RecordingChanged("", "/r.mcap", "failed", "disk full"))
-    assert {"stream-missing", "config-kept", "recording-failed"} <= set(ids(repairs(run.published("status")[-1])))
+    found = {repair.id for repair in repairs(run.published("status")[-1])}
+    assert found >= {"stream-missing", "config-kept", "recording-failed"}
 
 
 def test_every_line_for_people_fits_a_page_and_names_where_to_read_on(capsys: pytest.CaptureFixture[str]) -> None:
@@ -180,13 +177,11 @@ def test_a_bundle_is_private_and_overwrites_nothing(tmp_path: Path) -> None:
     made.add("log.txt", lambda: (_ for _ in ()).throw(FileNotFoundError("no journal")))
     made.write(path)
     found = contents(path)
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert found["config.toml"] == f'token = "{REMOVED}"\n'
+    assert (stat.S_IMODE(path.stat().st_mode), found["config.toml"]) == (0o600, f'token = "{REMOVED}"\n')
     assert "log.txt: no journal" in found["problems.txt"]
-    with pytest.raises(CallError, match="exists, and is not overwritten"):
-        made.write(path)
-    with pytest.raises(CallError, match="cannot be written"):
-        made.write(tmp_path / "nowhere" / "out.tar.gz")
+    for place, why in ((path, "exists, and is not overwritten"), (tmp_path / "nowhere" / "out", "cannot be written")):
+        with pytest.raises(CallError, match=why):
+            made.write(place)
 
 
 @pytest.fixture
@@ -204,15 +199,17 @@ def recording(tmp_path: Path) -> Path:
 def test_the_secrets_inside_a_recording_are_removed_and_the_rest_stays(recording: Path, tmp_path: Path) -> None:
     made = Bundle()
     made.add_recording(recording)
-    assert made.problems == []
     clean = tmp_path / "clean.mcap"
     clean.write_bytes(made.parts["run.mcap"])
     found = open_recording(clean)
     (_, event), (_, payload) = *found.events(), *found.messages()
     address = f"ws://{REMOVED}@host:5000"
-    assert found.config_text == f'port = "{address}"\n'
-    assert event == LinkDown("pads", f"{address} does not answer")
-    assert decode(payload)["streams"] == [{"address": address, "rate_hz": 0.1}]
+    assert (made.problems, found.config_text, event, decode(payload)["streams"]) == (
+        [],
+        f'port = "{address}"\n',
+        LinkDown("pads", f"{address} does not answer"),
+        [{"address": address, "rate_hz": 0.1}],
+    )
 
 
 def test_only_recordings_of_this_user_are_added(recording: Path, tmp_path: Path) -> None:

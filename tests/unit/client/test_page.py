@@ -64,27 +64,30 @@ async def test_every_file_of_the_page_is_served_within_the_budget() -> None:
         answers = {path: await get(url, path) for path in paths}
         _, settings, _ = await get(url, "/settings.json", Authorization=bearer(url))
     for path, (status, _, headers) in answers.items():
-        assert status == (HTTPStatus.NOT_FOUND if path.endswith("LICENSE") else HTTPStatus.OK)
-        assert "default-src 'none'" in headers["Content-Security-Policy"]
-        assert headers["X-Frame-Options"] == "DENY"
+        assert (status, "default-src 'none'" in headers["Content-Security-Policy"], headers["X-Frame-Options"]) == (
+            HTTPStatus.NOT_FOUND if path.endswith("LICENSE") else HTTPStatus.OK,
+            True,
+            "DENY",
+        )
     assert json.loads(settings)["words"]["levels"][0] == "no_contact"
     assert sum(len(body) for _, body, _ in answers.values()) + len(settings) < BUDGET_BYTES
-
-
-STRANGE = ("/nothing", "/../page_server.py", "/%2e%2e/site.py", "//etc/passwd", "/vendor/", "/data/some")
-HOSTS = ("evil.example", "evil.example:8710", "127.0.0.1.evil.example", "", "a b", "user@127.0.0.1")
-WRONG: dict[str, str] = {"Authorization": "Bearer wrong"}
 
 
 @pytest.mark.parametrize(
     ("live", "path", "headers", "status"),
     [
-        *((True, path, {}, HTTPStatus.NOT_FOUND) for path in STRANGE),
-        *((True, "/", {"Host": host}, HTTPStatus.FORBIDDEN) for host in HOSTS),
+        *(
+            (True, path, {}, HTTPStatus.NOT_FOUND)
+            for path in ("/nothing", "/../page_server.py", "/%2e%2e/site.py", "//etc/passwd", "/vendor/", "/data/some")
+        ),
+        *(
+            (True, "/", {"Host": host}, HTTPStatus.FORBIDDEN)
+            for host in ("evil.example", "evil.example:8710", "127.0.0.1.evil.example", "", "a b", "user@127.0.0.1")
+        ),
         *(
             (False, path, headers, HTTPStatus.UNAUTHORIZED)
             for path in ("/data/some", "/settings.json")
-            for headers in ({}, WRONG)
+            for headers in ({}, {"Authorization": "Bearer wrong"})
         ),
         (False, "/data/some", None, HTTPStatus.OK),
         (False, "/data/other", None, HTTPStatus.NOT_FOUND),
@@ -259,8 +262,10 @@ async def test_frames_go_on_while_a_request_takes_its_time(publish: str, daemon:
         assert await reply(socket, "permission") == ""
         for _ in range(2):
             await socket.send('{"do": "tare", "finger": "left"}')
-        busy = {"ok": False, "text": "busy: the request before it is not answered yet"}
-        assert await reply(socket, "reply") == busy
+        assert await reply(socket, "reply") == {
+            "ok": False,
+            "text": "busy: the request before it is not answered yet",
+        }
         await socket.send("next")
         assert await reply(socket, "topics") == {}
         await until(lambda: daemon.ops.count("tare.get") >= 5)
