@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +15,19 @@ from pulls import Hand, typed
 
 from slipd.errors import SlipdError
 from slipd.tools.commission import friction_step, gripper_steps
-from slipd.tools.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, follow
+from slipd.tools.commission.dialogue import (
+    Ask,
+    Choice,
+    Event,
+    Output,
+    Prompt,
+    Refusal,
+    Reply,
+    Say,
+    Skipped,
+    Steps,
+    follow,
+)
 from slipd.tools.commission.friction_step import measure_friction
 from slipd.tools.commission.gripper_steps import MOST_TRIES, first_grasp, release
 from slipd.tools.commission.readings import LEAST_READINGS, ReadingListener
@@ -99,50 +114,119 @@ def test_what_one_finger_showed_stays_where_the_other_is_left_out() -> None:
     assert list(follow(measure_friction(["left", "right"], None, 60.0), rig.respond)) == ["left"]
 
 
-def test_a_sample_that_was_lost_is_gripped_again() -> None:
-    rig = Rig(
-        course(lambda hand: (body | FREE for body in hand.rest(3.0)), Hand.once, Hand.once), "close", "close", "open"
-    )
-    assert follow(measure_friction(["left"], 5.0, 2.0), rig.respond)
-    assert rig.asked == ["gripper_close", "gripper_close", "gripper_open"]
-    assert any("nothing touches the pad" in line for line in rig.printed)
+@dataclass
+class Course:
+    """A step in which something goes wrong.
+
+    Attributes:
+        step: The step.
+        bodies: Verdicts.
+        words: What the person chooses.
+        said: Parts of lines that are printed, in their order.
+        asked: Motions that are asked for.
+        ends: Whether it succeeds; None: it is left out.
+        refusals: Why motions are refused.
+        rig: How the rig differs.
+    """
+
+    step: Steps[Any]
+    bodies: Iterable[dict[str, Any]]
+    words: list[str]
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+    ends: bool | None = None
+    refusals: list[str] = field(default_factory=list)
+    rig: dict[str, Any] = field(default_factory=dict)
 
 
-def test_a_command_that_was_lost_names_the_command_that_acknowledges_it() -> None:
-    rig = Rig(course(), "close", "skip")
-    rig.fault = "command_lost"
-    with pytest.raises(Skipped):
-        follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    assert any("command_lost is latched" in line and "slipctl grip ack" in line for line in rig.printed)
+LEFT: tuple[list[str], float, float] = (["left"], 5.0, 60.0)
+CLOSE, OPEN = "gripper_close", "gripper_open"
+GIVEN_UP = f"  given up: {friction_step.MOST_TRIES} times in a row nothing was measured"
+COURSES = {
+    "a sample that was lost is gripped again": Course(
+        measure_friction(["left"], 5.0, 2.0),
+        course(lambda hand: (body | FREE for body in hand.rest(3.0)), Hand.once, Hand.once),
+        ["close", "close", "open"],
+        ["nothing touches the pad"],
+        [CLOSE, CLOSE, OPEN],
+        ends=True,
+    ),
+    "a command that was lost names the command that acknowledges it": Course(
+        first_grasp(*LEFT),
+        course(),
+        ["close", "skip"],
+        ["command_lost is latched", "slipctl grip ack"],
+        [CLOSE],
+        rig={"fault": "command_lost"},
+    ),
+    "a gripper that does not become active ends the step": Course(
+        first_grasp(*LEFT),
+        course(),
+        ["activate"],
+        ["  not active after 15 s; slipctl status says why"],
+        ["gripper_activate"],
+        ends=False,
+        rig={"active": None},
+    ),
+    "a release that is refused is asked for again or the grip is kept": Course(
+        release(),
+        course(),
+        ["open", "keep"],
+        ["  not opened: in contact", "  the gripper keeps its grip"],
+        [OPEN],
+        ends=False,
+        refusals=["in contact"],
+    ),
+    "a grasp without a verdict says why": Course(
+        first_grasp(["left"], 5.0, 3.0),
+        endless(Hand(), **STALE),
+        ["close", "open"],
+        ["left is unknown: stale"],
+        [CLOSE, OPEN],
+        ends=False,
+    ),
+    "a grasp of nothing says why": Course(
+        first_grasp(["left"], 5.0, 3.0),
+        endless(Hand(), **FREE),
+        ["close", "open"],
+        ["left is no_contact"],
+        [CLOSE, OPEN],
+        ends=False,
+    ),
+    "a grasp can be left out while it is shown and is opened": Course(
+        first_grasp(*LEFT), course(), ["close", "open"], asked=[CLOSE, OPEN], rig={"leaves_at": "stable"}
+    ),
+    "a sample that is gripped already is not closed on and the step can be left out": Course(
+        measure_friction(*LEFT), course(), ["gripped already"], rig={"leaves_at": "Pull"}
+    ),
+    "friction gives up after some tries without a sample": Course(
+        measure_friction(*LEFT),
+        endless(Hand(), **STALE),
+        ["close", *["again"] * (friction_step.MOST_TRIES - 1), "open"],
+        [GIVEN_UP],
+        [CLOSE, OPEN],
+    ),
+    "a motion that is refused again and again is given up": Course(
+        first_grasp(*LEFT),
+        course(),
+        ["close", *["again"] * 100],
+        [f"  given up after {MOST_TRIES} tries"],
+        [CLOSE] * MOST_TRIES,
+        refusals=["lease_held"] * 100,
+    ),
+}
 
 
-def test_a_gripper_that_does_not_become_active_ends_the_step() -> None:
-    rig = Rig(course(), "activate")
-    rig.active = None
-    assert not follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    assert rig.printed[-1] == "  not active after 15 s; slipctl status says why"
-
-
-def test_a_release_that_is_refused_is_asked_for_again_or_the_grip_is_kept() -> None:
-    rig = Rig(course(), "open", "keep", refusals=["in contact"])
-    follow(release(), rig.respond)
-    assert rig.printed[1] == "  not opened: in contact"
-    assert rig.printed[-1].startswith("  the gripper keeps its grip")
-
-
-@pytest.mark.parametrize(("more", "why"), [(STALE, "left is unknown: stale"), (FREE, "left is no_contact")])
-def test_a_grasp_without_a_verdict_says_why(more: dict[str, Any], why: str) -> None:
-    rig = Rig(endless(Hand(), **more), "close", "open")
-    assert not follow(first_grasp(["left"], 5.0, 3.0), rig.respond)
-    assert any(why in line for line in rig.printed)
-
-
-def test_a_grasp_can_be_left_out_while_it_is_shown_and_is_opened() -> None:
-    rig = Rig(course(), "close", "open")
-    rig.leaves_at = "stable"
-    with pytest.raises(Skipped):
-        follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    assert rig.asked == ["gripper_close", "gripper_open"]
+@pytest.mark.parametrize("name", COURSES)
+def test_where_something_goes_wrong(name: str) -> None:
+    given = COURSES[name]
+    rig = Rig(given.bodies, *given.words, refusals=given.refusals)
+    vars(rig).update(given.rig)
+    with pytest.raises(Skipped) if given.ends is None else nullcontext():
+        assert bool(follow(given.step, rig.respond)) == given.ends
+    assert rig.asked == given.asked
+    said = "\n".join(rig.printed)
+    assert re.search(".*".join(map(re.escape, given.said)), said, re.DOTALL), said
 
 
 def test_a_grasp_shows_both_fingers_and_ends_where_the_daemon_falls_silent() -> None:
@@ -162,30 +246,6 @@ def silent(rig: Rig, output: Output) -> Event:
         return rig.respond(output)
     except StopIteration:
         return None
-
-
-def test_a_sample_that_is_gripped_already_is_not_closed_on_and_the_step_can_be_left_out() -> None:
-    rig = Rig(course(), "gripped already")
-    rig.leaves_at = "Pull"
-    with pytest.raises(Skipped):
-        follow(measure_friction(["left"], 5.0, 60.0), rig.respond)
-    assert rig.asked == []
-
-
-def test_friction_gives_up_after_some_tries_without_a_sample() -> None:
-    rig = Rig(endless(Hand(), **STALE), "close", *["again"] * (friction_step.MOST_TRIES - 1), "open")
-    with pytest.raises(Skipped):
-        follow(measure_friction(["left"], 5.0, 60.0), rig.respond)
-    assert f"  given up: {friction_step.MOST_TRIES} times in a row nothing was measured" in rig.printed
-    assert rig.asked == ["gripper_close", "gripper_open"]
-
-
-def test_a_motion_that_is_refused_again_and_again_is_given_up() -> None:
-    rig = Rig(course(), "close", *["again"] * 100, refusals=["lease_held"] * 100)
-    with pytest.raises(Skipped):
-        follow(first_grasp(["left"], 5.0, 60.0), rig.respond)
-    assert rig.asked == ["gripper_close"] * MOST_TRIES
-    assert rig.printed[-1] == f"  given up after {MOST_TRIES} tries"
 
 
 def wrench(t_s: float, finger: str = "left", force_n: float = 0.0) -> Message:
