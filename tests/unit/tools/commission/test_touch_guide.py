@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from charge_rig import charge_rig
-from commission_person import TOUCHES, touch_for
+from commission_person import TOUCHES
 from commission_rig import commission_rig
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
@@ -23,7 +23,7 @@ from slipd.errors import SlipdError
 from slipd.tools.commission import gripper_steps, touch_guide
 from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.config_update import changed_text, changes
-from slipd.tools.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Say, Skipped, follow
+from slipd.tools.commission.dialogue import Ask, Event, Output, Prompt, Refusal, Skipped, follow
 from slipd.tools.commission.readings import ReadingListener
 from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.tools.commission.touches import scan_centroid
@@ -41,28 +41,20 @@ def commission(
     """Return what the guide finds, and what it prints; at its question, the person makes the touches of ``then``."""
     engine = EmulatedEngine(true, read, folder)
     know_zeros(*engine._engine._fingers.values())
-    printed: list[str] = []
-    chosen: list[Choice] = []
+    words = ("skip", "go on") if then is None else ("again", "again")
+    answers = {"touch_wait": ("release", words[0]), "touch_again": ("", words[1])}
+    host = GuidedEngine(engine, read.text, touches, answers)
 
     def respond(output: Output) -> Event:
-        nonlocal touches
-        if not isinstance(output, (Say, Prompt)):
-            return chosen.pop() if chosen else engine.receive()
-        printed.append(output.text)
-        if isinstance(output, Prompt) and output.step == "touch_wait":
-            chosen.append(Choice("skip" if then is None else "again"))
-            touches = touches if then is None else then
-            engine.touch("release")
-        elif isinstance(output, Prompt) and output.step == "touch_again":
-            chosen.append(Choice("go on" if then is None else "again"))
-            touches = touches if then is None else then
-        elif "Let go" in output.text and "Let go" in touches:
-            pass
-        elif (command := touch_for(output.text, touches)) is not None:
-            engine.touch(command)
-        return None
+        if "Let go" in getattr(output, "text", "") and "Let go" in host.touches:
+            return None
+        event = host.respond(output)
+        if then is not None and getattr(output, "step", "") in answers:
+            host.touches = then
+        return event
 
-    return follow(TouchGuide(read, ReadingListener(read.finger, read.config_id), 5.0).run("left"), respond), printed
+    guide = TouchGuide(read, ReadingListener(read.finger, read.config_id), 5.0)
+    return follow(guide.run("left"), respond), host.printed
 
 
 def corrected(read: config.Config, outcome: FingerOutcome) -> config.Config:
@@ -72,11 +64,10 @@ def corrected(read: config.Config, outcome: FingerOutcome) -> config.Config:
 
 def check_same(found: config.Config, true: config.Config) -> None:
     wrench, wanted = found.finger["left"].wrench, true.finger["left"].wrench
-    assert wrench.sign == wanted.sign
-    turn = Rotation.from_quat(wrench.pad_from_sensor.quat_xyzw)
-    assert (turn * Rotation.from_quat(wanted.pad_from_sensor.quat_xyzw).inv()).magnitude() < math.radians(3.0)
+    assert (wrench.sign, wrench.port) == (wanted.sign, wanted.port)
+    turn, wanted_turn = (Rotation.from_quat(each.pad_from_sensor.quat_xyzw) for each in (wrench, wanted))
+    assert (turn * wanted_turn.inv()).magnitude() < math.radians(3.0)
     assert wrench.pad_from_sensor.xyz_m == pytest.approx(wanted.pad_from_sensor.xyz_m, abs=0.003)
-    assert wrench.port == wanted.port
     keys = {"swap_xy", "flip_x", "flip_y", "port"}
     assert found.finger["left"].pad.model_dump(include=keys) == true.finger["left"].pad.model_dump(include=keys)
 
@@ -232,25 +223,21 @@ class Complete(Exception):  # noqa: N818 - it names what happened
 
 def test_a_touch_without_images_is_held_until_they_are_back(tmp_path: Path) -> None:
     """On a busy machine, those of the first second after a question are lost."""
-    engine, lost, printed = EmulatedEngine(SMALL, SMALL, tmp_path), [0], list[str]()
+    engine, lost = EmulatedEngine(SMALL, SMALL, tmp_path), [0]
     know_zeros(*engine._engine._fingers.values())
+    host = GuidedEngine(engine, SMALL.text)
 
     def respond(output: Output) -> Event:
-        if not isinstance(output, (Say, Prompt)):
+        event = host.respond(output)
+        while lost[0] and isinstance(event, Tactile):
+            lost[0] -= 1
             event = engine.receive()
-            while lost[0] and isinstance(event, Tactile):
-                lost[0] -= 1
-                event = engine.receive()
-            return event
-        printed.append(output.text)
         if isinstance(output, Prompt):
             lost[0] = 50
-        if "Let go" in output.text:
+        if "Let go" in getattr(output, "text", ""):
             raise Complete
-        if (command := touch_for(output.text)) is not None:
-            engine.touch(command)
-        return None
+        return event
 
     with pytest.raises(Complete):
         follow(TouchGuide(SMALL, ReadingListener(SMALL.finger, SMALL.config_id), 20.0).run("left"), respond)
-    assert any("had gaps" in line and "hold it still" in line for line in printed)
+    assert any("had gaps" in line and "hold it still" in line for line in host.printed)
