@@ -71,12 +71,10 @@ def read(rig: Config, folder: Path, stream: Stream) -> list[Any]:
     emulator = Loaded(devices.devices[number][1], devices)
     device, options = DEVICES[stream.device], config.device_options(stream)
     emulator.opened(0)
-    samples: list[Any] = []
     if device.session is None:
-        decoder = device.decoder(**options)
-        for t_ns in range(0, round(SECONDS * 1e9), MS):
-            for data in emulator.advance(t_ns):
-                samples += decoder.receive(data, t_ns)
+        decoder, times_ns = device.decoder(**options), range(0, round(SECONDS * 1e9), MS)
+        pieces = ((t_ns, data) for t_ns in times_ns for data in emulator.advance(t_ns))
+        samples = [sample for t_ns, data in pieces for sample in decoder.receive(data, t_ns)]
     else:
         session = device.session(**options)
         asks = device.inquiry(**options) if device.inquiry is not None else None
@@ -88,23 +86,50 @@ def read(rig: Config, folder: Path, stream: Stream) -> list[Any]:
     return chosen[2 * len(chosen) // 3 :]
 
 
-@pytest.mark.parametrize("path", IN_NEWTONS, ids=lambda path: path.name)
-def test_the_sensors_of_a_shipped_config_read_the_load_on_their_pad(path: Path, tmp_path: Path) -> None:
-    rig = config.load(path)
+WRENCH = """
+[finger.f.wrench]
+device = "{}"
+port = "{}"
+rate_hz = {}
+options = {{ {} }}
+"""
+COUNTS = [
+    WRENCH.format("robotous", "/dev/x", 333.0, "torque_divider = 1000.0"),
+    WRENCH.format(
+        "optoforce",
+        "/dev/x",
+        1000.0,
+        "counts_per_n = [40.0, -40.0, 8.0], counts_per_nm = [1100.0, 1100.0, 1400.0]",
+    ),
+    WRENCH.format(
+        "netft",
+        "udp://192.168.1.1:49152",
+        1000.0,
+        'calibration = "config", counts_per_force = 5e5, counts_per_torque = 2e5, force_unit = "lbf"',
+    ),
+]
+"""Sensors whose options say what a count is worth."""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [*(path.read_text() for path in IN_NEWTONS), *COUNTS],
+    ids=[*(path.name for path in IN_NEWTONS), "robotous", "optoforce", "netft"],
+)
+def test_the_sensors_of_a_config_read_the_load_on_their_pad(text: str, tmp_path: Path) -> None:
+    rig = config.parse(text, "rig")
     devices = touched(rig, tmp_path)
     finger = next(iter(rig.finger))
-    wanted = devices.loads(0)[finger].wrench()
     sensors = rig.finger[finger]
     if sensors.wrench is not None:
         readings = [
-            sample
+            np.concatenate((sample.force_n, sample.torque_nm))
             for sample in read(rig, tmp_path, sensors.wrench)
             if isinstance(sample, WrenchSample) and sample.torque_nm is not None
         ]
-        felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
         pose = sensors.wrench.pad_from_sensor
-        found = Mounting(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign).matrix @ (felt - BIAS)
-        assert found - devices.hand.weight(finger, 0.0) == pytest.approx(wanted, abs=0.06)
+        found = Mounting(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign).matrix @ (np.mean(readings, axis=0) - BIAS)
+        assert found - devices.hand.weight(finger, 0.0) == pytest.approx(devices.loads(0)[finger].wrench(), abs=0.06)
     if sensors.pad is not None:
         pad = sensors.pad
         images = [sample.values for sample in read(rig, tmp_path, pad) if isinstance(sample, TactileSample)]
@@ -132,40 +157,12 @@ def test_the_copy_of_a_config_has_other_ports_and_no_identities(path: Path, tmp_
     assert {stream.hardware_id for stream in copy.streams().values()} == {""}
     assert copy.bus.secret_key is None
     for name, stream in rig.streams().items():
-        assert config.transport_of(copy.streams()[name].port) == config.transport_of(stream.port)
         other = {"port", "hardware_id", "options"}
-        assert stream.model_dump(exclude=other) == copy.streams()[name].model_dump(exclude=other)
         over_tcp = {"calibration": "tcp"} if stream.options.get("calibration") == "xml" else {}
-        assert copy.streams()[name].options == stream.options | over_tcp
-
-
-OPTIONS = [
-    ("robotous", "", 333.0, "torque_divider = 1000.0"),
-    ("optoforce", "", 1000.0, "counts_per_n = [40.0, -40.0, 8.0], counts_per_nm = [1100.0, 1100.0, 1400.0]"),
-    (
-        "netft",
-        "udp://192.168.1.1:49152",
-        1000.0,
-        'calibration = "config", counts_per_force = 5e5, counts_per_torque = 2e5, force_unit = "lbf"',
-    ),
-]
-"""Device, port, rate and options that say what a count is worth."""
-
-
-@pytest.mark.parametrize(("device", "port", "rate_hz", "options"), OPTIONS)
-def test_an_emulated_sensor_counts_as_the_options_of_its_config_say(
-    device: str, port: str, rate_hz: float, options: str, tmp_path: Path
-) -> None:
-    rig = config.parse(
-        f'[finger.f.wrench]\ndevice = "{device}"\nport = "{port or "/dev/x"}"\nrate_hz = {rate_hz}\n'
-        f"options = {{ {options} }}\n",
-        "rig",
-    )
-    wrench = rig.finger["f"].wrench
-    assert wrench is not None
-    readings = read(rig, tmp_path, wrench)
-    felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
-    assert felt - BIAS == pytest.approx(touched(rig, tmp_path).loads(0)["f"].wrench(), abs=0.06)
+        found = copy.streams()[name]
+        assert config.transport_of(found.port) == config.transport_of(stream.port)
+        assert found.model_dump(exclude=other) == stream.model_dump(exclude=other)
+        assert found.options == stream.options | over_tcp
 
 
 def test_an_emulated_gripper_has_the_address_of_its_config(tmp_path: Path) -> None:
@@ -195,27 +192,26 @@ def test_a_port_in_an_inline_table_is_refused(tmp_path: Path) -> None:
         TouchedDevices(config.parse(text, "rig"), tmp_path).config_text()
 
 
-@pytest.mark.parametrize("name", ["demo.toml", "netft_wts.toml", "external.toml"])
-def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, tmp_path: Path) -> None:
-    rig = config.load(CONFIG / name)
-    devices = TouchedDevices(rig, tmp_path)
+@pytest.mark.parametrize(
+    ("name", "grip"),
+    [
+        ("demo.toml", {"_normal_n": 8.0}),
+        ("netft_wts.toml", {"_blocked": "blocked_minus", "limit": 16.0}),
+        ("external.toml", {"_blocked": True, "force_n": 8.0}),
+    ],
+)
+def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, grip: dict[str, Any], tmp_path: Path) -> None:
+    devices = TouchedDevices(config.load(CONFIG / name), tmp_path)
     give(devices, "object 40 mm")
-    gripper: Any = devices.devices[-1][1]
     devices.advance(0)
-    if name == "demo.toml":
-        gripper._normal_n = 8.0
-    elif name == "netft_wts.toml":
-        gripper._blocked, gripper.limit = "blocked_minus", 16.0
-    else:
-        gripper._blocked, gripper.force_n = True, 8.0
-    assert devices.loads(MS) == {finger: PadLoad((0.0, 0.0), 8.0) for finger in rig.finger}
+    vars(devices.devices[-1][1]).update(grip)
+    assert devices.loads(MS) == dict.fromkeys(devices.hand.fingers, PadLoad((0.0, 0.0), 8.0))
 
 
 def test_the_arm_moves_the_weight_of_both_fingers_and_its_stream_says_how(tmp_path: Path) -> None:
     rig = config.load(CONFIG / "external.toml")
     devices = TouchedDevices(rig, tmp_path)
-    at_rest, _ = devices.hand.arm(0.0)
-    assert at_rest == pytest.approx((0.0, 0.0, 9.80665)), "fingertips down, as without the command"
+    assert devices.hand.arm(0.0)[0] == pytest.approx((0.0, 0.0, 9.80665)), "fingertips down, as without the command"
     give(devices, "weight left 100 g", "weight right 100 g")
     before = devices.hand.weight("left", 0.0)
     give(devices, "arm 0 0 9.80665")
@@ -225,8 +221,7 @@ def test_the_arm_moves_the_weight_of_both_fingers_and_its_stream_says_how(tmp_pa
         outward_m = float(np.mean(np.array(rig.grasp.pads[name].positions)[:, 2]))
         felt = devices.hand.weight(name, 1.0)[:3]
         # the pads look along Y of the gripper; a turn about X pulls each finger outwards by w^2 r
-        assert felt[2] == pytest.approx(-side * 0.1 * (3.0 + 4.0 * outward_m))
-        assert felt[0] == pytest.approx(0.98)
+        assert (felt[0], felt[2]) == pytest.approx((0.98, -side * 0.1 * (3.0 + 4.0 * outward_m)))
     devices.advance(1_000_000_000)
     (emulator,) = {emulator for name, emulator, _ in devices.devices if name == "external"}
     decoder = DEVICES["external"].decoder()
