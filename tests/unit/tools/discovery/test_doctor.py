@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import random
 import threading
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from slipd.errors import SlipdError
 from slipd.events import HostNotice
 from slipd.tools.cli_parser import parser
 from slipd.tools.discovery import doctor_command as command
-from slipd.tools.discovery.capture import Capture, Piece, read_capture
+from slipd.tools.discovery.capture import Capture, Piece
 from slipd.tools.discovery.doctor_command import doctor_capture
 from slipd.tools.discovery.examination import Finding, examine
 from slipd.tools.discovery.port_probe import recognise
@@ -77,25 +78,19 @@ def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     assert "wrong  open, but no bytes arrive: is it powered?" in report
     assert "the conversation stands at: waiting" in report
     threading.Timer(0.3, line.close).start()
-    assert not doctor(str(tmp_path / "line"), "gauges", made(tmp_path / "second"), seconds=60.0)
+    assert not doctor(str(tmp_path / "line"), "gauges", tmp_path, seconds=60.0)
     assert "the line was lost: " in capsys.readouterr().out
     with pytest.raises(SlipdError, match="no such port; plug the device in"):
         doctor(str(tmp_path / "nowhere"), "bota", tmp_path)
 
-    class Nothing:
-        def __init__(self, *_: Any) -> None: ...
-        async def __aenter__(self) -> None: ...
-        async def __aexit__(self, *_: object) -> None: ...
+    @asynccontextmanager
+    async def no_links(*_: Any) -> AsyncIterator[None]:
+        yield
 
-    monkeypatch.setattr(command, "Links", Nothing)
+    monkeypatch.setattr(command, "Links", no_links)
     monkeypatch.setattr(command, "OPEN_S", 0.01)
     with pytest.raises(SlipdError, match="nowhere: cannot be opened"):
         doctor(str(tmp_path / "nowhere"), "gauges", tmp_path)
-
-
-def made(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
 
 
 @pytest.mark.parametrize(
@@ -249,20 +244,29 @@ def test_forces_without_torques_poses_and_the_gravity_of_an_arm(reading: Any, le
     assert "torque" not in texts(found, level)
 
 
-def test_a_file_that_is_no_capture_is_refused(tmp_path: Path) -> None:
+NO_CAPTURE = "is not a capture of slipd doctor"
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        (None, "cannot be read: No such file"),
+        ("", NO_CAPTURE),
+        ("x", NO_CAPTURE),
+        ("{}", NO_CAPTURE),
+        (json.dumps({"capture": 1}), NO_CAPTURE),
+        (capture("bota", []).text() + "[1]", NO_CAPTURE),
+        (json.dumps({"capture": 2}), "must be a capture of format 1, got 2"),
+        (capture("mine", [], package="some-sensor 1.2").text(), "needs the device 'mine' of some-sensor 1.2"),
+        (
+            capture("bota", [], options={"sinc_length": 3}).text(),
+            "its options are not those of bota: sinc_length must be",
+        ),
+    ],
+)
+def test_a_file_that_is_no_capture_is_refused(tmp_path: Path, text: str | None, error: str) -> None:
     path = tmp_path / "a.capture"
-    with pytest.raises(SlipdError, match="cannot be read: No such file"):
-        read_capture(path)
-    for text in ("", "x", "{}", json.dumps({"capture": 1}), capture("bota", []).text() + "[1]"):
+    if text is not None:
         path.write_text(text, encoding="utf-8")
-        with pytest.raises(SlipdError, match="is not a capture of slipd doctor"):
-            read_capture(path)
-    path.write_text(json.dumps({"capture": 2}), encoding="utf-8")
-    with pytest.raises(SlipdError, match="must be a capture of format 1, got 2"):
-        read_capture(path)
-    path.write_text(capture("mine", [], package="some-sensor 1.2").text(), encoding="utf-8")
-    with pytest.raises(SlipdError, match=r"needs the device 'mine' of some-sensor 1.2"):
-        doctor_capture(path, None)
-    path.write_text(capture("bota", [], options={"sinc_length": 3}).text(), encoding="utf-8")
-    with pytest.raises(SlipdError, match="its options are not those of bota: sinc_length must be"):
+    with pytest.raises(SlipdError, match=error):
         doctor_capture(path, None)
