@@ -6,9 +6,8 @@ import asyncio
 import os
 import select
 import socket
-import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -32,11 +31,12 @@ async def until(condition: Callable[[], object]) -> None:
 
 @asynccontextmanager
 async def opened(address: str) -> AsyncIterator[Line]:
-    """A line that loses what is sent to nobody."""
+    """A line that loses what is sent to nobody, before a host is there and after the last."""
     async with open_line(address) as line:
         assert line.listen() == (False, [])
         line.send([b"to nobody"])
         yield line
+        line.send([b"to one who hung up"] * 3)
 
 
 async def check_talk(line: Line, host: socket.socket) -> None:
@@ -57,7 +57,6 @@ async def test_a_datagram_socket_answers_the_last_sender(unused_udp_port: int) -
                 host.send(b"start")
                 await until(lambda: line.listen()[0])
                 await check_talk(line, host)
-        line.send([b"to one who hung up"] * 3)
 
 
 async def test_a_stream_socket_serves_the_last_who_came(unused_tcp_port: int) -> None:
@@ -66,16 +65,14 @@ async def test_a_stream_socket_serves_the_last_who_came(unused_tcp_port: int) ->
         with pytest.raises(OSError, match="in use"):
             async with open_line(address):
                 pass
-        with ExitStack() as stack:
-            hosts = []
-            for _ in range(2):
-                hosts.append(stack.enter_context(socket.create_connection(("127.0.0.1", unused_tcp_port), PATIENCE_S)))
+        with socket.create_connection(("127.0.0.1", unused_tcp_port), PATIENCE_S) as first:
+            await until(lambda: line.listen()[0])
+            with socket.create_connection(("127.0.0.1", unused_tcp_port), PATIENCE_S) as last:
                 await until(lambda: line.listen()[0])
-            assert hosts[0].recv(10) == b""
-            await check_talk(line, hosts[1])
+                assert first.recv(10) == b""
+                await check_talk(line, last)
         await asyncio.sleep(0.01)
         assert line.listen() == (False, [])
-        line.send([b"to one who hung up"])
 
 
 async def test_a_driver_connects_once_a_daemon_is_there_and_again_after_it_left(tmp_path: Path) -> None:
@@ -123,9 +120,7 @@ async def test_a_pusher_drops_what_a_daemon_does_not_read(tmp_path: Path) -> Non
             return got
 
         await until(arrived)
-        begin_s = time.monotonic()
         line.send([bytes(60_000)] * 100 * SEND_AHEAD)
-        assert time.monotonic() - begin_s < PATIENCE_S
         pull.close()
     assert set(got) == {b"reading"}
 
