@@ -24,25 +24,11 @@ from slipd.tools.recordings.grips_import import import_trial
 LAST_NS = 5_751_000_000
 
 
-@pytest.fixture
-def trial(tmp_path: Path) -> Path:
-    """A copy of the trial, to be damaged."""
-    return Path(shutil.copytree(TRIAL, tmp_path / "trial"))
-
-
-def spoil(path: Path, line: int, column: int, cell: str) -> None:
-    """Replace one cell; lines count from 1, columns from 0."""
-    rows = [row.split(",") for row in path.read_text().splitlines()]
-    rows[line - 1][column] = cell
-    path.write_text("\n".join(map(",".join, rows)))
-
-
 def test_a_trial_becomes_the_events_of_a_live_run(tmp_path: Path) -> None:
     import_trial(TRIAL, tmp_path / "out.mcap", TWO_PADS)
     recording = open_recording(tmp_path / "out.mcap")
     events = list(recording.events())
-    assert recording.complete
-    assert recording.config_text == TWO_PADS
+    assert (recording.complete, recording.config_text, list(recording.messages())) == (True, TWO_PADS, [])
     assert events[:2] == [
         (1_000_000_000, LinkUp("left.pad", "ws://127.0.0.1:5000")),
         (1_000_000_000, Bytes("left.pad", b'{"message":"Welcome"}')),
@@ -52,7 +38,6 @@ def test_a_trial_becomes_the_events_of_a_live_run(tmp_path: Path) -> None:
     assert [t_ns for t_ns, event in events if isinstance(event, Tick)] == list(
         range(1_000_000_000, LAST_NS + 500_000_000, 10_000_000)
     )
-    assert list(recording.messages()) == []
 
 
 def test_the_decoder_reads_every_count_of_every_row_at_its_time(tmp_path: Path) -> None:
@@ -75,7 +60,14 @@ def test_the_decoder_reads_every_count_of_every_row_at_its_time(tmp_path: Path) 
 
 
 def replaced(line: int, column: int, cell: str) -> Callable[[Path], object]:
-    return lambda path: spoil(path, line, column, cell)
+    """Replace one cell; lines count from 1, columns from 0."""
+
+    def damage(path: Path) -> None:
+        rows = [row.split(",") for row in path.read_text().splitlines()]
+        rows[line - 1][column] = cell
+        path.write_text("\n".join(map(",".join, rows)))
+
+    return damage
 
 
 def cut(characters: int, lines: int = 0) -> Callable[[Path], object]:
@@ -117,8 +109,9 @@ DAMAGES: list[tuple[str, Callable[[Path], object], str]] = [
 
 @pytest.mark.parametrize(("name", "damage", "error"), DAMAGES, ids=[f"{name}{error}" for name, _, error in DAMAGES])
 def test_a_damaged_trial_is_refused_with_file_line_and_rule(
-    trial: Path, tmp_path: Path, name: str, damage: Callable[[Path], object], error: str
+    tmp_path: Path, name: str, damage: Callable[[Path], object], error: str
 ) -> None:
+    trial = Path(shutil.copytree(TRIAL, tmp_path / "trial"))
     damage(trial / name)
     with pytest.raises(RecordingError) as caught:
         import_trial(trial, tmp_path / "out.mcap", TWO_PADS)
