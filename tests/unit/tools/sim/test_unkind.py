@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from slipd import config
 from slipd.tools.sim import unkind
 from slipd.tools.sim.emulators import EmulatedDevice, make_emulator
 from slipd.tools.sim.unkind import Unkind
+from slipd_client.messages.schema.topics import Slip
 
 MS = 1_000_000
 PERIOD_NS = 10 * MS
@@ -67,8 +68,7 @@ def test_two_sensors_of_one_server_never_share_a_time() -> None:
     messages = [json.loads(piece) for piece in run(server, 0.0, 3.0)]
     times = np.array([(message["1"]["time"], message["2"]["time"]) for message in messages if "1" in message])
     apart = np.abs(times[:, 0] - times[:, 1])
-    assert (apart > 0.0).all()
-    assert apart.max() < 0.02
+    assert 0.0 < apart.min() <= apart.max() < 0.02
     assert np.ptp(apart) > 0.001, "they drift apart"
 
 
@@ -120,7 +120,6 @@ def test_a_force_sensor_couples_and_drifts() -> None:
 def test_a_steady_grip_on_unkind_sensors_is_stable_and_measured(name: str, tmp_path: Path) -> None:
     rig = config.load(CONFIG / f"{name}.toml")
     engine = EmulatedEngine(rig, rig, tmp_path, unkind=True)
-    taken: list[Any] = []
     wait(engine, 0.8)
     for finger in rig.finger:
         engine.ask("tare", finger=finger, seconds=0.3)
@@ -128,10 +127,8 @@ def test_a_steady_grip_on_unkind_sensors_is_stable_and_measured(name: str, tmp_p
     engine.touch("; ".join(f"press {finger} 6 N at 2 -1 mm; push {finger} -y 1 N" for finger in rig.finger))
     wait(engine, 0.4)
     engine.drop_messages()
-    while len(taken) < 100:
-        message = engine.receive()
-        if type(message).__name__ == "Slip":
-            taken.append(message)
+    verdicts = (message for message in iter(engine.receive, None) if isinstance(message, Slip))
+    taken = list(islice(verdicts, 100))
     assert {message.level.value for message in taken} <= {"stable", "unknown"}
     ratios = [message.friction_ratio for message in taken if message.friction_ratio is not None]
     assert len(ratios) > 90
