@@ -124,7 +124,7 @@ class Course:
         words: What the person chooses.
         said: Parts of lines that are printed, in their order.
         asked: Motions that are asked for.
-        ends: Whether it succeeds; None: it is left out.
+        ends: Whether it has a result; None: it is left out.
         refusals: Why motions are refused.
         rig: How the rig differs.
     """
