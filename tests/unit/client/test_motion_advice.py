@@ -87,22 +87,22 @@ def test_a_scale_that_is_known_is_returned_and_is_at_most_full_speed(
 
 async def test_a_trajectory_is_checked_by_either_advisor(publisher: Publisher, daemon: Daemon) -> None:
     daemon.handlers["motion.check"] = lambda _: REPLY
-    points = [point_of(0.0, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 2.0))]
     with MotionAdvisor(publisher.endpoint, daemon.endpoint) as advisor:
-        assert advisor.check(points).time_scale == 0.8
+        assert advisor.check([point_of(0.0, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 2.0))]).time_scale == 0.8
     async with AsyncMotionAdvisor(publisher.endpoint, daemon.endpoint) as other:
         assert other.speed_scale(0.3) == 0.3
         assert (await other.check(acceleration_mps2=(0.0, 0.0, 2.0))).utilisation == 1.2
-    first, second = (request for request in daemon.requests if request["op"] == "motion.check")
-    assert first["points"] == [[0.0, -1.0, 0.0, -11.80665, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
-    assert second["acceleration_mps2"] == [0.0, 0.0, 2.0]
+    assert [(request["op"], request.get("points"), request.get("acceleration_mps2")) for request in daemon.asked] == [
+        ("motion.check", [[0.0, -1.0, 0.0, -11.80665, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]], None),
+        ("motion.check", None, [0.0, 0.0, 2.0]),
+    ]
 
 
 def test_a_point_is_turned_into_the_gripper_frame_as_by_scipy() -> None:
     turn = Rotation.random(random_state=4)
+    turned = turn.inv().apply([[-1.0, -2.0, -3.0 - 9.80665], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]])
     point = point_of(1.5, turn.as_quat(), (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
-    vectors = [[-1.0, -2.0, -3.0 - 9.80665], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]
-    assert point == pytest.approx([1.5, *turn.inv().apply(vectors).ravel()])
+    assert point == pytest.approx([1.5, *turned.ravel()])
 
 
 STORE = typestore()
@@ -239,10 +239,9 @@ DECOY = b"\x55\x51\x00" + packet(0x53, 1, 2, 3)[:-1] + b"\x00"
 def test_packets_are_found_in_any_split_and_after_any_noise(noise: bytes, cuts: list[int]) -> None:
     data = noise + bytes(11) + DECOY + bytes(11) + 3 * AT_REST
     packets, newest, found = Packets(), {}, []
-    for begin, end in zip([0, *sorted(cuts)], [*sorted(cuts), len(data)], strict=True):
+    for begin, end in itertools.pairwise([0, *sorted(cuts), len(data)]):
         found += list(readings(data[begin:end], packets, newest))
-    assert found[-1]["gravity_mps2"] == pytest.approx([0.0, 0.0, -9.80665])
-    assert found[-1]["angular_velocity_radps"] == pytest.approx([0.0, 0.1747, 0.0], abs=1e-4)
     assert len(found) >= 3
+    assert found[-1]["angular_velocity_radps"] == pytest.approx([0.0, 0.1747, 0.0], abs=1e-4)
     (sample,) = Decoder().receive(msgpack.packb({"stream": "arm", "t_ns": 1, "seq": 0, **found[-1]}), 0)
     assert sample.gravity_mps2 == pytest.approx([0.0, 0.0, -9.80665])
