@@ -281,11 +281,7 @@ def row(robot: str, **fields: Any) -> RobotRow:
 
 GONE = row("arm2", state="gone", level="unknown", reasons=("stale",), health=None, age_s=None)
 SLIPPING = row("arm3", level="slipping", fingers={"left": "slipping", "right": "stable"}, reasons=("slip_detected",))
-STRANGER = row("arm0", level="slipping", expected=False)
 ILL = row("arm4", health=Health.STALE, complaint="left.pad: nothing arrives", missed_warnings=2)
-
-
-TWO = row("arm5", state="clash", level="slipping", fault="two arm5")
 HEAD = "robot state level health age"
 
 
@@ -293,7 +289,7 @@ HEAD = "robot state level health age"
     ("rows", "lines"),
     [
         (
-            [STRANGER, row("arm1"), GONE, SLIPPING, ILL],
+            [row("arm0", level="slipping", expected=False), row("arm1"), GONE, SLIPPING, ILL],
             [
                 "fleet plant 5 robots 1 gone 4 live 2 slipping 2 warnings missed",
                 HEAD,
@@ -305,7 +301,7 @@ HEAD = "robot state level health age"
             ],
         ),
         (
-            [TWO],
+            [row("arm5", state="clash", level="slipping", fault="two arm5")],
             ["fleet plant 1 robot 1 clash 1 slipping", HEAD, "arm5 clash slipping OK 0.4 s two arm5; left stable"],
         ),
         ([], ["fleet plant 0 robots"]),
@@ -340,15 +336,17 @@ def test_a_name_of_letters_digits_and_joints_is_a_part_of_a_key(name: str, topic
     assert split_key(message_key("plant", check_name("--robot", name), topic), "plant") == (name, topic)
 
 
-NAMES = ["", "a*", "$b", "c#", "d?", "e/f", "@adv", ".g", "-h", "ä", "a b", "a\n", "x" * 65]
-TOPICS = ["", "slip/left", "slip.*", "$", "Slip", "a.b.c"]
-
-
 @pytest.mark.parametrize(
     ("check", "text", "why"),
     [
-        *((lambda name: check_name("--robot", name), name, "--robot must be 1 to 64 of the char") for name in NAMES),
-        *((lambda topic: message_key("plant", "arm3", topic), topic, "topic must be a word") for topic in TOPICS),
+        *(
+            (lambda name: check_name("--robot", name), name, "--robot must be 1 to 64 of the char")
+            for name in ("", "a*", "$b", "c#", "d?", "e/f", "@adv", ".g", "-h", "ä", "a b", "a\n", "x" * 65)
+        ),
+        *(
+            (lambda topic: message_key("plant", "arm3", topic), topic, "topic must be a word")
+            for topic in ("", "slip/left", "slip.*", "$", "Slip", "a.b.c")
+        ),
     ],
 )
 def test_what_zenoh_would_read_as_more_than_one_word_is_refused(
