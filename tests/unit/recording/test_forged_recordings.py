@@ -76,16 +76,16 @@ def test_an_index_beyond_32_bits_is_followed(forge: Forge) -> None:
     assert ([item.n for item in found], recording.lost) == ([0, 2**31, 2**32], 2**32 - 2)
 
 
-def chunk(inner: bytes, crc: int | None = None, packing: bytes = b"zstd") -> bytes:
-    """Return a chunk record."""
-    packed = zstandard.compress(inner)
-    crc = zlib.crc32(inner) if crc is None else crc
-    body = struct.pack("<QQQII4sQ", 0, 0, len(inner), crc, 4, packing, len(packed)) + packed
-    return struct.pack("<BQ", 6, len(body)) + body
-
-
 def inner(opcode: int, body: bytes = b"") -> bytes:
     return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def chunk(content: bytes, crc: int | None = None, packing: bytes = b"zstd", claimed: int | None = None) -> bytes:
+    """Return a chunk record, which claims another size than that of its content if one is given."""
+    packed = zstandard.compress(content)
+    size = len(content) if claimed is None else claimed
+    crc = zlib.crc32(content) if crc is None else crc
+    return inner(6, struct.pack("<QQQII4sQ", 0, 0, size, crc, 4, packing, len(packed)) + packed)
 
 
 def text(value: bytes) -> bytes:
@@ -100,13 +100,9 @@ def message(number: int, n: int, payload: bytes) -> bytes:
     return inner(5, struct.pack("<HIQQ", number, n, 0, 0) + payload)
 
 
-def bomb(claimed: int) -> bytes:
-    packed = zstandard.compress(bytes(64 << 20))
-    return inner(6, struct.pack("<QQQII4sQ", 0, 0, claimed, 0, 4, b"zstd", len(packed)) + packed)
-
-
 ONE, HIDDEN = channel(1) + message(1, 0, b""), chunk(message(1, 1, b""))
 CUT = chunk(ONE)
+BOMB = bytes(64 << 20)
 LONGER = CUT[:1] + struct.pack("<Q", len(CUT) - 9 + len(HIDDEN)) + CUT[9:] + HIDDEN
 CRC = "crc32"
 FORGED: dict[str, tuple[Callable[[Forge], object], str]] = {
@@ -122,9 +118,9 @@ FORGED: dict[str, tuple[Callable[[Forge], object], str]] = {
         lambda f: f.end(entries="0", Crc32=mcap_file.end_metadata(0)[CRC]),
         "end is damaged: the number of entries does not match",
     ),
-    "a chunk that claims no byte": (lambda f: f.stream.write(bomb(0)), "cannot have written"),
-    "a chunk that claims a kilobyte": (lambda f: f.stream.write(bomb(1000)), "cannot have written"),
-    "a chunk that claims a terabyte": (lambda f: f.stream.write(bomb(1 << 40)), "cannot have written"),
+    "a chunk that claims no byte": (lambda f: f.stream.write(chunk(BOMB, claimed=0)), "cannot have written"),
+    "a chunk that claims a kilobyte": (lambda f: f.stream.write(chunk(BOMB, claimed=1000)), "cannot have written"),
+    "a chunk that claims a terabyte": (lambda f: f.stream.write(chunk(BOMB, claimed=1 << 40)), "cannot have written"),
     "a record of a huge length": (
         lambda f: f.stream.write(struct.pack("<BQ", 6, 1 << 62)),
         "a record of 4611686018427387904 bytes",
@@ -137,9 +133,10 @@ FORGED: dict[str, tuple[Callable[[Forge], object], str]] = {
 }
 
 
-@pytest.mark.parametrize("what", FORGED)
-def test_what_slipd_cannot_have_written_stops_the_reading_before_it(forge: Forge, what: str) -> None:
-    write, fault = FORGED[what]
+@pytest.mark.parametrize(("write", "fault"), FORGED.values(), ids=FORGED)
+def test_what_slipd_cannot_have_written_stops_the_reading_before_it(
+    forge: Forge, write: Callable[[Forge], object], fault: str
+) -> None:
     forge.writer.flush()
     write(forge)
     recording, found = forge.read()
@@ -173,19 +170,18 @@ NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
 def test_a_few_bytes_that_unpack_to_a_mass_of_records_stop_the_reading_at_the_first_wrong_one(
     forge: Forge, records: bytes, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = 0
+    read: list[int] = []
     one_by_one = entry_walk.inner_records
 
-    def counted(data: bytes) -> Iterator[tuple[int, memoryview]]:
-        nonlocal read
-        for found in one_by_one(data):
-            read += 1
-            yield found
+    def noted(data: bytes) -> Iterator[tuple[int, memoryview]]:
+        for opcode, body in one_by_one(data):
+            read.append(opcode)
+            yield opcode, body
 
-    monkeypatch.setattr(entry_walk, "inner_records", counted)
+    monkeypatch.setattr(entry_walk, "inner_records", noted)
     recording, _ = forge.read(extra=chunk(records) * 100)
     assert fault in str(recording.fault)
-    assert read <= 1026
+    assert len(read) <= 1026
 
 
 def test_the_unpacked_size_of_a_whole_file_is_bounded(forge: Forge) -> None:
@@ -200,11 +196,9 @@ def test_the_unpacked_size_of_a_whole_file_is_bounded(forge: Forge) -> None:
 def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path) -> None:
     """A device that sends only zeros, in the longest possible pieces."""
     file = mcap_file.RecordingFile(tmp_path / "run.mcap", **ABOUT_RUN)
-    count = 0
-    for size in (65_507, 1024 * 1024):
-        for _ in range(80 * 1024 * 1024 // size):
-            file.event(count, count, Bytes("left.wrench", bytes(size)))
-            count += 1
-    file.published(count, count, "tactile.left", bytes(mcap_file.ENTRY_LIMIT_BYTES))
-    file.finish(count + 1)
-    assert len(complete(tmp_path / "run.mcap")) == count + 1
+    sizes = [65_507] * 1280 + [1 << 20] * 80
+    for n, size in enumerate(sizes):
+        file.event(n, n, Bytes("left.wrench", bytes(size)))
+    file.published(len(sizes), len(sizes), "tactile.left", bytes(mcap_file.ENTRY_LIMIT_BYTES))
+    file.finish(len(sizes) + 1)
+    assert len(complete(tmp_path / "run.mcap")) == len(sizes) + 1

@@ -132,20 +132,19 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     assert change == IncidentsChanged(1, 1, 1, change.dropped, str(tmp_path / called(1, 2, "grasp-lost")), "")
 
 
+@pytest.mark.parametrize(
+    ("prepare", "number", "reason"), [(full, "", "no room"), (nothing, "000001-", "File too large")]
+)
 def test_a_disk_without_room_or_that_fails_costs_the_file_only(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, prepare: Callable[[], None], number: str, reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    kept = incidents(tmp_path, full)
-    kept.note_warning(WARNING, 0)
-    kept.close()
-    assert "incident-19700101T000000Z-b00t-left-warning.mcap: not saved: no room" in caplog.text
-    kept = incidents(tmp_path)
+    kept = incidents(tmp_path, prepare)
     for n in range(1000):
         kept.event(Bytes("left.wrench", bytes(range(n % 256))), n)
     kept.note_warning(WARNING, 1)
     with small_disk(5000):
         kept.close()
-    assert "incident-000001-19700101T000000Z-b00t-left-warning.mcap: not saved: File too large" in caplog.text
+    assert f"incident-{number}19700101T000000Z-b00t-left-warning.mcap: not saved: {reason}" in caplog.text
     assert files(tmp_path) == []
 
 

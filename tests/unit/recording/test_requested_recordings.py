@@ -30,12 +30,12 @@ def make(path: Path, prepare: Callable[[], None], room: Room = ROOM) -> Recorder
     return Recorder(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, room=room)
 
 
-def held(disk: threading.Event, then: Callable[[], None]) -> Callable[[], None]:
-    """Return a preparation that waits for the disk."""
+def held(disk: threading.Event, state: Path) -> Callable[[], None]:
+    """Return a preparation of a folder that waits for the disk."""
 
     def prepare() -> None:
         disk.wait(PATIENCE_S)
-        then()
+        private_directory(state)
 
     return prepare
 
@@ -84,38 +84,19 @@ def test_K3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecor
     assert complete(state / "b.mcap") == [Entered(0, 1, Tick(1))]
 
 
-def test_an_existing_file_is_neither_overwritten_nor_followed(
-    recordings: RequestedRecordings, state: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    private_directory(state)
-    precious = state.parent / "precious"
-    precious.write_text("mine")
-    (state / "a.mcap").symlink_to(precious)
-    recordings.handle(Record("a.mcap"), 0)
-    failed = news(recordings)
-    assert (failed.name, failed.state) == ("a.mcap", "failed")
-    assert "exists already" in failed.reason
-    assert recordings.changes(2) == [], "it is reported once"
-    recordings.event(Tick(1), 1)
-    recordings.close()
-    assert precious.read_text() == "mine"
-    assert caplog.messages == [failed.reason]
-
-
 def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: RequestedRecordings, state: Path) -> None:
     recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
     recorder = recordings._running.recorder
-    size = (state / "full.mcap").stat().st_size
+    size = recorder.path.stat().st_size
+    reason = f"{recorder.path}: the recording stopped: File too large"
     with small_disk(size + 10):
         for n in range(100):
             recordings.event(Tick(n), n)
         wait_until(lambda: recorder.lost >= 100)  # the thread counts on after the failure
-        assert (state / "full.mcap").stat().st_size == size, "no part of an end"
-        failed = news(recordings, 2)
+        assert recorder.path.stat().st_size == size, "no part of an end"
+        assert news(recordings, 2) == RecordingChanged("full.mcap", str(recorder.path), "failed", reason, 100)
         recordings.event(Tick(101), 101)
-    assert (failed.state, failed.lost) == ("failed", 100)
-    assert "the recording stopped: File too large" in failed.reason
     recordings.handle(Record("next.mcap"), 200)
     assert news(recordings).state == "running"
     with small_disk((state / "next.mcap").stat().st_size):
@@ -129,6 +110,7 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
     [
         (lambda _: private_directory(Path("/proc/slipd")), "failed", "/proc/slipd: cannot be created: No such file"),
         (lambda folder: check_room(folder / "none", ROOM, 3), "failed", "cannot be read: No such file"),
+        (lambda folder: (folder / "slipd-3.mcap").symlink_to("of-mine.mcap"), "failed", "slipd-3.mcap: exists already"),
         (
             lambda folder: check_room(folder, ROOM, 2),
             "limited",
@@ -140,30 +122,35 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
             "free bytes, less than recording.min_free_bytes",
         ),
     ],
-    ids=["no folder", "unreadable", "too many", "no room"],
+    ids=["no folder", "unreadable", "a link to a file", "too many", "no room"],
 )
-def test_a_folder_that_cannot_be_used_or_is_full_keeps_a_recording_from_beginning(
-    tmp_path: Path, prepare: Callable[[Path], None], state: str, reason: str
+def test_a_folder_that_cannot_be_used_or_is_full_or_has_the_file_keeps_a_recording_from_beginning(
+    tmp_path: Path, prepare: Callable[[Path], None], state: str, reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for name in ("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt"):
-        (tmp_path / name).touch()
+    precious = {name: "mine" for name in ("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt")}
+    for name, text in precious.items():
+        (tmp_path / name).write_text(text)
     check_room(tmp_path, ROOM, 3)
     made = RequestedRecordings(tmp_path, make, lambda: prepare(tmp_path))
     made.handle(Record("slipd-3.mcap"), 0)
     refused = news(made)
+    assert made.changes(2) == [], "it is reported once"
+    made.event(Tick(1), 1)
     made.close()
-    assert (refused.name, refused.state) == ("slipd-3.mcap", state)
+    assert refused == RecordingChanged("slipd-3.mcap", str(tmp_path / "slipd-3.mcap"), state, refused.reason)
     assert reason in refused.reason
-    assert not (tmp_path / "slipd-3.mcap").exists()
+    assert caplog.messages == [refused.reason]
+    assert {path.name: path.read_text() for path in tmp_path.iterdir() if not path.is_symlink()} == precious
 
 
 def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(state: Path) -> None:
     disk = threading.Event()
-    made = RequestedRecordings(state, make, held(disk, lambda: private_directory(state)))
+    made = RequestedRecordings(state, make, held(disk, state))
     made.handle(Record("a.mcap"), 0)
     assert made.changes(START_LIMIT_NS - 1) == []
-    (failed,) = made.changes(START_LIMIT_NS)
-    assert (failed.state, failed.reason.partition("the disk")[2]) == ("failed", " did not create the file within 0.5 s")
+    path = str(state / "a.mcap")
+    reason = f"{path}: the disk did not create the file within 0.5 s"
+    assert made.changes(START_LIMIT_NS) == [RecordingChanged("a.mcap", path, "failed", reason)]
     disk.set()
     made.close()
     assert made.changes(2 * START_LIMIT_NS) == []
@@ -171,7 +158,7 @@ def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(st
 
 
 def test_lost_entries_are_reported_periodically(
-    recordings: RequestedRecordings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    recordings: RequestedRecordings, state: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     recordings.handle(Record("a.mcap"), 0)
     assert news(recordings, 1).lost == 0
@@ -179,8 +166,9 @@ def test_lost_entries_are_reported_periodically(
     for n in range(7):
         recordings.event(Tick(n), n)
     assert recordings.changes(2) == []
-    (change,) = recordings.changes(2_000_000_000)
-    assert (change.state, change.lost) == ("running", 7)
+    assert recordings.changes(2_000_000_000) == [
+        RecordingChanged("a.mcap", str(state / "a.mcap"), "running", "", 7)
+    ]
     assert "7 entries lost so far: the disk is too slow" in caplog.text
     recordings.event(Tick(8), 8)
     assert recordings.changes(2_100_000_000) == []
@@ -192,19 +180,14 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     state: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     disk = threading.Event()
-    made: list[Recorder] = []
-
-    def make_one(path: Path, prepare: Callable[[], None]) -> Recorder:
-        made.append(make(path, prepare))
-        return made[-1]
-
-    recordings = RequestedRecordings(state, make_one, held(disk, lambda: private_directory(state)))
+    recordings = RequestedRecordings(state, make, held(disk, state))
     refused = []
     for n in range(20):
         recordings.handle(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
         recordings.event(Tick(n), n)
         refused += [change.name for change in recordings.changes(0) if "still writing" in change.reason]
         recordings.handle(Record(""), 0)
+    made = [watch.recorder for watch in recordings._ended]
     assert len(made) == MOST_UNFINISHED + 1
     assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
     disk.set()
@@ -213,7 +196,7 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     recordings.handle(Record("next.mcap"), 0)
     assert all(change.state == "running" for change in recordings.changes(1)), "the disk has taken what was before"
     recordings.close()
-    assert len(list(state.iterdir())) == len(made)
+    assert sorted(path.name for path in state.iterdir()) == ["0.mcap", "1.mcap", "2.mcap", "next.mcap"]
     assert [record.levelname for record in caplog.records].count("WARNING") == len(refused)
 
 
@@ -229,7 +212,7 @@ def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
         real(recorder, within_s)
 
     monkeypatch.setattr(Recorder, "close", close)
-    recordings = RequestedRecordings(state, make, held(disk, lambda: private_directory(state)))
+    recordings = RequestedRecordings(state, make, held(disk, state))
     for name in ("a.mcap", "b.mcap"):
         recordings.handle(Record(name), 0)
     monkeypatch.setattr(requested_recordings, "CLOSE_LIMIT_S", 0.05)
