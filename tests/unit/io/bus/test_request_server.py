@@ -29,13 +29,11 @@ class Answering(RequestServer):
     """Answer every request."""
 
     def __init__(self, endpoint: str, access: Access = USER_ALONE, per_second: float = 1e6) -> None:
-        self.requests: list[dict[str, Any]] = []
-        self.clients: list[bytes] = []
+        self.requests: list[tuple[bytes, dict[str, Any]]] = []
         super().__init__(endpoint, self._answer, access, per_second=per_second)
 
     def _answer(self, client: bytes, body: dict[str, Any]) -> None:
-        self.requests.append(body)
-        self.clients.append(client)
+        self.requests.append((client, body))
         self.reply(client, {"v": PROTOCOL_VERSION, "id": body.get("id"), "ok": True, "result": {}})
 
 
@@ -66,7 +64,7 @@ async def test_a_request_is_delivered_and_its_reply_comes_back(endpoint: str, de
             client.socket.send(encode(HELLO | {"id": str(number)}))
         await eventually(lambda: all(client.got for client in clients))
     assert [[reply["id"] for reply in replies(client)] for client in clients] == [["0"], ["1"], ["2"]]
-    assert sorted(body["id"] for body in server.requests) == ["0", "1", "2"]
+    assert sorted(body["id"] for _, body in server.requests) == ["0", "1", "2"]
 
 
 @pytest.mark.parametrize(
@@ -132,7 +130,7 @@ async def test_Z5_a_second_client_under_the_name_of_another_gets_nothing_of_it(e
         for _ in range(10):
             await expect_service(first)
         assert second.got == []
-    process, _, route = server.clients[0].partition(b"\0")
+    process, _, route = server.requests[0][0].partition(b"\0")
     assert process.endswith(b":%d:%d:%d" % (os.geteuid(), os.getegid(), os.getpid()))
     assert route == b"name"
 
@@ -190,7 +188,7 @@ async def test_to_connect_again_brings_no_new_allowance(endpoint: str, dealer: D
             await eventually(lambda: len(server.requests) + server.busy == number + 1)  # noqa: B023
             hasty.socket.close()
             await eventually(lambda: not server._names)
-    assert [body["id"] for body in server.requests] == [0]
+    assert [body["id"] for _, body in server.requests] == [0]
     assert (server.busy, server.unanswered) == (19, 18)
 
 

@@ -81,13 +81,30 @@ def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return made
 
 
+class Stuck(Connection):
+    async def close(self) -> None:
+        raise OSError("does not let go")
+
+
+FAULT = "somewhere: cannot be opened (ZeroDivisionError: a fault of a library)"
+
+
 @pytest.mark.usefixtures("pauses")
-async def test_a_reason_is_reported_again_only_after_another_or_after_the_link_was_up() -> None:
-    events = await play(["absent", "absent", "held", "held", "absent"])
-    assert events == [LinkDown("left.wrench", reason) for reason in ("absent", "held", "absent")]
-    events = await play([b"1", b"2"])
-    once = [LinkUp("left.wrench", "what was opened"), LinkDown("left.wrench", "pulled")]
-    assert [event for event in events if not isinstance(event, Bytes)] == 2 * once
+@pytest.mark.parametrize(
+    ("script", "make", "reported"),
+    [
+        (["absent", "absent", "held", "held", "absent"], Connection, ["absent", "held", "absent"]),
+        ([b"1", b"2"], Connection, [LinkUp, "pulled", LinkUp, "pulled"]),
+        ([ZeroDivisionError("a fault of a library"), b"alive", "absent"], Stuck, [FAULT, LinkUp, "pulled", "absent"]),
+    ],
+    ids=["the same again", "the same after it was up", "any exception of opening or closing"],
+)
+async def test_a_reason_is_reported_again_only_after_another_or_after_the_link_was_up(
+    script: Script, make: type[Connection], reported: list[object]
+) -> None:
+    up = LinkUp("left.wrench", "what was opened")
+    told = [up if each is LinkUp else LinkDown("left.wrench", each) for each in reported]
+    assert [event for event in await play(script, make) if not isinstance(event, Bytes)] == told
 
 
 @pytest.mark.usefixtures("pauses")
@@ -131,17 +148,6 @@ async def test_pauses_double_with_jitter_until_a_connection_brings_bytes_for_a_w
     await play(script, Lasting)
     assert all(abs(pause_s / mean_s - 1) <= JITTER for pause_s, mean_s in zip(pauses, means_s, strict=True))
     assert len(set(pauses)) == len(pauses)
-
-
-@pytest.mark.usefixtures("pauses")
-async def test_any_exception_of_opening_or_closing_is_a_reason_and_does_not_end_the_link() -> None:
-    class Stuck(Connection):
-        async def close(self) -> None:
-            raise OSError("does not let go")
-
-    events = await play([ZeroDivisionError("a fault of a library"), b"alive", "absent"], Stuck)
-    opening = "somewhere: cannot be opened (ZeroDivisionError: a fault of a library)"
-    assert downs(events) == [opening, "pulled", "absent"]
 
 
 @pytest.mark.usefixtures("pauses")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import re
+import contextlib
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
 
 import pytest
 from link_ends import downs, kinds, pieces, received, serving
@@ -35,7 +34,7 @@ def link_to(server: Server | asyncio.Server) -> LinkSpec:
     return LinkSpec("left.wrench", "websocket", f"ws://127.0.0.1:{port}")
 
 
-@asynccontextmanager
+@contextlib.asynccontextmanager
 async def sensor_server(handle: Handler) -> AsyncIterator[LinkSpec]:
     async with serve(handle, "127.0.0.1", 0, compression=None) as server:
         yield link_to(server)
@@ -52,32 +51,24 @@ def saying(*messages: str) -> Handler:
     return handle
 
 
-@asynccontextmanager
+@contextlib.asynccontextmanager
 async def websocket_server(frames: bytes, *, reads: bool = True) -> AsyncIterator[LinkSpec]:
     """Complete the handshake and send raw frames; without ``reads``, nothing after the request is read."""
-    clients: list[asyncio.Task[None] | None] = []
+    over = asyncio.Event()
 
     async def handle(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        clients.append(asyncio.current_task())
-        key = re.search(r"Sec-WebSocket-Key: (.*)\r", (await reader.readuntil(b"\r\n\r\n")).decode())
-        assert key is not None
+        request = (await reader.readuntil(b"\r\n\r\n")).decode()
+        key = request.partition("Sec-WebSocket-Key: ")[2].partition("\r")[0]
         answer = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        try:
-            writer.write(f"{answer}Sec-WebSocket-Accept: {accept_key(key[1])}\r\n\r\n".encode() + frames)
-            await (reader.read() if reads else asyncio.Event().wait())
-        except (ConnectionError, asyncio.CancelledError):
-            pass
-        finally:
-            writer.transport.abort()
+        with contextlib.suppress(ConnectionError):
+            writer.write(f"{answer}Sec-WebSocket-Accept: {accept_key(key)}\r\n\r\n".encode() + frames)
+            await (reader.read() if reads else over.wait())
+        writer.transport.abort()
 
-    server = await asyncio.start_server(handle, "127.0.0.1", 0, limit=1024)
-    try:
+    async with await asyncio.start_server(handle, "127.0.0.1", 0, limit=1024) as server:
         yield link_to(server)
-    finally:
-        server.close()
-        for client in filter(None, clients):
-            client.cancel()
-        await asyncio.sleep(0.01)
+        over.set()
+    await asyncio.sleep(0.01)
 
 
 async def test_messages_are_delivered_as_one_stream_in_order() -> None:

@@ -40,20 +40,18 @@ class Client:
     """The client side, of which every part can be made wrong."""
 
     def __init__(self, server_public: bytes = SERVER[0]) -> None:
-        self.server_public = server_public
+        self.opening = sodium.crypto_box_beforenm(server_public, SHORT[1])
         self.shared = self.cookie = self.short_server = b""
 
     def hello(self, number: int = 1) -> bytes:
         nonce = struct.pack(">Q", number)
-        opening = sodium.crypto_box_beforenm(self.server_public, SHORT[1])
-        box = sodium.crypto_box_afternm(bytes(64), b"CurveZMQHELLO---" + nonce, opening)
+        box = sodium.crypto_box_afternm(bytes(64), b"CurveZMQHELLO---" + nonce, self.opening)
         return b"\x01\x00" + bytes(72) + SHORT[0] + nonce + box
 
     def welcome(self, wire: bytes) -> None:
         ((flags, body),) = bodies(wire)
         assert (flags, body[:8]) == (COMMAND, b"\x07WELCOME")
-        opening = sodium.crypto_box_beforenm(self.server_public, SHORT[1])
-        plain = sodium.crypto_box_open_afternm(body[24:], b"WELCOME-" + body[8:24], opening)
+        plain = sodium.crypto_box_open_afternm(body[24:], b"WELCOME-" + body[8:24], self.opening)
         self.short_server, self.cookie = plain[:32], plain[32:]
         self.shared = sodium.crypto_box_beforenm(self.short_server, SHORT[1])
 
@@ -102,9 +100,12 @@ def test_a_key_that_is_proved_is_known_and_both_sides_understand_each_other(serv
     assert metadata.startswith(b"\x0bSocket-Type\x00\x00\x00\x04XPUB")
     assert server.key == z85.encode(CLIENT[0])
     assert server.properties == {b"socket-type": b"SUB"}
-    assert server.open(0, client.seal(3, b"\x01slip")) == (0, b"\x01slip")
-    assert server.open(0, client.seal(9, b"part", 1)) == (MORE, b"part")
-    assert server.open(0, client.seal(10, b"\x04PING\0\0", 2)) == (COMMAND, b"\x04PING\0\0")
+    for number, flags, content, body in (
+        (3, 0, 0, b"\x01slip"),
+        (9, 1, MORE, b"part"),
+        (10, 2, COMMAND, b"\x04PING\0\0"),
+    ):
+        assert server.open(0, client.seal(number, body, flags)) == (content, body)
     sealed = bodies(server.seal((b"topic", b"payload")))
     opened = [
         sodium.crypto_box_open_afternm(body[16:], b"CurveZMQMESSAGES" + body[8:16], client.shared) for _, body in sealed
