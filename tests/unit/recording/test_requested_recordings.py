@@ -166,9 +166,7 @@ def test_lost_entries_are_reported_periodically(
     for n in range(7):
         recordings.event(Tick(n), n)
     assert recordings.changes(2) == []
-    assert recordings.changes(2_000_000_000) == [
-        RecordingChanged("a.mcap", str(state / "a.mcap"), "running", "", 7)
-    ]
+    assert recordings.changes(2_000_000_000) == [RecordingChanged("a.mcap", str(state / "a.mcap"), "running", "", 7)]
     assert "7 entries lost so far: the disk is too slow" in caplog.text
     recordings.event(Tick(8), 8)
     assert recordings.changes(2_100_000_000) == []
