@@ -60,28 +60,22 @@ def news(recordings: RequestedRecordings, t_ns: int = 1) -> RecordingChanged:
     return change
 
 
-def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRecordings, state: Path) -> None:
+def test_K3_a_recording_begins_with_the_links_that_are_open_and_the_next_one_ends_it(
+    recordings: RequestedRecordings, state: Path
+) -> None:
     up = LinkUp("left.wrench", "/dev/ttyUSB0")
-    for n, record in enumerate((None, Record("a.mcap", (up,)), Record(""))):
+    for n, record in enumerate((None, Record("a.mcap", (up,)), Record("b.mcap"), Record(""))):
         if record is not None:
             recordings.handle(record, 20 * n)
         recordings.event(Tick(n), 20 * n + 10)
         recordings.published("status", b"\x80", 20 * n + 10)
     recordings.close()
-    path = state / "a.mcap"
-    assert complete(path) == [Entered(0, 20, up), Entered(1, 30, Tick(1)), Published(2, 30, "status", b"\x80")]
+    first, second = state / "a.mcap", state / "b.mcap"
+    assert complete(first) == [Entered(0, 20, up), Entered(1, 30, Tick(1)), Published(2, 30, "status", b"\x80")]
+    assert complete(second) == [Entered(0, 50, Tick(2)), Published(1, 50, "status", b"\x80")]
     assert (state.stat().st_mode & 0o777) == 0o700
-    assert recordings.changes(60) == [RecordingChanged("a.mcap", str(path), "running")]
-    assert recordings.changes(70) == []
-
-
-def test_K3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecordings, state: Path) -> None:
-    for t_ns, name in enumerate(("a.mcap", "b.mcap")):
-        recordings.handle(Record(name), t_ns)
-        recordings.event(Tick(t_ns), t_ns)
-    recordings.close()
-    assert complete(state / "a.mcap") == [Entered(0, 0, Tick(0))]
-    assert complete(state / "b.mcap") == [Entered(0, 1, Tick(1))]
+    assert recordings.changes(80) == [RecordingChanged(path.name, str(path), "running") for path in (first, second)]
+    assert recordings.changes(90) == []
 
 
 def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: RequestedRecordings, state: Path) -> None:
@@ -127,7 +121,7 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
 def test_a_folder_that_cannot_be_used_or_is_full_or_has_the_file_keeps_a_recording_from_beginning(
     tmp_path: Path, prepare: Callable[[Path], None], state: str, reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    precious = {name: "mine" for name in ("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt")}
+    precious = dict.fromkeys(("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt"), "mine")
     for name, text in precious.items():
         (tmp_path / name).write_text(text)
     check_room(tmp_path, ROOM, 3)

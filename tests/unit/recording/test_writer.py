@@ -75,7 +75,6 @@ def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_ch
 def test_K2_a_killed_writer_leaves_a_readable_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     process = subprocess.Popen([sys.executable, "-c", WRITE_UNTIL_KILLED, path], stdin=subprocess.PIPE)
-    assert process.stdin is not None
     try:
         wait_until(lambda: readable(path) == 1000)
         size = path.stat().st_size
@@ -146,15 +145,12 @@ def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
 def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fdatasync(fd: int) -> None:
-        raise OSError(5, "Input/output error")
-
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
     record(recorder, entries(100))
     wait_until(lambda: readable(tmp_path / "run.mcap") == 100)
-    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    monkeypatch.setattr(os, "fdatasync", lambda _: os.fsync(1 << 20))
     record(recorder, entries(105)[100:])
-    with pytest.raises(RecordingError, match="Input/output error"):
+    with pytest.raises(RecordingError, match="Bad file descriptor"):
         recorder.close()
     assert recorder.lost <= 5
 

@@ -25,7 +25,6 @@ pytestmark = pytest.mark.usefixtures("loop_faults")
 async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(far: TcpDevice) -> None:
     connection = await network.open_tcp(far.spec, print)
     opened = connection._opened
-    assert isinstance(opened, socket.socket)
     idle_s, probe_s, probes, unsent_ms, at_once = (
         opened.getsockopt(socket.IPPROTO_TCP, option)
         for option in (

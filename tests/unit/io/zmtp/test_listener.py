@@ -210,9 +210,9 @@ asyncio.run(main())
 
 
 def test_Z4_600_idle_connections_never_keep_a_daemon_with_128_descriptors_from_opening_files(plain: Plain) -> None:
-    command = [sys.executable, "-c", DAEMON]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as daemon:
-        assert daemon.stdout is not None
+    with subprocess.Popen(
+        [sys.executable, "-c", DAEMON], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as daemon:
         endpoints = daemon.stdout.readline().split()
         for number in range(600):
             plain(endpoints[number % 2])
