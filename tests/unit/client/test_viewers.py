@@ -227,8 +227,7 @@ KNOWN = {each.topic: each.type for name in (*TOPICS, *OF_FINGERS) for each in ro
 
 
 def exists(topic: str, field: str) -> bool:
-    name = field.partition("[")[0]
-    return any(each.name == name for each in TYPES[KNOWN[topic]].fields)
+    return field.partition("[")[0] in {each.name for each in TYPES[KNOWN[topic]].fields}
 
 
 def test_the_foxglove_layout_shows_panels_of_topics_and_fields_that_exist() -> None:
@@ -236,8 +235,8 @@ def test_the_foxglove_layout_shows_panels_of_topics_and_fields_that_exist() -> N
     panels = layout["configById"]
     shown = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(layout["layout"]))
     assert sorted(shown) == sorted(panels)
-    values = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
-    drawn = [value.split(".", 1) for value in values if value.startswith("/")]
+    paths = [path["value"].split(".", 1) for panel in panels.values() for path in panel.get("paths", ())]
+    drawn = [path for path in paths if path[0].startswith("/")]
     assert len(drawn) > 10
     assert [curve for curve in drawn if not exists(*curve)] == []
     images = [panel["imageMode"]["imageTopic"] for panel in panels.values() if "imageMode" in panel]

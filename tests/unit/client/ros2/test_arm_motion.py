@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import ros_values
 from numpy.typing import NDArray
+from ros_values import attributes, numbers
 from scipy.spatial.transform import Rotation
 
 from slipd_client.ros2.arm_stream import (
@@ -70,36 +71,12 @@ class Swing:
         return imu_message(BEGIN_NS + round(t_s * 1e9), MOUNT.inv().apply(force), MOUNT.inv().apply(turn))
 
 
-def header(stamp_ns: int, frame: str = "imu") -> Any:
-    sec, nanosec = divmod(stamp_ns, 10**9)
-    return SimpleNamespace(frame_id=frame, stamp=SimpleNamespace(sec=sec, nanosec=nanosec))
-
-
-def named(numbers: Any) -> Any:
-    """Return a vector or a quaternion of ROS."""
-    return SimpleNamespace(**dict(zip("xyzw", map(float, numbers), strict=False)))
-
-
 def transform(parent: str, child: str, rotation: Rotation, stamp_ns: int = 1, at_m: Any = (0.0, 0.0, 0.0)) -> Any:
-    place = SimpleNamespace(rotation=named(rotation.as_quat()), translation=named(at_m))
-    return SimpleNamespace(header=header(stamp_ns, parent), child_frame_id=child, transform=place)
+    return attributes(ros_values.transform(stamp_ns, parent, child, rotation.as_quat(), at_m))
 
 
-def imu_message(
-    stamp_ns: int,
-    force: Any = (0.0, 0.0, 0.0),
-    turn: Any = (0.0, 0.0, 0.0),
-    orientation: Any = (0.0, 0.0, 0.0, 1.0),
-    known: float = 0.0,
-) -> Any:
-    vectors = {"linear_acceleration": force, "angular_velocity": turn, "orientation": orientation}
-    covariances = dict.fromkeys(("angular_velocity_covariance", "orientation_covariance"), (known, *[0.0] * 8))
-    return SimpleNamespace(
-        header=header(stamp_ns),
-        linear_acceleration_covariance=[0.0] * 9,
-        **{name: named(numbers) for name, numbers in vectors.items()},
-        **covariances,
-    )
+def imu_message(stamp_ns: int, *vectors: Any, **values: Any) -> Any:
+    return attributes(ros_values.imu(stamp_ns, *vectors, **values))
 
 
 def check(reading: ArmReading | None, sent_s: float, span_s: float, within: tuple[float, float, float]) -> None:
@@ -138,7 +115,7 @@ def test_two_readings_of_an_imu_are_enough_and_one_without_a_quantity_is_refused
     assert reading.gravity_mps2 == pytest.approx(DOWN_MPS2)
     assert reading.angular_acceleration_radps2 == pytest.approx([0.0, 50.0, 0.0])
     with pytest.raises(OrientationUnknown, match=r"/imu has no angular_velocity \(angular_velocity_covariance"):
-        motion.add(imu_message(BEGIN_NS, up, turn, known=-1.0))
+        motion.add(imu_message(BEGIN_NS, up, turn, unknown="angular_velocity"))
 
 
 def test_stamps_of_another_clock_are_refused() -> None:
@@ -206,7 +183,7 @@ def test_a_rotation_that_is_no_unit_quaternion_is_refused_and_the_one_before_sta
     tree = TransformTree()
     tree.add(transform("base", "hand", Rotation.identity(), 1), 1.0, static=False)
     wrong = transform("base", "hand", Rotation.identity(), 2)
-    wrong.transform.rotation = named(bad)
+    wrong.transform.rotation = attributes(numbers(bad, "xyzw"))
     with pytest.raises(OrientationUnknown, match="the transform from 'base' to 'hand' must be a unit quaternion"):
         tree.add(wrong, 1.1, static=False)
     assert same(tree.orientation("base", "hand", 1.2), Rotation.identity())
@@ -225,4 +202,4 @@ def test_an_imu_gives_the_orientation_of_the_gripper_it_is_mounted_on() -> None:
     with pytest.raises(OrientationUnknown, match=r"/imu is silent for more than 0\.3 s, or repeats one stamp"):
         source.orientation(5.01 + STALE_S)
     with pytest.raises(OrientationUnknown, match=r"/imu has no orientation \(orientation_covariance\[0\] is -1\)"):
-        source.add(imu_message(2, known=-1.0), 6.0)
+        source.add(imu_message(2, unknown="orientation"), 6.0)

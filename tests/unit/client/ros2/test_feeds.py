@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import ros_values
 import zmq
 from client_peers import PATIENCE_S, Daemon, Publisher, until
 from ros_peers import typestore
@@ -48,7 +49,6 @@ rate_hz = 250.0
 stale_s = 0.1
 """
 STORE = typestore()
-ZERO = dict.fromkeys("xyz", 0.0)
 TILTED: Quaternion = (0.6, 0.0, 0.0, 0.8)
 
 
@@ -79,27 +79,13 @@ def pull(tmp_path: Path) -> Iterator[Pull]:
         yield pull
 
 
-def header(stamp_ns: int, frame: str) -> dict[str, Any]:
-    return {"stamp": dict(zip(("sec", "nanosec"), divmod(stamp_ns, 10**9), strict=True)), "frame_id": frame}
-
-
-def transform(stamp_ns: int, parent: str, child: str, rotation: Rotation, topic: str = "/tf") -> RosMessage:
-    place = {"translation": ZERO, "rotation": dict(zip("xyzw", map(float, rotation.as_quat()), strict=True))}
-    entry = {"header": header(stamp_ns, parent), "child_frame_id": child, "transform": place}
+def moved(stamp_ns: int, parent: str, child: str, rotation: Rotation, topic: str = "/tf") -> RosMessage:
+    entry = ros_values.transform(stamp_ns, parent, child, rotation.as_quat())
     return RosMessage(topic, "tf2_msgs/TFMessage", {"transforms": [entry]})
 
 
-def imu(stamp_ns: int, orientation: Quaternion = IDENTITY, known: float = 0.0) -> RosMessage:
-    value = {
-        "header": header(stamp_ns, "imu"),
-        "orientation": dict(zip("xyzw", orientation, strict=True)),
-        "orientation_covariance": [0.0] * 9,
-        "angular_velocity": ZERO,
-        "angular_velocity_covariance": [0.0] * 9,
-        "linear_acceleration": ZERO | {"z": 9.80665},
-        "linear_acceleration_covariance": [known] + [0.0] * 8,
-    }
-    return RosMessage("/imu", "sensor_msgs/Imu", value)
+def imu(stamp_ns: int, **values: Any) -> RosMessage:
+    return RosMessage("/imu", "sensor_msgs/Imu", ros_values.imu(stamp_ns, **values))
 
 
 def arrived(readings: Any, name: str) -> list[Any]:
@@ -138,10 +124,10 @@ def test_orientation_goes_to_the_daemon_diagnostics_and_the_frame_of_the_gripper
     arm, flange = Rotation.random(2, random_state=3)
     with serving(PADS) as (process, participant):
         robot = RosPublisher(participant, {"/tf_static": 1})
-        robot.publish(transform(0, "flange", "tool0", flange, "/tf_static"))
+        robot.publish(moved(0, "flange", "tool0", flange, "/tf_static"))
         request = until(
             lambda: [each for each in daemon.requests if each["op"] == "gravity.set"],
-            lambda: robot.publish(transform(time.time_ns(), "base_link", "flange", arm)),
+            lambda: robot.publish(moved(time.time_ns(), "base_link", "flange", arm)),
         )[-1]
         pad = arm * flange * Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
         gravity = pytest.approx([0.0, 0.0, -9.80665], abs=1e-9)
@@ -177,7 +163,7 @@ def test_transforms_become_readings_of_the_arm_that_the_daemon_decodes(
 
         def move() -> None:
             for i in range(10):
-                robot.publish(transform(time.time_ns() - (9 - i) * 4_000_000, "base_link", "tool0", rotation))
+                robot.publish(moved(time.time_ns() - (9 - i) * 4_000_000, "base_link", "tool0", rotation))
 
         sample = until(pull.arm, move)[-1]
     assert (sample.source, sample.gravity_mps2) == ("arm", pytest.approx([0.0, -9.80665, 0.0], abs=1e-6))
@@ -196,14 +182,14 @@ def test_an_imu_is_pushed_and_the_reason_is_reported_where_it_is_not(pull: Pull)
         feed = ArmFeed(participant, ArmPort(pull.endpoint, "wrist"), on_the_gripper(participant))
         feed.start()
         until(lambda: feed._state[:2] == (Health.STALE, "no message has come on /imu"))
-        for why, ago_ns, known in (
-            ("has no linear_acceleration", 0, -1.0),
-            ("behind this machine's clock", 10**9, 0.0),
-            ("too few new stamps within 0.02 s", 0, 0.0),
+        for why, ago_ns, unknown in (
+            ("has no linear_acceleration", 0, "linear_acceleration"),
+            ("behind this machine's clock", 10**9, ""),
+            ("too few new stamps within 0.02 s", 0, ""),
         ):
             until(
                 lambda why=why: why in feed._state[1],
-                lambda ago=ago_ns, known=known: robot.publish(imu(time.time_ns() - ago, known=known)),
+                lambda ago=ago_ns, unknown=unknown: robot.publish(imu(time.time_ns() - ago, unknown=unknown)),
             )
 
         def turn() -> None:
@@ -235,10 +221,12 @@ def test_only_a_stream_that_programs_push_is_sent_and_its_readings_must_not_be_s
         )
     ]
     assert found == [None, None, ArmPort("ipc:///a", "arm"), ArmPort("ipc:///a", "arm")]
-    with pytest.raises(CallError, match=r"stale_s of \[grasp.arm\] must be at least 0.04, got 0.02"):
-        arm_port({"grasp": {"arm": arm}}, 0.04)
-    with pytest.raises(CallError, match="must have port, sensor and rate_hz"):
-        arm_port({"grasp": {"arm": {"device": "external"}}}, 0.04)
+    for table, complaint in (
+        (arm, r"stale_s of \[grasp.arm\] must be at least 0.04, got 0.02"),
+        ({"device": "external"}, "must have port, sensor and rate_hz"),
+    ):
+        with pytest.raises(CallError, match=complaint):
+            arm_port({"grasp": {"arm": table}}, 0.04)
 
 
 def test_an_imu_that_is_restarted_is_used_again() -> None:
@@ -246,7 +234,7 @@ def test_an_imu_that_is_restarted_is_used_again() -> None:
         source = on_the_gripper(participant)
         for sec, orientation in ((1, IDENTITY), (2, TILTED)):
             publisher = RosPublisher(participant, {"/imu": 1})
-            publisher.publish(imu(sec * 10**9, orientation))
+            publisher.publish(imu(sec * 10**9, orientation=orientation))
             until(source.reader.read)
             del publisher
             until(lambda: not source.reader.get_matched_publications())

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import ros_values
+from ros_values import attributes, header, numbers
 from scipy.spatial.transform import Rotation
 
 from slipd_client.errors import NoAnswer
@@ -39,34 +40,21 @@ def course(t_s: float) -> tuple[float, float, float]:
     )
 
 
-def numbers(value: Any, axes: str = "xyz") -> dict[str, float]:
-    return dict(zip(axes, map(float, value), strict=True))
-
-
 def point(t_s: float, *, stated: bool = False) -> dict[str, Any]:
     """Return a point of a plan that moves by 1 m along y while it turns by 1 rad about AXIS."""
     path, speed, acceleration = course(t_s)
     turn = Rotation.from_rotvec(AXIS * path).as_quat()
     twists = [{"linear": numbers([0.0, each, 0.0]), "angular": numbers(AXIS * each)} for each in (speed, acceleration)]
-    sec, nanosec = divmod(round(t_s * 1e9), 10**9)
     return {
         "transforms": [{"translation": numbers([0.0, path, 0.0]), "rotation": numbers(turn, "xyzw")}],
         "velocities": twists[:1] if stated else [],
         "accelerations": twists[1:] if stated else [],
-        "time_from_start": {"sec": sec, "nanosec": nanosec},
+        "time_from_start": ros_values.time(round(t_s * 1e9)),
     }
 
 
 def plan(points: list[dict[str, Any]], frame: str = "base", names: tuple[str, ...] = ("virtual_joint",)) -> Any:
-    header = {"stamp": {"sec": 7, "nanosec": 9}, "frame_id": frame}
-    return {"header": header, "joint_names": list(names), "points": points}
-
-
-def attributes(value: Any) -> Any:
-    """Return a message as readers have it."""
-    if isinstance(value, dict):
-        return SimpleNamespace(**{name: attributes(each) for name, each in value.items()})
-    return [attributes(each) for each in value] if isinstance(value, list) else value
+    return {"header": header(7_000_000_009, frame), "joint_names": list(names), "points": points}
 
 
 @pytest.mark.parametrize(("stated", "step_s", "within"), [(True, 0.1, 1e-9), (False, 0.01, 0.35)])
@@ -153,7 +141,7 @@ def test_a_planner_gets_an_answer_with_the_header_of_its_plan(
             time.sleep(0.05)
             heard = taken(answers)
         checker.stop()
-    (found, *_) = heard
+    found = heard[0]
     assert (found.header.stamp.sec, found.header.stamp.nanosec, found.header.frame_id) == (7, 9, "base")
     values = found.utilisation, found.at_s, found.finger, found.mode, found.time_scale, found.unknown
     assert tuple(map(str, values)) == answer
