@@ -38,14 +38,13 @@ class Browser:
         hosts: Hosts that the page sent requests to.
     """
 
-    def __init__(self, width: int = 1280, height: int = 1000, *, dark: bool = False, niceness: int = 10) -> None:
+    def __init__(self, width: int = 1280, height: int = 1000, *, dark: bool = False) -> None:
         self.problems: list[str] = []
         self.hosts: set[str] = set()
         self._options: dict[str, Any] = {
             "viewport": {"width": width, "height": height},
             "color_scheme": "dark" if dark else "light",
         }
-        self._niceness = niceness
         self._thread = ThreadPoolExecutor(1, "browser")
 
     def __enter__(self) -> Browser:
@@ -113,7 +112,7 @@ class Browser:
         from playwright.sync_api import sync_playwright
 
         # Of this thread alone, and of what it starts: drawing must not make a daemon late that shares the machine.
-        os.setpriority(os.PRIO_PROCESS, 0, self._niceness)
+        os.setpriority(os.PRIO_PROCESS, 0, 10)
         self._playwright = sync_playwright().start()
         self._browser = self._playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         self._page = self._browser.new_page(**self._options)

@@ -31,7 +31,7 @@ ANSWERS = {
 """Words of a question, and what the person does before pressing Enter."""
 
 
-class CommissionTerminal:
+class CommissionTerminal(ExitStack):
     """Follows the whole guide; ``with`` starts and ends the emulation and the daemon.
 
     Args:
@@ -46,23 +46,20 @@ class CommissionTerminal:
     """
 
     def __init__(self, folder: Path, true: str, wrong: Mapping[str, str], touches: Mapping[str, str]) -> None:
+        super().__init__()
         self._folder, self._true, self._wrong, self._touches = folder, true, wrong, touches
         self._hand = folder / "emulated"
-        self._stack = ExitStack()
         self.config = folder / "rig.toml"
         self.lines: list[str] = []
 
     def __enter__(self) -> CommissionTerminal:
-        _, text = self._stack.enter_context(emulating(self._folder, self._true))
+        _, text = self.enter_context(emulating(self._folder, self._true))
         for right, other in self._wrong.items():
             assert right in text
             text = text.replace(right, other)
         self.config.write_text(text, encoding="utf-8")
         self._run_daemon()
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
 
     def follow(self, *options: str, until: str = "never") -> int:
         """Run the command, do what it asks for, press Ctrl-C at a line that begins so, and return the exit code."""
@@ -113,7 +110,7 @@ class CommissionTerminal:
         if self.lines:
             self._daemon.send_signal(signal.SIGINT)
             self._daemon.wait(ENDS_S)
-        self._daemon = self._stack.enter_context(part(self._folder, "slipd", "run", "--config", str(self.config)))
+        self._daemon = self.enter_context(part(self._folder, "slipd", "run", "--config", str(self.config)))
         first_line(self._daemon)
 
 

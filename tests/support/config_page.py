@@ -6,6 +6,7 @@ check can find. Type, range and default come from its annotation, the unit from 
 
 from __future__ import annotations
 
+import json
 import sys
 import types
 from collections.abc import Iterable, Iterator
@@ -76,10 +77,8 @@ def _about(model: type[BaseModel]) -> str:
 
 def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
     texts = attributes_of(model)
-    own = [key for key in model.model_fields if model is Stream or key not in Stream.model_fields]
-    for key in own:
-        field = model.model_fields[key]
-        if _has_own_section(field.annotation):
+    for key, field in model.model_fields.items():
+        if _has_own_section(field.annotation) or (model is not Stream and key in Stream.model_fields):
             continue
         meaning, _, wrong = texts[key].partition(" Wrong: ")
         yield (
@@ -107,9 +106,7 @@ def _default(field: FieldInfo) -> str:
         return "left out"
     if isinstance(value, BaseModel):
         return "its defaults"
-    if isinstance(value, bool):
-        return f"`{str(value).lower()}`"
-    return f'`"{value}"`' if isinstance(value, str) else f"`{value}`"
+    return f"`{json.dumps(value)}`"
 
 
 _TYPES = {float: "number", int: "integer", bool: "true, false", str: "text"}
@@ -137,8 +134,7 @@ def unit_of(key: str, field: FieldInfo) -> str:
 def range_of(field: FieldInfo) -> str:
     """Return the least and the largest value or length, without limits that depend on other keys."""
     rules = list(_rules(field))
-    found = [_values(rules), _length(rules)]
-    return ", ".join(text for text in found if text)
+    return ", ".join(filter(None, (_values(rules), _length(rules))))
 
 
 def _values(rules: list[Any]) -> str:
@@ -200,17 +196,13 @@ def _type(annotation: Any) -> str:
     if origin is Literal:
         return ", ".join(f'`"{each}"`' if isinstance(each, str) else f"`{each}`" for each in arguments)
     if origin is list:
-        return f"list of {_plural(_type(arguments[0]))}"
+        first, _, rest = _type(arguments[0]).partition(" ")
+        return f"list of {first}s {rest}".strip()
     if origin is tuple:
         return f"row of {len(arguments)} numbers"
     if origin is dict or (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
         return "table"
     return _TYPES[annotation]
-
-
-def _plural(words: str) -> str:
-    first, _, rest = words.partition(" ")
-    return f"{first}s {rest}".strip()
 
 
 if __name__ == "__main__":

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import link_ends
 import numpy as np
 import zmq
-from loop_waits import PATIENCE_S
 
 from slipd.devices import bota, pvdf
 from slipd.service_run import Endpoints
@@ -75,12 +72,3 @@ class Client:
 
     def close(self) -> None:
         self._context.destroy(linger=0)
-
-
-async def until(condition: Callable[[], Any], meanwhile: Callable[[], None] = lambda: None) -> Any:
-    """Waits until something is so, and returns it."""
-    async with asyncio.timeout(PATIENCE_S):
-        while not (found := condition()):
-            meanwhile()
-            await asyncio.sleep(0.005)
-        return found

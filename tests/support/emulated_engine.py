@@ -32,13 +32,16 @@ class EmulatedEngine:
         read: What the daemon believes; ports as in ``true``.
         folder: For addresses, which nobody opens.
         unkind: Whether the sensors are as unkind as real ones.
+
+    Attributes:
+        now_ns: Time since the start.
     """
 
     def __init__(self, true: config.Config, read: config.Config, folder: Path, *, unkind: bool = False) -> None:
         self.devices = TouchedDevices(true, folder, unkind=unkind)
         ports = list(dict.fromkeys(stream.port for stream in true.streams().values()))
         self._by_port = {port: device[1] for port, device in zip(ports, self.devices.devices, strict=True)}
-        self._t_ns = self._asked = 0
+        self.now_ns = self._asked = 0
         self._messages: deque[Message] = deque()
         self._replies: list[dict[str, Any]] = []
         self.restart(read)
@@ -49,8 +52,8 @@ class EmulatedEngine:
         streams = read.streams()
         self._by_link: dict[str, Emulator] = {name: self._by_port[streams[name].port] for name in self._engine.links}
         for name, emulator in self._by_link.items():
-            emulator.opened(self._t_ns)
-            self._handle(self._engine.handle(LinkUp(name, name), T0 + self._t_ns))
+            emulator.opened(self.now_ns)
+            self._handle(self._engine.handle(LinkUp(name, name), T0 + self.now_ns))
 
     def ask(self, op: str, **fields: Any) -> replies.Reply:
         """Send a request; return the reply.
@@ -59,18 +62,13 @@ class EmulatedEngine:
             RequestRefused: The engine refused it.
         """
         self._asked += 1
-        now_ns = T0 + self._t_ns
-        envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": now_ns + 100_000_000}
-        self._handle(self._engine.handle(Request(b"ann", envelope | fields), now_ns))
+        t_ns = T0 + self.now_ns
+        envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": t_ns + 100_000_000}
+        self._handle(self._engine.handle(Request(b"ann", envelope | fields), t_ns))
         reply = self._replies.pop()
         if fault := reply.get("error"):
             raise RequestRefused(fault["code"], fault["message"], fault.get("field", ""))
         return replies.typed_reply(OPS[op].reply, reply["result"])
-
-    @property
-    def now_ns(self) -> int:
-        """Time since the start."""
-        return self._t_ns
 
     def drop_messages(self) -> None:
         """Forget the messages that nobody received."""
@@ -81,7 +79,7 @@ class EmulatedEngine:
         for part in line.split(";"):
             command = parse_command(part, self.devices.hand.fingers)
             assert command is not None
-            self.devices.hand.carry_out(command, self._t_ns * 1e-9)
+            self.devices.hand.carry_out(command, self.now_ns * 1e-9)
 
     def receive(self) -> Message:
         """Return the next message that the daemon publishes.
@@ -98,13 +96,13 @@ class EmulatedEngine:
         return self._messages.popleft()
 
     def _step(self) -> None:
-        self._t_ns += STEP_NS
-        self.devices.advance(self._t_ns)
-        now_ns = T0 + self._t_ns
+        self.now_ns += STEP_NS
+        self.devices.advance(self.now_ns)
+        t_ns = T0 + self.now_ns
         for name, emulator in self._by_link.items():
-            for data in emulator.advance(self._t_ns):
-                self._handle(self._engine.handle(Bytes(name, data), now_ns))
-        self._handle(self._engine.handle(Tick(0), now_ns))
+            for data in emulator.advance(self.now_ns):
+                self._handle(self._engine.handle(Bytes(name, data), t_ns))
+        self._handle(self._engine.handle(Tick(0), t_ns))
 
     def _handle(self, outputs: list[Output]) -> None:
         for output in outputs:
@@ -113,5 +111,5 @@ class EmulatedEngine:
             elif isinstance(output, Reply):
                 self._replies.append(output.body)
             elif isinstance(output, Write):
-                for answer in self._by_link[output.link].receive(output.data, self._t_ns):
-                    self._handle(self._engine.handle(Bytes(output.link, answer), T0 + self._t_ns))
+                for answer in self._by_link[output.link].receive(output.data, self.now_ns):
+                    self._handle(self._engine.handle(Bytes(output.link, answer), T0 + self.now_ns))

@@ -43,7 +43,7 @@ WRONG = {"sign = 1": "sign = -1", "flip_x = true": "flip_x = false"}
 """A sign and an orientation that are wrong."""
 
 
-class EmulatedRig:
+class EmulatedRig(contextlib.ExitStack):
     """Emulation, daemon and live view as processes; ``with`` starts and ends them.
 
     Args:
@@ -58,23 +58,20 @@ class EmulatedRig:
     """
 
     def __init__(self, folder: Path, wrong: Mapping[str, str] = {}) -> None:
+        super().__init__()
         self._folder, self._wrong = folder, wrong
         self.hand = folder / "emulated" / "hand"
         self.config = folder / "rig.toml"
-        self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> EmulatedRig:
         listen = ("--listen", "127.0.0.1:0", "--emulation", str(self.hand.parent), "--config", str(self.config))
         self.emulate()
         self.write_config(self._wrong)
-        viewing = self._stack.enter_context(part(self._folder, "slipd_client.slipctl", "view", *listen))
-        self.daemon = self._stack.enter_context(part(self._folder, "slipd", "run", "--config", str(self.config)))
+        viewing = self.enter_context(part(self._folder, "slipd_client.slipctl", "view", *listen))
+        self.daemon = self.enter_context(part(self._folder, "slipd", "run", "--config", str(self.config)))
         endpoints_of(self.daemon)
         self.url = first_line(viewing).partition(": ")[2]
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
 
     def write_config(self, wrong: Mapping[str, str] = {}) -> None:
         """Write the config of the daemon, which states something ``wrong`` or is right."""
@@ -85,7 +82,7 @@ class EmulatedRig:
 
     def emulate(self) -> None:
         """Start the emulation."""
-        self.emulator, self._true = self._stack.enter_context(emulating(self._folder, RIG))
+        self.emulator, self._true = self.enter_context(emulating(self._folder, RIG))
 
     def touch(self, command: str) -> None:
         """Let the hand carry out a command."""

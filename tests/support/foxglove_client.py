@@ -8,12 +8,11 @@ from __future__ import annotations
 import json
 import struct
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from rig_parts import PATIENCE_S
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 _HEAD = struct.Struct("<BIQ")  # opcode, subscription, log time
@@ -29,27 +28,17 @@ class Received(NamedTuple):
     message: Any
 
 
-class FoxgloveClient:
+class FoxgloveClient(ExitStack):
     """Reads what a server advertises, subscribes, and decodes with nothing but the advertised definitions."""
 
     def __init__(self, url: str) -> None:
-        self._closing = ExitStack()
-        self._socket: ClientConnection = self._closing.enter_context(
-            connect(url, subprotocols=[Subprotocol("foxglove.sdk.v1")], max_queue=None)
-        )
+        super().__init__()
+        self._socket = self.enter_context(connect(url, subprotocols=[Subprotocol("foxglove.sdk.v1")], max_queue=None))
         self.channels: dict[str, dict[str, Any]] = {}
         self.told: list[dict[str, Any]] = []
         self._topics: dict[int, str] = {}
         self._store = get_typestore(Stores.EMPTY)
         assert self.next_json("serverInfo")["name"] == "slipd"
-
-    def __enter__(self) -> FoxgloveClient:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._closing.close()
 
     def subscribe(self, *topics: str) -> None:
         """Subscribe, as soon as the topics are advertised."""

@@ -46,13 +46,11 @@ class Recorded:
         return math.floor(2.0 * force_n) / 2.0
 
     def execute(self, permit: Permit, now_ns: int) -> bool:
-        if permit.kind == "activate":
-            self.commands.append(("activate",))
-            return True
-        if permit.kind == "halt":
-            self.commands.append(("halt",))
-            self.drop()
-            return self.takes
+        if permit.kind in ("activate", "halt"):
+            self.commands.append((permit.kind,))
+            if permit.kind == "halt":
+                self.drop()
+            return self.takes or permit.kind == "activate"
         if permit.width_m is None:
             self.commands.append(("force", permit.force_n))
         else:
@@ -124,6 +122,7 @@ class Bench:
             "holds": control.holds,
             "sent_n": session.force_sent_n,
             "commands": session.commands,
+            "kept": control.kept(),
             "conditions": [severity for severity, _ in control.conditions()],
         }
 
@@ -226,15 +225,5 @@ def react(force_n: float, refusal: Refused = None) -> Step:
 
     def step(bench: Bench) -> None:
         assert why(bench.control.carry_out("reflex", T0, force_n=force_n)) == refusal
-
-    return step
-
-
-def kept(**expected: Any) -> Step:
-    """Check what the next run may take over."""
-
-    def step(bench: Bench) -> None:
-        found = bench.control.kept()
-        assert {name: getattr(found, name) for name in expected} == expected
 
     return step

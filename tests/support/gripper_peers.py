@@ -70,13 +70,11 @@ class Peer:
 
     def hear(self, data: bytes, now_ns: int) -> list[bytes]:
         """Take what the session wrote; return the answers."""
-        answers: list[bytes] = self.line.receive(data, now_ns)
-        return answers
+        return list(self.line.receive(data, now_ns))
 
     def advance(self, now_ns: int) -> list[bytes]:
         """Let time pass; return what is sent unasked."""
-        sent: list[bytes] = self.line.advance(now_ns)
-        return sent
+        return list(self.line.advance(now_ns))
 
     def put(self, part_m: float) -> None:
         """Lay something between the jaws, or (0) take it away."""
@@ -85,8 +83,7 @@ class Peer:
     @property
     def grip_n(self) -> float:
         """What presses on each pad, N."""
-        pressed: float = self.line.grip_n
-        return pressed
+        return float(self.line.grip_n)
 
     @property
     def width_m(self) -> float:

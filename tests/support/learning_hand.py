@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
 from slipd.friction.learning import learn
-from slipd.fusion.rows import FREE, READING, TOUCHING, Rows, new_rows
+from slipd.fusion.rows import FREE, READING, TOUCHING, new_rows
 
 STEP_S = 0.005
 """Time from one reading to the next, s."""
@@ -49,7 +49,10 @@ class Hand:
         rows = new_rows(READING, len(values))
         times_ns = [round((self._t_s + (k + 1) * STEP_S) * 1e9) for k in range(len(values))]
         self._t_s += len(values) * STEP_S
-        self._fill(rows, values, times_ns)
+        rows["t_s"] = [t_ns * 1e-9 for t_ns in times_ns]
+        names = ("required_friction", "peak_required", "plateau_required", "slips")
+        for name, column in zip(names, zip(*values, strict=True), strict=True):
+            rows["assessment"][name] = column
         rows["phase"], rows["contact"]["friction_ratio_std"] = phase, noise
         rows["contact"]["friction_ratio"] = ratio * rows["assessment"]["required_friction"]
         begin = 0
@@ -64,13 +67,6 @@ class Hand:
     def pause(self) -> None:
         """Let a step of time pass, so that what was learned is in force."""
         self.estimate.begin_step([round((self._t_s + 0.02) * 1e9)], 0)
-
-    @staticmethod
-    def _fill(rows: Rows, values: list[Q], times_ns: list[int]) -> None:
-        rows["t_s"] = [t_ns * 1e-9 for t_ns in times_ns]
-        names = ("required_friction", "peak_required", "plateau_required", "slips")
-        for name, column in zip(names, zip(*values, strict=True), strict=True):
-            rows["assessment"][name] = column
 
     def let_go(self) -> FrictionState:
         """End the contact."""

@@ -12,11 +12,13 @@ import pytest
 PATIENCE_S = 60.0
 
 
-async def eventually(condition: Callable[[], object]) -> None:
-    """Wait until a condition holds."""
+async def eventually(condition: Callable[[], Any], meanwhile: Callable[[], object] = lambda: None) -> Any:
+    """Wait until a condition holds, and return its value."""
     async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - what it waits for happens in other threads and processes too
-            await asyncio.sleep(0.001)
+        while not (found := condition()):
+            meanwhile()
+            await asyncio.sleep(0.002)
+        return found
 
 
 def open_files() -> int:

@@ -59,8 +59,7 @@ class Grip:
     def middle(self) -> Array:
         """Return the point between both contacts, in the gripper frame, shape (3,)."""
         places = zip(MIDDLES, TURNS, self.patches, strict=True)
-        found: Array = np.mean([at + turn @ (patch @ X, patch @ Y, 0.0) for at, turn, patch in places], axis=0)
-        return found
+        return np.asarray(np.mean([at + turn @ (patch @ X, patch @ Y, 0.0) for at, turn, patch in places], axis=0))
 
 
 X, Y = (each.ravel() for each in np.meshgrid(*(PITCH_M * (np.arange(n) - 0.5 * (n - 1)) for n in (COLS, ROWS))))
@@ -109,8 +108,7 @@ def pressure(patch: Array, centroid: Array) -> LoadDistribution:
     """Return the pressure on a pad: its patch, tilted so that its centroid is where the moments want it."""
     cx, cy = centroid.tolist()
     tilted = distribute("matched", X, Y, patch, contact_of((0.0, 0.0, -1.0, -cy, cx, 0.0), 0.1))
-    if tilted is None:
-        raise ValueError("no taxel is loaded")
+    assert tilted is not None, "no taxel is loaded"
     return tilted
 
 
@@ -120,8 +118,7 @@ def true_use(grip: Grip, felt: Array, couple: Array = NOTHING) -> float:
     for (load, (normal, _, _), at), patch in zip(pad_loads(grip, felt, couple), grip.patches, strict=True):
         on = pressure(patch, at)
         about = (float(patch @ X), float(patch @ Y))
-        loads = on.loads.loads * normal
-        used.append(utilisation(on.x, on.y, loads, grip.mu, load[:2], float(load[2]), about).value)
+        used.append(utilisation(on.x, on.y, on.loads.loads * normal, grip.mu, load[:2], float(load[2]), about).value)
     return max(used)
 
 
@@ -153,9 +150,7 @@ class Advised:
         noise: tuple[float, float] = (0.0, 0.0), rng: np.random.Generator | None = None, wanted_mps2: float = 3.0,
     ) -> None:  # fmt: skip
         self.grip, self._noise, self._rng = grip, noise, rng or np.random.default_rng(0)
-        zero = (0.0, 0.0, 0.0)
-        com = tuple(grip.com_m.tolist())
-        self.own = own or ObjectState(grip.mass_kg, 0.0, com, zero, "")
+        self.own = own or ObjectState(grip.mass_kg, 0.0, tuple(grip.com_m.tolist()), (0.0, 0.0, 0.0), "")
         self.view = SimpleNamespace(object=self.own, level=lambda: "stable")
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
@@ -202,8 +197,7 @@ class Advised:
         felt = gravity - np.cross(turning[3:], self.grip.com_m)
         felt -= np.cross(turning[:3], np.cross(turning[:3], self.grip.com_m))
         loads = pad_loads(self.grip, felt, couple)
-        states = [self._state(load, patch) for load, patch in zip(loads, self.grip.patches, strict=True)]
-        self.read(states)
+        self.read([self._state(load, patch) for load, patch in zip(loads, self.grip.patches, strict=True)])
 
     def read(self, states: Iterable[FingerState]) -> None:
         """Look at the loads, with these states of the fingers."""
@@ -227,6 +221,7 @@ class Advised:
         """Return the state of a finger with this wrench on its pad, and this image."""
         numbers = tuple(wrench.tolist())
         contact = contact_of(numbers, 0.1)
-        distribution = distribute("matched", X, Y, image, contact)
-        friction = FrictionState(self._mu, "config", self._mu)
-        return FingerState(self.t_ns, GRIP_HOLDS, numbers, contact, distribution, friction=friction)
+        pressed = distribute("matched", X, Y, image, contact)
+        return FingerState(
+            self.t_ns, GRIP_HOLDS, numbers, contact, pressed, friction=FrictionState(self._mu, "config", self._mu)
+        )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import resource
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from slipd.recording.reader import Recording, open_recording
 from slipd_client import messages
 
 CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
-PATIENCE_S = 60.0
 WALL_NS = 1_700_000_000_000_000_000
 ABOUT_RUN: dict[str, Any] = {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
 """Arguments of a recorder that describe the run."""
@@ -62,14 +60,6 @@ def _entry(n: int) -> Entry:
 def entries(count: int) -> list[Entry]:
     """Return the first entries of a run: events of every kind, each followed by a message."""
     return [_entry(n) for n in range(count)]
-
-
-def wait_until(condition: Callable[[], object]) -> None:
-    """Wait until other threads have done something."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end_s, "waited in vain"
-        time.sleep(0.002)
 
 
 def contents(path: Path) -> tuple[Recording, list[Entry]]:

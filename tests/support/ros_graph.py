@@ -66,7 +66,7 @@ def joined(variables: Mapping[str, str]) -> Iterator[DomainParticipant]:
     del participant, domain
 
 
-class Listener:
+class Listener(contextlib.AbstractContextManager["Listener"]):
     """A process that subscribes to topics, used in ``with``.
 
     Args:
@@ -83,9 +83,6 @@ class Listener:
             stdout=subprocess.PIPE,
             text=True,
         )
-
-    def __enter__(self) -> Listener:
-        return self
 
     def hear(self) -> Heard:
         """Wait for the next message."""

@@ -12,8 +12,9 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from daemon_peers import PATIENCE_S, Client, Device, until
+from daemon_peers import Client, Device
 from known_zeros import keep_zeros
+from loop_waits import PATIENCE_S, eventually
 from rig_parts import endpoints_of
 
 from slipd import config, service
@@ -86,9 +87,9 @@ async def asked(client: Client, op: str) -> dict[str, Any]:
     async with asyncio.timeout(PATIENCE_S):
         while True:
             client.ask(op="hello")
-            hello = (await until(client.answer))["result"]
+            hello = (await eventually(client.answer))["result"]
             client.ask(op=op, id=hello["t_ns"], boot=hello["boot"], deadline_ns=time.monotonic_ns() + 400_000_000)
-            reply: dict[str, Any] = await until(client.answer)
+            reply: dict[str, Any] = await eventually(client.answer)
             if reply["ok"] or reply["error"]["code"] != "deadline_passed":
                 return reply
 

@@ -106,8 +106,7 @@ class SteppedDemo:
         reply = self.feed(Request(b"operator", envelope | fields))
         assert reply is not None
         assert reply["ok"], reply
-        result: dict[str, Any] = reply["result"]
-        return result
+        return dict(reply["result"])
 
     def tick(self) -> None:
         """Let one period of the fastest sensor pass."""

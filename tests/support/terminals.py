@@ -10,12 +10,13 @@ import struct
 import termios
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 import pyte
 from rig_parts import PATIENCE_S
 
 
-class PseudoTerminal:
+class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
     """The user's side of a pseudo-terminal. Use it in a ``with`` statement.
 
     Attributes:
@@ -77,9 +78,6 @@ class PseudoTerminal:
         if self._master >= 0:
             os.close(self._master)
         self._master = -1
-
-    def __enter__(self) -> PseudoTerminal:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.hang_up()

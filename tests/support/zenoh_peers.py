@@ -29,11 +29,11 @@ def session(endpoint: str) -> Iterator[zenoh.Session]:
         yield opened_session
 
 
-class Router:
+class Router(contextlib.AbstractContextManager["Router"]):
     """A process that is a router; use it in a ``with`` statement."""
 
-    def __init__(self, endpoint: str | None = None) -> None:
-        self.endpoint = free_endpoint() if endpoint is None else endpoint
+    def __init__(self) -> None:
+        self.endpoint = free_endpoint()
         self.start()
 
     def start(self) -> None:
@@ -57,9 +57,6 @@ class Router:
         """Kill it."""
         self._process.kill()
         self._process.communicate()
-
-    def __enter__(self) -> Router:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.kill()

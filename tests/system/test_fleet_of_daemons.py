@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_peers import until
+from loop_waits import eventually
 from service_rig import Rig, started
 
 pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
@@ -73,14 +73,16 @@ async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its
 
         serve = ("--publish", client.endpoints.publish, "serve", "fleet", *fleet)
         with slipctl(tmp_path / "bridge", *serve, "--robot", "arm1", "--connect", endpoint) as bridge:
-            await until(lambda: {f"plant/arm1/{topic}" for topic in TOPICS} <= {key for key, _ in arrived}, rig.send)
-            await until(shows(state="live", level="stable", missed_warnings=0), rig.send)
-            await until(shows(state="live", level="unknown", reasons=["stale"]))
-            await until(nothing_more_to_come)
+            await eventually(
+                lambda: {f"plant/arm1/{topic}" for topic in TOPICS} <= {key for key, _ in arrived}, rig.send
+            )
+            await eventually(shows(state="live", level="stable", missed_warnings=0), rig.send)
+            await eventually(shows(state="live", level="unknown", reasons=["stale"]))
+            await eventually(nothing_more_to_come)
             assert crossed() == client.hear("warning")[-len(crossed()) :]
 
             daemon.kill()
-            await until(shows(state="silent", missed_warnings=0))
+            await eventually(shows(state="silent", missed_warnings=0))
             late = FleetListener(stack.enter_context(session(endpoint)), "plant")
             kept: list[int] = []
 
@@ -91,9 +93,9 @@ async def test_the_warnings_of_a_daemon_reach_its_fleet_also_who_joins_after_its
             def last_row() -> tuple[str, dict[str, str]] | None:
                 return next(((row.state, row.fingers) for row in late.state.rows(0.0)), None)
 
-            await until(all_warnings_again)
-            await until(lambda: last_row() == ("silent", {"left": "unknown"}))
+            await eventually(all_warnings_again)
+            await eventually(lambda: last_row() == ("silent", {"left": "unknown"}))
 
             bridge.kill()
-            await until(shows(state="gone"))
+            await eventually(shows(state="gone"))
     assert max(robot["age_s"] for robot in seen() if robot["state"] == "live") <= SILENT_AFTER_S

@@ -14,7 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from daemon_peers import PATIENCE_S, Device, until
+from daemon_peers import Device
+from loop_waits import PATIENCE_S, eventually
 from service_rig import started
 from websockets.sync.server import ServerConnection, serve
 
@@ -128,11 +129,11 @@ async def test_no_device_stops_the_daemon_or_the_others(tmp_path: Path, runtime:
     with hostile_devices() as (tables, served), log.open("w", encoding="utf-8") as errors:
         rig.write_text(GOOD.format(port=sensor.path) + tables, encoding="utf-8")
         with started(rig, stderr=errors) as (daemon, client):
-            await until(lambda: client.hear("status"), sensor.send_wrench)
+            await eventually(lambda: client.hear("status"), sensor.send_wrench)
             before_mb, until_s = size_mb(daemon), time.monotonic() + HOSTILE_S
-            await until(lambda: time.monotonic() > until_s and len(served) > len(FLOODS), sensor.send_wrench)
-            await until(lambda: len(client.hear("wrench.good")) > MANY, sensor.send_wrench)
-            await until(lambda: explained(client.newest("status")), sensor.send_wrench)
+            await eventually(lambda: time.monotonic() > until_s and len(served) > len(FLOODS), sensor.send_wrench)
+            await eventually(lambda: len(client.hear("wrench.good")) > MANY, sensor.send_wrench)
+            await eventually(lambda: explained(client.newest("status")), sensor.send_wrench)
             status, growth_mb = client.newest("status"), size_mb(daemon) - before_mb
             daemon.terminate()
             assert daemon.wait(PATIENCE_S) == 0

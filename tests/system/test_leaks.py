@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 
-from daemon_peers import until
-from loop_waits import open_files
+from loop_waits import eventually, open_files
 from service_rig import Rig, serving
 
 
@@ -15,7 +14,7 @@ async def test_P6_runs_that_end_leave_no_descriptor_and_no_task(rig: Rig) -> Non
     found = []
     for _ in range(3):
         async with serving(rig.config) as client:
-            await until(lambda client=client: client.hear("wrench.left"), rig.send)  # type: ignore[misc]
+            await eventually(lambda client=client: client.hear("wrench.left"), rig.send)  # type: ignore[misc]
         gc.collect()
         found.append((open_files(), len(asyncio.all_tasks())))
     assert found[2] == found[1]

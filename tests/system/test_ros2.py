@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_peers import until
+from loop_waits import eventually
 from ros_peers import typestore
 from service_rig import RIG, Rig, serving
 
@@ -89,12 +89,12 @@ async def test_the_daemon_takes_the_orientation_of_an_imu_its_messages_reach_ros
                     statuses = client.hear("status")
                     return bool(statuses) and statuses[-1]["streams"]["left.wrench"]["gravity"] == "compensated"
 
-                await until(compensated, move)
-                sample: Any = (await until(lambda: wrenches.take(1), move))[0]
+                await eventually(compensated, move)
+                sample: Any = (await eventually(lambda: wrenches.take(1), move))[0]
                 message = STORE.deserialize_cdr(sample.data, "geometry_msgs/msg/WrenchStamped")
                 assert message.header.frame_id == "left_pad"
                 answers = reader(participant, "/slipd/motion_check", "slipd_msgs/MotionCheck", latched=False)
-                sample = (await until(lambda: answers.take(1), lambda: arm.publish(PLAN)))[0]
+                sample = (await eventually(lambda: answers.take(1), lambda: arm.publish(PLAN)))[0]
                 answer = STORE.deserialize_cdr(sample.data, "slipd_msgs/msg/MotionCheck")
                 assert (answer.header.stamp.sec, answer.unknown != "") == (7, True)
             finally:

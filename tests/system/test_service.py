@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_peers import PATIENCE_S, Device, until
+from daemon_peers import Device
 from gripper_table import gripper_table
+from loop_waits import PATIENCE_S, eventually
 from service_rig import Rig, serving
 
 from slipd import config, service
@@ -26,19 +27,19 @@ from slipd_client.messages import Health
 async def test_a_reading_on_a_port_is_a_message_on_the_bus_also_where_the_port_comes_later(rig: Rig) -> None:
     rig.pad.unplug()
     async with serving(rig.config) as client:
-        body = (await until(lambda: client.hear("wrench.left"), rig.send))[0]
+        body = (await eventually(lambda: client.hear("wrench.left"), rig.send))[0]
         assert body["force_n"] == pytest.approx([1.0, 0.0, -10.0])
-        await until(lambda: client.newest("slip.left").get("reasons") == ["rotation_unobserved"], rig.send)
-        streams = (await until(lambda: client.newest("status")))["streams"]
+        await eventually(lambda: client.newest("slip.left").get("reasons") == ["rotation_unobserved"], rig.send)
+        streams = (await eventually(lambda: client.newest("status")))["streams"]
         assert streams["left.pad"]["health"] == Health.ERROR
         assert "no such port" in streams["left.pad"]["message"]
         rig.pad.plug()
-        slip = (await until(lambda: [s for s in client.hear("slip.left") if s["level"] == "stable"], rig.send))[0]
+        slip = (await eventually(lambda: [s for s in client.hear("slip.left") if s["level"] == "stable"], rig.send))[0]
         assert slip["utilisation"] == pytest.approx(0.2, rel=1e-4)
         assert slip["config_id"] == rig.config.config_id
         assert abs(slip["timestamp"] - time.time()) < PATIENCE_S
         assert abs(slip["t_ns"] - time.monotonic_ns()) < PATIENCE_S * 1e9
-        await until(lambda: client.hear("warning") and client.hear("tactile.left"), rig.send)
+        await eventually(lambda: client.hear("warning") and client.hear("tactile.left"), rig.send)
 
 
 async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,7 +73,7 @@ async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_grippin
 
     text = rig.file.read_text(encoding="utf-8") + gripper_table(str(jaws.path))
     async with serving(config.parse(text, "rig.toml")) as client:
-        await until(lambda: client.hear("wrench.left") and client.hear("gripper"), talk)
+        await eventually(lambda: client.hear("wrench.left") and client.hear("gripper"), talk)
     sensor.opened(0)
     assert sensor.advance(10**9)
     sensor.receive(rig.wrench.read(), 10**9)
@@ -94,7 +95,7 @@ async def test_what_was_lost_on_this_host_is_logged_when_it_grows_and_at_the_end
     async with asyncio.TaskGroup() as tasks, Links(tasks, specs, lambda _: None) as links:
         reporter = tasks.create_task(service._report_losses(links))
         links.write("absent", b"x")
-        await until(told)
+        await eventually(told)
         await asyncio.sleep(0.05)
         once = ["absent: 1 writes dropped, 0 datagrams lost before they were read so far"]
         assert told() == once

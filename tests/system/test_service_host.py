@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from daemon_peers import PATIENCE_S, until
+from loop_waits import PATIENCE_S, eventually
 from service_rig import Rig, assert_complete, started
 
 pytestmark = pytest.mark.process
@@ -47,24 +47,24 @@ async def test_P4_G2_a_service_reports_is_watched_and_reads_its_config_again(
         told(b"^WATCHDOG=1$")
 
         good = rig.file.read_text(encoding="utf-8")
-        first_id = (await until(lambda: client.newest("status")))["config_id"]
+        first_id = (await eventually(lambda: client.newest("status")))["config_id"]
         reload(good[: len(good) // 2] + "[")  # half-written
         told(b"^STATUS=.*config: the config read before is kept: ")
-        await until(lambda: set(client.newest("status")["notices"]) == {"config"})
+        await eventually(lambda: set(client.newest("status")["notices"]) == {"config"})
         reload(good)
-        await until(lambda: client.newest("status")["notices"] == {})
+        await eventually(lambda: client.newest("status")["notices"] == {})
 
         reload(good + f'\n[bus]\npublish = "ipc://{tmp_path}/nowhere/publish"\n')  # no run can start with it
         told(b"^RELOADING=1")
         told(b"^READY=1$")
         told(b"^STATUS=.*the config read before is kept: .*nowhere/publish: there is no directory")
-        await until(lambda: client.newest("status")["notices"])
+        await eventually(lambda: client.newest("status")["notices"])
         assert {body["config_id"] for body in client.hear("status")} == {first_id}
 
         reload(good.replace("mu = 0.5", "mu = 0.4"))
         told(b"^RELOADING=1\nMONOTONIC_USEC=")
         told(b"^READY=1$")
-        await until(lambda: client.newest("status")["config_id"] != first_id)
+        await eventually(lambda: client.newest("status")["config_id"] != first_id)
         assert client.newest("status")["boot"] != client.heard[0][1]["boot"], "a new run"
 
         rig.file.unlink()
@@ -86,7 +86,7 @@ async def test_G2_without_any_config_that_starts_the_daemon_ends_and_names_both_
     (tmp_path / "first").mkdir()
     rig.file.write_text(text + endpoint("first"), encoding="utf-8")
     with started(rig.file, "--record", str(tmp_path / "run.mcap"), stdin=subprocess.DEVNULL) as (process, client):
-        await until(lambda: client.hear("wrench.left"), rig.send)
+        await eventually(lambda: client.hear("wrench.left"), rig.send)
         (tmp_path / "first").rename(tmp_path / "moved")
         rig.file.write_text(text + endpoint("nowhere"), encoding="utf-8")
         process.send_signal(signal.SIGHUP)
@@ -129,10 +129,10 @@ async def test_P4_a_signal_during_a_reload_ends_the_daemon_once_its_recording_is
     begun, done, record = tmp_path / "begun", tmp_path / "done", tmp_path / "run.mcap"
     slow = {"command": [sys.executable, "-c", SLOW_DISK, str(begun), str(done)], "stdin": subprocess.DEVNULL}
     with started(rig.file, "--record", str(record), **slow) as (process, client):
-        await until(lambda: client.hear("wrench.left"), rig.send)
+        await eventually(lambda: client.hear("wrench.left"), rig.send)
         rig.file.write_text(rig.file.read_text(encoding="utf-8").replace("mu = 0.5", "mu = 0.4"), encoding="utf-8")
         process.send_signal(signal.SIGHUP)
-        await until(begun.exists)
+        await eventually(begun.exists)
         for number in (signal.SIGTERM, signal.SIGINT):
             process.send_signal(number)
         done.touch()

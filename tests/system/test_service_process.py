@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_peers import PATIENCE_S, until
+from loop_waits import PATIENCE_S, eventually
 from service_rig import Rig, assert_complete, started
 
 from slipd import config
@@ -36,7 +36,7 @@ async def test_P4_a_signal_ends_the_process_well(rig: Rig, runtime: Path, path: 
     (hint,) = [each for each in config.hints(rig.config, str(rig.file)) if "MEASURE" in each]
     with started(rig.file, "--record", str(path)) as (process, client):
         assert client.endpoints == Endpoints(f"ipc://{runtime}/publish", f"ipc://{runtime}/requests")
-        await until(lambda: client.hear("wrench.left"), rig.send)
+        await eventually(lambda: client.hear("wrench.left"), rig.send)
         process.send_signal(number)
         out, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out, "Traceback" in errors) == (0, "", False), errors
@@ -51,9 +51,9 @@ def wrenches_in(recording: Recording) -> list[dict[str, Any]]:
 
 async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, path: Path) -> None:
     with started(rig.file, "--record", str(path)) as (process, client):
-        await until(lambda: len(client.hear("wrench.left")) > 100, rig.send)
+        await eventually(lambda: len(client.hear("wrench.left")) > 100, rig.send)
         newest = client.newest("wrench.left")["seq"]
-        await until(lambda: any(body["seq"] == newest for body in wrenches_in(open_recording(path))), rig.send)
+        await eventually(lambda: any(body["seq"] == newest for body in wrenches_in(open_recording(path))), rig.send)
         process.kill()
         process.wait()
         await asyncio.sleep(0.1)
@@ -77,15 +77,15 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         rig.wrench.send(os.urandom(1000))
 
     with started(rig.file, "--record", str(path)) as (process, client):
-        await until(lambda: sum(1 for _ in open_recording(path).entries()) > 10, rig.send)
+        await eventually(lambda: sum(1 for _ in open_recording(path).entries()) > 10, rig.send)
         most = open_recording(path).path.stat().st_size + 3000
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))  # no file of it may be longer
-        recording = await until(stopped, send)
+        recording = await eventually(stopped, send)
         reason = f"{path}: the recording stopped: File too large"
         assert (recording["path"], recording["failure"]) == (str(path), reason)
         assert recording["lost"] > 0
         heard = len(client.hear("wrench.left"))
-        await until(lambda: len(client.hear("wrench.left")) > heard + 10, rig.send)
+        await eventually(lambda: len(client.hear("wrench.left")) > heard + 10, rig.send)
         process.terminate()
         _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from daemon_peers import until
+from loop_waits import eventually
 from mcap.writer import MCAP0_MAGIC
 from own_address import free_port, own_host
 from service_rig import Rig, asked, serving
@@ -34,11 +34,11 @@ async def test_every_recording_of_a_run_is_complete_and_replays_as_it_was_publis
 
     settings = config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")
     async with serving(settings, record=tmp_path / "run.mcap") as client:
-        await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
+        await eventually(lambda: len(client.hear("slip.left")) > 10, rig.send)
         requested = (await asked(client, "record.start"))["result"]
         recording = (await asked(client, "status"))["result"]["recording"]
         assert recording == requested | {"state": "running", "running": True, "failure": None, "lost": 0}
-        await until(saved, slide)
+        await eventually(saved, slide)
         heard = {(topic, encode(body)) for topic, body in client.heard}
         boot = client.newest("status")["boot"]
     recorded = {path: open_recording(path) for path in (tmp_path / "run.mcap", folder / requested["name"], *saved())}

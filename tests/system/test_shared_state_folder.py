@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from daemon_peers import PATIENCE_S, until
+from loop_waits import PATIENCE_S, eventually
 from service_rig import Rig, started
 
 from slipd.grasp.stored_state import rig_of
@@ -46,8 +46,8 @@ async def test_two_daemons_keep_their_own_recordings_and_states(
     with started(rigs["calm"].file) as (calm, _):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "busy" / "run"))
         with started(rigs["busy"].file) as (busy, _):
-            (first,) = await until(lambda: [*state.glob("run-*000001*.mcap")], send)
-            await until(lambda: any(int(path.name.split("-")[1]) >= 4 for path in state.glob("run-*.mcap")), send)
+            (first,) = await eventually(lambda: [*state.glob("run-*000001*.mcap")], send)
+            await eventually(lambda: any(int(path.name.split("-")[1]) >= 4 for path in state.glob("run-*.mcap")), send)
             assert first.exists(), "of the calm one, the oldest of all"
             for process in (busy, calm):
                 process.terminate()

@@ -17,7 +17,6 @@ from gripper_bench import (
     close,
     has,
     held,
-    kept,
     leased,
     lose,
     on_time,
@@ -36,6 +35,10 @@ from slipd_client.messages import Health
 
 NOT_READY, FORCE_OUT, WIDTH_OUT = ("not_ready", ""), ("out_of_range", "force_n"), ("out_of_range", "width_m")
 FORCED: tuple[IntentKind, ...] = ("activate", "open", "close", "set", "reflex")
+KEPT = StoredGrip(
+    force_n=5.0, requested_n=5.0, raised_n=0.0, reflexed_n=0.0, closed_to_m=0.0, width_m=0.04, object="contact_closing",
+    reported_n=None,
+)  # fmt: skip
 Course = tuple[Bench, list[Step]]
 COURSES: dict[str, Callable[[], Course]] = {
     # commands
@@ -110,7 +113,7 @@ COURSES: dict[str, Callable[[], Course]] = {
     "D5 the third wrong echo in a row is a fault, and the grip is kept for the next run": lambda: (
         Bench(),
         [close(5.0), held(1, echo_ok=False), held(2), held(3, echo_ok=False), held(4, echo_ok=False), be(fault=""),
-         held(5, echo_ok=False), be(fault="echo_mismatch"), kept(force_n=5.0, requested_n=5.0, width_m=0.04)],
+         held(5, echo_ok=False), be(fault="echo_mismatch", kept=KEPT)],
     ),
     "silence is judged by the time in which the daemon was awake": lambda: (
         Bench(),
@@ -301,10 +304,7 @@ def test_G3_what_the_gripper_does_not_have_is_refused(
     ],
 )
 def test_a_grip_that_was_kept_goes_on_where_the_gripper_confirms_it(now: dict[str, Any], force_n: float | None) -> None:
-    kept = StoredGrip(
-        force_n=6.0, requested_n=5.0, raised_n=1.0, reflexed_n=2.0, closed_to_m=0.0, width_m=0.04,
-        object="contact_closing", reported_n=None,
-    )  # fmt: skip
+    kept = KEPT.model_copy(update={"force_n": 6.0, "raised_n": 1.0, "reflexed_n": 2.0})
     bench, confirmed = Bench("", Pad(None), heard=False), []
     be(conditions=[])(bench)
     bench.control.restore(kept, lambda: confirmed.append(True))

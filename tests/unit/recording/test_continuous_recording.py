@@ -6,7 +6,8 @@ import os
 from itertools import chain
 from pathlib import Path
 
-from recorded_entries import ABOUT_RUN, complete, wait_until
+from client_peers import until
+from recorded_entries import ABOUT_RUN, complete
 
 from slipd.config import Continuous
 from slipd.events import LinkUp, RecordingChanged, Tick
@@ -45,7 +46,7 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
     run = Run(tmp_path, file_s=1.0)
     for n in range(30):
         run.poll(n * SECOND_NS // 10)
-        wait_until(lambda: run.recording._running.recorder.begun)
+        until(lambda: run.recording._running.recorder.begun)
         run.recording.event(Tick(n), n * SECOND_NS // 10)
         run.recording.published("status", b"\x80", n * SECOND_NS // 10)
     run.recording.close()
@@ -61,8 +62,8 @@ def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path: Path) -> 
     run.poll(0)
     for _ in range(120):
         run.recording.published("tactile.left", os.urandom(10_000), 1)
-    wait_until(lambda: run.files() and run.files()[0].stat().st_size >= 1_000_000)
-    wait_until(lambda: run.poll(2) or run.recording._count == 2)
+    until(lambda: run.files() and run.files()[0].stat().st_size >= 1_000_000)
+    until(lambda: run.poll(2) or run.recording._count == 2)
     run.recording.close()
     assert len(run.files()) == 2
     assert all(open_recording(path).closed for path in run.files())
@@ -74,14 +75,14 @@ def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried
 
     run = Run(tmp_path, prepare=full)
     run.poll(0)
-    wait_until(lambda: run.poll(1) or run.changes)
+    until(lambda: run.poll(1) or run.changes)
     (path,) = {change.path for change in run.changes}
     assert run.changes == [RecordingChanged("", path, "limited", f"{path}: the disk is full")]
     run.prepare = lambda: None
     run.poll(RETRY_NS // 2)
     assert run.files() == []
     run.poll(RETRY_NS + 1)
-    wait_until(lambda: run.poll(RETRY_NS + 2) or len(run.changes) > 1)
+    until(lambda: run.poll(RETRY_NS + 2) or len(run.changes) > 1)
     assert (run.changes[-1].name, run.changes[-1].state) == ("", "running")
     run.recording.close()
     assert open_recording(run.files()[0]).closed

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from recorded_entries import PATIENCE_S, complete, small_disk, wait_until
+from client_peers import PATIENCE_S, until
+from recorded_entries import complete, small_disk
 
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
@@ -55,7 +56,7 @@ def recordings(state: Path) -> Iterator[RequestedRecordings]:
 def news(recordings: RequestedRecordings, t_ns: int = 1) -> RecordingChanged:
     """Wait for the next change."""
     found: list[RecordingChanged] = []
-    wait_until(lambda: found.extend(recordings.changes(t_ns)) or found)
+    until(lambda: found.extend(recordings.changes(t_ns)) or found)
     (change,) = found
     return change
 
@@ -87,7 +88,7 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
     with small_disk(size + 10):
         for n in range(100):
             recordings.event(Tick(n), n)
-        wait_until(lambda: recorder.lost >= 100)  # the thread counts on after the failure
+        until(lambda: recorder.lost >= 100)  # the thread counts on after the failure
         assert recorder.path.stat().st_size == size, "no part of an end"
         assert news(recordings, 2) == RecordingChanged("full.mcap", str(recorder.path), "failed", reason, 100)
         recordings.event(Tick(101), 101)

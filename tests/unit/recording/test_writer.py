@@ -8,8 +8,9 @@ from threading import Event as Signal
 
 import msgpack
 import pytest
+from client_peers import PATIENCE_S, until
 from mcap.reader import make_reader
-from recorded_entries import ABOUT_RUN, PATIENCE_S, WALL_NS, complete, contents, entries, small_disk, wait_until
+from recorded_entries import ABOUT_RUN, WALL_NS, complete, contents, entries, small_disk
 
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
@@ -76,11 +77,11 @@ def test_K2_a_killed_writer_leaves_a_readable_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     process = subprocess.Popen([sys.executable, "-c", WRITE_UNTIL_KILLED, path], stdin=subprocess.PIPE)
     try:
-        wait_until(lambda: readable(path) == 1000)
+        until(lambda: readable(path) == 1000)
         size = path.stat().st_size
         process.stdin.write(b"\n")
         process.stdin.flush()
-        wait_until(lambda: path.stat().st_size > 2 * size)
+        until(lambda: path.stat().st_size > 2 * size)
     finally:
         process.kill()
         process.communicate()
@@ -133,7 +134,7 @@ def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN, room=room, prepare=lambda: queued.wait())
     record(recorder, entries(2000))
     queued.set()
-    wait_until(lambda: recorder.limit)
+    until(lambda: recorder.limit)
     record(recorder, entries(100))
     recorder.close()
     assert re.search(rf"^{tmp_path}/run.mcap: .*{limit}", str(recorder.limit))
@@ -147,7 +148,7 @@ def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
 ) -> None:
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
     record(recorder, entries(100))
-    wait_until(lambda: readable(tmp_path / "run.mcap") == 100)
+    until(lambda: readable(tmp_path / "run.mcap") == 100)
     monkeypatch.setattr(os, "fdatasync", lambda _: os.fsync(1 << 20))
     record(recorder, entries(105)[100:])
     with pytest.raises(RecordingError, match="Bad file descriptor"):
@@ -171,7 +172,7 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
     record(recorder, entries(40))
     assert recorder.lost == 30
     go_on.set()
-    wait_until(lambda: recorder._queue.empty())
+    until(lambda: recorder._queue.empty())
     record(recorder, entries(41)[40:])
     recorder.close()
     assert recorder.failure is None
@@ -201,6 +202,6 @@ def test_K3_a_file_that_is_deleted_while_it_is_written_is_reported(tmp_path: Pat
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
     recorder.published("status", b"\x80", 1)
     (tmp_path / "run.mcap").unlink()
-    wait_until(lambda: recorder.failure)
+    until(lambda: recorder.failure)
     assert recorder.failure.endswith("run.mcap: the recording stopped: the file was deleted while it was written")
     recorder.end()
