@@ -20,9 +20,6 @@ from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT
 UNIT, USER_UNIT = CONFIG / "slipd.service", CONFIG / "slipd-user.service"
 RULES, USERS = CONFIG / "70-slipd.rules", CONFIG / "slipd.sysusers"
 
-MOST_EXPOSED = 1.6
-"""Of ``systemd-analyze security``: a network of sensors, serial ports, generated code and real-time priority."""
-
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
 needs_make = pytest.mark.skipif(shutil.which("make", path=os.defpath) is None, reason="needs make")
 both = pytest.mark.parametrize("unit", [UNIT, USER_UNIT], ids=lambda unit: unit.name)
@@ -88,7 +85,7 @@ def test_it_is_exposed_no_more_than_serial_ports_and_a_network_need() -> None:
         ["systemd-analyze", "security", "--offline=yes", "--no-pager", UNIT], capture_output=True, text=True
     )
     [level] = re.findall(r"Overall exposure level for slipd.service: ([\d.]+)", done.stdout)
-    assert float(level) <= MOST_EXPOSED
+    assert float(level) <= 1.6, "more than sensors, generated code and real-time priority need"
 
 
 PYTHON_STUB = f"""#!/bin/sh

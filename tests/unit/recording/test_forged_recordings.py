@@ -37,9 +37,6 @@ class Forge:
         channel = self.writer.register_channel("slipd/event", encoding, 0)
         self.writer.add_message(channel, log_time, encode_event(n, log_time, Tick()), 0, sequence)
 
-    def end(self, **metadata: str) -> None:
-        self.writer.add_metadata("slipd/end", metadata)
-
     def read(self, *, extra: bytes = b"") -> tuple[Recording, list]:
         self.writer.flush()
         self.path.write_bytes(self.stream.getvalue() + extra)
@@ -104,18 +101,18 @@ ONE, HIDDEN = channel(1) + message(1, 0, b""), chunk(message(1, 1, b""))
 CUT = chunk(ONE)
 BOMB = bytes(64 << 20)
 LONGER = CUT[:1] + struct.pack("<Q", len(CUT) - 9 + len(HIDDEN)) + CUT[9:] + HIDDEN
-CRC = "crc32"
+END = "slipd/end"
 FORGED: dict[str, tuple[Callable[[Forge], object], str]] = {
     "a channel in another encoding": (lambda f: f.event(0, sequence=0, log_time=5, encoding="json"), "not msgpack"),
     "a message on an unknown channel": (lambda f: f.writer.add_message(77, 0, b"", 0, 0), "never announced"),
     "an event of another index": (lambda f: f.event(3, sequence=0, log_time=5), r"entry 0 has another index \(3\)"),
-    "an end without a number": (lambda f: f.end(entries="many"), "end is damaged"),
+    "an end without a number": (lambda f: f.writer.add_metadata(END, {"entries": "many"}), "end is damaged"),
     "an end of another checksum": (
-        lambda f: f.end(entries="7", crc32=mcap_file.end_metadata(6)[CRC]),
+        lambda f: f.writer.add_metadata(END, {"entries": "7", "crc32": mcap_file.end_metadata(6)["crc32"]}),
         "end is damaged: the number of entries does not match",
     ),
     "an end without its checksum": (
-        lambda f: f.end(entries="0", Crc32=mcap_file.end_metadata(0)[CRC]),
+        lambda f: f.writer.add_metadata(END, {"entries": "0", "Crc32": mcap_file.end_metadata(0)["crc32"]}),
         "end is damaged: the number of entries does not match",
     ),
     "a chunk that claims no byte": (lambda f: f.stream.write(chunk(BOMB, claimed=0)), "cannot have written"),

@@ -58,11 +58,16 @@ def opener(script: Script, make: type[Connection] = Connection) -> Callable[[Lin
     return open_next
 
 
+async def ended(link: Link) -> None:
+    """Run a link to the end of its script."""
+    with pytest.raises(asyncio.CancelledError):
+        await link.run()
+
+
 async def play(script: Script, make: type[Connection] = Connection) -> list[Event]:
     events: list[Event] = []
     link = Link(SPEC, opener([*script], make), events.append)
-    with pytest.raises(asyncio.CancelledError):
-        await link.run()
+    await ended(link)
     assert link.overruns == 2 * sum(isinstance(step, bytes) for step in script), "those of all connections"
     return events
 
@@ -165,8 +170,7 @@ async def test_a_write_reaches_an_open_connection_alone_and_a_refused_one_is_log
 
     link = Link(SPEC, opener([b""], Busy), lambda _: [link.write(b"command") for _ in answers[:]])
     assert not link.write(b"too early")
-    with pytest.raises(asyncio.CancelledError):
-        await link.run()
+    await ended(link)
     assert (answers, link.refused_writes) == ([], 5)
     line = "left.wrench (somewhere) does not read: a command was dropped"
     assert [message for message in caplog.messages if "does not read" in message] == [line] * 2
@@ -186,8 +190,7 @@ async def test_bytes_are_unread_if_they_wait_at_two_looks_and_none_came_in_betwe
     looks: list[bool] = []
     link = Link(SPEC, opener([b""], Waiting), print)
     assert not link.unread()
-    with pytest.raises(asyncio.CancelledError):
-        await link.run()
+    await ended(link)
     assert looks == [False, True, False, True]
 
 
@@ -220,8 +223,7 @@ async def test_L6_a_pause_ends_when_a_device_is_plugged_in_and_the_next_is_the_f
         raise LinkError("not yet")
 
     link = Link(SPEC, fail, print, probe)
-    with pytest.raises(asyncio.CancelledError):
-        await link.run()
+    await ended(link)
     assert (tried, set(looks), link._delay_s) == (tried_at, {SPEC.address}, FIRST_DELAY_S)
 
 
