@@ -87,8 +87,12 @@ class Daemon(threading.Thread):
         super().__init__(name="daemon", daemon=True)
         self.endpoint, self.boot, self.ahead_ns = endpoint, "boot-1", ahead_ns
         self.requests: list[dict[str, Any]] = []
-        self.handlers: dict[str, Handler] = {"hello": self._hello}
-        self.handlers |= dict.fromkeys(("tare.get", "tare.undo"), lambda _: {"tare_id": 0, "busy": False})
+        self.handlers: dict[str, Handler] = {
+            "hello": lambda _: {
+                "boot": self.boot, "t_ns": self.now_ns(), "version": PROTOCOL_VERSION, "fingers": ["left"],
+            },
+            **dict.fromkeys(("tare.get", "tare.undo"), lambda _: {"tare_id": 0, "busy": False}),
+        }  # fmt: skip
         self._secret = secret
         self._closing, self._bound = threading.Event(), threading.Event()
         self.start()
@@ -134,9 +138,6 @@ class Daemon(threading.Thread):
             return outcome
         head = {"v": PROTOCOL_VERSION, "id": request["id"], "t_ns": self.now_ns(), "ok": "error" not in outcome}
         return encode(head | (outcome if "error" in outcome else {"result": outcome}))
-
-    def _hello(self, _: dict[str, Any]) -> dict[str, Any]:
-        return {"boot": self.boot, "t_ns": self.now_ns(), "version": PROTOCOL_VERSION, "fingers": ["left"]}
 
     def close(self) -> None:
         self._closing.set()

@@ -50,8 +50,8 @@ def reference() -> str:
     parts = [HEAD]
     for name, model in TABLES.items():
         if _table_above(name) is None:
-            below = [each for each in TABLES if _table_above(each) == name]
-            parts.append(_section(f"`[{name}]`", model, ((each, TABLES[each]) for each in below)))
+            below = [each for each in TABLES.items() if _table_above(each[0]) == name]
+            parts.append(_section(f"`[{name}]`", model, below))
         if model is Finger:
             parts.append(_section("Keys of every device", Stream))
     return "\n".join(parts)

@@ -44,12 +44,11 @@ class FoxgloveClient(ExitStack):
         """Subscribe, as soon as the topics are advertised."""
         while not set(topics) <= set(self.channels):
             self.next_json("advertise")
-        added = []
-        for topic in topics:
-            channel = self.channels[topic]
+        channels = [self.channels[topic] for topic in topics]
+        for channel in channels:
             self._store.register(get_types_from_msg(channel["schema"], channel["schemaName"]))
-            self._topics[1000 + channel["id"]] = topic
-            added.append({"id": 1000 + channel["id"], "channelId": channel["id"]})
+            self._topics[1000 + channel["id"]] = channel["topic"]
+        added = [{"id": 1000 + channel["id"], "channelId": channel["id"]} for channel in channels]
         self._socket.send(json.dumps({"op": "subscribe", "subscriptions": added}))
 
     def next_json(self, op: str) -> dict[str, Any]:

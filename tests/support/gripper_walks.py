@@ -118,8 +118,7 @@ class Walk:
         state, activating, told_n = session._machine.state, session.activating, session.force_sent_n
         taken = session.execute(permit, self.now_ns)
         if not taken:
-            assert session.force_sent_n == told_n, "a refused permit changes nothing"
-            assert session.activating == activating
+            assert (session.force_sent_n, session.activating) == (told_n, activating), "a refusal changes nothing"
             if permit.kind != "halt":
                 assert session._machine.state is state
             return

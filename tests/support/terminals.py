@@ -73,11 +73,5 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
         """Type a text."""
         os.write(self._master, text.encode())
 
-    def hang_up(self) -> None:
-        """Close the terminal; a second call does nothing."""
-        if self._master >= 0:
-            os.close(self._master)
-        self._master = -1
-
     def __exit__(self, *_: object) -> None:
-        self.hang_up()
+        os.close(self._master)

@@ -242,7 +242,10 @@ def test_the_foxglove_layout_shows_panels_of_topics_and_fields_that_exist() -> N
     images = [panel["imageMode"]["imageTopic"] for panel in panels.values() if "imageMode" in panel]
     health = panels["DiagnosticSummary!health"]["topicToRender"]
     assert images == [f"/slipd/{finger}/image" for finger in FINGERS]
-    assert {KNOWN[topic] for topic in (*images, health)} == {"sensor_msgs/Image", "diagnostic_msgs/DiagnosticArray"}
+    assert {KNOWN[topic] for topic in (*images, health)} == {
+        "sensor_msgs/Image",
+        "diagnostic_msgs/DiagnosticArray",
+    }
 
 
 def test_the_plotjuggler_layout_names_series_that_exist() -> None:

@@ -100,9 +100,8 @@ def test_poses_and_an_imu_give_the_motion_of_half_a_span_ago() -> None:
 def test_after_a_pause_or_a_clock_set_back_the_span_is_filled_again_and_close_readings_are_left_out() -> None:
     motion = PoseMotion()
     assert [motion.add(Swing().pose(0.004 * i)) is not None for i in range(20)] == [False] * 5 + [True] * 15
-    assert motion.add(Swing().pose(0.077)) is None, "closer than a sixteenth of the span"
-    assert motion.add(Swing().pose(0.5)) is None
-    assert motion.add(Swing().pose(0.1)) is None
+    for why, t_s in (("closer than a sixteenth of the span", 0.077), ("a pause", 0.5), ("set back", 0.1)):
+        assert motion.add(Swing().pose(t_s)) is None, why
     again = [motion.add(Swing().pose(0.1 + 0.02 * i)) is not None for i in range(1, 4)]
     assert again == [False, True, True], "three readings are enough"
 
