@@ -166,8 +166,9 @@ class Advised:
     def move(self, gravity: Array, turning: Array) -> None:
         """Let 40 ms pass in which the arm reports this."""
         self.t_ns += LOOK_NS
-        sample = ArmSample(self.t_ns, None, tuple(gravity), tuple(turning[:3]), tuple(turning[3:]))
-        self.advice.follow_arm(sample, self.t_ns)
+        self.advice.follow_arm(
+            ArmSample(self.t_ns, None, tuple(gravity), tuple(turning[:3]), tuple(turning[3:])), self.t_ns
+        )
 
     def limits(self) -> MotionLimits:
         """Return the advice now."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Concatenate, ParamSpec
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ from engine_rig import FULL_IMAGE, NO_IMAGE, Run, refusal_of
 
 from slipd_client.messages import Health
 
-P = ParamSpec("P")
 Step = Callable[[Any], object]
 """Does something to a run, or checks it."""
 
@@ -19,27 +18,6 @@ bring_up: Step = Run.bring_up
 lease: Step = Run.lease
 let_lease_be: Step = Run.let_lease_be
 tick: Step = Run.tick
-
-
-def step_of(method: Callable[Concatenate[Run, P], object]) -> Callable[P, Step]:
-    """Return what makes a step of a method of the run and its arguments."""
-    return lambda *values, **named: lambda run: method(run, *values, **named)
-
-
-feel = step_of(Run.feel)
-grip = step_of(Run.grip)
-serve = step_of(Run.serve_gripper)
-wait = step_of(Run.wait)
-sleep = step_of(Run.tick)
-up = step_of(Run.up)
-
-
-def image(counts: Any = FULL_IMAGE) -> Step:
-    """Send an image of the left pad."""
-    return lambda run: run.image(counts)
-
-
-no_image = image(NO_IMAGE)
 
 
 def follow(run: Run, steps: Sequence[Step]) -> None:
@@ -113,9 +91,47 @@ def skin(*contact: Any, times: int = 1, **more: Any) -> Step:
     return lambda run: [run.skin(*contact, **more) for _ in range(times)]
 
 
+def image(counts: Any = FULL_IMAGE) -> Step:
+    """Send an image of the left pad."""
+    return lambda run: run.image(counts)
+
+
+no_image = image(NO_IMAGE)
+
+
+def feel(normal_n: float) -> Step:
+    """Send fresh readings of both fingers."""
+    return lambda run: run.feel(normal_n)
+
+
+def grip(force_n: float = 5.0) -> Step:
+    """Close the gripper on an object."""
+    return lambda run: run.grip(force_n)
+
+
+def serve(ms: float) -> Step:
+    """Let time pass while the gripper answers."""
+    return lambda run: run.serve_gripper(ms)
+
+
+def wait(ms: float) -> Step:
+    """Let time pass without an event."""
+    return lambda run: run.wait(ms)
+
+
+def sleep(suspended_ns: int) -> Step:
+    """Tick after the host slept."""
+    return lambda run: run.tick(suspended_ns)
+
+
 def down(*links: str) -> Step:
     """Unplug links."""
     return lambda run: [run.down(link) for link in links]
+
+
+def up(*links: str) -> Step:
+    """Plug links in."""
+    return lambda run: run.up(*links)
 
 
 def gripper(**changes: Any) -> Step:
