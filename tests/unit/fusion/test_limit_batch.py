@@ -54,6 +54,9 @@ def test_pads_that_move_have_positions_of_their_own(frames) -> None:
     still = utilisations(x, y, loads, MU, f, spin, (0.006, 0.004))
     moved = utilisations(x + shift, y - shift, loads, MU, f, spin, (0.006, 0.004) + shift * (1.0, -1.0))
     assert moved.value == pytest.approx(still.value, rel=1e-9)
+    held = torque_limits(x, y, loads, MU, f, (0.006, 0.004))
+    turned = torque_limits(x + shift, y - shift, loads, MU, f, (0.006, 0.004) + shift * (1.0, -1.0))
+    assert turned.torque_nm == pytest.approx(held.torque_nm, rel=1e-6)
 
 
 def test_a_bad_frame_is_marked_and_changes_no_other(frames) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from arm_rig import ArmRun
-from engine_rig import Run
+from engine_rig import LEFT, RIGHT, Run
 from run_courses import follow, gripper, serve, status, tick, wait, wrench
 
 
@@ -14,6 +14,14 @@ def test_status_has_the_clock_of_each_stream_the_lateness_and_a_latched_fault_at
     streams = run.ask("status")["result"]["streams"]
     assert 0.0 < streams["left.wrench"]["clock_uncertainty_s"] < 0.01
     assert {name for name, each in streams.items() if "is latched" in each["message"]} == {"gripper"}
+
+
+def test_status_has_the_drift_of_a_zero_and_whether_it_is_followed() -> None:
+    run = Run(LEFT.replace("stuck_after = 0", "stuck_after = 0\ndrift_tau_s = 1.0") + RIGHT)
+    run.up()
+    follow(run, [*[wrench(0.0, ms=5.0), tick] * 1000, status(streams={"left.wrench": {"drift_frozen": False}})])
+    follow(run, [*[wrench(5.0, ms=5.0), tick] * 50, status(streams={"left.wrench": {"drift_frozen": True}})])
+    assert len(run.ask("status")["result"]["streams"]["left.wrench"]["drift"]) == 6
 
 
 def test_status_says_why_the_motion_of_the_arm_is_not_used() -> None:

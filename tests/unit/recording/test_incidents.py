@@ -158,3 +158,13 @@ def test_of_all_messages_of_a_run_a_warning_and_a_loss_are_incidents(
         recorders.published(Publish(topic, body), b"\x80", 0)
     recorders.close()
     assert sorted(name.rpartition("b00t-")[2] for name in files(tmp_path)) == saved
+
+
+@pytest.mark.parametrize("started", [True, False])
+def test_the_file_of_a_whole_run_is_kept_only_if_the_run_began(tmp_path: Path, rig: str, started: bool) -> None:
+    recorders = RunRecorders(config.parse(rig, "rig.toml"), "b00t", WallClock(0), tmp_path / "run.mcap")
+    recorders.open(0)
+    if started:
+        recorders.kept = True
+    recorders.close()
+    assert (tmp_path / "run.mcap").exists() is started

@@ -168,7 +168,7 @@ def test_a_pad_that_measures_the_force_is_tared_by_its_taxels(run: Run) -> None:
             light,
             ask("tare", {"verified": True}, seconds=0.1, **right),
             *[light] * 12,
-            ask("tare.get", {"tare_id": 1, "offset": offset}, **right),
+            ask("tare.get", {"tare_id": 1, "offset": offset, "std": [0.0] * 12}, **right),
             skin(5.0),
             ask("tare", IN_CONTACT, **right),
         ],
