@@ -17,7 +17,7 @@ async def eventually(condition: Callable[[], Any], meanwhile: Callable[[], objec
     async with asyncio.timeout(PATIENCE_S):
         while not (found := condition()):
             meanwhile()
-            await asyncio.sleep(0.002)
+            await asyncio.sleep(0.001)
         return found
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_peers import PATIENCE_S, Client
+from daemon_peers import Client
+from rig_parts import PATIENCE_S
 from service_rig import Rig, asked, serving
 
 from slipd import config
