@@ -3,7 +3,7 @@
 Pressure: it has the profile of the patch, grows with f_n^γ, and is tilted by moments that tip the object, to opposite
 sides on the two pads, until a part lifts off. A patch stays on the pad, or moves with the object and takes its image
 along. Beyond the faces of the object or the pad nothing presses. A wet spot is a map of a factor on μ, fixed to the
-object. Material of the pad that a moving patch reaches anew is as strained as that which it leaves.
+object. Where a moving patch reaches fresh pad material, that material starts with the strain of the material it leaves.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class GeneralGrasp(SteppedGrasp):
         self._pressed = None
 
     def _press(self) -> None:
-        """Find the pressure anew where force, tilt or pose changed; the pose counts only where it matters."""
+        """Update the pressure if force or tilt changed, or the pose where the pressure depends on it."""
         motion = None if self.contact.stays else tuple(self.motion[:3].tolist())
         wanted = self.normal_n, self._tilt_nm, motion
         if self._pressed == wanted:

@@ -79,7 +79,7 @@ def late_for_good(delay_ms: int, tick_us: int) -> Course:
         STALE, changed(), status(streams={PAD: {"clock": "delayed"}}),
         silent(f"are {delay_ms * 1e-3:.2f} s older", stream=PAD),
         clocks(coarse), what_waits_is_lost, run(0.3), status(streams={PAD: {"clock": "locked"}}),
-        # else the force sensor's session has given up by then, and begins its conversation anew
+        # otherwise the session of the force sensor gives up and configures the sensor again
         *[recovers()] * (delay_ms < 1000), replays,
     ]  # fmt: skip
 

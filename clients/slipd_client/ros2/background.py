@@ -6,7 +6,7 @@ import threading
 
 
 class Background(threading.Thread):
-    """A thread that works until it is told to stop, and ends with the process.
+    """A daemon thread that runs until `stop`.
 
     Args:
         name: What it does.

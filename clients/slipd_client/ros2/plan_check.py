@@ -7,7 +7,7 @@ from typing import Any
 
 from cyclonedds.sub import DataReader
 
-from slipd_client.errors import ClientError
+from slipd_client.errors import SlipdClientError
 from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros.slipd_types import CHECKED, motion_check
@@ -56,5 +56,5 @@ class PlanCheck(Background):
     def _answer(self, plan: Any) -> Mapping[str, Any]:
         try:
             return self._check(points_of(plan, self._base, self._hand))
-        except (PlanError, ClientError) as error:
+        except (PlanError, SlipdClientError) as error:
             return {"unknown": str(error)}

@@ -9,6 +9,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+from slipd_client.messages.schema.request_fields import MOST_POINTS
 from slipd_client.motion import point_of
 from slipd_client.ros2.arm_stream import POSE_SPAN_S, PoseMotion
 from slipd_client.ros2.orientation import OrientationUnknown, Pose, unit, vector
@@ -36,8 +37,8 @@ def points_of(plan: Any, base: str, hand: str) -> list[list[float]]:
         hand: Frame that is the gripper's frame. Where the plan has one frame only, it is that, whatever its name.
 
     Raises:
-        PlanError: The plan is of another frame, has fewer than two points, times that do not rise, a rotation that is
-            no unit quaternion, or poses too far apart to derive the motion.
+        PlanError: The plan is of another frame, has fewer than two points or more than `MOST_POINTS`, times that do
+            not rise, a rotation that is no unit quaternion, or poses too far apart to derive the motion.
     """
     if plan.header.frame_id != base:
         raise PlanError(f"the poses must be in {base!r}, whose Z points up, got {plan.header.frame_id!r}")
@@ -48,6 +49,8 @@ def points_of(plan: Any, base: str, hand: str) -> list[list[float]]:
     steps_ns = [after - before for before, after in pairwise(times_ns)]
     if not steps_ns or min(steps_ns) <= 0:
         raise PlanError("a plan must have at least two points, at rising times")
+    if len(times_ns) > MOST_POINTS:
+        raise PlanError(f"a plan must have at most {MOST_POINTS:,} points, got {len(times_ns):,}: leave some out")
     try:
         poses = [_pose(t_ns, point.transforms[index]) for t_ns, point in zip(times_ns, plan.points, strict=True)]
         if all(point.velocities and point.accelerations for point in plan.points):

@@ -164,6 +164,7 @@ class HeldObject:
             same = np.linalg.norm(load.own[:3] - weight_n) <= SAME_WEIGHT * np.linalg.norm(weight_n)
             self._same = self._same + 1 if same else 0
             if self._same == SAME_READINGS:
+                self._same = 0
                 estimate.recognise(known)
         rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
         estimate.update(load.own, felt, load.geometry.noise, rise, load.geometry.lever_m)

@@ -84,7 +84,7 @@ def parquet_rows(path: Path, schema: Any, at_once: int) -> Iterator[Callable[[di
 
 
 def stored_schema(path: Path, option: str, extra: str = "parquet") -> Any:
-    """Return the schema of a Parquet file; None where the file is none. Other arguments are those of `parquet_library`.
+    """Return the schema of a file; None if it is no Parquet file. The other arguments are those of `parquet_library`.
 
     Raises:
         UsageError: pyarrow is not installed.

@@ -93,6 +93,7 @@ def test_the_frame_of_the_hand_is_found_among_others() -> None:
         (plan(STILL, names=()), "joint_names must have 'tool0', got none"),
         (plan(STILL[:1]), TOO_SHORT),
         (plan([STILL[0], STILL[0]]), TOO_SHORT),
+        (plan([point(1e-4 * n) for n in range(2001)]), "a plan must have at most 2,000 points, got 2,001"),
         (plan([point(0.0), point(0.03)]), "must be at most 20 ms apart, got 30 ms"),
         (plan([point(0.0), STILL[1] | {"transforms": []}]), "every point must have a transform"),
         (
