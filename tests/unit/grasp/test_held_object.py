@@ -137,7 +137,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             *(hold(30, mass_kg=0.9 * MASS_KG), unknown(object_estimate.NOT_MOVED)),
             *(hold(5), unknown(object_estimate.NOT_MOVED)),
             *(hold(12), WEIGHED, held(unknown="", com_m=pytest.approx(COM_M, abs=0.002))),
-            *(hold(16, mass_kg=0.5 * MASS_KG), held(mass_kg=None), hold(25), WEIGHED, RELEASED),
+            *(hold(5, mass_kg=0.5 * MASS_KG), hold(10), held(mass_kg=None), hold(20), WEIGHED, RELEASED),
             *(named("bottle"), hold(30), unknown(object_estimate.NOT_MOVED)),
         ],
     ),
