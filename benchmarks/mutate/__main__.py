@@ -5,10 +5,12 @@
     PYTHONPATH=tests/support:benchmarks python -m mutate --wire [DEVICE …] [--report FILE]
 
 A mutant changes one operator, constant or condition, or deletes one statement. The tests of its room that run the
-changed line are tried on it, those of the test file of the same name first. A mutant that no test notices is either a
-hole of the tests or changes nothing that can be seen: `equivalent.txt` lists those with the reason, the report all
-others. Tests that start processes are left out, and so are slow ones (see `mutate.covered`), so that some survivors are
-noticed by `make check`. The draw depends on the seed and the sources alone.
+changed line are tried on it, those of the test file of the same name first, then the tests of the engine that run it. A
+mutant that no test notices is either a hole of the tests or changes nothing that can be seen: `equivalent.txt` lists
+those with the reason, the report all others. Tests that start processes are left out, and so are slow ones (see
+`mutate.covered`), so that some survivors are noticed by `make check`. The draw depends on the seed and the sources
+alone, and a change of a source replaces only mutants of its changed lines. Unless rooms are named, it leaves out the
+tools.
 
 ``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
 tests of its device, and then of all devices.
@@ -17,7 +19,6 @@ tests of its device, and then of all devices.
 from __future__ import annotations
 
 import argparse
-import random
 import sys
 import tempfile
 from collections import Counter
@@ -25,6 +26,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -46,6 +48,11 @@ ROOMS = {Path(name).name: (f"daemon/slipd/{name}", f"tests/unit/{name}") for nam
     "client": ("clients/slipd_client", "tests/unit/client")
 }
 """Room → folder of its sources and of its tests; a folder inside another room is no part of it."""
+
+TOOLS = "daemon/slipd/tools"
+
+CHAIN = "engine"
+"""Room whose tests run the whole chain, from bytes to messages."""
 
 EVERY_DEVICE = "test_every_*.py"
 """Tests that one table runs over all devices."""
@@ -114,7 +121,7 @@ def _line(outcome: Outcome) -> str:
 
 def _random(options: argparse.Namespace) -> Iterator[Outcome]:
     """Try random mutants, each in a fork."""
-    rooms = options.room or list(ROOMS)
+    rooms = options.room or [room for room, (sources, _) in ROOMS.items() if not sources.startswith(TOOLS)]
     sources = {path.relative_to(PROJECT).as_posix() for room in rooms for path in files_of(room)}
     if unknown := set(options.file or ()) - sources:
         raise SystemExit(f"mutate: --file must be a source of a room, such as {min(sources)}, got {min(unknown)}")
@@ -123,14 +130,15 @@ def _random(options: argparse.Namespace) -> Iterator[Outcome]:
         tempfile.TemporaryDirectory(prefix="slipd-mutants-") as scratch,
         ProcessPoolExecutor(options.workers, get_context("fork")) as pool,
     ):
-        names = sorted({room for room, _, _ in drawn})
+        names = sorted({room for room, _, _ in drawn} | {CHAIN})
         covered = dict(zip(names, pool.map(partial(_covered, Path(scratch)), names), strict=True))
-        yield from pool.map(_try, drawn, [_tests(place, covered[place[0]]) for place in drawn])
+        rooms_tests = [_tests(place, covered[place[0]]) for place in drawn]
+        yield from pool.map(_try, drawn, rooms_tests, [_tests(place, covered[CHAIN]) for place in drawn])
 
 
 def _covered(scratch: Path, room: str) -> CoveredRoom:
     sources, tests = ROOMS[room]
-    return covered_room(PROJECT, PROJECT / sources, [tests], scratch / room)
+    return covered_room(PROJECT, PROJECT / ("daemon/slipd" if room == CHAIN else sources), [tests], scratch / room)
 
 
 def _tests(place: tuple[str, str, Mutation], room: CoveredRoom) -> list[str]:
@@ -138,15 +146,17 @@ def _tests(place: tuple[str, str, Mutation], room: CoveredRoom) -> list[str]:
     return room.tests(name, (PROJECT / name).read_text(encoding="utf-8"), mutation)
 
 
-def _try(place: tuple[str, str, Mutation], tests: list[str]) -> Outcome:
+def _try(place: tuple[str, str, Mutation], *groups: list[str]) -> Outcome:
     _, name, mutation = place
     path = PROJECT / name
     source = path.read_text(encoding="utf-8")
     mutant = mutate(source, mutation)
-    files = sorted({test.partition("::")[0] for test in tests})
     root, recompile = PROJECT / Path(name).parts[0], is_compiled(source, mutation)
-    noticed = bool(tests) and is_noticed(root, path, mutant, files, LIMIT_S, only=tests, recompile=recompile)
-    return Outcome(name, mutation, "killed" if noticed else "survived")
+    for tests in filter(None, groups):
+        files = sorted({test.partition("::")[0] for test in tests})
+        if is_noticed(root, path, mutant, files, LIMIT_S, only=tests, recompile=recompile):
+            return Outcome(name, mutation, "killed")
+    return Outcome(name, mutation, "survived")
 
 
 def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
@@ -173,15 +183,20 @@ def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
 def draw(
     rooms: Sequence[str], count: int, seed: int, files: Sequence[str] | None = None
 ) -> list[tuple[str, str, Mutation]]:
-    """Return (room, path, mutation) of random mutants, without a repetition, of these files where any is named."""
-    places = [
-        (room, path.relative_to(PROJECT).as_posix(), mutation)
-        for room in rooms
-        for path in files_of(room)
-        if not files or path.relative_to(PROJECT).as_posix() in files
-        for mutation in mutations(path.read_text(encoding="utf-8"))
-    ]
-    return random.Random(seed).sample(places, min(count, len(places)))
+    """Return (room, path, mutation) of random mutants, of these files where any is named.
+
+    Each mutant's place in the order follows from the seed, its file, its line's text and its change.
+    """
+    places = {}
+    for room in rooms:
+        for path in files_of(room):
+            name, source = path.relative_to(PROJECT).as_posix(), path.read_text(encoding="utf-8")
+            if not files or name in files:
+                for mutation in mutations(source):
+                    line = source.splitlines()[mutation.line - 1].strip()
+                    rank = sha256(f"{seed} | {name} | {line} | {mutation.text}".encode()).hexdigest()
+                    places[rank, mutation.index] = (room, name, mutation)
+    return [places[rank] for rank in sorted(places)[:count]]
 
 
 def files_of(room: str) -> list[Path]:
