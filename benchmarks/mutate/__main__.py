@@ -192,10 +192,12 @@ def draw(
         for path in files_of(room):
             name, source = path.relative_to(PROJECT).as_posix(), path.read_text(encoding="utf-8")
             if not files or name in files:
+                seen: Counter[str] = Counter()
                 for mutation in mutations(source):
-                    line = source.splitlines()[mutation.line - 1].strip()
-                    rank = sha256(f"{seed} | {name} | {line} | {mutation.text}".encode()).hexdigest()
-                    places[rank, mutation.index] = (room, name, mutation)
+                    text = f"{seed} | {name} | {source.splitlines()[mutation.line - 1].strip()} | {mutation.text}"
+                    rank = sha256((text + " again" * seen[text]).encode()).hexdigest()
+                    seen[text] += 1
+                    places[rank] = (room, name, mutation)
     return [places[rank] for rank in sorted(places)[:count]]
 
 
