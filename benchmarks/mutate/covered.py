@@ -56,7 +56,7 @@ class CoveredRoom:
         """
         lines = self.lines.get(path, {})
         found = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
-        if not found and not _is_in_function(source, mutation.line):
+        if not _is_in_function(source, mutation.line):
             found = {test for tests in lines.values() for test in tests}
         if is_compiled(source, mutation):
             found = set(self.seconds)
