@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import sys
 from collections import ChainMap
 from collections.abc import Callable, Mapping
@@ -101,36 +102,26 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
         only: Which maps have the key, e.g. "pads"; all by default.
     """
     metadata = {"wire": {"name": key, "meaning": meaning, "nullable": nil, "required": not only, "only": only}}
-    if default is MISSING and nil:
-        default = None
     if isinstance(default, dict):
         return dataclasses.field(default_factory=dict, metadata=metadata)
-    if default is MISSING:
-        return dataclasses.field(metadata=metadata)
+    if default is MISSING and nil:
+        default = None
     return dataclasses.field(default=default, metadata=metadata)
 
 
-_FIELDS: dict[type[Any], tuple[Field, ...]] = {}
-"""Fields of each class, found once."""
-
-_PLANS: dict[type[Any], tuple[tuple[str, str, Callable[[Any], Any], bool], ...]] = {}
-"""How to read each class, found once."""
-
-
+@functools.cache
 def fields_of(cls: type[Any]) -> tuple[Field, ...]:
     """Return the fields that the attributes of a dataclass declare, in their order; none of another class."""
     if not dataclasses.is_dataclass(cls):
         return ()
-    if cls in _FIELDS:
-        return _FIELDS[cls]
+    names = ChainMap(*(vars(sys.modules[base.__module__]) for base in cls.__mro__))
     found = []
     for each in dataclasses.fields(cls):
-        declared = each.metadata.get("wire")
-        if declared is not None:
+        if declared := each.metadata.get("wire"):
+            kind = _kind(str(each.type).removesuffix(" | None"), names)
             name = declared["name"] or each.name
-            found.append(Field(**declared | {"name": name, "attribute": each.name, "kind": _kind_of(cls, each)}))
-    _FIELDS[cls] = tuple(found)
-    return _FIELDS[cls]
+            found.append(Field(**declared | {"name": name, "attribute": each.name, "kind": kind}))
+    return tuple(found)
 
 
 def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
@@ -140,7 +131,7 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
         Mismatch: A field is missing without a default, or its value is of another kind.
     """
     values = {}
-    for attribute, key, read, needed in _PLANS.get(cls) or _plan(cls):
+    for attribute, key, read, needed in _plan(cls):
         value = raw.get(key)
         if value is not None:
             try:
@@ -152,15 +143,15 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
+@functools.cache
 def _plan(cls: type[Any]) -> tuple[tuple[str, str, Callable[[Any], Any], bool], ...]:
     """Look up attribute, key, reader and whether there is no default, of each field."""
     without_default = {
         each.name for each in dataclasses.fields(cls) if each.default is MISSING and each.default_factory is MISSING
     }
-    _PLANS[cls] = tuple(
+    return tuple(
         (each.attribute, each.name, each.kind.read, each.attribute in without_default) for each in fields_of(cls)
     )
-    return _PLANS[cls]
 
 
 def _part(cls: type[Any]) -> Kind:
@@ -172,14 +163,8 @@ def _part(cls: type[Any]) -> Kind:
     return Kind("map", "a map", "maps", read, part=cls)
 
 
-def _kind_of(cls: type[Any], attribute: dataclasses.Field[Any]) -> Kind:
-    """Return the kind that the annotation of an attribute stands for."""
-    modules = {base.__module__: None for base in cls.__mro__}
-    names = ChainMap(*(vars(sys.modules[module]) for module in modules))
-    return _kind(str(attribute.type).removesuffix(" | None"), names)
-
-
 def _kind(annotation: str, names: Mapping[str, Any]) -> Kind:
+    """Return the kind that an annotation stands for; ``names`` are those of the module that has it."""
     if annotation in BY_ANNOTATION:
         return BY_ANNOTATION[annotation]
     if annotation.startswith("tuple["):

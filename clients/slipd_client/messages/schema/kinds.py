@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,7 +87,7 @@ def _vector(count: int, phrase: str) -> Callable[[Any], tuple[float, ...]]:
     def read(value: Any) -> tuple[float, ...]:
         if type(value) is not list or len(value) != count:
             raise wrong_kind(phrase, value)
-        return _entries(_number, value)
+        return tuple(_each(_number, enumerate(value)))
 
     return read
 
@@ -103,16 +103,13 @@ def _word(words: Mapping[Any, Any]) -> Callable[[Any], Any]:
     return read
 
 
-def _entries(read: Callable[[Any], Any], values: list[Any]) -> tuple[Any, ...]:
-    try:
-        return tuple(map(read, values))
-    except Mismatch:
-        for index, value in enumerate(values):
-            try:
-                read(value)
-            except Mismatch as mismatch:
-                raise mismatch.within(str(index)) from None
-        raise
+def _each(read: Callable[[Any], Any], entries: Iterable[tuple[Any, Any]]) -> Iterator[Any]:
+    """Yield the values of the entries of a list or map as Python has them; each entry is its index or key, and value."""
+    for key, value in entries:
+        try:
+            yield read(value)
+        except Mismatch as mismatch:
+            raise mismatch.within(str(key)) from None
 
 
 def list_of(inner: Kind) -> Kind:
@@ -121,7 +118,7 @@ def list_of(inner: Kind) -> Kind:
     def read(value: Any) -> tuple[Any, ...]:
         if type(value) is not list:
             raise wrong_kind(f"a list of {inner.plural}", value)
-        return _entries(inner.read, value)
+        return tuple(_each(inner.read, enumerate(value)))
 
     return Kind(f"list of {inner.plural}", f"a list of {inner.plural}", "lists", read, inner=inner)
 
@@ -132,13 +129,7 @@ def map_of(inner: Kind) -> Kind:
     def read(value: Any) -> dict[str, Any]:
         if type(value) is not dict:
             raise wrong_kind("a map", value)
-        found = {}
-        for key, entry in value.items():
-            try:
-                found[key] = inner.read(entry)
-            except Mismatch as mismatch:
-                raise mismatch.within(key) from None
-        return found
+        return dict(zip(value, _each(inner.read, value.items()), strict=True))
 
     return Kind(f"map of {inner.plural}", f"a map of {inner.plural}", "maps", read, inner=inner)
 
