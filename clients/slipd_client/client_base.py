@@ -6,21 +6,16 @@ returns the class of the reply in `slipd_client.messages.typed`. Forces are norm
 
 from __future__ import annotations
 
-import abc
 import contextlib
 import functools
 import threading
-import time
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
-import zmq
-
-from slipd_client.clock import ServerClock
-from slipd_client.errors import CallError, ClientError, LeaseInUse, RequestRefused, check_seconds
+from slipd_client.errors import CallError, ClientError, LeaseInUse
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
-from slipd_client.link import Link, Steps
+from slipd_client.link import Steps
 from slipd_client.messages.schema.replies import (
     FaultReply,
     FrictionReply,
@@ -37,8 +32,7 @@ from slipd_client.messages.schema.replies import (
     TareResult,
 )
 from slipd_client.messages.schema.request_fields import TARE_S
-from slipd_client.paths import requests_endpoint
-from slipd_client.request_protocol import TIMEOUT_S, Ask, Envelope, RequestProtocol, Result
+from slipd_client.request_protocol import TIMEOUT_S, Ask, RequestProtocol
 
 if TYPE_CHECKING:
     from slipd_client.aio import AsyncGripClient
@@ -71,7 +65,7 @@ class operation(Generic[P, T]):  # noqa: N801 - a decorator
         return self._method if client is None else MethodType(self._method, client)
 
 
-class GripClientBase(abc.ABC):
+class GripClientBase(RequestProtocol):
     """Sends requests and returns their replies.
 
     Every method raises RequestRefused when the daemon refuses, NoAnswer when it does not answer, LeaseLost instead of
@@ -91,55 +85,17 @@ class GripClientBase(abc.ABC):
 
     Attributes:
         timeout_s: The same; may be changed.
+        endpoint: Where the requests go.
+        clock: The daemon's clock, estimated from its replies; unknown before the first.
 
     Raises:
         CallError: ``endpoint`` is not a ZeroMQ endpoint, another user could listen there, or ``timeout_s`` is not a
             positive time.
     """
 
-    _lock: Callable[[], Any]
-    """Makes the lock whose holder sends the next request."""
-
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
-        check_seconds("timeout_s", timeout_s, TIMEOUT_S)
-        self.timeout_s = timeout_s
-        # IMMEDIATE: without it ZeroMQ keeps a request for a daemon that starts later, and delivers it then
-        where = requests_endpoint() if endpoint is None else endpoint
-        self._link = Link(zmq.DEALER, where, keys, {zmq.IMMEDIATE: 1})
-        self._protocol = RequestProtocol(where, time.monotonic_ns, self._check, self._exchange, self._sleep)
-        self._turn = self._lock()
-        self._lease: LeaseKeeper | None = None
+        super().__init__(endpoint, keys=keys, timeout_s=timeout_s)
         self._lease_slot = threading.Lock()
-
-    @property
-    def endpoint(self) -> str:
-        """Where the requests go."""
-        return self._link.endpoint
-
-    @property
-    def clock(self) -> ServerClock:
-        """The daemon's clock, estimated from its replies; unknown before the first."""
-        return self._protocol.clock
-
-    def _request(self, op: str, /, **fields: Any) -> Steps[Any]:
-        """Send one request; fields that are None are left out."""
-        return self._request_exactly(op, {name: each for name, each in fields.items() if each is not None})
-
-    async def _request_exactly(self, op: str, fields: dict[str, Any]) -> Any:
-        """Send one request with exactly these fields."""
-        lease = self._lease
-        try:
-            return await self._protocol.request(op, fields)
-        except RequestRefused as refusal:
-            if lease is not None and refusal.code in ("no_lease", "wrong_boot"):
-                lease.lose(str(refusal))
-            raise
-
-    def _check(self, op: str) -> None:
-        """Raise where the calling thread or task may not send ``op`` now, because of the lease of this client."""
-        lease = self._lease
-        if lease is not None:
-            lease.check_op(op)
 
     def _claim(self, lease: LeaseKeeper) -> None:
         """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""
@@ -156,57 +112,20 @@ class GripClientBase(abc.ABC):
         self._lease_slot.release()
 
     async def _acquire(self, lease: LeaseKeeper, ttl_ms: int) -> None:
-        await self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms})
-        lease.note_renewal(self._protocol.lease_asked_ns)
+        await self._ask(Ask("lease.acquire", {"ttl_ms": ttl_ms}, unchecked=True))
+        lease.note_renewal(self._lease_asked_ns)
 
     async def _renew_once(self, lease: LeaseKeeper) -> None:
         try:
-            await self._protocol.lease("lease.renew", {}, max(0.0, lease.left_s))
-            lease.note_renewal(self._protocol.lease_asked_ns)
+            await self._ask(Ask("lease.renew", {}, max(0.0, lease.left_s), unchecked=True))
+            lease.note_renewal(self._lease_asked_ns)
         except ClientError as error:
             lease.note_failure(error)
 
     async def _give_back(self, lease: LeaseKeeper) -> None:
         if not lease.lost:
             with contextlib.suppress(ClientError):
-                await self._protocol.lease("lease.release", {})
-
-    async def _exchange(self, ask: Ask) -> Result:
-        """Send a request when its turn has come, and return the result of its reply."""
-        timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
-        until = await self._take_turn(timeout_s)
-        try:
-            envelope = await self._send(ask, until)
-            while (frames := await self._frames(until)) is not None:
-                if (result := self._protocol.result(envelope, frames)) is not None:
-                    return result
-            raise self._protocol.no_reply(timeout_s)
-        finally:
-            self._turn.release()
-
-    async def _send(self, ask: Ask, until: float) -> Envelope:
-        while True:
-            envelope = self._protocol.pack(ask)
-            if self._link.send(envelope.data):
-                return envelope
-            if not await self._writable(until):
-                raise self._protocol.no_listener()
-
-    @abc.abstractmethod
-    async def _take_turn(self, timeout_s: float) -> float:
-        """Take the lock `_turn`; return until when the reply is waited for, on ``time.monotonic``."""
-
-    @abc.abstractmethod
-    async def _frames(self, until: float | None) -> list[bytes] | None:
-        """Wait for a message; None where none came."""
-
-    @abc.abstractmethod
-    async def _writable(self, until: float) -> bool:
-        """Wait for a peer to send to; return whether there may be one."""
-
-    @abc.abstractmethod
-    async def _sleep(self, seconds: float) -> None:
-        """Let time pass."""
+                await self._ask(Ask("lease.release", {}, unchecked=True))
 
     @operation
     def request(self, op: str, /, **fields: Any) -> Steps[Any]:
@@ -216,7 +135,7 @@ class GripClientBase(abc.ABC):
     @operation
     def hello(self) -> Steps[HelloReply]:
         """Return the daemon's run, its clock, the version of the API, and the names of its fingers."""
-        return self._protocol.hello()
+        return self._greet()
 
     @operation
     def status(self) -> Steps[StatusReply]:
@@ -288,8 +207,8 @@ class GripClientBase(abc.ABC):
         if isinstance(seconds, str):
             raise CallError(f"call tare(finger, stream, seconds): got stream {stream!r} and seconds {seconds!r}")
         if isinstance(stream, (int, float)):
-            return self._protocol.tare(finger, stream, self.timeout_s, unloaded=unloaded)
-        return self._protocol.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded)
+            return self._tare(finger, stream, None, unloaded=unloaded)
+        return self._tare(finger, seconds, stream, unloaded=unloaded)
 
     @operation
     def tare_get(self, finger: str, stream: str | None = None) -> Steps[TareReply]:

@@ -1,26 +1,34 @@
-"""Requests and their replies without a socket: what both grip clients send, and in which order.
+"""Requests and their replies: what both grip clients send, and in which order.
 
-The blocking and the asyncio client exchange each request in their own way, so every rule is written once.
+The blocking and the asyncio client only wait in their own ways, so every rule is written once.
 """
 
 from __future__ import annotations
 
+import abc
 import itertools
 import math
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import zmq
 
 from slipd_client.clock import ServerClock
 from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, check_seconds
-from slipd_client.link import Steps
+from slipd_client.lease_keeper import LeaseKeeper
+from slipd_client.link import Link, Steps
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode, request_limits
 from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
 from slipd_client.messages.schema.request_fields import TARE_S
-from slipd_client.paths import hint_for
+from slipd_client.paths import hint_for, requests_endpoint
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
 
 TIMEOUT_S = 1.0
 """Twice the longest deadline that a daemon accepts: no reply after that can mean that the request is still pending."""
@@ -67,40 +75,69 @@ class Envelope:
     data: bytes
 
 
-class RequestProtocol:
-    """One client's requests to one daemon.
+class RequestProtocol(abc.ABC):
+    """One client's requests to one daemon; arguments and attributes as of `GripClientBase`."""
 
-    Args:
-        endpoint: Where they go, for errors.
-        now_ns: CLOCK_MONOTONIC.
-        check: Raises where the calling thread or task may not send an op now, see `LeaseKeeper.check_op`.
-        exchange: Sends a request, and returns the result of its reply.
-        sleep: Lets some seconds pass.
+    _lock: Callable[[], Any]
+    """Makes the lock whose holder sends the next request."""
 
-    Attributes:
-        clock: The daemon's clock.
-        boot: The daemon's run; None until ``hello`` was answered.
-        lease_asked_ns: When the newest request for the client's own lease left; no greeting before it counts.
-    """
+    _now_ns = staticmethod(time.monotonic_ns)
 
-    def __init__(
-        self,
-        endpoint: str,
-        now_ns: Callable[[], int],
-        check: Callable[[str], None],
-        exchange: Callable[[Ask], Steps[Result]],
-        sleep: Callable[[float], Steps[None]],
-    ) -> None:
-        self.endpoint = endpoint
+    def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
+        check_seconds("timeout_s", timeout_s, TIMEOUT_S)
+        self.timeout_s = timeout_s
+        self.endpoint = requests_endpoint() if endpoint is None else endpoint
         self.clock = ServerClock()
-        self.boot: str | None = None
-        self.lease_asked_ns = 0
-        self._now_ns, self._check, self._exchange, self._sleep = now_ns, check, exchange, sleep
+        # IMMEDIATE: without it ZeroMQ keeps a request for a daemon that starts later, and delivers it then
+        self._link = Link(zmq.DEALER, self.endpoint, keys, {zmq.IMMEDIATE: 1})
+        self._turn = self._lock()
+        self._lease: LeaseKeeper | None = None
+        self._boot: str | None = None  # the daemon's run, once ``hello`` was answered
+        self._lease_asked_ns = (
+            0  # when the newest request for the client's own lease left; no greeting before it counts
+        )
         self._unreadable = ""
         self._prefix = os.urandom(8).hex()
         self._numbers = itertools.count(1)
 
-    async def hello(self) -> HelloReply:
+    @abc.abstractmethod
+    async def _take_turn(self, timeout_s: float) -> float:
+        """Take the lock `_turn`; return until when the reply is waited for, on ``time.monotonic``."""
+
+    @abc.abstractmethod
+    async def _frames(self, until: float | None) -> list[bytes] | None:
+        """Wait for a message; None where none came."""
+
+    @abc.abstractmethod
+    async def _writable(self, until: float) -> bool:
+        """Wait for a peer to send to; return whether there may be one."""
+
+    @abc.abstractmethod
+    async def _sleep(self, seconds: float) -> None:
+        """Let time pass."""
+
+    def _check(self, op: str) -> None:
+        """Raise where the calling thread or task may not send ``op`` now, because of the lease of this client."""
+        lease = self._lease
+        if lease is not None:
+            lease.check_op(op)
+
+    def _request(self, op: str, /, **fields: Any) -> Steps[Any]:
+        """Send one request; fields that are None are left out."""
+        return self._request_exactly(op, {name: each for name, each in fields.items() if each is not None})
+
+    async def _request_exactly(self, op: str, fields: dict[str, Any]) -> Any:
+        """Send one request with exactly these fields."""
+        lease = self._lease
+        self._check(op)
+        try:
+            return await self._ask(Ask(op, fields))
+        except RequestRefused as refusal:
+            if lease is not None and refusal.code in ("no_lease", "wrong_boot"):
+                lease.lose(str(refusal))
+            raise
+
+    async def _greet(self) -> HelloReply:
         """Ask for the daemon's run and clock, again while the line was too slow to bound the clock well."""
         for _ in range(GREETINGS):
             result = await self._exchange(Ask("hello", {}))
@@ -110,36 +147,27 @@ class RequestProtocol:
                 raise NoAnswer(
                     f"{self.endpoint} answers hello, but {mismatch.path} {mismatch.rule}: is this slipd?"
                 ) from mismatch
-            self.boot = reply.boot
+            self._boot = reply.boot
             if self._error_ns() <= GOOD_ERROR_NS:
                 break
         return reply
 
-    async def request(self, op: str, fields: dict[str, Any]) -> Any:
-        """Send one request, after ``hello`` where run or clock are not known; return the reply as the op's class."""
-        self._check(op)
-        return await self._request(Ask(op, fields))
-
-    async def lease(self, op: str, fields: dict[str, Any], timeout_s: float | None = None) -> Any:
-        """Send a request for the client's own lease: to acquire it, renew it or give it back."""
-        return await self._request(Ask(op, fields, timeout_s, unchecked=True))
-
-    async def _request(self, ask: Ask) -> Any:
-        """Send one request.
+    async def _ask(self, ask: Ask) -> Any:
+        """Send one request, after ``hello`` where run or clock are not known; return the reply as the op's class.
 
         A clock that is read again never redirects a request to a restarted daemon. That request is refused, so that the
         program learns of the restart; the next request greets the new daemon.
         """
-        boot = self.boot
+        boot = self._boot
         if boot is None or self._error_ns() > DEADLINE_NS // 2:
-            await self.hello()
+            await self._greet()
         if boot is not None:
-            self.boot = boot
+            self._boot = boot
         try:
             result = await self._exchange(ask)
         except RequestRefused as refusal:
             if refusal.code in ("wrong_boot", "deadline_passed", "deadline_too_far"):
-                self.boot = None  # what hello returned is out of date
+                self._boot = None  # what hello returned is out of date
                 self.clock.forget()
             raise
         try:
@@ -149,29 +177,52 @@ class RequestProtocol:
                 f"{self.endpoint} carried out {ask.op}, but in its reply {mismatch.path} {mismatch.rule}"
             ) from mismatch
 
-    async def tare(
-        self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
-    ) -> TareResult:
+    async def _exchange(self, ask: Ask) -> Result:
+        """Send a request when its turn has come, and return the result of its reply."""
+        timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
+        until = await self._take_turn(timeout_s)
+        try:
+            envelope = await self._send(ask, until)
+            while (frames := await self._frames(until)) is not None:
+                if (result := self._result(envelope, frames)) is not None:
+                    return result
+        finally:
+            self._turn.release()
+        raise NoAnswer(
+            f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
+            f"{self._unreadable}"
+        )
+
+    async def _send(self, ask: Ask, until: float) -> Envelope:
+        while True:
+            envelope = self._pack(ask)
+            if self._link.send(envelope.data):
+                return envelope
+            if not await self._writable(until):
+                where = self.endpoint
+                raise NoAnswer(f"nobody accepts requests at {where}; nothing was sent. {hint_for(where)}")
+
+    async def _tare(self, finger: str, seconds: float, stream: str | None, *, unloaded: bool) -> TareResult:
         """Start a tare of one stream, or of "all", and wait until it is taken."""
         check_seconds("seconds", seconds, TARE_S)
-        named = {} if stream is None else {"stream": stream}
-        confirmed = {"unloaded": True} if unloaded else {}
-        begun: TareBegun = await self.request("tare", {"finger": finger, "seconds": seconds} | named | confirmed)
-        until_ns = self._now_ns() + int((seconds + timeout_s) * 1e9)
+        begun: TareBegun = await self._request(
+            "tare", finger=finger, seconds=seconds, stream=stream, unloaded=unloaded or None
+        )
+        until_ns = self._now_ns() + int((seconds + self.timeout_s) * 1e9)
         verified = {"verified": begun.verified}
         if stream != "all" or not begun.tare_ids:
-            tare = await self._wait_for_tare({"finger": finger} | named, begun.tare_id, until_ns)
+            tare = await self._wait_for_tare(finger, stream, begun.tare_id, until_ns)
             return TareResult(tare | verified, finger, begun.verified, {tare.stream or "": tare})
         tares = {}
         for kind, before in begun.tare_ids.items():
-            tares[kind] = await self._wait_for_tare({"finger": finger, "stream": kind}, before, until_ns)
+            tares[kind] = await self._wait_for_tare(finger, kind, before, until_ns)
         return TareResult({"finger": finger, "streams": tares} | verified, finger, begun.verified, tares)
 
-    async def _wait_for_tare(self, fields: dict[str, str], before: int | None, until_ns: int) -> TareReply:
+    async def _wait_for_tare(self, finger: str, stream: str | None, before: int | None, until_ns: int) -> TareReply:
         """Wait until the tare after ``before`` is taken."""
-        what = " ".join(fields.values())
+        what = f"{finger} {stream or ''}".rstrip()
         while True:
-            tare: TareReply = await self.request("tare.get", fields)
+            tare: TareReply = await self._request("tare.get", finger=finger, stream=stream)
             if not tare.busy:
                 break
             if self._now_ns() > until_ns:
@@ -183,7 +234,7 @@ class RequestProtocol:
             raise TareGivenUp("undone", f"the tare of {what} was given up: {TARE_REASONS['undone'].replace('`', '')}")
         raise TareGivenUp(tare.given_up_reason or "", f"the tare of {what} was given up: {tare.given_up}")
 
-    def pack(self, ask: Ask) -> Envelope:
+    def _pack(self, ask: Ask) -> Envelope:
         """Return a request as it leaves now.
 
         Raises:
@@ -201,14 +252,14 @@ class RequestProtocol:
             earliest_ns = self.clock.earliest_ns(now_ns)
             if earliest_ns is None:
                 raise NoAnswer(f"the clock of {self.endpoint} is no longer known; nothing was sent")
-            body |= {"boot": self.boot, "deadline_ns": earliest_ns + DEADLINE_NS}
+            body |= {"boot": self._boot, "deadline_ns": earliest_ns + DEADLINE_NS}
         data = _encoded(body, ask)
         decode(data, request_limits(data))
         if ask.unchecked:
-            self.lease_asked_ns = now_ns
+            self._lease_asked_ns = now_ns
         return Envelope(number, now_ns, data)
 
-    def result(self, envelope: Envelope, frames: list[bytes]) -> Result | None:
+    def _result(self, envelope: Envelope, frames: list[bytes]) -> Result | None:
         """Return the result in the reply to a request; None for the reply to an earlier one, or an unreadable one.
 
         Raises:
@@ -235,17 +286,6 @@ class RequestProtocol:
         raise RequestRefused(
             str(fault.get("code")), str(fault.get("message") or "no reason given"), str(fault.get("field") or "")
         )
-
-    def no_listener(self) -> NoAnswer:
-        """Return the error of a request that nobody was there to receive."""
-        return NoAnswer(f"nobody accepts requests at {self.endpoint}; nothing was sent. {hint_for(self.endpoint)}")
-
-    def no_reply(self, timeout_s: float) -> NoAnswer:
-        """Return the error of a request that was sent and not answered."""
-        text = (
-            f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
-        )
-        return NoAnswer(text + self._unreadable)
 
     def _error_ns(self) -> float:
         error_ns = self.clock.error_ns(self._now_ns())

@@ -353,7 +353,7 @@ def test_a_tare_without_readings_is_told(daemon: Daemon, monkeypatch: pytest.Mon
     daemon.handlers["tare.get"] = lambda _: {"busy": True, "tare_id": 1}
     with GripClient(daemon.endpoint) as client:
         monkeypatch.setattr(
-            client._protocol,
+            client,
             "_now_ns",
             lambda: time.monotonic_ns() + 25 * 10**9 * daemon.ops.count("tare.get"),  # 25 s pass with each look
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import sys
 from collections import ChainMap
 from collections.abc import Callable, Mapping
@@ -109,7 +108,10 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
     return dataclasses.field(default=default, metadata=metadata)
 
 
-@functools.cache
+_PLANS: dict[type[Any], tuple[tuple[str, str, Callable[[Any], Any], bool], ...]] = {}
+"""How to read each class, found once."""
+
+
 def fields_of(cls: type[Any]) -> tuple[Field, ...]:
     """Return the fields that the attributes of a dataclass declare, in their order; none of another class."""
     if not dataclasses.is_dataclass(cls):
@@ -131,7 +133,7 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
         Mismatch: A field is missing without a default, or its value is of another kind.
     """
     values = {}
-    for attribute, key, read, needed in _plan(cls):
+    for attribute, key, read, needed in _PLANS.get(cls) or _plan(cls):
         value = raw.get(key)
         if value is not None:
             try:
@@ -143,15 +145,15 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-@functools.cache
 def _plan(cls: type[Any]) -> tuple[tuple[str, str, Callable[[Any], Any], bool], ...]:
     """Look up attribute, key, reader and whether there is no default, of each field."""
     without_default = {
         each.name for each in dataclasses.fields(cls) if each.default is MISSING and each.default_factory is MISSING
     }
-    return tuple(
+    _PLANS[cls] = tuple(
         (each.attribute, each.name, each.kind.read, each.attribute in without_default) for each in fields_of(cls)
     )
+    return _PLANS[cls]
 
 
 def _part(cls: type[Any]) -> Kind:

@@ -104,7 +104,7 @@ def _word(words: Mapping[Any, Any]) -> Callable[[Any], Any]:
 
 
 def _each(read: Callable[[Any], Any], entries: Iterable[tuple[Any, Any]]) -> Iterator[Any]:
-    """Yield the values of the entries of a list or map as Python has them; each entry is its index or key, and value."""
+    """Yield the values of a list or map as Python has them; ``entries`` are pairs of index or key, and value."""
     for key, value in entries:
         try:
             yield read(value)
