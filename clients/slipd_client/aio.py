@@ -129,9 +129,7 @@ class AsyncSubscriber(_InLoop, SubscriberBase):
 class AsyncLease(LeaseKeeper):
     """A lease while its block runs. `AsyncGripClient.lease` creates it."""
 
-    def __init__(self, ttl_ms: int, sent_ns: int, owner: str) -> None:
-        super().__init__(ttl_ms, sent_ns, owner)
-        self._ended = asyncio.Event()
+    _event = asyncio.Event
 
     async def wait(self, seconds: float) -> None:
         """Let time pass while holding the lease.
@@ -142,11 +140,6 @@ class AsyncLease(LeaseKeeper):
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._ended.wait(), seconds)
         self.check()
-
-    def lose(self, why: str) -> None:
-        """Mark it as lost; the first reason stays."""
-        super().lose(why)
-        self._ended.set()
 
 
 class AsyncGripClient(_InLoop, GripClientBase):

@@ -16,10 +16,6 @@ from slipd_client.link import Blocking
 class Lease(LeaseKeeper):
     """A lease while its block runs. `GripClient.lease` creates it."""
 
-    def __init__(self, ttl_ms: int, sent_ns: int, owner: str) -> None:
-        super().__init__(ttl_ms, sent_ns, owner)
-        self._ended = threading.Event()
-
     def wait(self, seconds: float) -> None:
         """Let time pass while holding the lease.
 
@@ -28,11 +24,6 @@ class Lease(LeaseKeeper):
         """
         self._ended.wait(seconds)
         self.check()
-
-    def lose(self, why: str) -> None:
-        """Mark it as lost; the first reason stays."""
-        super().lose(why)
-        self._ended.set()
 
 
 class GripClient(Blocking, GripClientBase):

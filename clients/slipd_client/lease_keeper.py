@@ -1,4 +1,4 @@
-"""Keeps account of one lease: until when it lasts, whether it is lost, and who may use it. Knows no thread or loop.
+"""Keeps account of one lease: until when it lasts, whether it is lost, and who may use it.
 
 A lease counts as lost here earlier than the daemon ends it, never later.
 """
@@ -6,8 +6,11 @@ A lease counts as lost here earlier than the daemon ends it, never later.
 from __future__ import annotations
 
 import math
+import threading
 import time
+from collections.abc import Callable
 from contextvars import ContextVar
+from typing import Any
 
 from slipd_client.errors import LeaseInUse, LeaseLost, RequestRefused
 from slipd_client.messages.schema.ops import URGENT_OPS, lease_rule
@@ -53,8 +56,12 @@ class LeaseKeeper:
         owner: Name of the thread or task, for errors.
     """
 
+    _event: Callable[[], Any] = threading.Event
+    """Makes the event on which the block waits for the loss."""
+
     def __init__(self, ttl_ms: int, sent_ns: int, owner: str) -> None:
         self.owner = owner
+        self._ended = self._event()
         self._ttl_ns = ttl_ms * 1_000_000
         self._sent_ns = sent_ns
         self._why = ""
@@ -93,6 +100,7 @@ class LeaseKeeper:
     def lose(self, why: str) -> None:
         """Mark it as lost; the first reason stays."""
         self._why = self._why or why
+        self._ended.set()
 
     def check(self) -> None:
         """Do nothing while the lease is held.

@@ -40,59 +40,51 @@ class Decoder:
             raise ValueError(f"magnetometers must be from 1 to 16, got {magnetometers}")
         self.health = DecoderHealth()
         self._shape = (magnetometers, 4)
-        self._body = 16 * magnetometers
-        self._buffer = b""
-        self._in_step = False
+        self._length = 16 * magnetometers + len(END)
+        self._buffer = b""  # begins with the end of the last frame
+        self._in_step = False  # that end is of a good frame
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Return the images that bytes received at ``t_ns`` complete."""
         buffer, at = self._buffer + data, 0
         samples = []
-        length = self._body + len(END)
-        while True:
-            if not self._in_step:
-                found = buffer.find(END, at)
-                if found < 0:
-                    at = self._skip(at, max(at, len(buffer) - 1))
-                    break
-                at = self._skip(at, found)
-                if len(buffer) - at < len(END) + length:
-                    break
-                sample = self._sample(buffer[at + len(END) : at + len(END) + length], t_ns)
-                at = self._skip(at, at + len(END)) if sample is not None else self._skip(at, at + 1)
-                self._in_step = sample is not None
-                continue
-            if len(buffer) - at < length:
-                break
-            sample = self._sample(buffer[at : at + length], t_ns)
-            if sample is None:
-                self._in_step = False
+        while (begin := buffer.find(END, at)) >= 0 and len(buffer) - begin >= len(END) + self._length:
+            self._skip(begin - at)
+            sample = self._sample(buffer[begin + len(END) : begin + len(END) + self._length], t_ns)
+            if sample is not None:
+                self._skip(0 if self._in_step else len(END))
+                samples.append(sample)
+                at = begin + self._length
+            elif self._in_step:
                 self.health.bad += 1
-                continue
-            samples.append(sample)
-            at += length
-        self._buffer = buffer[at:]
+                at = begin + len(END)
+            else:
+                self._skip(1)
+                at = begin + 1
+            self._in_step = sample is not None
+        rest = begin if begin >= 0 else max(at, len(buffer) - 1)
+        self._skip(rest - at)
+        self._buffer = buffer[rest:]
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
         """Discard an incomplete frame: the line was closed."""
-        self._skip(0, len(self._buffer))
+        self._skip(len(self._buffer) - (len(END) if self._in_step else 0))
         self._buffer, self._in_step = b"", False
 
     def _sample(self, frame: bytes, t_ns: int) -> TactileSample | None:
         """Return the image of a frame; None if it cannot be one."""
         if not frame.endswith(END):
             return None
-        values = np.frombuffer(frame, "<f4", self._body // 4).reshape(self._shape)
+        values = np.frombuffer(frame, "<f4", 4 * self._shape[0]).reshape(self._shape)
         if not np.all(np.abs(values) <= _LARGEST):
             return None
         return TactileSample(t_ns, None, values[:, 1:].astype(np.float64), ("raw",))
 
-    def _skip(self, start: int, end: int) -> int:
-        """Count the bytes from ``start`` to ``end``, which belong to no frame; return ``end``."""
-        self.health.bad_bytes += end - start
-        return end
+    def _skip(self, count: int) -> None:
+        """Count bytes that belong to no frame."""
+        self.health.bad_bytes += count
 
 
 def encode_frame(field_ut: np.typing.ArrayLike, temperature_c: float = 25.0) -> bytes:
