@@ -108,6 +108,9 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
     return dataclasses.field(default=default, metadata=metadata)
 
 
+_FIELDS: dict[type[Any], tuple[Field, ...]] = {}
+"""Fields of each class, found once."""
+
 _PLANS: dict[type[Any], tuple[tuple[str, str, Callable[[Any], Any], bool], ...]] = {}
 """How to read each class, found once."""
 
@@ -116,6 +119,8 @@ def fields_of(cls: type[Any]) -> tuple[Field, ...]:
     """Return the fields that the attributes of a dataclass declare, in their order; none of another class."""
     if not dataclasses.is_dataclass(cls):
         return ()
+    if cls in _FIELDS:
+        return _FIELDS[cls]
     names = ChainMap(*(vars(sys.modules[base.__module__]) for base in cls.__mro__))
     found = []
     for each in dataclasses.fields(cls):
@@ -123,7 +128,8 @@ def fields_of(cls: type[Any]) -> tuple[Field, ...]:
             kind = _kind(str(each.type).removesuffix(" | None"), names)
             name = declared["name"] or each.name
             found.append(Field(**declared | {"name": name, "attribute": each.name, "kind": kind}))
-    return tuple(found)
+    _FIELDS[cls] = tuple(found)
+    return _FIELDS[cls]
 
 
 def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
