@@ -1,6 +1,7 @@
-"""The command ``slipd`` and what carries out each of its subcommands.
+"""The command ``slipd``: runs the command that was typed, and turns its end into an exit code.
 
-Each command imports what it needs. It returns False where the answer is no, for example where a recording is damaged.
+What carries a command out is imported then; it returns False where the answer is no, for example where a recording is
+damaged.
 """
 
 from __future__ import annotations
@@ -9,11 +10,14 @@ import argparse
 import contextlib
 import difflib
 import os
+import pkgutil
 import sys
-from typing import NoReturn
+from pathlib import Path
+from typing import Any, NoReturn
 
 from slipd.errors import ConfigError, SlipdError, UsageError
 from slipd.io.log_lines import log_uncaught, open_log
+from slipd.tools.cli_commands import COMMANDS
 from slipd.tools.cli_parser import parser
 from slipd.types.device_text import printable_lines
 
@@ -70,16 +74,23 @@ def _hint(words: list[str]) -> str:
     if command in SLIPCTL:
         call = " ".join(["slipctl", SLIPCTL[command], *rest])
         return f"{command} is a command of slipctl, which asks a running daemon: {call}"
-    names = {name.partition(" ")[0] for name in COMMANDS} | set(SLIPCTL)
+    names = {each.name.partition(" ")[0] for each in COMMANDS} | set(SLIPCTL)
     near = [] if command in names or command.startswith("-") else difflib.get_close_matches(command, names, n=1)
     if near:
         return f"there is no command {command!r}; did you mean {near[0]!r}?"
     return next((RENAMED[command, word] for word in rest if (command, word) in RENAMED), "")
 
 
+def carry_out(arguments: argparse.Namespace) -> object:
+    """Call what carries out a command; return its answer."""
+    options = vars(arguments).copy()
+    del options["command"]
+    return pkgutil.resolve_name(options.pop("run"))(**options)
+
+
 def _exit_code(arguments: argparse.Namespace) -> int:
     try:
-        return NO if COMMANDS[arguments.command](arguments) is False else DONE
+        return NO if carry_out(arguments) is False else DONE
     except ConfigError as error:
         print(error, file=sys.stderr)
         return WRONG
@@ -106,193 +117,49 @@ def _end_process(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _first_steps(_: argparse.Namespace) -> None:
+def first_steps() -> None:
+    """Print what to type first, where no command is given."""
     from slipd.tools.shipped_command import FIRST_STEPS
 
     print(FIRST_STEPS)
     raise UsageError("a command is missing; slipd --help lists all")
 
 
-def _run(arguments: argparse.Namespace) -> None:
-    from slipd.service import run_command
-
-    run_command(arguments.config, arguments.record)
-
-
-def _demo(arguments: argparse.Namespace) -> bool:
+def demo(scene: str, *, without_advice: bool, **options: Any) -> bool:
+    """Run the demo; see `slipd.tools.demo.run_demo`."""
     from slipd.tools.demo import Scene, run_demo
 
-    scene = Scene(arguments.scene == "carry", not arguments.without_advice)
-    return run_demo(
-        arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record, scene=scene
-    )
+    return run_demo(**options, scene=Scene(scene == "carry", not without_advice))
 
 
-def _identify(arguments: argparse.Namespace) -> None:
-    from slipd.tools.recordings.identify_mass import identify_command
-
-    identify_command(arguments.file, arguments.finger, as_json=arguments.json)
-
-
-def _check(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.check_command import check_command
-
-    return check_command(arguments.config, as_json=arguments.json)
-
-
-def _shipped(arguments: argparse.Namespace) -> None:
-    from slipd.tools import shipped_command
-
-    name = getattr(arguments, "name", None)
-    if name is None:
-        shipped_command.list_files(arguments.command, as_json=arguments.json)
-    else:
-        shipped_command.print_file(arguments.command, name)
-
-
-def _service(arguments: argparse.Namespace) -> None:
-    from slipd.tools.service_command import ServiceFiles, own_program
-
-    files = ServiceFiles(arguments.system, arguments.root, arguments.program or own_program())
-    (files.install if arguments.command == "service install" else files.uninstall)()
-
-
-def _info(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.recordings.info import info_command
-
-    return info_command(arguments.file, as_json=arguments.json)
-
-
-def _replay(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.replay_command import replay_command
-
-    return replay_command(arguments.file, arguments.speed, as_json=arguments.json, publish=arguments.publish)
-
-
-def _recover(arguments: argparse.Namespace) -> None:
-    from slipd.tools.recordings.recover import recover_command
-
-    recover_command(arguments.file, arguments.out, without_secrets=arguments.without_secrets)
-
-
-def _view(arguments: argparse.Namespace) -> None:
-    from slipd.tools.recordings.view_recording import view_recording
-
-    view_recording(arguments.file, arguments.listen)
-
-
-def _evaluate(arguments: argparse.Namespace) -> bool:
+def evaluate(
+    recordings: list[Path], config: list[Path], shard: tuple[int, int], dask: str | None, results: Path | None,
+    **options: Any,
+) -> bool:  # fmt: skip
+    """Compare configs on recordings; see `slipd.tools.evaluation.evaluate_command.evaluate_command`."""
     from slipd.tools.cli_arguments import chosen
     from slipd.tools.evaluation.evaluate_command import evaluate_command
     from slipd.tools.evaluation.executors import on_dask
     from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 
-    results = arguments.results
     return evaluate_command(
-        chosen(arguments.recordings, arguments.shard),
-        arguments.config,
+        chosen(recordings, shard),
+        config,
         ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False),
-        None if arguments.dask is None else on_dask(arguments.dask),
-        out=arguments.out,
-        as_json=arguments.json,
+        None if dask is None else on_dask(dask),
+        **options,
     )
 
 
-def _plot(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.plot.binned_track import Window
-    from slipd.tools.plot.plot_command import plot_command
-
-    return plot_command(arguments.file, arguments.out, arguments.config, Window(arguments.begin_s, arguments.end_s))
-
-
-def _export(arguments: argparse.Namespace) -> bool:
+def export(recordings: list[Path], out: Path, **options: Any) -> bool:
+    """Export recordings; see `slipd.tools.export.export_command.export_command`."""
     from slipd.tools.export.export_command import ExportOptions, export_command
 
-    options = ExportOptions(arguments.to, arguments.rate, arguments.task, arguments.overwrite)
-    return export_command(arguments.recordings, arguments.out, options)
+    return export_command(recordings, out, ExportOptions(**options))
 
 
-def _devices(arguments: argparse.Namespace) -> None:
-    from slipd.tools.devices_command import print_devices
-
-    print_devices(arguments.name, as_json=arguments.json)
-
-
-def _doctor(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.discovery.doctor_command import doctor
-
-    return doctor(arguments)
-
-
-def _init(arguments: argparse.Namespace) -> None:
-    from slipd.tools.discovery.config_draft import init_command
-
-    init_command(arguments.file, arguments.ports, only_list=arguments.list)
-
-
-def _commission(arguments: argparse.Namespace) -> bool:
-    from slipd.tools.commission.commission_command import CommissionOptions, commission_command
-
-    options = CommissionOptions(
-        arguments.finger,
-        arguments.first,
-        arguments.patience,
-        not arguments.dry_run,
-        arguments.publish,
-        arguments.requests,
-        arguments.key,
-        arguments.server_key,
-        arguments.page,
-    )
-    return commission_command(arguments.file, options)
-
-
-def _emulate(arguments: argparse.Namespace) -> None:
-    from slipd.tools.sim.emulate_command import emulate_command
-
-    emulate_command(arguments.file, arguments.dir, arguments.script, arguments.seed, unkind=arguments.unkind)
-
-
-def _touch(arguments: argparse.Namespace) -> bool:
+def touch(folder: Path, words: list[str]) -> bool:
+    """Touch the pads of an emulation; see `slipd.tools.sim.emulate_command.touch_command`."""
     from slipd.tools.sim.emulate_command import touch_command
 
-    return touch_command(arguments.dir, arguments.words) == DONE
-
-
-def _import(arguments: argparse.Namespace) -> None:
-    from slipd.tools.recordings.import_command import import_command
-
-    import_command(arguments)
-
-
-COMMANDS = {
-    "": _first_steps,
-    "run": _run,
-    "demo": _demo,
-    "check": _check,
-    "config list": _shipped,
-    "config show": _shipped,
-    "docs": _shipped,
-    "service show": _shipped,
-    "service install": _service,
-    "service uninstall": _service,
-    "info": _info,
-    "replay": _replay,
-    "recover": _recover,
-    "view": _view,
-    "evaluate": _evaluate,
-    "export": _export,
-    "plot": _plot,
-    "identify": _identify,
-    "devices": _devices,
-    "doctor": _doctor,
-    "init": _init,
-    "commission": _commission,
-    "emulate": _emulate,
-    "touch": _touch,
-    "import grips": _import,
-    "import pushes": _import,
-    "import arq": _import,
-    "import papillarray": _import,
-}
-"""What carries out each command of the parser."""
+    return touch_command(folder, words) == DONE

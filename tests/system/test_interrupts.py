@@ -29,10 +29,10 @@ PATIENCE_S = 110.0
 def test_an_interrupt_is_an_end_only_of_what_is_ended_by_hand(
     command: list[str], code: int, error: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(_: object) -> int:
+    def interrupted(*_: object) -> None:
         raise KeyboardInterrupt  # for example while its libraries are loaded
 
-    monkeypatch.setitem(cli.COMMANDS, command[0], interrupted)
+    monkeypatch.setattr(cli, "carry_out", interrupted)
     assert cli.main(command) == code
     assert capsys.readouterr().err == error
 

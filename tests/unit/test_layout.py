@@ -16,7 +16,6 @@ LONGER = {
     "fusion/limit_surface.py": "each question about a contact has its whole contract and an example beside it",
     "fusion/loads.py": "likewise each rule that distributes a normal force",
     "gripper/motion_rules.py": "one function for each rule of the gate",
-    "tools/cli_parser.py": "every command with its arguments stands here, in the order of the help",
 }
 """Longer files, and why."""
 

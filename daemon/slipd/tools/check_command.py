@@ -7,14 +7,13 @@ import sys
 from pathlib import Path
 from typing import Any, cast
 
-from slipd import config
-from slipd.config import Config, Gripper
+from slipd.config import Config, Gripper, hints, load
 from slipd.errors import ConfigError
 from slipd.gripper.reflex import PERIOD_NS
 from slipd.types.device_text import printable
 
 
-def check_command(file: Path, *, as_json: bool) -> bool:
+def check_command(config: Path, *, as_json: bool) -> bool:
     """Check a config, and print what it is; as JSON one document.
 
     Returns:
@@ -24,13 +23,13 @@ def check_command(file: Path, *, as_json: bool) -> bool:
         ConfigError: There is no such file.
     """
     try:
-        rig = config.load(file)
+        rig = load(config)
     except ConfigError as error:
-        if not file.is_file():
+        if not config.is_file():
             raise
         if as_json:
             faults = [{"key": fault.path, "line": fault.line, "message": fault.message} for fault in error.faults]
-            print(json.dumps({"file": str(file), "valid": False, "faults": faults}, ensure_ascii=False))
+            print(json.dumps({"file": str(config), "valid": False, "faults": faults}, ensure_ascii=False))
         else:
             print(error, file=sys.stderr)
         return False
@@ -38,15 +37,15 @@ def check_command(file: Path, *, as_json: bool) -> bool:
         name: {"device": stream.device, "port": stream.port, "rate_hz": stream.rate_hz}
         for name, stream in rig.streams().items()
     }
-    hints = [printable(hint) for hint in config.hints(rig, str(file))]
-    reflex = [_reflex_text(rig)] if rig.reflex.enabled else []
+    remarks = [printable(hint) for hint in hints(rig, str(config))]
+    remarks += [_reflex_text(rig)] if rig.reflex.enabled else []
     if as_json:
-        found: dict[str, Any] = {"file": str(file), "valid": True, "faults": [], "config_id": rig.config_id}
-        print(json.dumps(found | {"streams": streams, "hints": hints + reflex}, ensure_ascii=False))
+        found: dict[str, Any] = {"file": str(config), "valid": True, "faults": [], "config_id": rig.config_id}
+        print(json.dumps(found | {"streams": streams, "hints": remarks}, ensure_ascii=False))
         return True
     for name, each in streams.items():
         print(f"{name}: {each['device']} on {each['port']}, {each['rate_hz']:g} Hz")
-    for line in [*hints, *reflex, f"{file}: valid, config_id {rig.config_id}"]:
+    for line in [*remarks, f"{config}: valid, config_id {rig.config_id}"]:
         print(line)
     return True
 

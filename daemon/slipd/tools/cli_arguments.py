@@ -1,10 +1,11 @@
-"""What the commands of ``slipd`` share: subcommands, the kinds of their arguments, and the recordings they name."""
+"""What describes a command of ``slipd``, the kinds of arguments, and the recordings that they name."""
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +34,54 @@ EVERY = (1, 1)
 """The share of the recordings that is all of them."""
 
 
-def add_command(commands: Any, command: str, purpose: str, more: str = "") -> argparse.ArgumentParser:
-    """Add a subcommand; the last word of ``command`` is its name, and ``more`` stands at the end of its help."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        command.split()[-1], help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.", epilog=more
-    )
-    parser.set_defaults(command=command)
-    return parser
+Add = Callable[[Any], object]
+"""Adds arguments to a parser, or to a group of one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command of ``slipd``.
+
+    Attributes:
+        name: Its words.
+        run: What carries it out, "module:function", which takes the arguments by name; "" for a list of commands.
+        purpose: What it does, for the list of commands.
+        arguments: What it takes, in the order of its help.
+        more: What stands at the end of its help.
+        below: The commands below it, as its help names them; "" for none.
+        given: Further arguments of the function.
+    """
+
+    name: str
+    run: str
+    purpose: str
+    arguments: Sequence[Add] = ()
+    more: str = ""
+    below: str = ""
+    given: Mapping[str, str] = field(default_factory=dict)
+
+
+def argument(*names: str, **given: Any) -> Add:
+    """Return what adds an argument; names and properties are those of ``add_argument`` of argparse."""
+
+    def add(to: Any) -> None:
+        to.add_argument(*names, **given)
+
+    return add
+
+
+def one_of(*arguments: Add, required: bool = False) -> Add:
+    """Return what adds arguments of which one may be given, or must be."""
+
+    def add(to: Any) -> None:
+        group = to.add_mutually_exclusive_group(required=required)
+        for each in arguments:
+            each(group)
+
+    return add
+
+
+JSON = argument("--json", dest="as_json", action="store_true", help="print one JSON document")
 
 
 def positive(text: str) -> float:
@@ -134,23 +176,3 @@ def chosen(paths: Iterable[Path], share: tuple[int, int] = EVERY) -> list[Path]:
         found |= dict.fromkeys(inside)
     number, of = share
     return list(found)[number - 1 :: of]
-
-
-def add_doctor_arguments(doctor: argparse.ArgumentParser) -> None:
-    """Add the port, the device, and how it is read."""
-    doctor.epilog = (
-        "Nothing moves: a gripper is only asked for its status. Writes a report and a capture of the bytes, "
-        "which name no port, host or user (docs/first_hardware.md). Exit code 1: something is wrong, or the port "
-        "cannot be opened."
-    )
-    doctor.add_argument("port", metavar="PORT", help="serial port or address; or a FILE.capture, to examine it again")
-    doctor.add_argument("--device", metavar="NAME", help="name of the device (slipd devices)")
-    doctor.add_argument("--seconds", type=positive, default=10.0, metavar="S", help="how long to read (default 10)")
-    doctor.add_argument("--rate", type=positive, metavar="HZ", help="expected readings per second (default: any)")
-    doctor.add_argument("--baud", type=int, metavar="N", help="line speed, bit/s (default: the device's)")
-    doctor.add_argument(
-        "--options", default="", metavar="TOML", help="options of the device, such as 'rows = 8, cols = 16'"
-    )
-    doctor.add_argument(
-        "--out", type=Path, default=Path(), metavar="DIR", help="folder for report and capture (default: this one)"
-    )

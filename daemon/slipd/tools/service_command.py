@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 from slipd.config.config_file import system_file
@@ -35,79 +34,78 @@ next:
 }
 
 
-@dataclass(frozen=True)
-class ServiceFiles:
-    """The files of the service of all users, or of one.
+def install(root: Path, program: Path | None = None, *, system: bool) -> None:
+    """Write the files, readable by all and writable by their owner alone, and print the next steps.
 
-    Attributes:
-        system: For all users.
+    A file that somebody changed is kept.
+
+    Args:
         root: Folder that stands for ``/``, for packages.
-        program: The program that the unit starts.
+        program: The program that the unit starts; None: this one.
+        system: For all users; else for this user.
+
+    Raises:
+        SlipdError: A file cannot be written, the unit there is none of slipd, or systemd could not start the program.
     """
+    program = program or own_program()
+    hidden = [program.resolve(), Path(sys.executable).resolve()] if root == Path("/") else []
+    if system and (homes := [str(path) for path in hidden if str(path).startswith(HOMES)]):
+        raise SlipdError(f"{homes[0]}: the service of all users cannot run a program of one user's home")
+    os.umask(0o022)
+    unit = _unit(root, system=system)
+    try:
+        if (there := _text(unit)) and DESCRIPTION not in there:
+            raise SlipdError(f"{unit}: is not a unit of slipd, and is not replaced")
+        for path, text in _others(root, system=system).items():
+            if _text(path) in ("", text):
+                _write(path, text)
+            else:
+                print(f"kept, because it was changed: {path}")
+        if system:
+            (root / "etc/slipd").mkdir(parents=True, exist_ok=True)
+        shipped = system_file("slipd.service" if system else "slipd-user.service")
+        _write(unit, with_program(shipped.read_text("utf-8"), program))
+    except OSError as error:
+        raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    print(NEXT_STEPS[system])
 
-    system: bool
-    root: Path
-    program: Path
 
-    @property
-    def unit(self) -> Path:
-        """Where systemd finds the unit."""
-        if self.system:
-            return self.root / "etc/systemd/system/slipd.service"
-        home = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
-        return home / "systemd/user/slipd.service"
+def uninstall(root: Path, program: Path | None = None, *, system: bool) -> None:
+    """Remove the files that `install` wrote, but none that was changed and no unit of another program.
 
-    @property
-    def others(self) -> dict[Path, str]:
-        """The other files with their contents: the user of the service, and rules for serial ports."""
-        if not self.system:
-            return {}
-        shipped = {"etc/sysusers.d/slipd.conf": "slipd.sysusers", "etc/udev/rules.d/70-slipd.rules": "70-slipd.rules"}
-        return {self.root / place: system_file(name).read_text("utf-8") for place, name in shipped.items()}
+    Args:
+        root: As for `install`.
+        program: Likewise.
+        system: Likewise.
 
-    def install(self) -> None:
-        """Write the files, readable by all and writable by their owner alone, and print the next steps.
+    Raises:
+        SlipdError: A file cannot be removed.
+    """
+    unit = _unit(root, system=system)
+    try:
+        if f"\n{_start(program or own_program())} " in _text(unit):
+            _remove(unit)
+        for path, text in _others(root, system=system).items():
+            if _text(path) == text:
+                _remove(path)
+    except OSError as error:
+        raise SlipdError(f"{error.filename}: cannot be removed: {error.strerror}") from error
 
-        A file that somebody changed is kept.
 
-        Raises:
-            SlipdError: A file cannot be written, the unit there is none of slipd, or systemd could not start the
-                program.
-        """
-        hidden = [self.program.resolve(), Path(sys.executable).resolve()] if self.root == Path("/") else []
-        if self.system and (homes := [str(path) for path in hidden if str(path).startswith(HOMES)]):
-            raise SlipdError(f"{homes[0]}: the service of all users cannot run a program of one user's home")
-        os.umask(0o022)
-        try:
-            if (there := _text(self.unit)) and DESCRIPTION not in there:
-                raise SlipdError(f"{self.unit}: is not a unit of slipd, and is not replaced")
-            for path, text in self.others.items():
-                if _text(path) in ("", text):
-                    _write(path, text)
-                else:
-                    print(f"kept, because it was changed: {path}")
-            if self.system:
-                (self.root / "etc/slipd").mkdir(parents=True, exist_ok=True)
-            shipped = system_file("slipd.service" if self.system else "slipd-user.service")
-            _write(self.unit, with_program(shipped.read_text("utf-8"), self.program))
-        except OSError as error:
-            raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error
-        print(NEXT_STEPS[self.system])
+def _unit(root: Path, *, system: bool) -> Path:
+    """Return where systemd finds the unit."""
+    if system:
+        return root / "etc/systemd/system/slipd.service"
+    home = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
+    return home / "systemd/user/slipd.service"
 
-    def uninstall(self) -> None:
-        """Remove the files that `install` wrote, but none that was changed and no unit of another program.
 
-        Raises:
-            SlipdError: A file cannot be removed.
-        """
-        try:
-            if f"\n{_start(self.program)} " in _text(self.unit):
-                _remove(self.unit)
-            for path, text in self.others.items():
-                if _text(path) == text:
-                    _remove(path)
-        except OSError as error:
-            raise SlipdError(f"{error.filename}: cannot be removed: {error.strerror}") from error
+def _others(root: Path, *, system: bool) -> dict[Path, str]:
+    """Return the other files with their contents: the user of the service, and rules for serial ports."""
+    if not system:
+        return {}
+    shipped = {"etc/sysusers.d/slipd.conf": "slipd.sysusers", "etc/udev/rules.d/70-slipd.rules": "70-slipd.rules"}
+    return {root / place: system_file(name).read_text("utf-8") for place, name in shipped.items()}
 
 
 def own_program() -> Path:

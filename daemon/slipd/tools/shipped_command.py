@@ -45,42 +45,41 @@ LEAST_COLUMNS = 30
 """Width of the second column of a list on a narrow terminal."""
 
 
-def list_files(command: str, *, as_json: bool) -> None:
-    """Print the folder of the configs, pages or files for the system, and each file with what it is.
+def shipped_command(kind: str, name: str | None = None, *, as_json: bool = False) -> None:
+    """Print a file as it is, so that it can be redirected; a systemd unit starts this program.
 
     Args:
-        command: "config list", "docs" or "service show".
-        as_json: Print one JSON document.
+        kind: The command that prints one: "config show", "docs" or "service show".
+        name: Its name in the list; None: print the list.
+        as_json: Print the list as one JSON document.
+
+    Raises:
+        UsageError: There is no such file.
     """
+    if name is None:
+        _list_files(kind, as_json=as_json)
+        return
+    path = {"config show": config_file, "docs": page_file, "service show": system_file}[kind](name)
+    text = path.read_text(encoding="utf-8")
+    print(with_program(text, own_program()) if path.suffix == ".service" else text, end="")
+
+
+def _list_files(kind: str, *, as_json: bool) -> None:
+    """Print the folder of the configs, pages or files for the system, and each file with what it is."""
     folder, rows = {
-        "config list": (CONFIGS, {path.name.removesuffix(".toml"): _purpose(path) for path in config_files()}),
+        "config show": (CONFIGS, {path.name.removesuffix(".toml"): _purpose(path) for path in config_files()}),
         "docs": (DOCS, {name: _title(path) for name, path in pages().items()}),
         "service show": (CONFIGS, {path.name: _purpose(path) for path in system_files()}),
-    }[command]
+    }[kind]
     if as_json:
         print(json.dumps({"folder": str(folder), "files": rows}, ensure_ascii=False))
         return
-    print(f"{folder}: `slipd {command.replace('list', 'show')} NAME` prints one")
+    print(f"{folder}: `slipd {kind} NAME` prints one")
     columns = shutil.get_terminal_size().columns
     indent = 6 + max(map(len, rows))
     for name, text in rows.items():
         lines = textwrap.wrap(text, max(columns - indent, LEAST_COLUMNS))
         print(f"    {name}".ljust(indent) + f"\n{'':{indent}}".join(lines))
-
-
-def print_file(command: str, name: str) -> None:
-    """Print a file as it is, so that it can be redirected; a systemd unit starts this program.
-
-    Args:
-        command: "config show", "docs" or "service show".
-        name: Its name in the list.
-
-    Raises:
-        UsageError: There is no such file.
-    """
-    path = {"config show": config_file, "docs": page_file, "service show": system_file}[command](name)
-    text = path.read_text(encoding="utf-8")
-    print(with_program(text, own_program()) if path.suffix == ".service" else text, end="")
 
 
 def _purpose(path: Path) -> str:

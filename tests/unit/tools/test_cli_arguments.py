@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+import pkgutil
 import sys
-from argparse import ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError
 from pathlib import Path
 
 import pytest
 
 from slipd.errors import SlipdError, UsageError
-from slipd.tools.cli_arguments import chosen, shard
+from slipd.tools.cli_arguments import Add, Command, chosen, shard
+from slipd.tools.cli_commands import COMMANDS
 from slipd.tools.parquet_library import parquet_library
 
 
@@ -46,3 +49,16 @@ def test_without_pyarrow_the_error_says_what_to_install(monkeypatch: pytest.Monk
         parquet_library("--table", "batch")
     with pytest.raises(SlipdError, match=r"--to lerobot needs the package pyarrow: pip install 'slipd\[parquet\]'"):
         parquet_library("--to lerobot")
+
+
+def arguments_of(add: Add) -> set[str]:
+    """Return the names under which a command gets what a part of its parser adds."""
+    made = ArgumentParser(add_help=False)
+    add(made)
+    return {action.dest for action in made._actions}
+
+
+@pytest.mark.parametrize("command", [each for each in COMMANDS if not each.below], ids=lambda each: each.name)
+def test_what_carries_out_a_command_takes_its_arguments(command: Command) -> None:
+    names = set(command.given).union(*map(arguments_of, command.arguments))
+    inspect.signature(pkgutil.resolve_name(command.run)).bind(**dict.fromkeys(names))

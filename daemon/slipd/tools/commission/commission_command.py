@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from slipd import config
@@ -15,39 +14,23 @@ from slipd.tools.commission.hosts import PageHost, TerminalHost
 from slipd_client.errors import SlipdClientError
 
 
-@dataclass(frozen=True, slots=True)
-class CommissionOptions:
-    """What the person chose on the command line.
-
-    Attributes:
-        fingers: Names of the fingers; empty: all.
-        first: Step to begin with.
-        patience_s: How long to wait for each touch, s.
-        write: Write the config; else only print what would change, and move nothing.
-        publish: Where the daemon publishes; None: as the config states.
-        requests: Where it accepts requests, likewise.
-        key: File with the secret key of this client; None: without keys.
-        server_key: File with the public key of the daemon; None: that beside its secret key.
-        page: Speak with the page ``/commission`` of the live view, not with a person; then nothing moves.
-    """
-
-    fingers: Sequence[str]
-    first: str
-    patience_s: float
-    write: bool
-    publish: str | None = None
-    requests: str | None = None
-    key: Path | None = None
-    server_key: Path | None = None
-    page: bool = False
-
-
-def commission_command(file: Path, chosen: CommissionOptions) -> bool:
+def commission_command(
+    file: Path, fingers: Sequence[str], first: str, patience_s: float, publish: str | None, requests: str | None,
+    key: Path | None, server_key: Path | None, *, dry_run: bool, page: bool,
+) -> bool:  # fmt: skip
     """Lead a person through the steps, print what they show, and write it.
 
     Args:
         file: The config that the daemon runs.
-        chosen: Options.
+        fingers: Names of the fingers; empty: all.
+        first: Step to begin with.
+        patience_s: How long to wait for each touch, s.
+        publish: Where the daemon publishes; None: as the config states.
+        requests: Where it accepts requests, likewise.
+        key: File with the secret key of this client; None: without keys.
+        server_key: File with the public key of the daemon; None: that beside its secret key.
+        dry_run: Only print what would change, and move nothing.
+        page: Speak with the page ``/commission`` of the live view, not with a person; then nothing moves.
 
     Returns:
         Whether everything followed.
@@ -57,20 +40,19 @@ def commission_command(file: Path, chosen: CommissionOptions) -> bool:
         SlipdError: A finger is unknown, the daemon is silent or runs another config, or nothing was touched.
     """
     rig = config.load(file)
-    for name in chosen.fingers:
+    for name in fingers:
         if name not in rig.finger:
             raise SlipdError(f"--finger must be one of {', '.join(rig.finger)}, got {name!r:.40}")
-    link = link_to(rig, chosen.publish, chosen.requests, chosen.key, chosen.server_key)
+    link = link_to(rig, publish, requests, key, server_key)
     restart = f"Now restart the daemon: Ctrl-C in its terminal and slipd run {file} again, or systemctl reload slipd."
-    moves = chosen.write and not chosen.page
-    guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, moves=moves)
+    guide = Commission(rig, fingers or list(rig.finger), patience_s, restart, moves=not (dry_run or page))
     try:
-        with (PageHost if chosen.page else TerminalHost)(file, rig.text, link, write=chosen.write) as host:
+        with (PageHost if page else TerminalHost)(file, rig.text, link, write=not dry_run) as host:
             if not isinstance(host, PageHost):
                 host.say("s and Enter leaves the present step or finger out; Ctrl-C ends the guide.")
             elif not host.wait_for_begin():
                 return False
-            complete = follow(guide.run(chosen.first), host.respond)
+            complete = follow(guide.run(first), host.respond)
             host.say("\nDone." if complete else "\nNot all of it followed; see above.")
     except SlipdClientError as error:
         raise SlipdError(str(error)) from error

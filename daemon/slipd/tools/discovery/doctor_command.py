@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import contextlib
 import json
@@ -19,7 +18,7 @@ from slipd.errors import SlipdError
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
 from slipd.tools.discovery.capture import SUFFIX, Capture, Direction, Piece, read_capture
-from slipd.tools.discovery.examination import Finding, examine
+from slipd.tools.discovery.examination import Finding, decode, examine
 from slipd.tools.discovery.port_probe import question_options
 from slipd.types.device_text import one_line
 
@@ -32,29 +31,13 @@ POLL_S = 0.001
 LINK = "device"
 
 
-def doctor(arguments: argparse.Namespace) -> bool:
-    """Read a device, or examine a capture again; return whether nothing is wrong.
-
-    Raises:
-        SlipdError: See `doctor_command` and `doctor_capture`; or no device is named.
-    """
-    if arguments.port.endswith(SUFFIX):
-        return doctor_capture(Path(arguments.port), arguments.rate)
-    if arguments.device is None:
-        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
-    return doctor_command(
-        arguments.port, arguments.device, arguments.seconds, arguments.out, arguments.baud, arguments.options,
-        arguments.rate,
-    )  # fmt: skip
-
-
-def doctor_command(
-    port: str, name: str, seconds: float, out: Path, baud: int | None, options: str, rate_hz: float | None
+def doctor(
+    port: str, name: str | None, seconds: float, out: Path, baud: int | None, options: str, rate_hz: float | None
 ) -> bool:
-    """Read a device, print what is found, and write capture and report.
+    """Read a device, or take a capture, and print what is found; write capture and report of a device that was read.
 
     Args:
-        port: Path of a serial port, or address.
+        port: Path of a serial port, or address; or path of a capture.
         name: Name of the device.
         seconds: How long to read.
         out: Folder for capture and report.
@@ -66,8 +49,35 @@ def doctor_command(
         Whether nothing is wrong.
 
     Raises:
-        SlipdError: The device is unknown, an option is wrong, or the port cannot be opened.
+        SlipdError: The device is unknown or not named, an option is wrong, or the port cannot be opened; or the
+            capture is none, or its device is not installed.
     """
+    again = port.endswith(SUFFIX)
+    capture = _earlier(Path(port)) if again else _captured(port, name, seconds, baud, options)
+    findings = examine(capture, rate_hz)
+    report = report_text(capture, findings)
+    print(report, end="")
+    if not again:
+        _write(out / f"doctor-{name}-{time.strftime('%Y%m%d-%H%M%S')}", capture, report)
+    return all(finding.level != "wrong" for finding in findings)
+
+
+def _earlier(path: Path) -> Capture:
+    """Return the capture of a file, which the installed device can decode; errors are those of `doctor`."""
+    capture = read_capture(path)
+    try:
+        decode(capture)
+    except KeyError:
+        raise SlipdError(f"{path}: needs the device {capture.device!r} of {capture.package}") from None
+    except (TypeError, ValueError) as error:
+        raise SlipdError(f"{path}: its options are not those of {capture.device}: {error}") from error
+    return capture
+
+
+def _captured(port: str, name: str | None, seconds: float, baud: int | None, options: str) -> Capture:
+    """Read a device; errors are those of `doctor`."""
+    if name is None:
+        raise SlipdError("--device is missing: give the name of the device, as `slipd devices` lists it")
     found = find_device(name)
     if found is None or found.device is None:
         why = f"cannot be used: {found.fault}" if found is not None else "is not installed; see `slipd devices`"
@@ -81,10 +91,10 @@ def doctor_command(
         given, seconds,
     )  # fmt: skip
     asyncio.run(_Reading(device, port, capture).run())
-    findings = examine(capture, rate_hz)
-    report = report_text(capture, findings)
-    print(report, end="")
-    stem = out / f"doctor-{name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    return capture
+
+
+def _write(stem: Path, capture: Capture, report: str) -> None:
     try:
         for path, text in ((stem.with_suffix(SUFFIX), capture.text()), (stem.with_suffix(".txt"), report)):
             with path.open("x", encoding="utf-8") as file:
@@ -92,24 +102,6 @@ def doctor_command(
             print(f"{path}: written")
     except OSError as error:
         raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error
-    return all(finding.level != "wrong" for finding in findings)
-
-
-def doctor_capture(path: Path, rate_hz: float | None) -> bool:
-    """Print what a capture shows to the present decoder; return whether nothing is wrong.
-
-    Raises:
-        SlipdError: The file is not a capture, or its device is not installed.
-    """
-    capture = read_capture(path)
-    try:
-        findings = examine(capture, rate_hz)
-    except KeyError:
-        raise SlipdError(f"{path}: needs the device {capture.device!r} of {capture.package}") from None
-    except (TypeError, ValueError) as error:
-        raise SlipdError(f"{path}: its options are not those of {capture.device}: {error}") from error
-    print(report_text(capture, findings), end="")
-    return all(finding.level != "wrong" for finding in findings)
 
 
 def report_text(capture: Capture, findings: list[Finding]) -> str:

@@ -6,7 +6,6 @@ is replayed where it holds no verdicts that this version can draw, and for anoth
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -26,9 +25,6 @@ from slipd.tools.plot.report_page import GENERATOR, Report, page
 from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
 from slipd.types.device_text import printable
 
-WHOLE = Window(0.0, math.inf)
-"""All of a run."""
-
 NOT_DRAWABLE = (KeyError, TypeError, ValueError)
 """Errors of a message without the fields, or not of the kinds, that are drawn."""
 
@@ -46,14 +42,15 @@ def is_plot(path: Path) -> bool:
 PLOT = Kind("a plot of slipd", is_plot)
 
 
-def plot_command(path: Path, out: Path | None, config_file: Path | None, window: Window = WHOLE) -> bool:
+def plot_command(path: Path, out: Path | None, config_file: Path | None, begin_s: float, end_s: float) -> bool:
     """Read or replay a recording, and write the page.
 
     Args:
         path: The recording.
         out: The page; it replaces an earlier one once it is complete, and nothing else. None: in this folder.
         config_file: A config to replay with; None: what the run itself published is drawn.
-        window: The part of the run to draw.
+        begin_s: Draw from this time of the run on, s.
+        end_s: Draw up to this time, s.
 
     Returns:
         Whether the recording is complete; if not, it is drawn as far as it goes.
@@ -63,15 +60,15 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
         RecordingError: The recording cannot be read, or does not fit the config.
         SlipdError: The page cannot be written.
     """
-    if not window.begin_s < window.end_s:
-        raise UsageError(f"--from {window.begin_s:g} must be before --to {window.end_s:g}")
+    if not begin_s < end_s:
+        raise UsageError(f"--from {begin_s:g} must be before --to {end_s:g}")
     out = out or Path(f"{path.stem}.html")
     recording = open_recording(path)
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording")
     inputs = [path] if config_file is None else [path, config_file]
     with draft(out, PLOT, inputs, overwrite=True) as written:
         with progress.shown() as show:
-            report = make_report(recording, config_file, window, show)
+            report = make_report(recording, config_file, Window(begin_s, end_s), show)
         written.write_text(page(report), encoding="utf-8")
     if recording.gap:
         print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)

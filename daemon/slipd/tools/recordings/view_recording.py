@@ -36,7 +36,7 @@ SHOWN = ("slip", "tactile", "grasp", "motion", "gripper", "status")
 """Topics that the page draws, by their first word."""
 
 
-def view_recording(path: Path, address: ListenAddress) -> None:
+def view_recording(path: Path, listen: ListenAddress) -> None:
     """Serve the page of a recording until Ctrl-C, and print its address.
 
     The recording is replayed beside that; what is replayed so far can be shown.
@@ -52,7 +52,7 @@ def view_recording(path: Path, address: ListenAddress) -> None:
         compile_kernels()
     site = Site({"live": False, "source": str(path), "buttons": False})
     try:
-        asyncio.run(_serve(PageServer(address, site, on_data=view.answer), view))
+        asyncio.run(_serve(PageServer(listen, site, on_data=view.answer), view))
     except CallError as error:
         raise SlipdError(str(error)) from error
 

@@ -8,9 +8,10 @@ from typing import IO
 import pytest
 
 from slipd import config
+from slipd.cli import carry_out
 from slipd.errors import ConfigError, SlipdError
+from slipd.tools.cli_parser import parser
 from slipd.tools.commission import hosts, readings
-from slipd.tools.commission.commission_command import CommissionOptions, commission_command
 from slipd.tools.commission.hosts import PageHost
 
 
@@ -25,8 +26,8 @@ def rig(tmp_path: Path, person: IO[str], monkeypatch: pytest.MonkeyPatch) -> Pat
     return file
 
 
-def options(**more: object) -> CommissionOptions:
-    return CommissionOptions(**({"fingers": [], "first": "mounting", "patience_s": 1.0, "write": True} | more))  # type: ignore[arg-type]
+def begin(rig: Path, *words: str) -> bool:
+    return bool(carry_out(parser().parse_args(["commission", str(rig), "--patience", "1", *words])))
 
 
 @pytest.mark.parametrize("page", [False, True])
@@ -35,7 +36,7 @@ def test_a_daemon_that_is_silent_is_named(
 ) -> None:
     monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: True)
     with pytest.raises(SlipdError, match=r"no message from the daemon for .* Is slipd running"):
-        commission_command(rig, options(page=page))
+        begin(rig, *["--page"] * page)
     shown = capsys.readouterr().out
     assert ("s and Enter leaves the present step or finger out" in shown) is not page
     assert "Step 1 of 4: mounting" in shown
@@ -45,30 +46,30 @@ def test_a_person_who_does_not_begin_on_the_page_changes_nothing(
     rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(PageHost, "wait_for_begin", lambda _: False)
-    assert not commission_command(rig, options(page=True))
+    assert not begin(rig, "--page")
     assert "the zero of" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"fingers": ["middle"]}, "--finger must be one of left, right, got 'middle'"),
-        ({"publish": "nonsense"}, "nonsense"),
+        (("--finger", "middle"), "--finger must be one of left, right, got 'middle'"),
+        (("--publish", "nonsense"), "nonsense"),
     ],
 )
-def test_a_wrong_argument_is_named(rig: Path, more: dict[str, object], words: str) -> None:
+def test_a_wrong_argument_is_named(rig: Path, more: tuple[str, ...], words: str) -> None:
     with pytest.raises(SlipdError, match=words):
-        commission_command(rig, options(**more))
+        begin(rig, *more)
 
 
 def test_a_config_with_faults_is_not_begun_with(rig: Path) -> None:
     rig.write_text("[finger.left.wrench]\n", encoding="utf-8")
     with pytest.raises(ConfigError):
-        commission_command(rig, options())
+        begin(rig)
 
 
 def test_a_guide_whose_steps_all_follow_says_so(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert commission_command(rig, options(fingers=["right"], first="grasp", write=False))
+    assert begin(rig, "--finger", "right", "--from", "grasp", "--dry-run")
     shown = capsys.readouterr().out.splitlines()
     assert shown[-2:] == ["", "Done."]
     assert "  left out: only slipd commission in a terminal moves the gripper, without --dry-run" in shown

@@ -16,6 +16,7 @@ import pytest
 from emulation_thread import plugged
 from other_packages import Install, install
 
+from slipd.cli import carry_out
 from slipd.devices import DEVICES, external, gauges
 from slipd.devices.gauges import encode_frame
 from slipd.errors import SlipdError
@@ -23,7 +24,6 @@ from slipd.events import HostNotice
 from slipd.tools.cli_parser import parser
 from slipd.tools.discovery import doctor_command as command
 from slipd.tools.discovery.capture import Capture, Piece
-from slipd.tools.discovery.doctor_command import doctor_capture
 from slipd.tools.discovery.examination import Finding, examine
 from slipd.tools.discovery.port_probe import recognise
 from slipd.tools.sim.pseudo_terminal import PseudoTerminal
@@ -36,7 +36,7 @@ MS = 1_000_000
 def doctor(port: str, name: str | None, out: Path, *arguments: str, seconds: float = 2.0) -> bool:
     device = () if name is None else ("--device", name)
     given = (port, *device, "--out", str(out), "--seconds", str(seconds), *arguments)
-    return command.doctor(parser().parse_args(["doctor", *given]))
+    return bool(carry_out(parser().parse_args(["doctor", *given])))
 
 
 def written(out: Path) -> tuple[Path, str]:
@@ -269,4 +269,4 @@ def test_a_file_that_is_no_capture_is_refused(tmp_path: Path, text: str | None, 
     if text is not None:
         path.write_text(text, encoding="utf-8")
     with pytest.raises(SlipdError, match=error):
-        doctor_capture(path, None)
+        doctor(str(path), None, tmp_path)

@@ -1,0 +1,290 @@
+"""The commands of ``slipd`` that take recordings or make them; see `slipd.tools.cli_commands`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from slipd.tools.cli_arguments import (
+    EVERY,
+    EXPORTS,
+    IMPORTED,
+    JSON,
+    Add,
+    Command,
+    argument,
+    endpoint,
+    export_format,
+    one_of,
+    page,
+    positive,
+    rate,
+    sentence,
+    shard,
+    speed,
+    table,
+    time_s,
+)
+from slipd_client.arguments import add_listen
+
+RECORDING = argument("path", type=Path, metavar="RECORDING", help="recording, MCAP")
+NEW_RECORDING = argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+
+
+def _source(what: str) -> Add:
+    return argument("source", type=Path, metavar="SRC", help=what)
+
+
+def _import_config(kind: str) -> Add:
+    return argument(
+        "--config",
+        dest="config_file",
+        type=Path,
+        metavar="FILE",
+        help=f"config (default: the shipped {IMPORTED[kind]})",
+    )
+
+
+RECORDING_COMMANDS = (
+    Command(
+        "info",
+        "slipd.tools.recordings.info:info_command",
+        "print what a recording holds: length, streams, rates, levels, config, version",
+        (RECORDING, JSON),
+        "Exit code 1: the recording is damaged or cut off; what is there is printed.",
+    ),
+    Command(
+        "replay",
+        "slipd.tools.replay_command:replay_command",
+        "run a recording through the engine again",
+        (
+            RECORDING,
+            argument(
+                "--speed", type=speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
+            ),
+            argument("--json", dest="as_json", action="store_true", help="print every message, one per line"),
+            argument(
+                "--publish",
+                nargs="?",
+                type=endpoint,
+                const="",
+                metavar="ENDPOINT",
+                help="endpoint on which slipd publishes (without ENDPOINT: that of the recorded config)",
+            ),
+        ),
+    ),
+    Command(
+        "recover",
+        "slipd.tools.recordings.recover:recover_command",
+        "write what is intact of a damaged recording as a complete file",
+        (
+            argument("source", type=Path, metavar="RECORDING", help="recording, MCAP"),
+            NEW_RECORDING,
+            argument(
+                "--without-secrets",
+                action="store_true",
+                help="remove passwords, tokens and keys from the config and all texts",
+            ),
+        ),
+        "OUT has the index and the summary that other programs need, and states what is missing. Exit code 1: FILE is "
+        "not a recording, its start or all of it is damaged, or OUT cannot be written; nothing is written then.",
+    ),
+    Command(
+        "view",
+        "slipd.tools.recordings.view_recording:view_recording",
+        "show a recording in a browser; prints the address of the page",
+        (RECORDING, add_listen),
+    ),
+    Command(
+        "plot",
+        "slipd.tools.plot.plot_command:plot_command",
+        "draw a recording: levels, utilisation, forces, friction, health, pads",
+        (
+            RECORDING,
+            argument(
+                "--out", type=page, metavar="FILE", help="the page, .html (default: RECORDING.html in this folder)"
+            ),
+            argument(
+                "--config",
+                dest="config_file",
+                type=Path,
+                metavar="FILE",
+                help="replay with this config instead of the recorded one",
+            ),
+            argument(
+                "--from",
+                dest="begin_s",
+                type=time_s,
+                default=0.0,
+                metavar="S",
+                help="draw from this time on (default 0)",
+            ),
+            argument(
+                "--to",
+                dest="end_s",
+                type=positive,
+                default=float("inf"),
+                metavar="S",
+                help="draw up to this time (default: the end)",
+            ),
+        ),
+        "What the run itself reported is drawn; with another config the recording is replayed. Its length does not "
+        "matter for memory: the least and the largest value of each column of the picture are kept. Only an earlier "
+        "plot is replaced. Exit code 1: the recording is damaged or cut off; it is drawn as far as it goes.",
+    ),
+    Command(
+        "identify",
+        "slipd.tools.recordings.identify_mass:identify_command",
+        "find mass and centre of mass of a finger from a recording of several poses",
+        (
+            argument("path", type=Path, metavar="RECORDING", help="recording with gravity.set requests, MCAP"),
+            argument("--finger", required=True, metavar="NAME", help="name of the finger in the config"),
+            JSON,
+        ),
+    ),
+    Command("import", "", "convert other data to a recording", below="FORMAT"),
+    Command(
+        "import grips",
+        "slipd.tools.recordings.import_command:import_command",
+        "import a gripper trial with two XELA pads",
+        (
+            _source("folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"),
+            NEW_RECORDING,
+            _import_config("grips"),
+            argument(
+                "--tare-rows",
+                type=int,
+                metavar="N",
+                help="the fingers are open in the first N rows: take the zero of the pads from them (default: the "
+                "config's)",
+            ),
+        ),
+        given={"form": "grips"},
+    ),
+    Command(
+        "import arq",
+        "slipd.tools.recordings.import_command:import_command",
+        "import an experiment of slip_detection_dataset_2021 (needs h5py)",
+        (
+            _source("HDF5 file of an object"),
+            argument("experiment", metavar="EXPERIMENT", help="such as GGCNN2/SpoolSolder/Pose1/Exp1"),
+            NEW_RECORDING,
+            _import_config("arq"),
+        ),
+        given={"form": "arq"},
+    ),
+    Command(
+        "import papillarray",
+        "slipd.tools.recordings.import_command:import_command",
+        "import a trial of Incipient-Slip-Detection-PapillArray",
+        (_source("CSV file"), NEW_RECORDING, _import_config("papillarray")),
+        given={"form": "papillarray"},
+    ),
+    Command(
+        "import pushes",
+        "slipd.tools.recordings.import_command:import_command",
+        "import measured pushes of an object over a board",
+        (
+            _source("ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ"),
+            NEW_RECORDING,
+            _import_config("pushes"),
+            argument(
+                "--mass-kg",
+                type=float,
+                default=0.15,
+                metavar="M",
+                help="mass of the object; where it is not known, mu is relative to this (default: %(default)s)",
+            ),
+            argument(
+                "--clear-s",
+                type=float,
+                nargs=2,
+                default=(0.0, 0.4),
+                metavar=("BEGIN", "END"),
+                help="time in which the pusher is clear of the object: the zero of the sensor (default: 0 to 0.4 s)",
+            ),
+        ),
+        given={"form": "pushes"},
+    ),
+    Command(
+        "evaluate",
+        "slipd.cli:evaluate",
+        "compare what configs would have reported on recordings",
+        (
+            argument(
+                "recordings",
+                type=Path,
+                nargs="+",
+                metavar="RECORDING",
+                help="recordings, MCAP; of a folder, all *.mcap in and below it",
+            ),
+            argument(
+                "--config",
+                type=Path,
+                action="append",
+                default=[],
+                metavar="FILE",
+                help="replay with this config too, beside the recorded one; may be given several times",
+            ),
+            one_of(
+                argument(
+                    "--out",
+                    type=table,
+                    metavar="FILE",
+                    help="write a Parquet file with one row for each recording and config, and print only its totals",
+                ),
+                argument("--json", dest="as_json", action="store_true", help="print all figures as one JSON list"),
+            ),
+            argument(
+                "--shard",
+                type=shard,
+                default=EVERY,
+                metavar="I/N",
+                help="take only this share of the recordings, the I-th of N: one for each machine of a cluster",
+            ),
+            argument(
+                "--dask",
+                metavar="ADDRESS",
+                help="replay on the workers of this Dask scheduler, e.g. tcp://10.0.0.5:8786",
+            ),
+            argument(
+                "--results",
+                type=Path,
+                metavar="FOLDER",
+                help="keep all results in this folder, which several machines may share, instead of the newest in the "
+                "cache",
+            ),
+        ),
+        "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have "
+        "done about that. The zero of a pad stays that of the recording too. Results are kept: what was replayed once "
+        "with a config is not replayed again, and an interrupted evaluation goes on. Exit code 1: a config gives other "
+        "levels, or a recording is damaged or does not fit a config. docs/batches.md covers large batches.",
+    ),
+    Command(
+        "export",
+        "slipd.cli:export",
+        "write the messages of a recording as files for other programs",
+        (
+            argument(
+                "recordings",
+                type=Path,
+                nargs="+",
+                metavar="RECORDING",
+                help="recording, MCAP; for lerobot also several, or folders of them: each is an episode",
+            ),
+            argument("out", type=Path, metavar="OUT", help="new folder"),
+            argument(
+                "--to",
+                type=export_format,
+                required=True,
+                metavar="|".join(EXPORTS),
+                help="; ".join(f"{name}: {what}" for name, what in EXPORTS.items()),
+            ),
+            argument("--rate", dest="rate_hz", type=rate, metavar="HZ", help="frames per second, of lerobot"),
+            argument("--task", type=sentence, metavar="TEXT", help="what the robot does, in a sentence, of lerobot"),
+            argument("--overwrite", action="store_true", help="replace an earlier export, never anything else"),
+        ),
+        "The recording is replayed, so the messages are those of this version of slipd. docs/viewers.md says which "
+        "program opens what, docs/recordings.md what a data set for learning holds. Exit code 1: a recording is "
+        "damaged, and the export ends there.",
+    ),
+)
