@@ -16,7 +16,7 @@ from bench.tables import Table
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Tick
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import encode
@@ -60,11 +60,11 @@ def record(path: Path, seconds: float) -> int:
     file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=0)
     n = 0
     for t_ns, event in _events(streams, seconds):
-        file.event(n, t_ns, event)
+        file.add(n, t_ns, EVENTS, event)
         n += 1
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
-                file.published(n, t_ns, output.topic, encode(output.body))
+                file.add(n, t_ns, output.topic, encode(output.body))
                 n += 1
     file.finish(n)
     return n

@@ -18,6 +18,7 @@ from simulated_grasp.trace import GraspTrace
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick
+from slipd.recording.mcap_file import EVENTS
 from slipd.tools.sim.emulated_gauges import GaugeAmplifier
 from slipd.tools.sim.emulated_pvdf import PvdfPad
 from slipd.types.arrays import Array
@@ -74,11 +75,8 @@ class Asked(NamedTuple):
 class Log(Protocol):
     """Where a run is written, such as a `slipd.recording.mcap_file.RecordingFile`."""
 
-    def event(self, n: int, t_ns: int, event: Event) -> None:
-        """Write the event of running index ``n`` that entered the engine at ``t_ns``."""
-
-    def published(self, n: int, t_ns: int, topic: str, payload: bytes) -> None:
-        """Write the bytes that were published under ``topic``."""
+    def add(self, n: int, t_ns: int, topic: str, content: Event | bytes) -> None:
+        """Write the entry of running index ``n``: an event of ``t_ns``, or the bytes that it published."""
 
 
 def run_offline(
@@ -114,13 +112,13 @@ def run_offline(
     entries = 0
     for t_ns, event in _events(trace, sensors, settings, seed, requests, read_ns):
         if log is not None:
-            log.event(entries, t_ns, event)
+            log.add(entries, t_ns, EVENTS, event)
             entries += 1
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 heard.append(Heard(t_ns - BEGIN_NS, output.topic, output.body))
                 if log is not None:
-                    log.published(entries, t_ns, output.topic, encode(output.body))
+                    log.add(entries, t_ns, output.topic, encode(output.body))
                     entries += 1
             elif isinstance(output, Reply) and not output.body["ok"]:
                 raise ValueError(f"a request of an offline run must be granted, got {output.body['error']}")

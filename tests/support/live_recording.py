@@ -11,6 +11,7 @@ from recorded_entries import begun_like
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Publish
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 from slipd_client.messages import encode
 
@@ -23,13 +24,13 @@ def live(path: Path, out: Path, change: Callable[[str, dict[str, Any]], object] 
     file = begun_like(recording, out)
     n = 0
     for t_ns, event in recording.events():
-        file.event(n, t_ns, event)
+        file.add(n, t_ns, EVENTS, event)
         n += 1
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 body = dict(output.body)
                 change(output.topic, body)
-                file.published(n, t_ns, output.topic, encode(body))
+                file.add(n, t_ns, output.topic, encode(body))
                 n += 1
     file.finish(n)
     return out

@@ -7,6 +7,7 @@ from pathlib import Path
 from recorded_entries import begun_like
 
 from slipd.recording.entry_walk import Entered
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 
 LOST_S = (1.0, 2.0)
@@ -21,6 +22,6 @@ def lossy(path: Path, folder: Path, config_text: str | None = None) -> Path:
     for entry in entries:
         t_s = (entry.t_ns - entries[0].t_ns) * 1e-9
         if isinstance(entry, Entered) and not LOST_S[0] <= t_s < LOST_S[1]:
-            file.event(entry.n, entry.t_ns, entry.event)
+            file.add(entry.n, entry.t_ns, EVENTS, entry.event)
     file.finish(len(entries))
     return out

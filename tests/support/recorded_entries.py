@@ -10,7 +10,7 @@ from typing import Any
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.entry_walk import Entered, Published
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import Recording, open_recording
 from slipd_client import messages
 
@@ -90,9 +90,9 @@ def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
     end = 0
     for item in entries:
         if isinstance(item, Entered):
-            file.event(item.n, item.t_ns, item.event)
+            file.add(item.n, item.t_ns, EVENTS, item.event)
         else:
-            file.published(item.n, item.t_ns, item.topic, item.payload)
+            file.add(item.n, item.t_ns, item.topic, item.payload)
         end = item.n + 1
         if end % chunk == 0:
             file.flush()

@@ -15,7 +15,7 @@ from wire_check import faults_of
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick, Write
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.demo_summary import Tally
 from slipd.tools.sim import carry_program, robot_program
 from slipd.tools.sim.robot_program import RobotProgram
@@ -76,7 +76,7 @@ class SteppedDemo:
         """Give the engine an event, and the devices what it writes; return its reply."""
         reply = None
         if self.file is not None:
-            self.file.event(self.events, self.now_ns, event)
+            self.file.add(self.events, self.now_ns, EVENTS, event)
             self.events += 1
         for output in self.engine.handle(event, self.now_ns):
             assert faults_of(output, event if isinstance(event, Request) else None) == []
@@ -92,7 +92,7 @@ class SteppedDemo:
     def hear(self, topic: str, body: dict[str, Any]) -> None:
         """Record a message, and keep it for the program."""
         if self.file is not None and self.with_messages:
-            self.file.published(self.events, self.now_ns, topic, encode(body))
+            self.file.add(self.events, self.now_ns, topic, encode(body))
             self.events += 1
         message = typed_message(topic, body)
         self.tally.add(message)

@@ -71,21 +71,16 @@ class EntryRing:
         self._piece_bytes = self._begin_ns = 0
         self._links: list[StateRestored | LinkUp | LinkDown] = []
 
-    def event(self, event: Event, t_ns: int) -> None:
-        """Keep an event."""
-        if isinstance(event, (StateRestored, LinkUp, LinkDown)):
-            self._links.append(event)
-        self._tares.update(Entered(self.next_n, t_ns, event))
-        self._keep(EVENTS, encode_event(self.next_n, t_ns, event), t_ns)
-
-    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Keep a message."""
-        self._keep(topic, payload, t_ns)
-
-    def _keep(self, topic: str, payload: bytes, t_ns: int) -> None:
+    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
+        """Keep an event that entered the engine at ``t_ns``, or the bytes that were published because of it."""
+        if not isinstance(content, bytes):
+            if isinstance(content, (StateRestored, LinkUp, LinkDown)):
+                self._links.append(content)
+            self._tares.update(Entered(self.next_n, t_ns, content))
+            content = encode_event(self.next_n, t_ns, content)
         if not self._pieces:
             self._begin_ns = t_ns
-        piece = self._packer.pack((self.next_n, t_ns, topic, payload))
+        piece = self._packer.pack((self.next_n, t_ns, topic, content))
         self._pieces.append(piece)
         self._piece_bytes += len(piece)
         self.next_n += 1
@@ -139,11 +134,11 @@ class EntryRing:
             OSError: The disk failed.
         """
         for n, (t_ns, event) in enumerate(self._preamble(), start=self.first):
-            file.event(n, t_ns, event)
+            file.add(n, t_ns, EVENTS, event)
         if self._pieces:
             self._end_block()
         for number, (n, t_ns, topic, payload) in enumerate(self._entries()):
-            file.published(n, t_ns, topic, payload)
+            file.add(n, t_ns, topic, payload)
             if number % _REST_ENTRIES == 0:
                 time.sleep(_REST_S)
         file.finish(self.next_n)

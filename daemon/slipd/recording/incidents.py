@@ -35,7 +35,8 @@ REPORT_PERIOD_NS = 1_000_000_000
 
 _log = logging.getLogger(__name__)
 
-_Entry = tuple[int, Event] | tuple[int, str, bytes]
+_Entry = tuple[str, Event | bytes, int]
+"""Topic, content and time of an entry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Incidents:
         files: The files of the run.
         limits: ``[recording.incidents]``.
         name: Returns the first part of the name of a file, by its time.
-        create: Returns a new file, given its path and the index of its first entry.
+        create: Returns a new file, given its path and, as ``first``, the index of its first entry.
         prepare: Called by the thread before it creates a file; a RecordingError from it prevents that.
     """
 
@@ -74,7 +75,7 @@ class Incidents:
         files: RunFiles,
         limits: IncidentLimits,
         name: Callable[[int], str],
-        create: Callable[[Path, int], RecordingFile],
+        create: Callable[..., RecordingFile],
         prepare: Callable[[], None],
     ) -> None:
         self._files, self._limits, self._name = files, limits, name
@@ -91,17 +92,10 @@ class Incidents:
         self._thread = Thread(target=self._run, name="incidents", daemon=True)
         self._thread.start()
 
-    def event(self, event: Event, t_ns: int) -> None:
-        """Keep an event that enters the engine at ``t_ns``."""
-        self._put((t_ns, event))
-
-    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Keep the bytes that were published."""
-        self._put((t_ns, topic, payload))
-
-    def _put(self, entry: _Entry) -> None:
+    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
+        """Keep an event that enters the engine at ``t_ns``, or the bytes that were published because of it."""
         if self._queue.qsize() < QUEUE_LIMIT:
-            self._queue.put(entry)
+            self._queue.put((topic, content, t_ns))
         else:  # the disk is slow; the file will have a gap of time
             self._lost += 1
 
@@ -160,24 +154,18 @@ class Incidents:
             if isinstance(item, _Save):
                 due.append(item)
                 continue
-            while due and item[0] > due[0].until_ns:
+            while due and item[-1] > due[0].until_ns:
                 self._save(due.pop(0))
-            self._keep(item)
+            self._ring.add(*item)
         for order in due:
             self._save(order)
-
-    def _keep(self, entry: _Entry) -> None:
-        if len(entry) == 2:
-            self._ring.event(entry[1], entry[0])
-        else:
-            self._ring.published(entry[1], entry[2], entry[0])
 
     def _save(self, order: _Save) -> None:
         """Write the file; a disk that fails costs this file only."""
         try:
             self._prepare()
             self._files.delete_oldest(KIND, self._limits.keep_files - 1)
-            file = self._create(self._files.place(order.path), self._ring.first)
+            file = self._create(self._files.place(order.path), first=self._ring.first)
         except (RecordingError, OSError) as error:
             self._note_failure(order.path, str(error))
             return

@@ -170,12 +170,16 @@ class RecordingFile:
         """Size of the file, bytes, up to the last flush."""
         return self._stream.tell()
 
-    def event(self, n: int, t_ns: int, event: Event) -> None:
-        """Write an event that entered the engine at ``t_ns``; ``n`` is its running index."""
-        self.published(n, t_ns, EVENTS, encode_event(n, t_ns, event))
+    def add(self, n: int, t_ns: int, topic: str, content: Event | bytes) -> None:
+        """Write an entry.
 
-    def published(self, n: int, t_ns: int, topic: str, payload: bytes) -> None:
-        """Write the bytes that were published under ``topic``, or an encoded event under that of the events."""
+        Args:
+            n: Its running index.
+            t_ns: CLOCK_MONOTONIC with which the event entered the engine that it is, or that caused it.
+            topic: Topic of a message, or `EVENTS`.
+            content: The bytes that were published, or the event.
+        """
+        payload = content if isinstance(content, bytes) else encode_event(n, t_ns, content)
         if len(payload) > ENTRY_LIMIT_BYTES:
             raise ValueError(f"an entry must have at most {ENTRY_LIMIT_BYTES} bytes, got {len(payload)} on {topic}")
         wall_ns = t_ns + self._wall_minus_monotonic_ns

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from slipd.errors import RecordingError
 from slipd.events import Event, Record, RecordingChanged
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.writer import CLOSE_LIMIT_S, Recorder, RecordingLimitError, Room
 
 MOST_UNFINISHED = 2
@@ -126,12 +127,9 @@ class RecorderWatch:
 
     def _state(self, t_ns: int) -> RecordingChanged | None:
         recorder, name, path = self.recorder, self._name, str(self.recorder.path)
-        if recorder.failure is not None:
-            return RecordingChanged(name, path, "failed", recorder.failure, recorder.lost)
-        if recorder.limit is not None:
-            return RecordingChanged(name, path, "limited", recorder.limit, recorder.lost)
-        if recorder.begun:
-            return RecordingChanged(name, path, "running", "", recorder.lost)
+        state, reason = recorder.outcome
+        if state != "starting":
+            return RecordingChanged(name, path, state, reason, recorder.lost)
         if t_ns - self._started_ns < START_LIMIT_NS:
             return None
         recorder.discard()
@@ -158,19 +156,12 @@ class RequestedRecordings:
 
     Args:
         directory: Folder of the files.
-        make: Returns the recorder of a file, given its path and a function that its thread calls first.
-        prepare: That function; if it raises, the recording does not start.
+        make: Returns the recorder of a file that its thread creates.
     """
 
-    def __init__(
-        self,
-        directory: Path,
-        make: Callable[[Path, Callable[[], None]], Recorder],
-        prepare: Callable[[], None],
-    ) -> None:
+    def __init__(self, directory: Path, make: Callable[[Path], Recorder]) -> None:
         self._directory = directory
         self._make = make
-        self._prepare = prepare
         self._ended: list[RecorderWatch] = []
         self._refused: RecordingChanged | None = None
         self._running: RecorderWatch | None = None
@@ -191,27 +182,22 @@ class RequestedRecordings:
                 return
             self._running = RecorderWatch(record.name, recorder, t_ns)
             for event in record.opened:
-                recorder.event(event, t_ns)
+                recorder.add(EVENTS, event, t_ns)
 
     def _start(self, path: Path) -> Recorder:
         if sum(not watch.recorder.finished for watch in self._ended) > MOST_UNFINISHED:
             raise RecordingError("the disk is still writing earlier recordings; try again later")
-        return self._make(path, self._prepare)
+        return self._make(path)
 
-    def event(self, event: Event, t_ns: int) -> None:
-        """Record an event that enters the engine at ``t_ns``."""
+    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
+        """Record an event that enters the engine at ``t_ns``, or the bytes that were published because of it."""
         if self._running is not None:
-            self._running.recorder.event(event, t_ns)
+            self._running.recorder.add(topic, content, t_ns)
 
     @property
     def size_bytes(self) -> int:
         """Size of the running recording, bytes; 0 where none runs."""
         return 0 if self._running is None else self._running.recorder.size_bytes
-
-    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Record the bytes that were published."""
-        if self._running is not None:
-            self._running.recorder.published(topic, payload, t_ns)
 
     def changes(self, t_ns: int) -> list[RecordingChanged]:
         """Return the changes that the engine must know, each once."""

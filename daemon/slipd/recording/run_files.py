@@ -146,8 +146,7 @@ class ContinuousRecording(RequestedRecordings):
 
     Args:
         directory: Folder of the files.
-        make: Returns the recorder of a file, given its path and a function that its thread calls first.
-        prepare: That function; if it raises, the recording does not start.
+        make: Returns the recorder of a file that its thread creates.
         limits: ``[recording.continuous]``.
         name: Returns the name of a file that begins at a time, without kind, number and suffix.
     """
@@ -155,12 +154,11 @@ class ContinuousRecording(RequestedRecordings):
     def __init__(
         self,
         directory: Path,
-        make: Callable[[Path, Callable[[], None]], Recorder],
-        prepare: Callable[[], None],
+        make: Callable[[Path], Recorder],
         limits: Continuous,
         name: Callable[[int], str],
     ) -> None:
-        super().__init__(directory, make, prepare)
+        super().__init__(directory, make)
         self._limits, self._name_at = limits, name
         self._name = ""
         self._count = 0

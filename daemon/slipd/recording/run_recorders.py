@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from slipd.config import Config
 from slipd.events import Event, FirstEvents, Publish, Record
 from slipd.recording.incidents import Incidents
-from slipd.recording.mcap_file import RecordingFile, check_new
+from slipd.recording.mcap_file import EVENTS, RecordingFile, check_new
 from slipd.recording.requested_recordings import (
     RecorderWatch,
     RequestedRecordings,
@@ -62,26 +62,26 @@ class RunRecorders:
         least, most = limits.min_free_bytes, sys.maxsize
         room = Room(limits.max_bytes, least)
         check = partial(check_room, self._folder, room, limits.max_files)
-        self._requested = self._add(
-            RequestedRecordings(self._folder, partial(self._recorder, room=room), partial(self._prepare, check))
-        )
+        make = partial(self._begin, Recorder, room=room, prepare=partial(self._prepare, check))
+        self._requested = self._add(RequestedRecordings(self._folder, make))
         files = self._stack.enter_context(closing(RunFiles(self._folder, self._boot)))
         names = run_name(self._boot, self._wall)
         if self._record is not None:
-            recorder = self._recorder(self._record)
+            recorder = self._begin(Recorder, self._record)
             self._whole = RecorderWatch("", recorder, t_ns)
             self._all.append(recorder)
             self._stack.callback(self._close_whole, self._whole)
         elif limits.continuous.enabled:
             rule = limits.continuous
             tidy = partial(files.delete_oldest, KIND, rule.keep_files - 1, rule.keep_bytes - rule.file_bytes)
-            make = partial(self._recorder, room=Room(most, least), place=files.place)
             prepare = partial(self._prepare, tidy)
-            self._continuous = self._add(ContinuousRecording(self._folder, make, prepare, rule, names))
+            make = partial(self._begin, Recorder, room=Room(most, least), prepare=prepare, place=files.place)
+            self._continuous = self._add(ContinuousRecording(self._folder, make, rule, names))
         if limits.incidents.enabled:
             check = partial(check_room, self._folder, Room(most, least), most)
             prepare = partial(self._prepare, check)
-            self._incidents = self._add(Incidents(files, limits.incidents, names, self._incident_file, prepare))
+            create = partial(self._begin, RecordingFile)
+            self._incidents = self._add(Incidents(files, limits.incidents, names, create, prepare))
 
     def _add(self, recorder: T) -> T:
         self._all.append(recorder)  # type: ignore[arg-type]
@@ -92,16 +92,10 @@ class RunRecorders:
         private_directory(self._folder)
         then()
 
-    def _recorder(self, path: Path, prepare: Callable[[], None] | None = None, **options: Any) -> Recorder:
-        return self._of_run(Recorder)(path, prepare=prepare, **options)
-
-    def _incident_file(self, path: Path, first: int) -> RecordingFile:
-        return self._of_run(RecordingFile)(path, first=first)
-
-    def _of_run(self, make: Callable[..., T]) -> Callable[..., T]:
-        """Return what makes a recording that begins now, with what its head says of the run."""
+    def _begin(self, kind: Callable[..., T], path: Path, **options: Any) -> T:
+        """Return a recorder or file that begins now, with what its head says of the run."""
         wall_ns = self._wall.minus_monotonic_ns
-        return partial(make, config_text=self._config.text, boot=self._boot, wall_minus_monotonic_ns=wall_ns)
+        return kind(path, config_text=self._config.text, boot=self._boot, wall_minus_monotonic_ns=wall_ns, **options)
 
     def _close_whole(self, whole: RecorderWatch) -> None:
         if not self.kept:
@@ -115,12 +109,12 @@ class RunRecorders:
     def event(self, event: Event, t_ns: int) -> None:
         """Record an event that enters the engine at ``t_ns``."""
         for recorder in self._all:
-            recorder.event(event, t_ns)
+            recorder.add(EVENTS, event, t_ns)
 
     def published(self, message: Publish, payload: bytes, t_ns: int) -> None:
         """Record the bytes that were published; a warning or a loss saves the last seconds."""
         for recorder in self._all:
-            recorder.published(message.topic, payload, t_ns)
+            recorder.add(message.topic, payload, t_ns)
         if self._incidents is not None and message.topic == WARNING_TOPIC:
             self._incidents.note_warning(message.body, t_ns)
         elif self._incidents is not None and message.topic == GRASP_TOPIC:

@@ -30,7 +30,8 @@ this and the time of one sync: at most 18 ms on a virtual disk with ext4."""
 CLOSE_LIMIT_S = 30.0
 """Longest wait for the disk at the end, s: a lost network mount must not delay the exit any longer."""
 
-_Entry = tuple[int, int, Event] | tuple[int, int, str, bytes]
+_Entry = tuple[int, int, str, Event | bytes]
+"""Arguments of `RecordingFile.add`."""
 
 
 class RecordingLimitError(RecordingError):
@@ -77,14 +78,13 @@ class Room:
 class Recorder:
     """Write the events that enter the engine, and the messages that it publishes, in one total order.
 
-    Call ``event`` and ``published`` from one thread, in the order in which things happen: an event, then the messages
-    that it caused. They never block, and never raise because of a disk.
+    Call ``add`` from one thread, in the order in which things happen: an event, then the messages that it caused. It
+    never blocks, and never raises because of a disk.
 
     Attributes:
         path: The file.
-        begun: Whether the file has been created.
-        limit: The limit that ended the recording or prevented its start; None otherwise.
-        failure: Why the recording failed; None while it runs, and if a limit ended it.
+        outcome: State and reason: "starting" until the file is created, then "running"; "limited" if a limit ended the
+            recording or prevented its start, "failed" if anything else did.
 
     Args:
         path: File to write; an existing one is never overwritten.
@@ -112,15 +112,13 @@ class Recorder:
         room: Room | None = None,
     ) -> None:
         self.path = path
-        self.failure: str | None = None
-        self.limit: str | None = None
         self._prepare, self._place = prepare, place
         self._room = room
         self._create = partial(
             RecordingFile, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
         )
         self._file = self._create(path) if prepare is None else None
-        self.begun = self._file is not None
+        self.outcome = ("starting", "") if self._file is None else ("running", "")
         self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
         self._entries = 0
         self._next_entry = 0  # the one after the last entry taken from the queue
@@ -143,15 +141,24 @@ class Recorder:
     @property
     def lost(self) -> int:
         """Number of entries known to be missing from the file, because the queue overflowed or the disk failed."""
-        return self._refused + (self._unwritten if self.failure else 0)
+        return self._refused + (self._unwritten if self.outcome[0] == "failed" else 0)
 
-    def event(self, event: Event, t_ns: int) -> None:
-        """Record an event that enters the engine at ``t_ns``; do not change the event afterwards."""
-        self._put((self._entries, t_ns, event))
+    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
+        """Record an event that enters the engine at ``t_ns``, or the bytes that were published because of it.
 
-    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Record the bytes that were published because of the event at ``t_ns``."""
-        self._put((self._entries, t_ns, topic, payload))
+        Args:
+            topic: Topic of the message, or `EVENTS`.
+            content: The bytes, or the event, which must not change afterwards.
+            t_ns: Time of the event, CLOCK_MONOTONIC.
+        """
+        if self._closed:
+            raise ValueError(f"{self.path} is closed; create a new recorder")
+        entry = (self._entries, t_ns, topic, content)
+        self._entries += 1
+        if self._queue.qsize() >= QUEUE_LIMIT:
+            self._refused += 1
+        else:
+            self._queue.put(entry)
 
     def end(self) -> None:
         """Stop recording, and let the thread finish the file."""
@@ -180,17 +187,9 @@ class Recorder:
         self._thread.join(within_s)
         if self._thread.is_alive():
             raise RecordingError(f"{self.path}: the disk did not write the last entries in time")
-        if self.failure:
-            raise RecordingError(f"{self.failure}; {self.lost} entries are missing" if self.lost else self.failure)
-
-    def _put(self, entry: _Entry) -> None:
-        if self._closed:
-            raise ValueError(f"{self.path} is closed; create a new recorder")
-        self._entries += 1
-        if self._queue.qsize() >= QUEUE_LIMIT:
-            self._refused += 1
-        else:
-            self._queue.put(entry)
+        state, reason = self.outcome
+        if state == "failed":
+            raise RecordingError(f"{reason}; {self.lost} entries are missing" if self.lost else reason)
 
     def _run(self) -> None:
         file = self._file
@@ -200,7 +199,7 @@ class Recorder:
             if self._place is not None:
                 self.path = self._place(self.path)
             self._file = file = file or self._create(self.path)
-            self.begun = True
+            self.outcome = ("running", "")
             self._write_until_closed(file)
             file.finish(self._entries)
         except RecordingLimitError as error:
@@ -218,17 +217,17 @@ class Recorder:
             except Exception as worse:
                 self._fail(file, worse)
                 return
-        self.limit = f"{self.path}: {error}"
+        self.outcome = ("limited", f"{self.path}: {error}")
         self._discard_until_closed()
 
     def _fail(self, file: RecordingFile | None, error: Exception) -> None:
         """Give up the file: end it after the flushed entries, and again with the final count when the run ends."""
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         if file is None:
-            self.failure = str(error)
+            self.outcome = ("failed", str(error))
             self._discard_until_closed()
             return
-        self.failure = f"{self.path}: the recording stopped: {reason}"
+        self.outcome = ("failed", f"{self.path}: the recording stopped: {reason}")
         file.stop(self._entries, reason)
         self._discard_until_closed()
         file.stop(self._entries, reason)
@@ -243,7 +242,7 @@ class Recorder:
                 if entry is None:
                     return
                 self._unwritten += 1
-                _write(file, entry)
+                file.add(*entry)
                 self._next_entry = entry[0] + 1
             now_s = time.monotonic()
             if now_s >= next_flush_s:
@@ -259,11 +258,3 @@ class Recorder:
             return
         while self._queue.get() is not None:
             self._unwritten += 1
-
-
-def _write(file: RecordingFile, entry: _Entry) -> None:
-    if len(entry) == 3:
-        file.event(*entry)
-    else:
-        n, t_ns, topic, payload = entry
-        file.published(n, t_ns, topic, payload)

@@ -16,7 +16,7 @@ from engine_rig import GRIPPER, LEFT, RIGHT, Run
 from project import DOCS
 
 from slipd.events import HostNotice, LinkDown, RecordingChanged
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import open_recording
 from slipd_client.errors import CallError
 from slipd_client.health.bundle import REMOVED, Bundle, without_secrets
@@ -190,8 +190,8 @@ def recording(tmp_path: Path) -> Path:
     file = RecordingFile(
         tmp_path / "run.mcap", config_text=f'port = "{SECRET_URL}"\n', boot="b", wall_minus_monotonic_ns=0
     )
-    file.event(0, 1, LinkDown("pads", f"{SECRET_URL} does not answer"))
-    file.published(1, 2, "status", encode({"streams": [{"address": SECRET_URL, "rate_hz": 0.1}]}))
+    file.add(0, 1, EVENTS, LinkDown("pads", f"{SECRET_URL} does not answer"))
+    file.add(1, 2, "status", encode({"streams": [{"address": SECRET_URL, "rate_hz": 0.1}]}))
     file.finish(2)
     return tmp_path / "run.mcap"
 

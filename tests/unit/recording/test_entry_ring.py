@@ -10,7 +10,7 @@ from recorded_entries import ABOUT_RUN, complete
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, StateRestored, Tick
 from slipd.recording import entry_ring
 from slipd.recording.entry_ring import Entered, EntryRing, TareEvents
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 
 MS, SECOND = 1_000_000, 1_000_000_000
 TARE = Request(b"client", {"op": "tare", "finger": "left", "seconds": 0.5})
@@ -32,9 +32,9 @@ def test_a_ring_that_dropped_entries_begins_with_the_links_that_were_open(tmp_pa
     ring = EntryRing(9 * SECOND)
     restored = StateRestored("of the run before")
     for event in (restored, UP, LinkUp("left.pad", "b"), LinkUp("right.pad", "c"), LinkDown("left.pad", "unplugged")):
-        ring.event(event, 0)
+        ring.add(EVENTS, event, 0)
     for n in range(100):
-        ring.event(Bytes("left.wrench", bytes(20)), n * SECOND)
+        ring.add(EVENTS, Bytes("left.wrench", bytes(20)), n * SECOND)
     entries = written(ring, tmp_path / "ring.mcap")
     assert [one.event for one in entries[:3]] == [restored, UP, LinkUp("right.pad", "c")]
     assert entries[0].n == ring.first > 0
@@ -43,11 +43,11 @@ def test_a_ring_that_dropped_entries_begins_with_the_links_that_were_open(tmp_pa
 
 def test_a_ring_that_dropped_a_tare_begins_with_it_so_that_the_zero_is_that_of_the_run(tmp_path: Path) -> None:
     ring = EntryRing(SECOND)
-    ring.event(UP, 0)
+    ring.add(EVENTS, UP, 0)
     for n in range(500):
-        ring.event(Bytes("left.wrench", bytes(20)), n * 10 * MS)
+        ring.add(EVENTS, Bytes("left.wrench", bytes(20)), n * 10 * MS)
         if n == 60:
-            ring.event(TARE, n * 10 * MS)
+            ring.add(EVENTS, TARE, n * 10 * MS)
     entries = written(ring, tmp_path / "ring.mcap")
     times_ns = [one.t_ns for one in entries]
     assert (entries[0].t_ns, entries[0].event) == (100 * MS, UP)

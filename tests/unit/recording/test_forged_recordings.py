@@ -17,6 +17,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
 from slipd.recording import entry_walk, mcap_file
 from slipd.recording.event_codec import encode_event
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import Recording
 
 
@@ -195,7 +196,7 @@ def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path) -> N
     file = mcap_file.RecordingFile(tmp_path / "run.mcap", **ABOUT_RUN)
     sizes = [65_507] * 1280 + [1 << 20] * 80
     for n, size in enumerate(sizes):
-        file.event(n, n, Bytes("left.wrench", bytes(size)))
-    file.published(len(sizes), len(sizes), "tactile.left", bytes(mcap_file.ENTRY_LIMIT_BYTES))
+        file.add(n, n, EVENTS, Bytes("left.wrench", bytes(size)))
+    file.add(len(sizes), len(sizes), "tactile.left", bytes(mcap_file.ENTRY_LIMIT_BYTES))
     file.finish(len(sizes) + 1)
     assert len(complete(tmp_path / "run.mcap")) == len(sizes) + 1

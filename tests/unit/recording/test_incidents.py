@@ -16,7 +16,7 @@ from slipd.events import Bytes, IncidentsChanged, Publish
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
 from slipd.recording.incidents import Incidents
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.run_files import RunFiles, run_name
 from slipd.recording.run_recorders import RunRecorders
 from slipd.types.clocks import WallClock
@@ -59,8 +59,8 @@ def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_t
     kept = incidents(tmp_path, after_s=2.0, pause_s=60.0)
     for n in range(200):
         t_ns = n * SECOND_NS
-        kept.event(Bytes("left.wrench", bytes([n])), t_ns)
-        kept.published("status", b"\x80", t_ns)
+        kept.add(EVENTS, Bytes("left.wrench", bytes([n])), t_ns)
+        kept.add("status", b"\x80", t_ns)
         if n in (5, 6, 7, 100, 199):
             kept.note_warning(WARNING, t_ns)
     kept.close()
@@ -98,7 +98,7 @@ def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_
     kept = incidents(tmp_path, after_s=5.0, pause_s=60.0)
     for second, state, since in ((1, "held", 1), (3, "lost", 3), (4, "unknown", 4), (5, "lost", 3), (70, "lost", 70)):
         t_ns = second * SECOND_NS
-        kept.event(Bytes("left.wrench", b"x"), t_ns)
+        kept.add(EVENTS, Bytes("left.wrench", b"x"), t_ns)
         if second == 1:
             kept.note_warning(WARNING, t_ns)
         kept.note_grasp({"state": state, "state_t_ns": since}, t_ns)
@@ -117,12 +117,12 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     assert kept.change(0) == IncidentsChanged(0, 0, 0, 0, "", "")
     assert kept.change(2 * SECOND_NS) is None
     monkeypatch.setattr(module, "QUEUE_LIMIT", 0)
-    kept.published("status", b"x", 0)
+    kept.add("status", b"x", 0)
     assert kept.change(SECOND_NS // 2) is None, "too soon"
     assert kept.change(2 * SECOND_NS) == IncidentsChanged(0, 0, 1, 0, "", "")
     monkeypatch.setattr(module, "QUEUE_LIMIT", 1000)
     for n in range(100):
-        kept.published("status", bytes([n]) * 40, n)
+        kept.add("status", bytes([n]) * 40, n)
     kept.note_warning(WARNING, SECOND_NS)
     kept.note_grasp({"state": "lost", "state_t_ns": 7}, 2 * SECOND_NS)
     kept.close()
@@ -139,7 +139,7 @@ def test_a_disk_without_room_or_that_fails_costs_the_file_only(
 ) -> None:
     kept = incidents(tmp_path, prepare)
     for n in range(1000):
-        kept.event(Bytes("left.wrench", bytes(range(n % 256))), n)
+        kept.add(EVENTS, Bytes("left.wrench", bytes(range(n % 256))), n)
     kept.note_warning(WARNING, 1)
     with small_disk(5000):
         kept.close()

@@ -10,6 +10,7 @@ from slipd import config
 from slipd.engine.engine import Engine
 from slipd.errors import ConfigError, RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import Pace, replay
 from slipd.recording.writer import Recorder
@@ -69,10 +70,10 @@ def live(trial: Recording, tmp_path: Path) -> Recording:
     recorder = Recorder(path, config_text=TWO_PADS, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     refused = 0
     for t_ns, event in eventful(trial):
-        recorder.event(event, t_ns)
+        recorder.add(EVENTS, event, t_ns)
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
-                recorder.published(output.topic, messages.encode(output.body), t_ns)
+                recorder.add(output.topic, messages.encode(output.body), t_ns)
             refused += isinstance(output, Reply) and not output.body["ok"]
     recorder.close()
     assert (recorder.lost, refused) == (0, 2), "the requests that were meant well were taken"
@@ -126,7 +127,7 @@ def test_a_recording_whose_config_is_wrong_or_lacks_a_link_is_reported(
     tmp_path: Path, config_text: str, error: type[Exception], fault: str
 ) -> None:
     recorder = Recorder(tmp_path / "run.mcap", config_text=config_text, boot="b", wall_minus_monotonic_ns=0)
-    recorder.event(LinkUp("middle.pad", ""), 1)
+    recorder.add(EVENTS, LinkUp("middle.pad", ""), 1)
     recorder.close()
     with pytest.raises(error, match=fault):
         list(replay(open_recording(tmp_path / "run.mcap")))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
 from slipd.recording import requested_recordings, writer
 from slipd.recording.entry_walk import Entered, Published
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.requested_recordings import (
     MOST_UNFINISHED,
     START_LIMIT_NS,
@@ -48,7 +50,7 @@ def state(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def recordings(state: Path) -> Iterator[RequestedRecordings]:
-    made = RequestedRecordings(state, make, lambda: private_directory(state))
+    made = RequestedRecordings(state, partial(make, prepare=lambda: private_directory(state)))
     yield made
     made.close()
 
@@ -68,8 +70,8 @@ def test_K3_a_recording_begins_with_the_links_that_are_open_and_the_next_one_end
     for n, record in enumerate((None, Record("a.mcap", (up,)), Record("b.mcap"), Record(""))):
         if record is not None:
             recordings.handle(record, 20 * n)
-        recordings.event(Tick(n), 20 * n + 10)
-        recordings.published("status", b"\x80", 20 * n + 10)
+        recordings.add(EVENTS, Tick(n), 20 * n + 10)
+        recordings.add("status", b"\x80", 20 * n + 10)
     recordings.close()
     first, second = state / "a.mcap", state / "b.mcap"
     assert complete(first) == [Entered(0, 20, up), Entered(1, 30, Tick(1)), Published(2, 30, "status", b"\x80")]
@@ -87,11 +89,11 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: Requested
     reason = f"{recorder.path}: the recording stopped: File too large"
     with small_disk(size + 10):
         for n in range(100):
-            recordings.event(Tick(n), n)
+            recordings.add(EVENTS, Tick(n), n)
         until(lambda: recorder.lost >= 100)  # the thread counts on after the failure
         assert recorder.path.stat().st_size == size, "no part of an end"
         assert news(recordings, 2) == RecordingChanged("full.mcap", str(recorder.path), "failed", reason, 100)
-        recordings.event(Tick(101), 101)
+        recordings.add(EVENTS, Tick(101), 101)
     recordings.handle(Record("next.mcap"), 200)
     assert news(recordings).state == "running"
     with small_disk((state / "next.mcap").stat().st_size):
@@ -126,11 +128,11 @@ def test_a_folder_that_cannot_be_used_or_is_full_or_has_the_file_keeps_a_recordi
     for name, text in precious.items():
         (tmp_path / name).write_text(text)
     check_room(tmp_path, ROOM, 3)
-    made = RequestedRecordings(tmp_path, make, lambda: prepare(tmp_path))
+    made = RequestedRecordings(tmp_path, partial(make, prepare=lambda: prepare(tmp_path)))
     made.handle(Record("slipd-3.mcap"), 0)
     refused = news(made)
     assert made.changes(2) == [], "it is reported once"
-    made.event(Tick(1), 1)
+    made.add(EVENTS, Tick(1), 1)
     made.close()
     assert refused == RecordingChanged("slipd-3.mcap", str(tmp_path / "slipd-3.mcap"), state, refused.reason)
     assert reason in refused.reason
@@ -140,7 +142,7 @@ def test_a_folder_that_cannot_be_used_or_is_full_or_has_the_file_keeps_a_recordi
 
 def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(state: Path) -> None:
     disk = threading.Event()
-    made = RequestedRecordings(state, make, held(disk, state))
+    made = RequestedRecordings(state, partial(make, prepare=held(disk, state)))
     made.handle(Record("a.mcap"), 0)
     assert made.changes(START_LIMIT_NS - 1) == []
     path = str(state / "a.mcap")
@@ -159,11 +161,11 @@ def test_lost_entries_are_reported_periodically(
     assert news(recordings, 1).lost == 0
     monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
     for n in range(7):
-        recordings.event(Tick(n), n)
+        recordings.add(EVENTS, Tick(n), n)
     assert recordings.changes(2) == []
     assert recordings.changes(2_000_000_000) == [RecordingChanged("a.mcap", str(state / "a.mcap"), "running", "", 7)]
     assert "7 entries lost so far: the disk is too slow" in caplog.text
-    recordings.event(Tick(8), 8)
+    recordings.add(EVENTS, Tick(8), 8)
     assert recordings.changes(2_100_000_000) == []
     recordings.close()
     assert "8 entries are missing: the disk was too slow" in caplog.text
@@ -173,11 +175,11 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     state: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     disk = threading.Event()
-    recordings = RequestedRecordings(state, make, held(disk, state))
+    recordings = RequestedRecordings(state, partial(make, prepare=held(disk, state)))
     refused = []
     for n in range(20):
         recordings.handle(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
-        recordings.event(Tick(n), n)
+        recordings.add(EVENTS, Tick(n), n)
         refused += [change.name for change in recordings.changes(0) if "still writing" in change.reason]
         recordings.handle(Record(""), 0)
     made = [watch.recorder for watch in recordings._ended]
@@ -205,7 +207,7 @@ def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
         real(recorder, within_s)
 
     monkeypatch.setattr(Recorder, "close", close)
-    recordings = RequestedRecordings(state, make, held(disk, state))
+    recordings = RequestedRecordings(state, partial(make, prepare=held(disk, state)))
     for name in ("a.mcap", "b.mcap"):
         recordings.handle(Record(name), 0)
     monkeypatch.setattr(requested_recordings, "CLOSE_LIMIT_S", 0.05)

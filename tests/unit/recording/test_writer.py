@@ -16,17 +16,18 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
 from slipd.recording import writer
 from slipd.recording.entry_walk import Entered
-from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES
+from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES, EVENTS
 from slipd.recording.writer import Recorder, Room
 
 WRITE_UNTIL_KILLED = """
 import sys, time
 from pathlib import Path
 from slipd.events import Bytes
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.writer import Recorder
 recorder = Recorder(Path(sys.argv[1]), config_text="", boot="b", wall_minus_monotonic_ns=0)
 def put(n):
-    recorder.event(Bytes("left", n.to_bytes(40, "big")), 1_000_000 * n)
+    recorder.add(EVENTS, Bytes("left", n.to_bytes(40, "big")), 1_000_000 * n)
 for n in range(1000):
     put(n)
 sys.stdin.readline()  # the thousand must reach the file without anyone closing it
@@ -50,9 +51,9 @@ def readable(path: Path) -> int:
 def record(recorder: Recorder, entries) -> None:
     for item in entries:
         if isinstance(item, Entered):
-            recorder.event(item.event, item.t_ns)
+            recorder.add(EVENTS, item.event, item.t_ns)
         else:
-            recorder.published(item.topic, item.payload, item.t_ns)
+            recorder.add(item.topic, item.payload, item.t_ns)
 
 
 def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_channel(tmp_path: Path) -> None:
@@ -61,7 +62,7 @@ def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_ch
     recorder.close()
     recorder.close()
     with pytest.raises(ValueError, match="is closed"):
-        recorder.event(Tick(), 1)
+        recorder.add(EVENTS, Tick(), 1)
     with (tmp_path / "run.mcap").open("rb") as file:
         found = [
             (message.sequence, message.log_time, msgpack.unpackb(message.data)["t_ns"], channel, schema)
@@ -107,7 +108,7 @@ def test_K1_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_begin
     recorder = Recorder(path, **ABOUT_RUN)
     with small_disk(size):
         for n in range(3000):
-            recorder.event(Bytes("left", random.randbytes(100)), n)
+            recorder.add(EVENTS, Bytes("left", random.randbytes(100)), n)
         with pytest.raises(RecordingError, match="the recording stopped: File too large"):
             recorder.close()
     assert path.stat().st_size <= size
@@ -134,12 +135,12 @@ def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN, room=room, prepare=lambda: queued.wait())
     record(recorder, entries(2000))
     queued.set()
-    until(lambda: recorder.limit)
+    until(lambda: recorder.outcome[0] == "limited")
     record(recorder, entries(100))
     recorder.close()
-    assert re.search(rf"^{tmp_path}/run.mcap: .*{limit}", str(recorder.limit))
+    assert re.search(rf"^{tmp_path}/run.mcap: .*{limit}", recorder.outcome[1])
     found = complete(tmp_path / "run.mcap")
-    assert (recorder.failure, recorder.lost) == (None, 0)
+    assert (recorder.outcome[0], recorder.lost) == ("limited", 0)
     assert found == entries(2000)[: len(found)] != []
 
 
@@ -175,7 +176,7 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
     until(lambda: recorder._queue.empty())
     record(recorder, entries(41)[40:])
     recorder.close()
-    assert recorder.failure is None
+    assert recorder.outcome == ("running", "")
     recording, found = contents(tmp_path / "run.mcap")
     assert found == entries(10) + entries(41)[40:]
     assert (recording.lost, recording.fault, recording.complete) == (30, None, False)
@@ -183,8 +184,8 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
 
 def test_an_entry_that_cannot_be_written_stops_the_recording_not_the_run(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
-    recorder.published("slip.left", bytes(ENTRY_LIMIT_BYTES + 1), 0)
-    recorder.event(Tick(), 1)
+    recorder.add("slip.left", bytes(ENTRY_LIMIT_BYTES + 1), 0)
+    recorder.add(EVENTS, Tick(), 1)
     with pytest.raises(RecordingError, match="must have at most"):
         recorder.close()
     assert recorder.lost == 2
@@ -200,8 +201,8 @@ def test_K3_a_file_that_exists_or_cannot_be_created_is_reported_at_once(tmp_path
 
 def test_K3_a_file_that_is_deleted_while_it_is_written_is_reported(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
-    recorder.published("status", b"\x80", 1)
+    recorder.add("status", b"\x80", 1)
     (tmp_path / "run.mcap").unlink()
-    until(lambda: recorder.failure)
-    assert recorder.failure.endswith("run.mcap: the recording stopped: the file was deleted while it was written")
+    until(lambda: recorder.outcome[0] == "failed")
+    assert recorder.outcome[1].endswith("run.mcap: the recording stopped: the file was deleted while it was written")
     recorder.end()

@@ -9,6 +9,7 @@ from recorded_entries import begun_like
 from replays import RECORDINGS
 
 from slipd.cli import main
+from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -35,7 +36,7 @@ def test_a_recording_that_stopped_is_used_as_far_as_it_goes_and_its_texts_contro
     whole = open_recording(RECORDINGS / "bota.mcap")
     file, events = begun_like(whole, Path("run.mcap")), list(whole.events())
     for n, (t_ns, event) in enumerate(events):
-        file.event(n, t_ns, event)
+        file.add(n, t_ns, EVENTS, event)
     file.finish(len(events), "the \x1b]0;owned\x07 disk")
     assert main([name, "run.mcap", *COMMANDS[name]]) == 1
     said = capsys.readouterr()

@@ -10,7 +10,7 @@ from pathlib import Path
 from slipd.config.model import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, LinkSpec, Request, Tick
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.draft import RECORDING, draft
 
 START_NS = 1_000_000_000
@@ -53,6 +53,6 @@ def write_run(out: Path, config_text: str, events: Iterable[tuple[int, Event]], 
         with contextlib.closing(file):
             count = 0
             for t_ns, event in heapq.merge(events, ticks, key=lambda timed: timed[0]):
-                file.event(count, t_ns, event)
+                file.add(count, t_ns, EVENTS, event)
                 count += 1
             file.finish(count)

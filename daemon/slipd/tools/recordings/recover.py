@@ -28,7 +28,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes
 from slipd.io.progress import Progress
 from slipd.recording.entry_walk import Entered, EntryWalk, Published
-from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
+from slipd.recording.mcap_file import EVENTS, RECORD_LIMIT_BYTES, STOPPED, RecordingFile
 from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.draft import RECORDING, draft
@@ -122,9 +122,9 @@ def recover(
 
 def _write(file: RecordingFile, entry: Entered | Published) -> None:
     if isinstance(entry, Entered):
-        file.event(entry.n, entry.t_ns, entry.event)
+        file.add(entry.n, entry.t_ns, EVENTS, entry.event)
     else:
-        file.published(entry.n, entry.t_ns, entry.topic, entry.payload)
+        file.add(*entry)
 
 
 def _cleaning(clean: Callable[[str], str]) -> Callable[[RecordingFile, Entered | Published], None]:
@@ -142,12 +142,12 @@ def _cleaning(clean: Callable[[str], str]) -> Callable[[RecordingFile, Entered |
     def write(file: RecordingFile, entry: Entered | Published) -> None:
         if isinstance(entry, Published):
             payload = msgpack.packb(cleaned(msgpack.unpackb(entry.payload)))
-            file.published(entry.n, entry.t_ns, entry.topic, payload)
+            file.add(entry.n, entry.t_ns, entry.topic, payload)
             return
         event: Any = entry.event
         if not isinstance(event, Bytes):
             event = replace(event, **{each.name: cleaned(getattr(event, each.name)) for each in fields(event)})
-        file.event(entry.n, entry.t_ns, event)
+        file.add(entry.n, entry.t_ns, EVENTS, event)
 
     return write
 

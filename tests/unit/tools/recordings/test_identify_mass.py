@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from slipd.devices import bota
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
 from slipd.signals.mounting import Mounting
 from slipd.tools.commission.weight_identification import Identification
@@ -95,7 +95,7 @@ class Session:
         """Record the run, and identify the weight from it."""
         file = RecordingFile(folder / "run.mcap", config_text=CONFIG, boot="b", wall_minus_monotonic_ns=10**18)
         for n, (t_ns, event) in enumerate(self.events):
-            file.event(n, t_ns, event)
+            file.add(n, t_ns, EVENTS, event)
         file.finish(len(self.events))
         return identify_recording(folder / "run.mcap", finger)
 
