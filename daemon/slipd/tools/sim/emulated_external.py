@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from slipd.devices.external import encode_reading
-from slipd.tools.sim.emulators import ArmStream, EmulatedDevice, TactileStream, WrenchStream
+from slipd.tools.sim.emulators import EmulatedDevice, TactileStream, WrenchStream
 from slipd.types.arrays import Array
 
 WRENCH, PAD = "left.wrench", "left.pad"
@@ -18,6 +19,9 @@ PAD_EVERY = 5
 TAXELS = 16
 NOISE = 0.01
 """Standard deviation of each taxel."""
+
+ARM_NOISE = 0.02, 0.002
+"""Standard deviation of each component of an arm's gravity, m/s², and angular velocity, rad/s."""
 
 
 class Pusher(EmulatedDevice):
@@ -49,10 +53,13 @@ class Pusher(EmulatedDevice):
             name: TactileStream(seed + k, rates_hz.get(name, RATE_HZ / PAD_EVERY), shape, NOISE)
             for k, (name, shape) in enumerate(pads.items())
         }
-        self._arms = {name: ArmStream(seed + k, rates_hz.get(name, RATE_HZ)) for k, name in enumerate(arms)}
-        for stream in (*self._wrenches.values(), *self._images.values(), *self._arms.values()):
+        self._arms = {
+            name: WrenchStream(seed + k, rates_hz.get(name, RATE_HZ), *ARM_NOISE) for k, name in enumerate(arms)
+        }
+        self._streams: dict[str, WrenchStream | TactileStream] = {**self._wrenches, **self._images, **self._arms}
+        for stream in self._streams.values():
             stream.start(0)
-        self._sent = dict.fromkeys([*wrenches, *pads, *arms], 0)
+        self._sent = dict.fromkeys(self._streams, 0)
 
     def feel(self, force_n: Array, torque_nm: Array, sensor: str = WRENCH) -> None:
         """Set the load on a sensor from now on, in the frame of the sensor, N and N·m."""
@@ -64,25 +71,21 @@ class Pusher(EmulatedDevice):
 
     def carry(self, gravity_mps2: Array, velocity_radps: Array, sensor: str) -> None:
         """Set the motion of an arm from now on: apparent gravity, m/s², and angular velocity, rad/s."""
-        self._arms[sensor].carry(gravity_mps2, velocity_radps)
+        self._arms[sensor].feel(gravity_mps2, velocity_radps)
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
-        wrenches = [(t, name, values) for name, stream in self._wrenches.items() for t, values in stream.due(t_ns)]
-        images = [(t, name, stream.image()) for name, stream in self._images.items() for t in stream.times(t_ns)]
-        motions = [(t, name, stream.reading()) for name, stream in self._arms.items() for t in stream.times(t_ns)]
-        readings = sorted(wrenches + images + motions, key=lambda reading: reading[0])
-        return [self._message(*reading) for reading in readings]
+        readings = [(t, name, values) for name, stream in self._streams.items() for t, values in stream.due(t_ns)]
+        return [self._message(*reading) for reading in sorted(readings, key=lambda reading: reading[0])]
 
     def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
-        number = self._sent[stream]
-        self._sent[stream] += 1
-        t_ns = self.began_ns + taken_ns
+        fields: dict[str, Any] = {"force_n": values[:3], "torque_nm": values[3:]}
         if stream in self._images:
-            return encode_reading(stream, t_ns, seq=number, values=values)
-        if stream in self._arms:
-            return encode_reading(stream, t_ns, seq=number, gravity_mps2=values[:3], angular_velocity_radps=values[3:])
-        return encode_reading(stream, t_ns, seq=number, force_n=values[:3], torque_nm=values[3:])
+            fields = {"values": values}
+        elif stream in self._arms:
+            fields = {"gravity_mps2": values[:3], "angular_velocity_radps": values[3:]}
+        self._sent[stream] += 1
+        return encode_reading(stream, self.began_ns + taken_ns, seq=self._sent[stream] - 1, **fields)
 
 
 make = Pusher

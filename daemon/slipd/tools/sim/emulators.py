@@ -128,24 +128,23 @@ class Timer:
 
 
 class WrenchStream(Timer):
-    """Readings at a rate: the load on the sensor with noise.
+    """Readings at a rate: the load on the sensor, or the motion of an arm, with noise.
 
     Args:
         seed: Seed or source of the noise.
         rate_hz: Readings per second.
-        noise_n: Standard deviation of each force component, N.
-        noise_nm: Standard deviation of each torque component, N·m.
+        noise_n: Standard deviation of each force component, N; of an arm's gravity, m/s².
+        noise_nm: Standard deviation of each torque component, N·m; of an arm's angular velocity, rad/s.
     """
 
     def __init__(
         self, seed: int | np.random.Generator, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005
     ) -> None:
         super().__init__(rate_hz)
-        self._rng = np.random.default_rng(seed)
         self._ideal = np.zeros(6)
+        self._rng = np.random.default_rng(seed)
         self._sigma = np.repeat((noise_n, noise_nm), 3)
-        self._noise: Array = np.empty((0, 6))
-        self._drawn = 0
+        self._noise: list[Array] = []
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
         """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
@@ -154,16 +153,13 @@ class WrenchStream(Timer):
     def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
         """Yield the time of each reading due by ``t_ns``, and its force and torque, shape (6,)."""
         for taken_ns in self.times(t_ns):
-            yield taken_ns, self._ideal + self.next_noise()
+            yield taken_ns, self._ideal + self._next_noise()
 
-    def next_noise(self) -> Array:
+    def _next_noise(self) -> Array:
         """Return the noise of one reading; drawn in blocks, because a draw costs as much as a block of some hundred."""
-        if self._drawn == len(self._noise):
-            self._noise = self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))
-            self._drawn = 0
-        self._drawn += 1
-        noise: Array = self._noise[self._drawn - 1]
-        return noise
+        if not self._noise:
+            self._noise = [*self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))][::-1]
+        return self._noise.pop()
 
 
 def whole(values: Array, bits: int) -> list[int]:
@@ -226,34 +222,14 @@ class TactileStream(Timer):
         else:
             self._of_sensor[sensor] = values
 
+    def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
+        """Yield the time of each image due by ``t_ns``, and the image."""
+        for taken_ns in self.times(t_ns):
+            yield taken_ns, self.image()
+
     def image(self, sensor: str = "") -> Array:
         """Return an image of the present load on one sensor with new noise."""
         return self._of_sensor.get(sensor, self._ideal) + self._noise * self._rng.standard_normal(self._ideal.shape)
-
-
-class ArmStream(Timer):
-    """Readings at a rate of an arm's motion, in the gripper frame, with noise.
-
-    Args:
-        seed: Seed of the noise.
-        rate_hz: Readings per second.
-        noise_mps2: Standard deviation of each component of gravity, m/s².
-        noise_radps: Standard deviation of each component of the angular velocity, rad/s.
-    """
-
-    def __init__(self, seed: int, rate_hz: float, noise_mps2: float = 0.02, noise_radps: float = 0.002) -> None:
-        super().__init__(rate_hz)
-        self._rng = np.random.default_rng(seed)
-        self._sigma = np.repeat((noise_mps2, noise_radps), 3)
-        self._ideal = np.zeros(6)
-
-    def carry(self, gravity_mps2: Array, velocity_radps: Array) -> None:
-        """Set the apparent gravity, m/s², and the angular velocity, rad/s, from now on."""
-        self._ideal = np.concatenate((gravity_mps2, velocity_radps))
-
-    def reading(self) -> Array:
-        """Return gravity and angular velocity with new noise, shape (6,)."""
-        return self._ideal + self._sigma * self._rng.standard_normal(6)
 
 
 class EmulatedTactile(EmulatedDevice):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 HELP = """\
 press FINGER FORCE N [at X Y mm] [in S s]    press the pad; default: where it was pressed, or at its centre
@@ -24,9 +24,23 @@ show                                         print the load on each finger
 help                                         print this
 quit                                         end"""
 
-LONGEST_S = 3600.0
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _AXES = {"+x": (1.0, 0.0), "-x": (-1.0, 0.0), "+y": (0.0, 1.0), "-y": (0.0, -1.0)}
+_PLACE, _FORCES, _GRAVITY, _TURN = ("X", "Y", "Z"), ("FX", "FY"), ("GX", "GY", "GZ"), ("WX", "WY", "WZ")
+_BOUNDS = {
+    **dict.fromkeys(_PLACE, (-500.0, 500.0)),
+    **dict.fromkeys(_FORCES, (-1000.0, 1000.0)),
+    **dict.fromkeys(_GRAVITY, (-50.0, 50.0)),
+    **dict.fromkeys(_TURN, (-20.0, 20.0)),
+    "FORCE": (0.0, 1000.0),
+    "TORQUE": (-1e5, 1e5),
+    "WIDTH": (0.0, 500.0),
+    "MU_S": (0.01, 2.0),
+    "MU_D": (0.01, 2.0),
+    "MASS": (0.0, 10_000.0),
+    "S": (0.0, 3600.0),
+}
+"""Least and largest value of each number, by its name in `HELP`."""
 
 
 class CommandError(ValueError):
@@ -54,6 +68,46 @@ class Command:
     seconds: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """What follows a verb, in this order.
+
+    Attributes:
+        finger: Whether it names a finger; "may": it need not.
+        directed: Whether a direction follows.
+        numbers: Names of its numbers.
+        units: Their units, the first of which is the default, each with its size in SI.
+        place: Coordinates that may follow ``at``.
+        timed: Whether it may say how long it takes.
+    """
+
+    finger: str = ""
+    directed: bool = False
+    numbers: tuple[str, ...] = ()
+    units: Mapping[str, float] = field(default_factory=dict)
+    place: tuple[str, ...] = ()
+    timed: bool = False
+
+
+_TORQUES = {"mNm": 1e-3, "mN·m": 1e-3, "Nm": 1.0, "N·m": 1.0}
+_FORMS = {
+    "press": _Form("must", numbers=("FORCE",), units={"N": 1.0}, place=_PLACE[:2], timed=True),
+    "push": _Form("must", directed=True, numbers=("FORCE",), units={"N": 1.0}, timed=True),
+    "twist": _Form("must", numbers=("TORQUE",), units=_TORQUES, timed=True),
+    "release": _Form("may"),
+    "pull": _Form(directed=True, numbers=("FORCE",), units={"N": 1.0}, timed=True),
+    "object": _Form(numbers=("WIDTH",), units={"mm": 1e-3}),
+    "friction": _Form(numbers=("MU_S",)),
+    "tilt": _Form("may", numbers=_GRAVITY),
+    "arm": _Form(numbers=_GRAVITY, timed=True),
+    "weight": _Form("must", numbers=("MASS",), units={"g": 1e-3}, place=_PLACE),
+    "wait": _Form(numbers=("S",), units={"s": 1.0}),
+    "show": _Form(),
+    "help": _Form(),
+    "quit": _Form(),
+}
+
+
 def parse_command(line: str, fingers: Collection[str]) -> Command | None:
     """Return the command of a line; None for an empty line or a comment (#).
 
@@ -67,13 +121,38 @@ def parse_command(line: str, fingers: Collection[str]) -> Command | None:
     words = line.partition("#")[0].split()
     if not words:
         return None
-    parse = _PARSERS.get(words[0])
-    if parse is None:
-        raise CommandError(f"a command must begin with {', '.join(_PARSERS)}, got {words[0]!r:.40}")
+    if words[0] not in _FORMS:
+        raise CommandError(f"a command must begin with {', '.join(_FORMS)}, got {words[0]!r:.40}")
     reader = _Words(words, fingers)
-    command = parse(reader)
+    command = _command(reader, _FORMS[words[0]])
     reader.end()
     return command
+
+
+def _command(words: _Words, form: _Form) -> Command:
+    finger, direction, names = "", (0.0, 0.0), form.numbers
+    if form.finger == "must" or (form.finger and words.next and not words.number_is_next):
+        finger = words.finger()
+    if words.verb == "push" and words.number_is_next:
+        names = _FORCES
+    elif form.directed:
+        direction = words.direction()
+    values = words.numbers(names, form.units)
+    if names == _FORCES:
+        force_n = math.hypot(*values)
+        direction = (values[0] / force_n, values[1] / force_n) if force_n else direction
+        values = (force_n,)
+    elif words.verb == "friction":
+        values += (words.number("MU_D", most=values[0]) if words.next else 0.75 * values[0],)
+    elif words.verb == "tilt" and not any(values):
+        raise words.error("the direction must not be 0 0 0")
+    elif words.verb == "arm":
+        values += words.option("turn", _TURN) or (0.0, 0.0, 0.0)
+    place_m = words.option("at", form.place, {"mm": 1e-3}) if form.place else None
+    (seconds,) = (words.option("in", ("S",), {"s": 1.0}) if form.timed else None) or (0.0,)
+    if words.verb == "wait":
+        return Command("wait", seconds=values[0])
+    return Command(words.verb, finger, values, place_m, direction, seconds)
 
 
 class _Words:
@@ -86,55 +165,43 @@ class _Words:
     def next(self) -> str:
         return self._rest[0] if self._rest else ""
 
+    @property
+    def number_is_next(self) -> bool:
+        return re.fullmatch(_NUMBER, self.next) is not None
+
     def finger(self) -> str:
         if self.next not in self._fingers:
             raise self.error(f"FINGER must be one of {', '.join(self._fingers)}")
         return self._rest.pop(0)
-
-    def finger_if_named(self) -> str:
-        return self.finger() if self.next and not re.fullmatch(_NUMBER, self.next) else ""
 
     def direction(self) -> tuple[float, float]:
         if self.next not in _AXES:
             raise self.error(f"the direction must be one of {', '.join(_AXES)}")
         return _AXES[self._rest.pop(0)]
 
-    def number(self, name: str, least: float, most: float) -> float:
-        if not re.fullmatch(_NUMBER, self.next):
+    def number(self, name: str, most: float = math.inf) -> float:
+        if not self.number_is_next:
             raise self.error(f"{name} must be a number")
-        value = float(self.next)
-        if not least <= value <= most:
+        least, most = _BOUNDS[name][0], min(most, _BOUNDS[name][1])
+        if not least <= float(self.next) <= most:
             raise self.error(f"{name} must be from {least:g} to {most:g}")
-        self._rest.pop(0)
-        return value
+        return float(self._rest.pop(0))
 
-    def unit(self, *units: str) -> str:
-        """Drop the unit, which may be left out; return it."""
+    def numbers(self, names: Sequence[str], units: Mapping[str, float]) -> tuple[float, ...]:
+        """Return numbers in SI; their unit may be left out."""
+        values, scale = [self.number(name) for name in names], next(iter(units.values()), 1.0)
         if self.next in units:
-            return self._rest.pop(0)
-        if re.fullmatch(r"[A-Za-z·]+", self.next) and self.next not in ("at", "in"):
+            scale = units[self._rest.pop(0)]
+        elif units and re.fullmatch(r"[A-Za-z·]+", self.next) and self.next not in ("at", "in"):
             raise self.error(f"the unit must be {' or '.join(units)}")
-        return units[0]
+        return tuple(scale * value for value in values)
 
-    def place_m(self, count: int) -> tuple[float, ...] | None:
-        if not self.took("at"):
+    def option(self, word: str, names: Sequence[str], units: Mapping[str, float] = {}) -> tuple[float, ...] | None:
+        """Return the numbers that follow a word; None if it does not follow."""
+        if self.next != word:
             return None
-        place = tuple(1e-3 * self.number("XYZ"[k], -500.0, 500.0) for k in range(count))
-        self.unit("mm")
-        return place
-
-    def took(self, word: str) -> bool:
-        """Drop this word; return whether it was there."""
-        there = self.next == word
-        del self._rest[:there]
-        return there
-
-    def seconds(self) -> float:
-        if not self.took("in"):
-            return 0.0
-        value = self.number("S", 0.0, LONGEST_S)
-        self.unit("s")
-        return value
+        self._rest.pop(0)
+        return self.numbers(names, units)
 
     def end(self) -> None:
         if self._rest:
@@ -152,94 +219,3 @@ def _split_units(words: list[str]) -> list[str]:
         match = re.fullmatch(rf"({_NUMBER})([A-Za-z·]+)", word)
         found += match.groups() if match else [word]
     return found
-
-
-def _press(words: _Words) -> Command:
-    finger, force_n = words.finger(), words.number("FORCE", 0.0, 1000.0)
-    words.unit("N")
-    place_m = words.place_m(2)
-    return Command(words.verb, finger, (force_n,), place_m, seconds=words.seconds())
-
-
-def _push(words: _Words) -> Command:
-    finger = words.finger() if words.verb == "push" else ""
-    if words.verb == "push" and re.fullmatch(_NUMBER, words.next):
-        along_x_n, along_y_n = words.number("FX", -1000.0, 1000.0), words.number("FY", -1000.0, 1000.0)
-        force_n = math.hypot(along_x_n, along_y_n)
-        direction = (along_x_n / force_n, along_y_n / force_n) if force_n else (0.0, 0.0)
-    else:
-        direction, force_n = words.direction(), words.number("FORCE", 0.0, 1000.0)
-    words.unit("N")
-    return Command(words.verb, finger, (force_n,), direction=direction, seconds=words.seconds())
-
-
-def _twist(words: _Words) -> Command:
-    finger, torque = words.finger(), words.number("TORQUE", -1e5, 1e5)
-    scale = 1.0 if words.unit("mNm", "mN·m", "Nm", "N·m") in ("Nm", "N·m") else 1e-3
-    return Command(words.verb, finger, (scale * torque,), seconds=words.seconds())
-
-
-def _release(words: _Words) -> Command:
-    return Command(words.verb, words.finger_if_named())
-
-
-def _object(words: _Words) -> Command:
-    width_m = 1e-3 * words.number("WIDTH", 0.0, 500.0)
-    words.unit("mm")
-    return Command(words.verb, values=(width_m,))
-
-
-def _friction(words: _Words) -> Command:
-    mu_s = words.number("MU_S", 0.01, 2.0)
-    mu_d = words.number("MU_D", 0.01, mu_s) if words.next else 0.75 * mu_s
-    return Command(words.verb, values=(mu_s, mu_d))
-
-
-def _tilt(words: _Words) -> Command:
-    finger = words.finger_if_named()
-    gravity = tuple(words.number(name, -50.0, 50.0) for name in ("GX", "GY", "GZ"))
-    if math.hypot(*gravity) == 0.0:
-        raise words.error("the direction must not be 0 0 0")
-    return Command(words.verb, finger, gravity)
-
-
-def _arm(words: _Words) -> Command:
-    gravity = tuple(words.number(name, -50.0, 50.0) for name in ("GX", "GY", "GZ"))
-    velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
-    if words.took("turn"):
-        velocity = tuple(words.number(name, -20.0, 20.0) for name in ("WX", "WY", "WZ"))
-    return Command(words.verb, values=gravity + velocity, seconds=words.seconds())
-
-
-def _weight(words: _Words) -> Command:
-    finger, mass_kg = words.finger(), 1e-3 * words.number("MASS", 0.0, 10_000.0)
-    words.unit("g")
-    return Command(words.verb, finger, (mass_kg,), words.place_m(3))
-
-
-def _wait(words: _Words) -> Command:
-    seconds = words.number("S", 0.0, LONGEST_S)
-    words.unit("s")
-    return Command(words.verb, seconds=seconds)
-
-
-def _plain(words: _Words) -> Command:
-    return Command(words.verb)
-
-
-_PARSERS: dict[str, Callable[[_Words], Command]] = {
-    "press": _press,
-    "push": _push,
-    "twist": _twist,
-    "release": _release,
-    "pull": _push,
-    "object": _object,
-    "friction": _friction,
-    "tilt": _tilt,
-    "arm": _arm,
-    "weight": _weight,
-    "wait": _wait,
-    "show": _plain,
-    "help": _plain,
-    "quit": _plain,
-}
