@@ -145,7 +145,7 @@ def measure_latency(count: int) -> None:
         with_arm = carry_config(shipped("demo.toml").read_text(encoding="utf-8")).replace("250.0", "500.0")
         engines = [Fed(with_arm), Fed(with_arm[: with_arm.index("[grasp.arm]")])]
         for line in LINES:
-            rig.opened(line, 0)
+            rig.devices[line].opened(0)
             for each in engines:
                 each.feed(LinkUp(line.replace("-", "."), line), 0)
         engines[0].feed(LinkUp("arm", "arm"), 0)

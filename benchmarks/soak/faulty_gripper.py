@@ -125,8 +125,8 @@ def main() -> None:
         time.sleep(max(begin_ns + t_ns + TICK_NS - time.monotonic_ns(), 0) * 1e-9)
         opened, received = lines.read()
         for line in opened:
-            rig.opened(line, t_ns)
-        output = {line: rig.receive(line, data, t_ns) for line, data in received.items()}
+            rig.devices[line].opened(t_ns)
+        output = {line: b"".join(rig.devices[line].receive(data, t_ns)) for line, data in received.items()}
         now_ns = time.monotonic_ns()
         begin_ns = max(begin_ns, now_ns - t_ns - LONGEST_LAG_NS)  # a busy machine: the scene goes on where it was
         while t_ns + TICK_NS <= now_ns - begin_ns:

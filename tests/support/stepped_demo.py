@@ -82,7 +82,7 @@ class SteppedDemo:
             assert faults_of(output, event if isinstance(event, Request) else None) == []
             if isinstance(output, Write):
                 line = output.link.replace(".", "-")
-                self.unread[line] += self.rig.receive(line, output.data, self.now_ns)
+                self.unread[line] += b"".join(self.rig.devices[line].receive(output.data, self.now_ns))
             elif isinstance(output, Reply):
                 reply = output.body
             elif isinstance(output, Publish):
@@ -178,7 +178,7 @@ class SteppedDemo:
     def play(self, program: RobotProgram) -> None:
         """Open the lines, run a robot program to its end, and finish the recording."""
         for line in LINES:
-            self.rig.opened(line, 0)
+            self.rig.devices[line].opened(0)
             self.feed(LinkUp(line.replace("-", "."), line))
         if self.rig.arm is not None:
             self.feed(LinkUp("arm", "arm"))

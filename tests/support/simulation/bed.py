@@ -95,8 +95,8 @@ class Bed(EngineRun):
         self.rng = Random(seed)
         self.rig = VirtualRig(Scene(script=QUIET), seed)
         if not charge:
-            for finger in (self.rig._left, self.rig._right):
-                finger.pad._electronics = replace(finger.pad._electronics, tau_s=STIFF.tau_s)
+            for pad in (self.rig.devices[f"{finger}-pad"] for finger in FINGERS):
+                pad._electronics = replace(pad._electronics, tau_s=STIFF.tau_s)
         self.settings = settings(charge=charge, streams=streams)
         super().__init__(self.settings, zeros=False)
         self._world_ns, self._event_ns = 0, self.t_ns
@@ -189,7 +189,7 @@ class Bed(EngineRun):
         """Do what the engine says, and look at what it tells."""
         self._told = _digest(self._told, output)
         if isinstance(output, Write) and not self.line(output.link).deaf:
-            said = self.rig.receive(output.link.replace(".", "-"), output.data, self._world_ns)
+            said = b"".join(self.rig.devices[output.link.replace(".", "-")].receive(output.data, self._world_ns))
             self.line(output.link).answers += said
         elif isinstance(output, Publish):
             self.watch.hear(output, self._event_ns)
@@ -200,7 +200,7 @@ class Bed(EngineRun):
             line = self.line(link)
             line.up, line.answers = True, b""
             line.queue.clear()
-            self.rig.opened(link.replace(".", "-"), self._world_ns)
+            self.rig.devices[link.replace(".", "-")].opened(self._world_ns)
             self.feed(LinkUp(link, f"serial of {link}"))
 
     def down(self, link: str, reason: str = "unplugged") -> None:

@@ -7,8 +7,10 @@ import contextlib
 import gc
 import os
 import signal
+import stat
+import sys
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack
 from typing import Any
 from urllib.parse import urlsplit
@@ -32,10 +34,11 @@ ANSWER_BYTES = 4096
 QUESTION_S = 1.0
 """Longest wait for that request, s."""
 
+LONGEST_LINE = 1000
+"""Longest line of a script or of standard input, bytes."""
+
 HARDWARE_NICENESS = -10
 """Niceness of this process if permitted, because hardware is not late on a busy machine."""
-
-STDIN = 0
 
 
 class Emulation:
@@ -137,10 +140,24 @@ def prepare_process() -> None:
     gc.freeze()  # no device pauses for a garbage collection
 
 
+async def run_until_ended(*parts: Coroutine[Any, Any, None], stop: asyncio.Event | None = None) -> None:
+    """Run parts until one of them ends, a signal comes, or ``stop`` is set; raise the fault of a part."""
+    loop, stop = asyncio.get_running_loop(), stop or asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    tasks = [asyncio.create_task(part) for part in (*parts, stop.wait())]
+    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
+        task.cancel()
+    for result in await asyncio.gather(*tasks, return_exceptions=True):
+        if isinstance(result, Exception):
+            raise result
+
+
 async def serve_until_ended(
     devices: Sequence[tuple[str, Emulator, str]],
     load: Callable[[int], None] = lambda _: None,
-    hear: Callable[[bytes], None] = lambda _: None,
+    hear: Callable[[str], None] = lambda _: None,
     ready: Callable[[], None] = lambda: None,
 ) -> Emulation:
     """Serve devices until a signal or the end of standard input; return the emulation, which has ended.
@@ -148,32 +165,48 @@ async def serve_until_ended(
     Args:
         devices: See `emulated`.
         load: See `Emulation`.
-        hear: Called with what arrives at the standard input.
+        hear: Called with each line of the standard input.
         ready: Called once all are served.
 
     Raises:
         OSError: A line cannot be served at its address.
         ValueError: An address is invalid.
     """
-    loop, stop = asyncio.get_running_loop(), asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
 
-    def read_stdin() -> None:
-        data = os.read(STDIN, ANSWER_BYTES)
-        hear(data)
-        if not data:
-            stop.set()
+    async def listen() -> None:
+        async for line in standard_input():
+            hear(line)
 
     async with emulated(devices, load) as emulation:
         ready()
-        with contextlib.suppress(PermissionError):  # a file or nothing, which does not close
-            loop.add_reader(STDIN, read_stdin)
-        running = asyncio.create_task(emulation.run(), name="emulation")
-        running.add_done_callback(lambda _: stop.set())
-        await stop.wait()
-        loop.remove_reader(STDIN)
-        running.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
+        await run_until_ended(emulation.run(), listen())
     return emulation
+
+
+async def standard_input() -> AsyncIterator[str]:
+    """Yield the lines of standard input; wait forever without standard input, as in the background."""
+    try:
+        mode = os.fstat(sys.stdin.fileno()).st_mode
+    except (OSError, ValueError, AttributeError):
+        mode = stat.S_IFCHR
+    if stat.S_ISREG(mode):
+        for line in sys.stdin:
+            yield line
+    elif stat.S_ISCHR(mode) and not sys.stdin.isatty():
+        await asyncio.Event().wait()
+    else:
+        reader = asyncio.StreamReader(limit=LONGEST_LINE)
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+        try:
+            async for line in lines_of(reader):
+                yield line
+        finally:
+            transport.close()
+
+
+async def lines_of(reader: asyncio.StreamReader) -> AsyncIterator[str]:
+    """Yield the lines of a stream; one that is too long counts as its end."""
+    with contextlib.suppress(ValueError, ConnectionError):
+        while data := await reader.readline():
+            yield data.decode(errors="replace")

@@ -7,19 +7,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
-import signal
 import socket
-import stat
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from pathlib import Path
 
 from slipd import config
 from slipd.config.config_file import config_file
 from slipd.errors import SlipdError
-from slipd.tools.sim.emulate import emulated, prepare_process
+from slipd.tools.sim.emulate import LONGEST_LINE, emulated, lines_of, prepare_process, run_until_ended, standard_input
 from slipd.tools.sim.emulated_copy import EmulatedCopy
 from slipd.tools.sim.hand import PadLoad
 from slipd.tools.sim.hand_commands import HELP, CommandError, parse_command
@@ -28,7 +25,6 @@ from slipd.tools.sim.touched_devices import TouchedDevices
 SOCKET = "hand"
 """Name of the local socket for commands."""
 
-LONGEST_LINE = 1000
 OK, ERROR, END = "ok", "error: ", "end"
 """First words of the last line of each answer on the socket."""
 
@@ -124,10 +120,7 @@ def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
 
 
 async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> None:
-    loop, stop = asyncio.get_running_loop(), asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stop.set)
-    desk = _Desk(devices, stop)
+    desk = _Desk(devices)
     place = written.with_name(SOCKET)
     async with emulated(devices.devices, desk.advance) as emulation:
         place.unlink(missing_ok=True)
@@ -137,80 +130,40 @@ async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> N
             print(f"{name}: {address}")
         print(f"commands: slipd touch {place.parent} help\nby mouse: slipctl view --emulation {place.parent}")
         print(f"config: {written}", flush=True)
-        tasks = [asyncio.create_task(emulation.run(), name="emulation")]
-        tasks += [asyncio.create_task(_commands(desk, script), name="commands")]
-        for task in tasks:
-            task.add_done_callback(lambda task: stop.set() if task.cancelled() or task.exception() else None)
-        await stop.wait()
-        server.close()
-        for task in tasks:
-            task.cancel()
-        results = await asyncio.gather(*tasks, return_exceptions=True)
-        place.unlink(missing_ok=True)
-    for result in results:
-        if isinstance(result, Exception):
-            raise result
-
-
-async def _commands(desk: _Desk, script: list[str]) -> None:
-    """Carry out the script, then the lines of standard input."""
-    for line in script:
-        await desk.carry_out(line, print)
-    async for line in _standard_input():
-        await desk.carry_out(line, lambda text: print(text, flush=True))
-    desk.end()
-
-
-async def _standard_input() -> AsyncIterator[str]:
-    """Yield the lines of standard input; wait forever without standard input, as in the background."""
-    try:
-        mode = os.fstat(sys.stdin.fileno()).st_mode
-    except (OSError, ValueError, AttributeError):
-        mode = stat.S_IFCHR
-    if stat.S_ISREG(mode):
-        for line in sys.stdin:
-            yield line
-    elif stat.S_ISCHR(mode) and not sys.stdin.isatty():
-        await asyncio.Event().wait()
-    else:
-        reader = asyncio.StreamReader(limit=LONGEST_LINE)
-        loop = asyncio.get_running_loop()
-        transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
         try:
-            async for line in _lines(reader):
-                yield line
+            await run_until_ended(emulation.run(), desk.serve_script(script), stop=desk.stop)
         finally:
-            transport.close()
-
-
-async def _lines(reader: asyncio.StreamReader) -> AsyncIterator[str]:
-    """Yield the lines of a stream; one that is too long counts as its end."""
-    with contextlib.suppress(ValueError, ConnectionError):
-        while data := await reader.readline():
-            yield data.decode(errors="replace")
+            server.close()
+            place.unlink(missing_ok=True)
 
 
 class _Desk:
     """Carries out commands in the time of the emulation."""
 
-    def __init__(self, devices: TouchedDevices, stop: asyncio.Event) -> None:
-        self._devices, self._stop, self._t_ns = devices, stop, 0
+    def __init__(self, devices: TouchedDevices) -> None:
+        self._devices, self._t_ns = devices, 0
+        self.stop = asyncio.Event()
 
     def advance(self, t_ns: int) -> None:
         self._t_ns = t_ns
         self._devices.advance(t_ns)
 
-    def end(self) -> None:
-        self._stop.set()
+    async def serve_script(self, script: list[str]) -> None:
+        """Carry out the script, then the lines of standard input."""
+        for line in script:
+            await self.carry_out(line, print)
+        async for line in standard_input():
+            await self.carry_out(line, lambda text: print(text, flush=True))
+        self.stop.set()
 
     async def serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         def answer(text: str) -> None:
             writer.write(f"{text}\n".encode())
 
         with contextlib.suppress(ConnectionError, asyncio.CancelledError):  # cancelled: the emulation ends
-            async for line in _lines(reader):
+            async for line in lines_of(reader):
                 if await self.carry_out(line, answer):
-                    answer(END if self._stop.is_set() else OK)
+                    answer(END if self.stop.is_set() else OK)
                 await writer.drain()
         writer.close()
 
@@ -231,7 +184,7 @@ class _Desk:
         if command.verb == "wait":
             await asyncio.sleep(command.seconds)
         elif command.verb == "quit":
-            self.end()
+            self.stop.set()
         elif command.verb == "help":
             answer(HELP)
         elif command.verb == "show":

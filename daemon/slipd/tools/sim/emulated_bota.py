@@ -7,16 +7,13 @@ matrix, and saved settings.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from slipd.devices import bota
 from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream
-from slipd.types.arrays import Array, cross_matrix
+from slipd.types.arrays import Array
 
 BOOT_NS = 200_000_000
 """Time from power-on to the first frame, ns; the banner comes in the middle."""
@@ -26,6 +23,9 @@ NAME, SERIAL = "MiniONE", 1
 
 RATE_HZ = 800.0
 """Rate of frames until a command sets another filter length, Hz."""
+
+NOISE_NM = 0.0002
+"""Standard deviation of each torque component, N·m."""
 
 _INTERNAL_RATE_HZ = 51_200
 _IN_RUN_MODE = "CRI#"
@@ -62,46 +62,17 @@ def encode_banner(name: str = "SensONE", serial_number: int = 1, firmware: str =
     return "".join(f"{line}\r" for line in lines).encode()
 
 
-@dataclass(frozen=True)
-class BotaMount:
-    """Pose of the sensor behind its pad, and its imperfections.
-
-    Attributes:
-        xyz_m: Origin of the sensor in the pad frame, m (``pad_from_sensor`` of a config).
-        quat_xyzw: Rotation from sensor to pad coordinates, likewise.
-        bias: Reading without load: force (3) in N and torque (3) in N·m, in the frame of the sensor; includes the
-            weight of the finger, which does not move in this scene.
-        noise_n: Standard deviation of each force component.
-        noise_nm: Standard deviation of each torque component.
-        sinc_length: Filter length until a command sets another; a frame comes every sinc_length / 51200 s.
-        clock_ppm: Rate error of its clock, parts per million; positive is fast.
-    """
-
-    xyz_m: tuple[float, float, float] = (0.004, -0.002, -0.025)
-    quat_xyzw: tuple[float, float, float, float] = (0.9659258, 0.2588190, 0.0, 0.0)
-    bias: Sequence[float] = (1.7, -0.9, -2.4, 0.030, -0.020, 0.011)
-    noise_n: float = 0.02
-    noise_nm: float = 0.0002
-    sinc_length: int = 64
-    clock_ppm: float = 40.0
-
-
 class BotaSensor(EmulatedWrench):
     """The sensor on its line; its caller passes the time.
 
     Args:
-        mount: Pose behind its pad, and imperfections.
         seed: Seed or source of its noise.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
-    def __init__(self, mount: BotaMount, seed: int | np.random.Generator) -> None:
-        stream = WrenchStream(seed, _rate_hz(mount.sinc_length), mount.noise_n, mount.noise_nm)
-        super().__init__(stream, RATE_HZ)
-        turn = Rotation.from_quat(np.array(mount.quat_xyzw)).as_matrix().T
-        self._from_pad = np.block([[turn, np.zeros((3, 3))], [-turn @ cross_matrix(np.array(mount.xyz_m)), turn]])
-        self._bias = np.array(mount.bias, dtype=np.float64)
-        self._ppm = mount.clock_ppm
-        self.feel(np.zeros(3), np.zeros(3))
+    def __init__(self, seed: int | np.random.Generator, clock_ppm: float = 40.0) -> None:
+        super().__init__(WrenchStream(seed, RATE_HZ, noise_nm=NOISE_NM), RATE_HZ)
+        self._ppm = clock_ppm
         self.opened(0)
 
     def opened(self, t_ns: int) -> None:
@@ -115,16 +86,6 @@ class BotaSensor(EmulatedWrench):
         """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
         commands, self._received = parse_commands(self._received + data)
         return [answer for command in commands if (answer := self._obey(command, t_ns))]
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the finger from now on.
-
-        Args:
-            force_n: Force on the finger in the pad frame, shape (3,), N.
-            torque_nm: Torque on it about the pad's centre, shape (3,), N·m.
-        """
-        felt = self._from_pad @ np.concatenate((force_n, torque_nm)) + self._bias
-        super().feel(felt[:3], felt[3:])
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the banner and the frames due by then."""
@@ -158,16 +119,10 @@ class BotaSensor(EmulatedWrench):
             self.mode = "run"
             self._stream.start(t_ns)
         elif letter == "f" and int(arguments[0]):
-            self._stream.rate_hz = _rate_hz(int(arguments[0]))
+            self._stream.rate_hz = _INTERNAL_RATE_HZ / int(arguments[0])
         elif letter == "f" or (letter == "c" and arguments[2] != _BINARY):
             code = _REFUSED
         return encode_ack(letter, code)
 
 
-def _rate_hz(sinc_length: int) -> float:
-    return _INTERNAL_RATE_HZ / sinc_length
-
-
-def make(seed: int) -> BotaSensor:
-    """Return a sensor that measures in its own frame, without a bias."""
-    return BotaSensor(BotaMount(xyz_m=(0.0,) * 3, quat_xyzw=(0.0, 0.0, 0.0, 1.0), bias=(0.0,) * 6), seed)
+make = BotaSensor

@@ -13,16 +13,16 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from slipd.devices.external import encode_reading
+from slipd.signals.mounting import Mounting
 from slipd.tools.sim.carry import GLASS_KG, GLASS_KGM2, Arm, CarryScript
 from slipd.tools.sim.emulate import prepare_process, serve_until_ended
-from slipd.tools.sim.emulated_bota import BotaMount, BotaSensor
+from slipd.tools.sim.emulated_bota import BotaSensor
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulated_robotiq_2f import Gripper2F
 from slipd.tools.sim.emulators import EmulatedDevice, Emulator
@@ -39,37 +39,21 @@ LINES = {
 """The devices, by the names of their lines."""
 ARM = "arm"
 
-LEFT_MOUNT = BotaMount()
-RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018), clock_ppm=-15.0)
+SENSOR_XYZ_M, SENSOR_QUAT_XYZW = (0.004, -0.002, -0.025), (0.9659258, 0.2588190, 0.0, 0.0)
+"""Pose of a force sensor behind its pad, as ``pad_from_sensor`` in the config of the demo."""
+
+BIAS = {
+    "left": np.array((1.7, -0.9, -2.4, 0.030, -0.020, 0.011)),
+    "right": np.array((-0.8, 1.3, -3.1, -0.012, 0.024, -0.018)),
+}
+"""Reading of each force sensor without load, N and N·m, with the weight of the finger, which does not move."""
+CLOCK_PPM = {"left": 40.0, "right": -15.0}
 
 IMAGE_NS = 2_500_000
 """How often the pads feel the load, ns: the grip force hardly changes within."""
 
 ARM_NS, ARM_STD_MPS2 = 4_000_000, 0.03
 """Period of the arm's readings, and their noise."""
-
-
-class _Finger:
-    """The sensors of one finger, and its view of the scene."""
-
-    def __init__(
-        self, scene: Scene, mount: BotaMount, electronics: PvdfElectronics, rng: np.random.Generator, *, right: bool
-    ) -> None:
-        self._scene, self._right = scene, right
-        patch, pad = (scene.patch.mirrored() if right else scene.patch), Pad()
-        self.wrench = BotaSensor(mount, rng)
-        self._shares = pad.shares(patch)
-        self._next_image_ns = 0
-        self.pad = PvdfPad(pad.rows, pad.cols, electronics, rng)
-
-    def advance(self, t_ns: int) -> tuple[list[bytes], list[bytes]]:
-        wrench = self._scene.wrench(right=self._right)
-        self.wrench.feel(wrench[:3], wrench[3:])
-        if t_ns < self._next_image_ns:
-            return self.wrench.advance(t_ns), []
-        self._next_image_ns = t_ns + IMAGE_NS
-        self.pad.press(self._scene.normal_n * self._shares)
-        return self.wrench.advance(t_ns), self.pad.advance(t_ns)
 
 
 class VirtualRig:
@@ -84,42 +68,47 @@ class VirtualRig:
     Attributes:
         scene: The scene in its present state.
         arm: The arm.
+        devices: The emulated device of each line.
     """
 
     def __init__(
         self, scene: Scene, seed: int = 0, electronics: PvdfElectronics | None = None, arm: Arm | None = None
     ) -> None:
         self.scene, self.arm = scene, arm
-        electronics = electronics or PvdfElectronics()
-        left, right, self._rng = np.random.default_rng(seed).spawn(3)
-        self._next_arm_ns = 0
-        self._left = _Finger(scene, LEFT_MOUNT, electronics, left, right=False)
-        self._right = _Finger(scene, RIGHT_MOUNT, electronics, right, right=True)
+        *sources, self._rng = np.random.default_rng(seed).spawn(3)
+        pad, patch = Pad(), scene.patch
+        self._shares = {"left": pad.shares(patch), "right": pad.shares(patch.mirrored())}
+        self._to_sensor = np.linalg.inv(Mounting(SENSOR_XYZ_M, SENSOR_QUAT_XYZW).matrix)
+        self.devices: dict[str, Any] = {}
+        for side, rng in zip(self._shares, sources, strict=True):
+            self.devices[f"{side}-wrench"] = BotaSensor(rng, CLOCK_PPM[side])
+            self.devices[f"{side}-pad"] = PvdfPad(pad.rows, pad.cols, electronics or PvdfElectronics(), rng)
         self._gripper = Gripper2F(((0.0, scene.open_width_m), (1.0, 0.0)))  # as in the config of the demo
-        devices = (self._left.wrench, self._left.pad, self._right.wrench, self._right.pad, self._gripper)
-        self._devices: dict[str, EmulatedDevice] = {**dict(zip(LINES, devices, strict=True)), ARM: EmulatedDevice(0.0)}
-        self._returned = 0
+        self.devices["gripper"] = self._gripper
+        self._next_image_ns = self._next_arm_ns = 0
 
     @property
     def began_ns(self) -> int | None:
         """When the clock of the scene started, ns; None before."""
         return self._gripper.activated_ns
 
-    def opened(self, line: str, t_ns: int) -> None:
-        """Handle the opening of a line: a force sensor boots."""
-        self._devices[line].opened(t_ns)
-
-    def receive(self, line: str, data: bytes, t_ns: int) -> bytes:
-        """Handle bytes written to a line; return the answer."""
-        return b"".join(self._devices[line].receive(data, t_ns))
-
     def advance(self, t_ns: int) -> dict[str, bytes]:
         """Advance to ``t_ns``, ns since the start, in steps of about 1 ms; return what each line sends unasked."""
         if self.began_ns is not None:
             self.scene.step((t_ns - self.began_ns) * 1e-9, self._gripper.command(t_ns))
             self._gripper.observe(self.scene)
-        said: list[list[bytes]] = [*self._left.advance(t_ns), *self._right.advance(t_ns), []]
-        return {line: b"".join(pieces) for line, pieces in zip(LINES, said, strict=True)}
+        said = dict.fromkeys(LINES, b"")
+        pressed = t_ns >= self._next_image_ns
+        self._next_image_ns = t_ns + IMAGE_NS if pressed else self._next_image_ns
+        for side, shares in self._shares.items():
+            wrench, pad = self.devices[f"{side}-wrench"], self.devices[f"{side}-pad"]
+            felt = self._to_sensor @ self.scene.wrench(right=side == "right") + BIAS[side]
+            wrench.feel(felt[:3], felt[3:])
+            said[f"{side}-wrench"] = b"".join(wrench.advance(t_ns))
+            if pressed:
+                pad.press(self.scene.normal_n * shares)
+                said[f"{side}-pad"] = b"".join(pad.advance(t_ns))
+        return said
 
     def arm_reading(self, t_ns: int, epoch_ns: int = 0) -> bytes:
         """Return the arm's reading where one is due at ``t_ns``; ``epoch_ns`` is its start in CLOCK_MONOTONIC."""
@@ -130,31 +119,20 @@ class VirtualRig:
         fields["gravity_mps2"] = (self._rng.normal(0.0, ARM_STD_MPS2, 3) + fields["gravity_mps2"]).tolist()
         return encode_reading("arm", epoch_ns + t_ns, **fields)
 
-    def news(self) -> list[Truth]:
-        """Return every event of the scene since the last call."""
-        news = self.scene.truth[self._returned :]
-        self._returned = len(self.scene.truth)
-        return news
-
 
 TICK_NS = 1_250_000
 """Period of the force sensors with their shortest filter, ns."""
 
 
-class _RigLine(EmulatedDevice):
-    """What a rig says on one of its lines, as an emulator."""
+class _Line:
+    """A device of a rig on its line: what it says waits until the line is served."""
 
-    def __init__(self, rig: VirtualRig, name: str) -> None:
-        super().__init__(0.0)
-        self._rig, self._name = rig, name
+    def __init__(self, device: EmulatedDevice) -> None:
+        self._device, self.began_ns = device, 0
         self.said: list[bytes] = []
-        self.began_ns = 0
 
-    def opened(self, t_ns: int) -> None:
-        self._rig.opened(self._name, t_ns)
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        return [self._rig.receive(self._name, data, t_ns)]
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._device, name)
 
     def advance(self, t_ns: int) -> list[bytes]:
         said, self.said = self.said, []
@@ -175,15 +153,14 @@ class VirtualGripper:
 
     def __init__(self, rig: VirtualRig, folder: Path, report: Callable[[dict[str, Any]], None]) -> None:
         self._rig, self._report = rig, report
-        self._lines = {name: _RigLine(rig, name) for name in (*LINES, ARM)}
+        self._lines = {name: _Line(device) for name, device in rig.devices.items()}
+        self._lines[ARM] = _Line(EmulatedDevice(0.0))
         self.devices: list[tuple[str, Emulator, str]] = [
             (device, self._lines[name], str(folder / name)) for name, device in LINES.items()
         ]
         if rig.arm is not None:
             self.devices.append(("external", self._lines[ARM], f"ipc://{folder}/arm"))
-        self._commands = b""
-        self._t_ns = 0
-        self._begun = False
+        self._t_ns = self._told = 0
 
     def advance(self, t_ns: int) -> None:
         """Advance the rig to ``t_ns`` in its steps: a late wake-up catches up at once."""
@@ -195,23 +172,19 @@ class VirtualGripper:
                 self._lines[name].said += [data] if data else []
             self._report_news(start_ns)
 
-    def hear(self, data: bytes) -> None:
-        """Let the arm move at the scale in each line of standard input."""
-        *lines, self._commands = (self._commands + data).split(b"\n")
-        for line in lines:
-            if self._rig.arm is not None:
-                self._rig.arm.begin(self._rig.scene.t_s, float(line))
+    def hear(self, line: str) -> None:
+        """Let the arm move at the scale in a line of standard input."""
+        if self._rig.arm is not None:
+            self._rig.arm.begin(self._rig.scene.t_s, float(line))
 
     def _report_news(self, start_ns: int) -> None:
-        began_ns = self._rig.began_ns
-        if began_ns is None:
+        if self._rig.began_ns is None:
             return
-        if not self._begun:
-            self._begun = True
-            self._report({"t_s": 0.0, "t_ns": start_ns + began_ns, "event": "begin"})
-        for truth in self._rig.news():
-            t_ns = start_ns + began_ns + round(truth.t_s * 1e9)
+        events = [Truth(0.0, "begin", {}), *self._rig.scene.truth]
+        for truth in events[self._told :]:
+            t_ns = start_ns + self._rig.began_ns + round(truth.t_s * 1e9)
             self._report({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
+        self._told = len(events)
 
 
 def carried_rig(seed: int = 0, electronics: PvdfElectronics | None = None, **scene: Any) -> VirtualRig:

@@ -89,11 +89,10 @@ async def test_a_device_that_fails_ends_the_run_with_its_fault(tmp_path: Path) -
 
 async def test_devices_are_served_until_standard_input_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read, write = os.pipe()
-    monkeypatch.setattr(emulate, "STDIN", read)
+    monkeypatch.setattr("sys.stdin", os.fdopen(read))
     os.write(write, b"0.5\n")
     os.close(write)
-    heard: list[bytes] = []
+    heard: list[str] = []
     devices = [("gauges", Clocked(), str(tmp_path / "line"))]
-    await emulate.serve_until_ended(devices, hear=heard.append, ready=lambda: heard.append(b"ready"))
-    os.close(read)
-    assert b"".join(heard) == b"ready0.5\n"
+    await emulate.serve_until_ended(devices, hear=heard.append, ready=lambda: heard.append("ready"))
+    assert heard == ["ready", "0.5\n"]

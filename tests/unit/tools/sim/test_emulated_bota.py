@@ -1,14 +1,14 @@
 import pytest
 
 from slipd.devices import bota
-from slipd.tools.sim.emulated_bota import BOOT_NS, BotaMount, BotaSensor
+from slipd.tools.sim.emulated_bota import BOOT_NS, BotaSensor
 
 MS = 1_000_000
 
 
 @pytest.fixture
 def made():
-    return BotaSensor(BotaMount(), 1)
+    return BotaSensor(1)
 
 
 def listen(made, begin_ns, end_ns, step_ns=MS):
