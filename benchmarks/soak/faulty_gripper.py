@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import signal
 import sys
 import time
@@ -17,8 +16,8 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
+from slipd.tools.sim.device_line import PtyLine
 from slipd.tools.sim.emulate import HARDWARE_NICENESS, LONGEST_LAG_NS
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, VirtualRig
 
@@ -51,7 +50,7 @@ class FaultyLines:
     def __init__(self, folder: Path, rng: Random) -> None:
         self.faults: Counter[str] = Counter()
         self._folder, self._rng = folder, rng
-        self._ports = {line: PseudoTerminal(folder / line) for line in LINES}
+        self._ports = {line: PtyLine(folder / line) for line in LINES}
         self._held = dict.fromkeys(LINES, b"")
         self._kind, self._struck = "", ""
         self._next_s = 0.0
@@ -62,7 +61,7 @@ class FaultyLines:
             return
         if self._kind:
             if self._kind == "unplugged":
-                self._ports[self._struck] = PseudoTerminal(self._folder / self._struck)
+                self._ports[self._struck] = PtyLine(self._folder / self._struck)
             self._kind = ""
             self._next_s = now_s + self._rng.uniform(*PAUSES_S)
             return
@@ -74,20 +73,15 @@ class FaultyLines:
 
     def read(self) -> tuple[list[str], dict[str, bytes]]:
         """Return the lines that have just been opened, and what the daemon wrote to each."""
-        poll = select.poll()
-        by_fd = {port.fd: line for line, port in self._ports.items()}
-        for fd in by_fd:
-            poll.register(fd, select.POLLIN)
-        events = dict(poll.poll(0))
-        opened = [line for fd, line in by_fd.items() if self._ports[line].update(events.get(fd, 0))]
-        readable = [line for fd, line in by_fd.items() if events.get(fd, 0) & select.POLLIN]
-        return opened, {line: self._ports[line].read() for line in readable}
+        heard = {line: port.listen() for line, port in self._ports.items()}
+        opened = [line for line, (has_opened, _) in heard.items() if has_opened]
+        return opened, {line: b"".join(received) for line, (_, received) in heard.items() if received}
 
     def write(self, output: dict[str, bytes]) -> None:
         """Pass on what the devices send, as far as the fault lets it through."""
         for line, data in output.items():
             if line in self._ports:
-                self._ports[line].write(self._passed(line, data))
+                self._ports[line].send([self._passed(line, data)])
 
     def close(self) -> None:
         """Remove all lines, so that the daemon does not open another program's pseudo-terminals by their names."""

@@ -14,8 +14,8 @@ import time
 from pathlib import Path
 
 from slipd.devices import bota
+from slipd.tools.sim.device_line import PtyLine
 from slipd.tools.sim.emulate import prepare_process
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
 
 CHUNK = 64
 """Frames a write at most; where the line takes no more, the flood pauses for a moment."""
@@ -28,24 +28,21 @@ def main() -> None:
     size = len(frames[0])
     if kind == "noise":
         frames = [random.Random(n).randbytes(size) for n in range(4096)]
-    port = PseudoTerminal(path)
+    port = PtyLine(path)
     poll = select.poll()
-    poll.register(port.fd, select.POLLIN)
     poll.register(0, select.POLLIN)
     prepare_process()
     print("ready", flush=True)
     begin_ns, sent, offered = time.monotonic_ns(), 0, 0
     while True:
-        events = dict(poll.poll(0))
-        if 0 in events and not os.read(0, 100):
+        if poll.poll(0) and not os.read(0, 100):
             break
-        port.update(events.get(port.fd, 0))
-        port.read()
+        port.listen()
         due = round((time.monotonic_ns() - begin_ns) * 1e-9 * rate_hz) if rate_hz else sent + CHUNK
         count, whole = min(due - sent, CHUNK), False
         if count > 0:
             before = port.dropped
-            port.write(b"".join(frames[(sent + n) % len(frames)] for n in range(count)))
+            port.send([frames[(sent + n) % len(frames)] for n in range(count)])
             offered += count * size - (port.dropped - before)
             sent += count
             whole = port.dropped == before

@@ -64,6 +64,7 @@ class SteppedDemo:
     tally: Tally = field(default_factory=Tally)
     inbox: deque[Any] = field(default_factory=deque)
     now_ns: int = 0
+    heard_ns: dict[int, int] = field(default_factory=dict)
     events: int = 0
     asked: int = 0
     leased: bool = False
@@ -98,6 +99,8 @@ class SteppedDemo:
         self.tally.add(message)
         if topic.startswith(("slip", "warning")):
             self.inbox.append(message)
+        if topic.startswith("warning"):
+            self.heard_ns[message.seq] = self.now_ns
 
     def ask(self, op: str, **fields: Any) -> dict[str, Any]:
         """Return the result of a request, which must be granted."""

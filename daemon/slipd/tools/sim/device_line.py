@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
+import tty
 from abc import ABC, abstractmethod
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -14,9 +16,8 @@ import zmq
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
-
 READ_BYTES = 65_536
+PTY_BYTES = 4096
 PIECES_PER_LOOK = 64
 """Most pieces read at once from a host that floods the line."""
 
@@ -27,10 +28,8 @@ SEND_AHEAD = 64
 class Line(ABC):
     """The device side of a line; see `open_line` for the kinds."""
 
-    @property
-    def dropped(self) -> int:
-        """Bytes that are known to be lost because the host did not read."""
-        return 0
+    dropped = 0
+    """Bytes that are known to be lost because the host did not read."""
 
     @abstractmethod
     def listen(self) -> tuple[bool, list[bytes]]:
@@ -56,30 +55,18 @@ async def open_line(address: str) -> AsyncIterator[Line]:
         OSError: The address cannot be served.
         ValueError: The address is invalid.
     """
-    scheme, separator, place = address.partition("://")
-    if scheme == "ws" and separator:
+    scheme = address.partition("://")[0] if "://" in address else ""
+    if scheme == "ws":
         websocket = _WebsocketLine()
         async with serve(websocket.serve_client, *_host_and_port(address), compression=None):
             yield websocket
         return
-    with contextlib.closing(_line(scheme if separator else "", address, place)) as line:
-        yield line
-
-
-def _line(scheme: str, address: str, place: str) -> Line:
-    if scheme == "udp":
-        return _UdpLine(*_host_and_port(address))
-    if scheme == "tcp":
-        return _TcpLine(*_host_and_port(address))
-    if scheme == "ipc":
-        return _PushLine(address)
-    if scheme == "unix":
-        return _DriverLine(place)
-    if scheme:
+    if scheme not in _KINDS:
         raise ValueError(
             f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
         )
-    return _PtyLine(Path(address))
+    with contextlib.closing(_KINDS[scheme](address)) as line:
+        yield line
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
@@ -89,48 +76,72 @@ def _host_and_port(address: str) -> tuple[str, int]:
     return parts.hostname, parts.port
 
 
-def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
-    """Return a non-blocking socket bound to an address."""
-    family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=kind)[0]
-    made = socket.socket(family, kind, protocol)
-    try:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(place)
-        made.setblocking(False)
-    except OSError:
-        made.close()
-        raise
-    return made
+class PtyLine(Line):
+    """A raw pseudo-terminal in place of the serial port of a device; the host opens the other side by ``path``.
 
+    Args:
+        path: New symbolic link to the other side; an existing link is replaced.
 
-class _PtyLine(Line):
-    def __init__(self, path: Path) -> None:
-        self._port = PseudoTerminal(path)
+    Raises:
+        OSError: No pseudo-terminal is available, or the link cannot be created.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._open = False
+        self._fd, other = os.openpty()
+        try:
+            tty.setraw(other)  # the mode stays while this side is open
+            self._target = os.ttyname(other)
+            os.set_blocking(self._fd, False)
+            if self.path.is_symlink():
+                self.path.unlink()
+            self.path.symlink_to(self._target)
+        except OSError:
+            os.close(self._fd)
+            raise
+        finally:
+            os.close(other)
         self._poll = select.poll()
-        self._poll.register(self._port.fd, select.POLLIN)
-
-    @property
-    def dropped(self) -> int:
-        return self._port.dropped
+        self._poll.register(self._fd, select.POLLIN)
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        events = dict(self._poll.poll(0)).get(self._port.fd, 0)
-        opened = self._port.update(events)
-        data = self._port.read() if events & select.POLLIN else b""
-        return opened, [data] if data else []
+        """Return whether the other side has just been opened, and what it wrote."""
+        events = dict(self._poll.poll(0)).get(self._fd, 0)
+        was_open, self._open = self._open, not events & select.POLLHUP
+        received: list[bytes] = []
+        if events & select.POLLIN:
+            with contextlib.suppress(OSError):  # the host has just gone
+                received.append(os.read(self._fd, PTY_BYTES))
+        return self._open and not was_open, received
 
     def send(self, pieces: Sequence[bytes]) -> None:
-        self._port.write(b"".join(pieces))
+        """Write without waiting; bytes that do not fit are lost, as on a line without flow control."""
+        data = b"".join(pieces)
+        if data and self._open:
+            self.dropped += len(data)
+            with contextlib.suppress(OSError):  # full, or gone since the last poll
+                self.dropped -= os.write(self._fd, data)
 
     def close(self) -> None:
-        self._port.close()
+        """Remove the link unless it has been replaced, and close the pseudo-terminal.
+
+        The link goes first: the kernel gives the name of a closed pseudo-terminal to the next one, of any program.
+        """
+        with contextlib.suppress(OSError):
+            if str(self.path.readlink()) == self._target:
+                self.path.unlink()
+        os.close(self._fd)
 
 
 class _UdpLine(Line):
     """Answer the last sender, as such sensors do."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._socket = _bound(socket.SOCK_DGRAM, host, port)
+    def __init__(self, address: str) -> None:
+        place = _host_and_port(address)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(place)
+        self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None
 
     def listen(self) -> tuple[bool, list[bytes]]:
@@ -186,9 +197,9 @@ class _StreamLine(Line):
 class _TcpLine(_StreamLine):
     """Serve one host at a time; a new one replaces it."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._server = _bound(socket.SOCK_STREAM, host, port)
-        self._server.listen()
+    def __init__(self, address: str) -> None:
+        self._server = socket.create_server(_host_and_port(address))
+        self._server.setblocking(False)
 
     def listen(self) -> tuple[bool, list[bytes]]:
         with contextlib.suppress(BlockingIOError):
@@ -234,8 +245,8 @@ class _PushLine(Line):
 class _DriverLine(_StreamLine):
     """Connect to a daemon once it serves, and again after it was gone."""
 
-    def __init__(self, path: str) -> None:
-        self._path = path
+    def __init__(self, address: str) -> None:
+        self._path = address.removeprefix("unix://")
 
     def listen(self) -> tuple[bool, list[bytes]]:
         if self._host is None:
@@ -279,3 +290,9 @@ class _WebsocketLine(Line):
     def send(self, pieces: Sequence[bytes]) -> None:
         for piece in pieces:
             broadcast(self._clients, piece.decode())
+
+
+_KINDS: dict[str, Callable[[str], Line]] = {
+    "": PtyLine, "udp": _UdpLine, "tcp": _TcpLine, "ipc": _PushLine, "unix": _DriverLine
+}  # fmt: skip
+"""The kinds of lines by the scheme of their address, but for that of a WebSocket."""

@@ -11,38 +11,16 @@ from slipd_client.errors import ClientError, LeaseLost, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.messages.names import DAEMON_LATE
-from slipd_client.subscriber import Message, Subscriber
+from slipd_client.messages.schema.topics import Message, Slip, SlipWarning
+from slipd_client.subscriber import Subscriber
 
 ALARMING = ("warning", "slipping")
 """Levels that call for more grip force."""
 
 
-@dataclass
-class Change:
-    """A change of level that the program received.
-
-    Attributes:
-        t_ns: Time of the reading that changed the level, CLOCK_MONOTONIC.
-        received_ns: When the program received the message, CLOCK_MONOTONIC.
-        finger: Name of the finger.
-        level: The new level.
-        rising: Whether the new level is more alarming than the one before.
-        reasons: Reasons of the new level.
-        utilisation: Utilisation of that reading; None if unknown.
-    """
-
-    t_ns: int
-    received_ns: int
-    finger: str
-    level: str
-    rising: bool
-    reasons: list[str]
-    utilisation: float | None
-
-    @property
-    def warns_of_rotation(self) -> bool:
-        """Whether it calls for more grip force because the object may turn."""
-        return self.rising and self.level in ALARMING and "rotation" in self.reasons
+def warns_of_rotation(change: SlipWarning) -> bool:
+    """Return whether a change of level calls for more grip force because the object may turn."""
+    return change.rising and change.level in ALARMING and "rotation" in change.reasons
 
 
 @dataclass
@@ -86,19 +64,19 @@ class Report:
     activated_ns: int | None = None
     closed_ns: int | None = None
     opened_ns: int | None = None
-    changes: list[Change] = field(default_factory=list)
+    changes: list[SlipWarning] = field(default_factory=list)
     raises: list[Raise] = field(default_factory=list)
     refusals: list[str] = field(default_factory=list)
     moves: list[tuple[int, str]] = field(default_factory=list)
     error: str = ""
 
     @property
-    def rotation_warning(self) -> Change | None:
+    def rotation_warning(self) -> SlipWarning | None:
         """The first warning of rotation."""
-        return next((change for change in self.changes if change.warns_of_rotation), None)
+        return next((change for change in self.changes if warns_of_rotation(change)), None)
 
     @property
-    def slip_report(self) -> Change | None:
+    def slip_report(self) -> SlipWarning | None:
         """The first report of a slip."""
         return next((change for change in self.changes if "slip_detected" in change.reasons), None)
 
@@ -167,8 +145,8 @@ class RobotProgram(threading.Thread):
         self._ending = threading.Event()
         self._force_n = self._wanted_n = 0.0
         self._raised_s = 0.0
-        self._slips: dict[str, dict[str, Any]] = {}
-        self._alarm: Change | None = None
+        self._slips: dict[str, Slip] = {}
+        self._alarm: SlipWarning | None = None
 
     def end(self) -> None:
         """End the program soon, without opening the gripper."""
@@ -242,18 +220,15 @@ class RobotProgram(threading.Thread):
             report.opened_ns, self._wanted_n = time.monotonic_ns(), 0.0
 
     def _receive(self, message: Message) -> None:
-        body = message.raw
-        if message.topic != "warning":
-            self._slips[body["finger"]] = body
+        if isinstance(message, Slip):
+            self._slips[message.finger] = message
             for made in self.report.raises:  # the force after each raise, once it has settled
-                if made.after_n is None and body["t_ns"] >= made.requested_ns + SETTLE_S * 1e9:
+                if made.after_n is None and message.t_ns >= made.requested_ns + SETTLE_S * 1e9:
                     made.after_n = self._measured_n()
-            return
-        own = {key: body[key] for key in ("t_ns", "finger", "level", "rising", "reasons", "utilisation")}
-        change = Change(received_ns=time.monotonic_ns(), **own)
-        self.report.changes.append(change)
-        if change.warns_of_rotation:
-            self._alarm = change
+        elif isinstance(message, SlipWarning):
+            self.report.changes.append(message)
+            if warns_of_rotation(message):
+                self._alarm = message
 
     def _raise_grip(self, client: GripClient) -> None:
         """After an alarm, request step by step the grip force that the newest verdicts need."""
@@ -273,9 +248,9 @@ class RobotProgram(threading.Thread):
             made.refusal, self._wanted_n = str(refused), 0.0
         self.report.raises.append(made)
 
-    def _choose_force(self, alarm: Change) -> None:
+    def _choose_force(self, alarm: SlipWarning) -> None:
         """Choose the force that holds the object, or the limit of the plan if no force is known to hold it."""
-        needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
+        needed = [force_n for slip in self._slips.values() if (force_n := slip.grip_needed_n) is not None]
         if "unsupportable" in alarm.reasons:
             needed = [self._plan.limit_n]
         if needed:  # otherwise a later verdict will know
@@ -283,7 +258,7 @@ class RobotProgram(threading.Thread):
 
     def _measured_n(self) -> float | None:
         """Return the newest grip force of the weaker finger, N; None if unknown."""
-        known = [slip["normal_n"] for slip in self._slips.values() if slip["normal_n"] is not None]
+        known = [slip.normal_n for slip in self._slips.values() if slip.normal_n is not None]
         return min(known, default=None)
 
 

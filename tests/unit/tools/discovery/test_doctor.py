@@ -26,7 +26,7 @@ from slipd.tools.discovery import doctor_command as command
 from slipd.tools.discovery.capture import Capture, Piece
 from slipd.tools.discovery.examination import Finding, examine
 from slipd.tools.discovery.port_probe import recognise
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
+from slipd.tools.sim.device_line import PtyLine
 from slipd.types.samples import TactileSample
 
 __all__ = ["install"]
@@ -72,7 +72,7 @@ def test_another_device_is_named(tmp_path: Path) -> None:
 def test_a_silent_port_an_absent_one_and_one_that_is_unplugged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    line = PseudoTerminal(tmp_path / "line")
+    line = PtyLine(tmp_path / "line")
     assert not doctor(str(tmp_path / "line"), "bota", tmp_path, seconds=0.1)
     report = written(tmp_path)[1]
     assert "wrong  open, but no bytes arrive: is it powered?" in report
@@ -116,7 +116,7 @@ def test_a_broken_device_and_a_folder_that_cannot_be_written_are_named(tmp_path:
     install("some-sensor", "mine", "broken_module:DEVICE", "1/0")
     with pytest.raises(SlipdError, match=r"'mine' cannot be used: .*ZeroDivisionError"):
         doctor("/nowhere", "mine", tmp_path)
-    line = PseudoTerminal(tmp_path / "line")
+    line = PtyLine(tmp_path / "line")
     with pytest.raises(SlipdError, match="cannot be written: No such file"):
         doctor(str(tmp_path / "line"), "gauges", tmp_path / "missing", seconds=0.01)
     line.close()

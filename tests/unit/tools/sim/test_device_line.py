@@ -14,8 +14,7 @@ import pytest
 import zmq
 from websockets.asyncio.client import connect
 
-from slipd.tools.sim.device_line import SEND_AHEAD, Line, open_line
-from slipd.tools.sim.pseudo_terminal import PseudoTerminal
+from slipd.tools.sim.device_line import SEND_AHEAD, Line, PtyLine, open_line
 
 PATIENCE_S = 20.0
 
@@ -149,12 +148,12 @@ async def test_a_pseudo_terminal_passes_every_byte_notices_who_opens_it_and_goes
 
 
 def test_a_slow_reader_of_a_pseudo_terminal_loses_bytes_and_blocks_nobody(tmp_path: Path) -> None:
-    port = PseudoTerminal(tmp_path / "pad")
+    port = PtyLine(tmp_path / "pad")
     host = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    assert port.update(select.POLLIN)
+    assert port.listen() == (True, [])
     written = received = 0
     while not port.dropped:
-        port.write(b"x" * 1000)
+        port.send([b"x" * 1000])
         written += 1000
         assert written < 10_000_000
     while select.select([host], [], [], 0.0)[0]:
@@ -167,5 +166,5 @@ def test_a_slow_reader_of_a_pseudo_terminal_loses_bytes_and_blocks_nobody(tmp_pa
 def test_a_file_in_the_place_of_a_pseudo_terminal_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "gripper").write_text("precious")
     with pytest.raises(FileExistsError):
-        PseudoTerminal(tmp_path / "gripper")
+        PtyLine(tmp_path / "gripper")
     assert (tmp_path / "gripper").read_text() == "precious"

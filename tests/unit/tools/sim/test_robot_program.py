@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from contextlib import contextmanager
+from dataclasses import fields
 from types import SimpleNamespace
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from slipd.tools.sim import robot_program
 from slipd.tools.sim.robot_program import Plan, RobotProgram
 from slipd_client.errors import RequestRefused
+from slipd_client.messages.schema.topics import Slip, SlipWarning
 
 PLAN = Plan(limit_n=20.0, step_n=50.0, step_s=0.0)
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
@@ -34,7 +36,7 @@ class Daemon:
             scripted = scripted.pop(0) if scripted else None
         if isinstance(scripted, str):
             raise RequestRefused(scripted, "scripted")
-        self.inbox += [SimpleNamespace(topic=topic, raw=raw) for topic, raw in self.on.pop(op, [])]
+        self.inbox += self.on.pop(op, [])
         return scripted or {"streams": WELL, "fingers": ["left", "right"], "applied_n": fields.get("force_n")}
 
     def receive(self, timeout_s):
@@ -82,19 +84,17 @@ def work(daemon, plan=PLAN):
     return program.report
 
 
+def message(kind, **known):
+    """Return a message whose other fields say nothing."""
+    return kind(**{each.name: None for each in fields(kind)} | known)
+
+
 def slip(finger, grip_needed_n=None, normal_n=7.0, t_ns=0):
-    return "slip", {"t_ns": t_ns, "finger": finger, "grip_needed_n": grip_needed_n, "normal_n": normal_n}
+    return message(Slip, finger=finger, grip_needed_n=grip_needed_n, normal_n=normal_n, t_ns=t_ns)
 
 
 def warning(level="warning", reasons=("rotation",), rising=True):
-    return "warning", {
-        "t_ns": 1,
-        "finger": "left",
-        "level": level,
-        "rising": rising,
-        "reasons": list(reasons),
-        "utilisation": 0.86,
-    }
+    return message(SlipWarning, t_ns=1, level=level, reasons=reasons, rising=rising)
 
 
 @pytest.mark.parametrize("streams", [WELL, LATE], ids=["well", "on a busy machine"])
