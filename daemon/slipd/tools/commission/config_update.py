@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import shutil
 import stat
-from collections.abc import Collection, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from slipd import config
-from slipd.config import Pad, Wrench
+from slipd.config import Finger, Pad, Wrench
 from slipd.config.toml_text import marked_keys, with_value
 from slipd.io.replaced_file import replace_file
 from slipd.tools.commission.readings import Noise
-from slipd.tools.commission.touches import Mount, Symmetry, mount_of
+from slipd.tools.commission.touches import Mount, Symmetry
 
 PREVIOUS = ".previous"
 """Ending of the name of the config before the last change."""
@@ -26,8 +27,8 @@ SWAPPED = ("port", "sensor", "hardware_id")
 """Keys that name a device; they change hands when the fingers are swapped."""
 
 
-_Value = tuple[str, str, bool]
-"""Key of a table, its value as TOML, and whether that differs from the config."""
+Values = dict[str, object]
+"""Value of each key of a table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +52,25 @@ class FingerResult:
 
 def changes(rig: config.Config, results: Mapping[str, FingerResult]) -> dict[tuple[str, ...], str]:
     """Return, as TOML, the value of every key that changes, or that is confirmed and still marked MEASURE."""
-    found: dict[tuple[str, ...], str] = {}
-    marked = marked_keys(rig.text)
+    found: dict[tuple[str, str], Values] = defaultdict(dict)
     for name, result in results.items():
         finger = rig.finger[name]
         for kind, other in result.streams.items():
-            found |= _identity(rig, name, other, kind, marked)
+            found[name, kind] |= _identity(finger, rig.finger[other], kind)
             if other not in results:  # its sensor is on the finger whose tables have this one
-                found |= _identity(rig, other, name, kind, marked)
-        values: list[tuple[str, _Value]] = []
+                found[other, kind] |= _identity(rig.finger[other], finger, kind)
         if finger.wrench is not None:
-            values += [("wrench", each) for each in _wrench_values(finger.wrench, result.mount, result.noise)]
+            found[name, "wrench"] |= _wrench_values(finger.wrench, result)
         if finger.pad is not None:
-            values += [("pad", each) for each in _pad_values(finger.pad, result)]
-        for kind, (key, value, changed) in values:
-            path = ("finger", name, kind, key)
-            if changed or path in marked:
-                found[path] = value
-    return found
+            found[name, "pad"] |= _pad_values(finger.pad, result)
+    stated = {name: finger.model_dump() for name, finger in rig.finger.items()}
+    marked = marked_keys(rig.text)
+    return {
+        ("finger", name, kind, key): _toml(value)
+        for (name, kind), values in found.items()
+        for key, value in values.items()
+        if ("finger", name, kind, key) in marked or value != stated[name][kind][key]
+    }
 
 
 def fragment(found: Mapping[tuple[str, ...], str]) -> str:
@@ -112,50 +114,40 @@ def replace_config(file: Path, text: str, *, keep: bool = True) -> Path:
     return previous
 
 
-def _wrench_values(sensor: Wrench, mount: Mount | None, noise: Noise | None) -> Iterator[_Value]:
-    if mount is not None:
-        present = mount_of(sensor)
-        yield "sign", str(mount.sign), mount.sign != present.sign
-        pose = f"{{ xyz_m = {list(mount.xyz_m)}, quat_xyzw = {list(mount.quat_xyzw)} }}"
-        yield "pad_from_sensor", pose, (mount.xyz_m, mount.quat_xyzw) != (present.xyz_m, present.quat_xyzw)
-    if noise is not None:
-        yield _noise_value("force_std_n", sensor.force_std_n, noise.force_std_n)
-        yield _noise_value("torque_std_nm", sensor.torque_std_nm, noise.torque_std_nm)
+def _wrench_values(sensor: Wrench, result: FingerResult) -> Values:
+    values: Values = {}
+    if (mount := result.mount) is not None:
+        values["sign"] = mount.sign
+        values["pad_from_sensor"] = {"xyz_m": list(mount.xyz_m), "quat_xyzw": list(mount.quat_xyzw)}
+    if (noise := result.noise) is not None:
+        values["force_std_n"] = _noise(sensor.force_std_n, noise.force_std_n)
+        values["torque_std_nm"] = _noise(sensor.torque_std_nm, noise.torque_std_nm)
+    return values
 
 
-def _noise_value(key: str, stated: float, measured: float) -> _Value:
-    """Return a noise; the stated one is kept where the measured one agrees with it."""
-    if stated / SAME_NOISE <= measured <= stated * SAME_NOISE:
-        return key, str(stated), False
-    return key, f"{measured:.2g}", True
-
-
-def _pad_values(pad: Pad, result: FingerResult) -> Iterator[_Value]:
-    wanted: dict[str, object] = {} if result.symmetry is None else asdict(result.symmetry)
-    for key, value in wanted.items():
-        yield key, str(value).lower(), value != getattr(pad, key)
+def _pad_values(pad: Pad, result: FingerResult) -> Values:
+    values: Values = {} if result.symmetry is None else asdict(result.symmetry)
     if result.axes is not None:
-        scale = [sign * abs(each) for sign, each in zip(result.axes, pad.axis_scale, strict=True)]
-        yield "axis_scale", str(scale), scale != pad.axis_scale
+        values["axis_scale"] = [sign * abs(each) for sign, each in zip(result.axes, pad.axis_scale, strict=True)]
     if pad.threshold == 0.0 and result.noise is not None and result.noise.threshold is not None:
-        yield _noise_value("threshold", pad.threshold, result.noise.threshold)
+        values["threshold"] = _noise(pad.threshold, result.noise.threshold)
+    return values
 
 
-def _identity(
-    rig: config.Config, name: str, other: str, kind: str, marked: Collection[tuple[str, ...]]
-) -> dict[tuple[str, ...], str]:
-    """Return the keys that name the device of a sensor, where they change, or are confirmed and marked MEASURE.
+def _noise(stated: float, measured: float) -> float:
+    """Return a noise; the stated one is kept where the measured one agrees with it."""
+    agrees = stated / SAME_NOISE <= measured <= stated * SAME_NOISE
+    return stated if agrees else float(f"{measured:.2g}")
 
-    Args:
-        rig: The config.
-        name: Finger of the sensor.
-        other: Finger in whose tables it is.
-        kind: "wrench" or "pad".
-        marked: Keys that are marked MEASURE.
-    """
-    mine, its = getattr(rig.finger[name], kind), getattr(rig.finger[other], kind)
-    if mine is None or its is None:
-        return {}
-    values = {key: (getattr(mine, key), getattr(its, key)) for key in SWAPPED}
-    paths = {("finger", name, kind, key): pair for key, pair in values.items()}
-    return {path: json.dumps(new) for path, (old, new) in paths.items() if old != new or path in marked}
+
+def _identity(finger: Finger, other: Finger, kind: str) -> Values:
+    """Return the keys that name the device of a sensor of a finger, which is in the tables of another."""
+    mine, its = getattr(finger, kind), getattr(other, kind)
+    return {} if mine is None or its is None else {key: getattr(its, key) for key in SWAPPED}
+
+
+def _toml(value: object) -> str:
+    """Return a value as TOML, which writes all but tables as JSON does."""
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(each)}' for key, each in value.items())} }}"
+    return json.dumps(value)

@@ -34,7 +34,7 @@ def test_a_threshold_is_found_only_where_none_hides_the_noise(stated: str, writt
     text = shipped("gauges_pvdf.toml").read_text(encoding="utf-8").replace("MEASURE", "")
     rig = parse(text.replace("threshold = 0.005", stated), "rig")
     found = changes(rig, {"left": FingerResult(None, None, None, {}, Noise(0.01, 0.0001, 20.0))})
-    assert found == ({("finger", "left", "pad", "threshold"): "20"} if written else {})
+    assert found == ({("finger", "left", "pad", "threshold"): "20.0"} if written else {})
 
 
 TWO = parse(
