@@ -31,6 +31,7 @@ from slipd.tools.commission.touches import (
     PUSHES,
     STEPS,
     SYMMETRIES,
+    Doubt,
     Findings,
     Mount,
     Symmetry,
@@ -58,6 +59,9 @@ CLEAR = 2.0
 SCALES = (0.7, 1.4)
 """Range of the travel by torque over the travel in the image; beyond it a unit or the pitch is wrong."""
 
+WRONG_UNITS = {1000.0: "its torques are in N·mm, not N·m", 0.001: "its torques are in kN·m, or its forces in mN"}
+"""What such a ratio means."""
+
 
 def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool = True) -> Findings:
     """Find the mounting of a force sensor and the orientation of the image in front of it.
@@ -68,38 +72,28 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
         has_pad: There should be an image.
     """
     found = Findings()
-    axes = _axes(touches, found)
-    if axes is None:
-        return found
-    sign = 1 if np.linalg.det(axes) > 0.0 else -1
-    coarse, _ = Rotation.align_vectors(np.eye(3), sign * axes.T)
-    travels = _travels(_turned(touches, sign, coarse))
-    orientation = _orientation(touches, travels, found, has_pad=has_pad)
-    if orientation is None:
-        return found
-    symmetry, yaw_rad = orientation
-    turn = Rotation.from_euler("z", yaw_rad)
-    if _places_fit(travels @ turn.as_matrix()[:2, :2].T, found):
+    with found.searching():
+        axes = _axes(touches)
+        sign = 1 if np.linalg.det(axes) > 0.0 else -1
+        coarse, _ = Rotation.align_vectors(np.eye(3), sign * axes.T)
+        travels = _travels(_turned(touches, sign, coarse))
+        symmetry, yaw_rad = _orientation(touches, travels, found, has_pad=has_pad)
+        turn = Rotation.from_euler("z", yaw_rad)
+        _check_places(travels @ turn.as_matrix()[:2, :2].T)
         _add_mount(touches, sign, turn * coarse, symmetry, present, found)
     return found
 
 
 def _orientation(
     touches: Mapping[str, Touch], travels: Array, found: Findings, *, has_pad: bool
-) -> tuple[Symmetry | None, float] | None:
-    """Return the orientation of the image, None without one, and the turn by which it corrects the travels, rad.
-
-    Where image and travels contradict each other, add the problem and return None.
-    """
+) -> tuple[Symmetry | None, float]:
+    """Return the orientation of the image, None without one, and the turn by which it corrects the travels, rad."""
     images = _image_travels(touches)
     if images is None:
         if has_pad:
             _add_missing_image(touches, found)
         return None, 0.0
-    scale = sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images)
-    if not SCALES[0] <= scale <= SCALES[1]:
-        _add_wrong_scale(scale, found)
-        return None
+    _check_scale(sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images))
     return _find_symmetry(images, travels, found)
 
 
@@ -111,13 +105,17 @@ def _add_mount(
     present: Mount,
     found: Findings,
 ) -> None:
-    """Add mounting and orientation, or why the torques do not show where the sensor is."""
+    """Add mounting and orientation, if the torques show where the sensor is."""
     quaternion, how = nearest_known(rotation, present)
     loads = _turned(touches, sign, Rotation.from_quat(quaternion))
     position = find_position(touches, loads, symmetry)
     if not position.fits:
-        found.add_problem(_misfit_text(position.misfit_m, NAMES[position.worst]), position.worst)
-        return
+        raise Doubt(
+            f"the places by torque miss by up to {1e3 * position.misfit_m:.1f} mm, wherever the sensor is; "
+            f"{NAMES[position.worst]} fits the others worst: was the finger touched beside the pad, or does a cable "
+            "pull at it?",
+            position.worst,
+        )
     kept = math.dist(position.xyz_m, present.xyz_m) <= KEEP_M
     x_m, y_m, z_m = map(float, position.xyz_m)
     found.mount = Mount(sign, present.xyz_m if kept else (x_m, y_m, z_m), quaternion)
@@ -130,31 +128,26 @@ def _add_mount(
     )
 
 
-def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
+def _axes(touches: Mapping[str, Touch]) -> Array:
     """Return the directions of X, Y and Z of the pad in the signed frame of the sensor, as columns."""
-    missing = [step for step in STEPS if step not in touches or not touches[step].felt]
-    if missing:
-        found.problems.append(f"the force sensor showed nothing at: {', '.join(missing)}")
-        return None
+    if missing := [step for step in STEPS if step not in touches or not touches[step].felt]:
+        raise Doubt(f"the force sensor showed nothing at: {', '.join(missing)}")
     presses = [_unit(touches[step].force) for step in PRESSES]
     total = np.sum(presses, axis=0)
     into = _unit(total) if total.any() else presses[0]
     if max(_angle(into, press) for press in presses) > SAME_DIRECTION_RAD:
         text = "the presses had different directions: press at right angles to the pad, at each place"
-        found.add_problem(text, _slanted(presses))
-        return None
+        raise Doubt(text, _slanted(presses))
     pushes = [touches[step].force - into * (into @ touches[step].force) for step in (PUSH_X, PUSH_Y)]
     if missing := [step for step, push in zip(PUSHES, pushes, strict=True) if np.linalg.norm(push) < LEAST_FORCE_N]:
-        found.add_problem("the pushes show no force along the pad: push along +X and along +Y", *missing)
-        return None
+        raise Doubt("the pushes show no force along the pad: push along +X and along +Y", *missing)
     along_x, along_y = map(_unit, pushes)
     if abs(_angle(along_x, along_y) - math.pi / 2) > SQUARE_RAD:
-        found.add_problem(
+        raise Doubt(
             f"the pushes along +X and +Y are {math.degrees(_angle(along_x, along_y)):.0f}° apart, not 90°: "
             "push along the longer side of the pad, then across it",
             *PUSHES,
         )
-        return None
     return np.column_stack((along_x, along_y, -into))
 
 
@@ -202,60 +195,50 @@ def _add_missing_image(touches: Mapping[str, Touch], found: Findings) -> None:
     )
 
 
-def _add_wrong_scale(scale: float, found: Findings) -> None:
-    """Add what a wrong travel means."""
-    for factor, meaning in (
-        (1000.0, "its torques are in N·mm, not N·m"),
-        (0.001, "its torques are in kN·m, or its forces in mN"),
-    ):
+def _check_scale(scale: float) -> None:
+    """Raise where the travel by torque is another one than that in the image, with what that means."""
+    if SCALES[0] <= scale <= SCALES[1]:
+        return
+    for factor, meaning in WRONG_UNITS.items():
         if 0.5 < scale / factor < 2.0:
-            found.add_problem(
+            raise Doubt(
                 f"the force sensor moves {scale:.3g} times as far as the image: {meaning}; correct it and begin again"
             )
-            return
-    found.add_problem(
+    raise Doubt(
         f"the force sensor moves {scale:.2f} times as far as the image: pitch_m, a gain of the sensor, or the place of "
         "a press is wrong; nothing follows from these presses",
         *PRESSES,
     )
 
 
-def _places_fit(travels: Array, found: Findings) -> bool:
-    """Return whether the places by torque are those that were asked for."""
+def _check_places(travels: Array) -> None:
+    """Raise where the places by torque are not those that were asked for."""
     end, corner = travels
     if np.hypot(*travels.T).max() < LEAST_TRAVEL_M:
-        text = "all presses were at one place: press the middle of the +X end, and the +X +Y corner"
-        found.add_problem(text, END, CORNER)
-    elif not (goes_to_end(end) and goes_to_corner(corner)):
-        found.add_problem(
+        raise Doubt("all presses were at one place: press the middle of the +X end, and the +X +Y corner", END, CORNER)
+    if not (goes_to_end(end) and goes_to_corner(corner)):
+        raise Doubt(
             f"by the pushes, the end was pressed at {_mm(end)} mm and the corner at {_mm(corner)} mm from the centre: "
             "a press or a push was on the other side",
             *(() if goes_to_end(end) else (END,)),
             CORNER,
             *PUSHES,
         )
-    else:
-        return True
-    return False
 
 
-def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symmetry, float] | None:
-    """Return the orientation of the image, and the angle by which the travels by torque must turn to fit it, rad.
-
-    Where the orientation is open, add the problem and return None.
-    """
+def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symmetry, float]:
+    """Return the orientation of the image, and the angle by which the travels by torque must turn to fit it, rad."""
     fits = sorted(
         (*_misfit(np.array([one.place(image) for image in images]), travels), k) for k, one in enumerate(SYMMETRIES)
     )
     (best_m, yaw_rad, best), (second_m, _, _) = fits[:2]
     if second_m < max(CLEAR * best_m, LEAST_TRAVEL_M):
-        found.add_problem(
+        raise Doubt(
             f"the orientation of the image is open: two of the eight fit to {1e3 * best_m:.1f} and "
             f"{1e3 * second_m:.1f} mm; press further from the centre",
             END,
             CORNER,
         )
-        return None
     found.notes.append(
         f"image against force: {1e3 * best_m:.1f} mm; the next of the eight orientations {1e3 * second_m:.1f} mm"
     )
@@ -274,13 +257,6 @@ def _slanted(presses: Sequence[Array]) -> str:
     """Return the press whose direction differs most: the other two agree best."""
     others = [np.delete(presses, number, axis=0) for number in range(len(PRESSES))]
     return min(zip(PRESSES, others, strict=True), key=lambda each: _angle(*each[1]))[0]
-
-
-def _misfit_text(misfit_m: float, worst: str) -> str:
-    return (
-        f"the places by torque miss by up to {1e3 * misfit_m:.1f} mm, wherever the sensor is; {worst} fits the others "
-        "worst: was the finger touched beside the pad, or does a cable pull at it?"
-    )
 
 
 def _unit(vector: Array) -> Array:

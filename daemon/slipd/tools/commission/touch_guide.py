@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -148,13 +148,12 @@ class TouchGuide:
             nothing = FingerResult(None, None, None, streams)
             return FingerOutcome(nothing, Findings(problems=[remark]), touches, needs_image=False, wrong_scale=True)
         if settings.wrench is None:
-            findings, axes = find_three_axis(touches)
-            result = FingerResult(None, findings.symmetry, axes, streams)
+            findings = find_three_axis(touches)
         else:
             findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
-            result = FingerResult(findings.mount, findings.symmetry, None, streams)
         findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
-        result = replace(result, noise=self._noise_of(streams, findings))
+        noise = self._noise_of(streams, findings)
+        result = FingerResult(findings.mount, findings.symmetry, findings.axes, streams, noise)
         needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
         return FingerOutcome(result, findings, touches, needs_image)
 

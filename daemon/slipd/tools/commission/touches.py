@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -106,6 +107,10 @@ def mount_of(sensor: Wrench) -> Mount:
     return Mount(sensor.sign, (x, y, z), (qx, qy, qz, qw))
 
 
+class Doubt(Exception):  # noqa: N818 - it names what there is
+    """What is looked for does not follow. Arguments: why and what to do, then the touches that may be to blame."""
+
+
 @dataclass(slots=True)
 class Findings:
     """What the touches show.
@@ -113,6 +118,7 @@ class Findings:
     Attributes:
         mount: Mounting of the force sensor; None where it does not follow.
         symmetry: Orientation of the image; None where it does not follow.
+        axes: Signs of the axes of the taxels, likewise; X, Y, Z of the pad.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
         doubtful: Touches that may be to blame for the problems, and are worth making again.
@@ -120,9 +126,18 @@ class Findings:
 
     mount: Mount | None = None
     symmetry: Symmetry | None = None
+    axes: tuple[int, int, int] | None = None
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     doubtful: tuple[str, ...] = ()
+
+    @contextlib.contextmanager
+    def searching(self) -> Iterator[None]:
+        """Add a doubt that ends the search as a problem."""
+        try:
+            yield
+        except Doubt as doubt:
+            self.add_problem(*doubt.args)
 
     def add_problem(self, text: str, *doubtful: str) -> None:
         """Add a problem, and the touches that may be to blame for it."""
@@ -151,44 +166,41 @@ def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:
     return along_cols, along_rows
 
 
-def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, int, int] | None]:
+def find_three_axis(touches: Mapping[str, Touch]) -> Findings:
     """Find the orientation of a pad whose taxels measure three axes, and the signs of its axes.
 
     Args:
         touches: By step; the force is the sum of the readings of the taxels, unsigned and in the order of the scan.
-
-    Returns:
-        The findings, and the signs of ``axis_scale`` in the order X, Y, Z of the pad; None where they do not follow.
     """
     found = Findings()
-    places = {step: np.array(touch.scan_m) for step, touch in touches.items() if touch.scan_m is not None}
-    missing = [step for step in STEPS if step not in places or not touches[step].felt]
-    if missing:
-        found.add_problem(f"the pad showed nothing at: {', '.join(missing)}", *missing)
-        return found, None
-    end, corner = ((places[step] - places[CENTRE]).tolist() for step in (END, CORNER))
-    fits = [one for one in SYMMETRIES if goes_to_end(one.place(end)) and goes_to_corner(one.place(corner))]
-    if len(fits) != 1:
-        found.add_problem(
-            "the presses do not show the orientation of the image: press the middle of the +X end, and the +X +Y "
-            "corner",
-            END,
-            CORNER,
-        )
-        return found, None
-    found.symmetry = fits[0]
-    order = [1, 0, 2] if fits[0].swap_xy else [0, 1, 2]
+    with found.searching():
+        places = {step: np.array(touch.scan_m) for step, touch in touches.items() if touch.scan_m is not None}
+        if missing := [step for step in STEPS if step not in places or not touches[step].felt]:
+            raise Doubt(f"the pad showed nothing at: {', '.join(missing)}", *missing)
+        end, corner = ((places[step] - places[CENTRE]).tolist() for step in (END, CORNER))
+        fits = [one for one in SYMMETRIES if goes_to_end(one.place(end)) and goes_to_corner(one.place(corner))]
+        if len(fits) != 1:
+            raise Doubt(
+                "the presses do not show the orientation of the image: press the middle of the +X end, and the +X +Y "
+                "corner",
+                END,
+                CORNER,
+            )
+        found.symmetry = fits[0]
+        found.axes = _axes(touches, fits[0])
+        axes = [axis if sign > 0 else f"-{axis}" for axis, sign in zip("XYZ", found.axes, strict=True)]
+        found.notes.append(f"axes of the taxels: {', '.join(axes)}")
+    return found
+
+
+def _axes(touches: Mapping[str, Touch], symmetry: Symmetry) -> tuple[int, int, int]:
+    """Return the signs of the axes of the taxels, in the order X, Y, Z of the pad."""
+    order = [1, 0, 2] if symmetry.swap_xy else [0, 1, 2]
     push_x, push_y, press = (touches[step].force[order] for step in (PUSH_X, PUSH_Y, CENTRE))
     if abs(press[2]) < 0.5 * np.linalg.norm(press):
-        found.add_problem("the press at the centre was not at right angles to the pad", CENTRE)
-        return found, None
+        raise Doubt("the press at the centre was not at right angles to the pad", CENTRE)
     share = push_x[2] / press[2], push_y[2] / press[2]
     push_x, push_y = push_x - share[0] * press, push_y - share[1] * press
     if abs(push_x[0]) < 2.0 * abs(push_x[1]) or abs(push_y[1]) < 2.0 * abs(push_y[0]):
-        text = "the pushes do not fit the presses: push along +X and along +Y, as the taxels lie"
-        found.add_problem(text, *PUSHES)
-        return found, None
-    signs = (int(math.copysign(1, push_x[0])), int(math.copysign(1, push_y[1])), -int(math.copysign(1, press[2])))
-    axes = [axis if sign > 0 else f"-{axis}" for axis, sign in zip("XYZ", signs, strict=True)]
-    found.notes.append(f"axes of the taxels: {', '.join(axes)}")
-    return found, signs
+        raise Doubt("the pushes do not fit the presses: push along +X and along +Y, as the taxels lie", *PUSHES)
+    return int(math.copysign(1, push_x[0])), int(math.copysign(1, push_y[1])), -int(math.copysign(1, press[2]))

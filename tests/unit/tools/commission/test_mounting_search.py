@@ -186,8 +186,8 @@ def three_axis(symmetry: Symmetry, signs: tuple[int, int, int]) -> dict[str, Tou
 @pytest.mark.parametrize("symmetry", SYMMETRIES, ids=str)
 @pytest.mark.parametrize("signs", [(1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)])
 def test_the_axes_of_a_three_axis_pad_are_found(symmetry: Symmetry, signs: tuple[int, int, int]) -> None:
-    found, axes = find_three_axis(three_axis(symmetry, signs))
-    assert (found.symmetry, axes, found.problems) == (symmetry, signs, [])
+    found = find_three_axis(three_axis(symmetry, signs))
+    assert (found.symmetry, found.axes, found.problems) == (symmetry, signs, [])
 
 
 def test_what_a_three_axis_pad_does_not_show_is_reported() -> None:
@@ -199,8 +199,8 @@ def test_what_a_three_axis_pad_does_not_show_is_reported() -> None:
         (made | {PUSH_X: made[PUSH_Y]}, "do not fit the presses"),
         (made | {CENTRE: replace(made[CENTRE], force=np.array((1.0, 0.0, 0.1)))}, "right angles"),
     ):
-        found, axes = find_three_axis(wrong_touches)
-        assert axes is None
+        found = find_three_axis(wrong_touches)
+        assert found.axes is None
         assert words in found.problems[0]
 
 
@@ -215,8 +215,8 @@ FULL = st.fixed_dictionaries(dict.fromkeys(STEPS, st.builds(Touch, VECTORS, VECT
 def test_any_touches_give_a_mounting_or_problems(touches: dict[str, Touch]) -> None:
     found = find_mounting(touches, LEVEL)
     assert (found.mount is None) <= bool(found.problems)
-    found, signs = find_three_axis(touches)
-    assert (signs is None) == bool(found.problems)
+    found = find_three_axis(touches)
+    assert (found.axes is None) == bool(found.problems)
 
 
 TYPED = 9.81 * np.array(((0, 0, 0), (0, 1, 0), (1, 0, 0), (0, 0, 1)))
