@@ -109,21 +109,20 @@ class Commission:
 
     def _find_mounting(self) -> Steps[bool]:
         outcomes = yield from self._touch(dict.fromkeys(self._fingers))
-        found = changes(self._rig, {name: outcome.result for name, outcome in outcomes.items()})
-        self._mounts |= {name: each.findings.mount for name, each in outcomes.items() if each.findings.mount}
-        if not (yield from self._change(found)):
-            return len(outcomes) == len(self._fingers) and not any(e.findings.problems for e in outcomes.values())
         again = {name: outcome for name, outcome in outcomes.items() if outcome.needs_image}
-        others = [each for name, each in outcomes.items() if name not in again]
-        complete = len(outcomes) == len(self._fingers) and not any(each.findings.problems for each in others)
-        if again:
+        if (yield from self._change_mounting(outcomes)) and again:
             yield Say("\nNow the daemon can show the image of the pads: the presses are needed once more.")
             pushes = {name: {step: each.touches[step] for step in (PUSH_X, PUSH_Y)} for name, each in again.items()}
             seconds = yield from self._touch(pushes)
-            complete = complete and len(seconds) == len(again)
-            complete = complete and not any(each.findings.problems for each in seconds.values())
-            yield from self._change(changes(self._rig, {name: each.result for name, each in seconds.items()}))
-        return complete
+            yield from self._change_mounting(seconds)
+            outcomes |= seconds
+        return len(outcomes) == len(self._fingers) and not any(each.findings.problems for each in outcomes.values())
+
+    def _change_mounting(self, outcomes: Mapping[str, FingerOutcome]) -> Steps[bool]:
+        """Have what was found written, and keep the mountings; return whether the daemon runs them."""
+        found = changes(self._rig, {name: outcome.result for name, outcome in outcomes.items()})
+        self._mounts |= {name: each.findings.mount for name, each in outcomes.items() if each.findings.mount}
+        return (yield from self._change(found))
 
     def _touch(self, pushes: Mapping[str, Mapping[str, Touch] | None]) -> Steps[dict[str, FingerOutcome]]:
         guide = TouchGuide(self._rig, ReadingListener(self._rig.finger, self._rig.config_id), self._patience_s)

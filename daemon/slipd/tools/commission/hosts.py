@@ -76,8 +76,7 @@ class TerminalHost:
         if isinstance(output, Say):
             self.say(output.text)
         elif isinstance(output, Prompt):
-            self._expect(output.choices)
-            self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output)}")
+            self._prompt(output)
         elif isinstance(output, Ask):
             return self._ask(output)
         elif isinstance(output, Gravity):
@@ -99,6 +98,11 @@ class TerminalHost:
         self._gravity.stop()
         self._subscriber.close()
         self._client.disconnect()
+
+    def _prompt(self, prompt: Prompt) -> None:
+        """Show what to do now, and how the person answers."""
+        self._expect(prompt.choices)
+        self.say(prompt.text if prompt.choices == (SKIP,) else f"{prompt.text} {_keys_of(prompt)}")
 
     def _next(self) -> Message | Choice | None:
         """Return the next typed line or message; None if neither comes for SILENCE_S."""
@@ -194,9 +198,6 @@ class PageHost(TerminalHost):
 
     def respond(self, output: Output) -> Event:
         """Carry out one output of the guide, and return what happened."""
-        if isinstance(output, Prompt):
-            self._prompt(output)
-            return None
         event = super().respond(output)
         if isinstance(event, Wrench):
             self._show(event)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
 from slipd.tools.commission.sensor_pose import STATED, nearest_known
-from slipd.tools.commission.touches import Mount
+from slipd.tools.commission.touches import Doubt, Mount
 from slipd.tools.commission.weight_identification import LEAST_CHANGE_MPS2, Identification, identify
 from slipd.types.arrays import Array, cross_matrix
 
@@ -37,7 +37,7 @@ def force_misfit(wrenches: Array, gravities: Array) -> float:
     """Return how far the forces are from those of the best weight, as a share of it, root mean square over the poses.
 
     Args:
-        wrenches: In the pad frame, shape (poses, 6), N and N·m.
+        wrenches: In the pad frame, shape (poses, 6), N and N·m; or the forces alone.
         gravities: Shape (poses, 3), m/s².
     """
     weight_n, d_force, d_gravity = _centred(wrenches, gravities)
@@ -161,66 +161,63 @@ def find_weight(poses: Sequence[Pose], present: Mount) -> WeightFindings:
     findings = WeightFindings()
     gravities = _gravities(poses, findings)
     wrenches = np.array([present.matrix @ np.concatenate((pose.force, pose.torque)) for pose in poses])
-    _weigh(poses, wrenches, gravities, present, findings)
-    if findings.problems:
+    try:
+        findings.found = _weigh(poses, wrenches, gravities, present, findings)
+        findings.notes += _notes(findings.found)
+    except (Doubt, ValueError) as problem:
+        findings.problems.append(str(problem))
         by_torque = partial(torque_misfit, sensor_m=math.hypot(*present.xyz_m))
         misfit = force_misfit if force_misfit(wrenches, gravities) > MOST_MISFIT else by_torque
         findings.worst = worst_pose(misfit, wrenches, gravities)
     return findings
 
 
-def _weigh(poses: Sequence[Pose], wrenches: Array, gravities: Array, present: Mount, findings: WeightFindings) -> None:
-    """Add mass and centre of mass, or the problem.
+def _weigh(
+    poses: Sequence[Pose], wrenches: Array, gravities: Array, present: Mount, findings: WeightFindings
+) -> Identification:
+    """Return mass and centre of mass.
 
     Args:
         poses: As read.
         wrenches: The same in the pad frame, shape (poses, 6).
         gravities: Shape (poses, 3), m/s².
         present: Mounting by which they are in the pad frame.
-        findings: Where to add it.
+        findings: Where to add what is known of it.
+
+    Raises:
+        Doubt: The readings are not those of a weight with this mounting.
+        ValueError: See `identify`.
     """
-    forces = np.array([pose.force for pose in poses])
-    if (problem := _check_mounting(forces, gravities, present, findings)) is not None:
-        findings.problems.append(problem)
-        return
-    try:
-        found = identify(wrenches[:, :3], wrenches[:, 3:], gravities)
-    except ValueError as error:
-        findings.problems.append(str(error))
-        return
-    if (problem := _implausible(found)) is not None:
-        findings.problems.append(problem)
-    elif (share := force_misfit(wrenches, gravities)) > MOST_MISFIT:
-        findings.problems.append(_misfit_text(share))
-    elif torque_misfit(wrenches, gravities, math.hypot(*present.xyz_m)) > MOST_MISFIT:
-        findings.problems.append(
+    _check_mounting(np.array([pose.force for pose in poses]), gravities, present, findings)
+    found = identify(wrenches[:, :3], wrenches[:, 3:], gravities)
+    _check_lever(float(np.linalg.norm(found.com_m)))
+    _check_misfit(force_misfit(wrenches, gravities))
+    if torque_misfit(wrenches, gravities, math.hypot(*present.xyz_m)) > MOST_MISFIT:
+        raise Doubt(
             f"the torques are {found.residual_nm:.2g} N·m from those of any centre of mass in these poses: the finger "
             "was touched, or a cable pulls at it"
         )
-    else:
-        findings.found = found
-        findings.notes += _notes(found)
+    return found
 
 
-def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: WeightFindings) -> str | None:
-    """Return what contradicts the mounting; note what cannot be decided."""
+def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: WeightFindings) -> None:
+    """Raise where the forces contradict the mounting; note what cannot be decided."""
     fit = _fit(forces, gravities)
     if fit is None:
         findings.notes.append(
             "sign and rotation of the sensor are not checked: gravity changed in one plane only; a fourth pose would"
         )
-        return None
+        return
     if not MASSES_KG[0] < fit.mass_kg < MASSES_KG[1]:
-        return _wrong_force(fit.mass_kg)
-    if fit.misfit > MOST_MISFIT:
-        return _misfit_text(fit.misfit)
+        raise Doubt(_wrong_force(fit.mass_kg))
+    _check_misfit(fit.misfit)
     quaternion, how = nearest_known(fit.rotation, present)
     away = math.degrees((fit.rotation * Rotation.from_quat(quaternion).inv()).magnitude())
     if (fit.sign, how) == (present.sign, STATED):
         findings.notes.append(f"sign {fit.sign:+d} and rotation of the config fit the weight, {away:.0f}° apart")
-        return None
+        return
     findings.contradicts = True
-    return (
+    raise Doubt(
         f"the weight fits sign {fit.sign:+d} and a rotation that is {how}, not those of the config (sign "
         f"{present.sign:+d}): either the mounting is wrong, or the poses were others than asked for. Touches decide: "
         "slipd commission --from mounting"
@@ -229,7 +226,7 @@ def _check_mounting(forces: Array, gravities: Array, present: Mount, findings: W
 
 def _fit(forces: Array, gravities: Array) -> _Fit | None:
     """Return the mounting and the mass that fit the poses best; None where gravity leaves a direction out."""
-    d_force, d_gravity = forces - forces.mean(axis=0), gravities - gravities.mean(axis=0)
+    _, d_force, d_gravity = _centred(forces, gravities)
     if np.linalg.svd(d_gravity, compute_uv=False)[-1] < LEAST_CHANGE_MPS2 * math.sqrt(len(gravities) - 1):
         return None
     spread = np.linalg.svd(d_force, compute_uv=False)
@@ -237,12 +234,9 @@ def _fit(forces: Array, gravities: Array) -> _Fit | None:
         return _Fit(1, Rotation.identity(), 0.0, math.inf)
     fits = ((Rotation.align_vectors(d_gravity, sign * d_force), sign) for sign in (1, -1))
     (rotation, _), sign = min(fits, key=lambda fit: fit[0][1])
-    turned = sign * rotation.apply(d_force)
-    mass_kg = float(np.sum(turned * d_gravity) / np.sum(d_gravity**2))
-    residual = turned - mass_kg * d_gravity
-    weight = mass_kg * STANDARD_GRAVITY_MPS2 * math.sqrt(len(forces))
-    misfit = float(np.linalg.norm(residual)) / weight if weight > 0.0 else math.inf
-    return _Fit(sign, rotation, mass_kg, misfit)
+    turned = sign * rotation.apply(forces)
+    weight_n, _, _ = _centred(turned, gravities)
+    return _Fit(sign, rotation, weight_n / STANDARD_GRAVITY_MPS2, force_misfit(turned, gravities))
 
 
 def _gravities(poses: Sequence[Pose], findings: WeightFindings) -> Array:
@@ -269,22 +263,23 @@ def _wrong_force(mass_kg: float) -> str:
     )
 
 
-def _implausible(found: Identification) -> str | None:
-    lever_m = float(np.linalg.norm(found.com_m))
-    if lever_m < MOST_LEVER_M:
-        return None
-    unit = "the torques are in N·mm, not N·m" if lever_m > SURELY_MM_M else "the torques are wrong"
-    return (
-        f"the centre of mass would be {lever_m:.3g} m from the pad: {unit}, or xyz_m is wrong. Weighing cannot tell "
-        "these apart; presses beside a pad image can"
-    )
+def _check_lever(lever_m: float) -> None:
+    """Raise where the centre of mass is too far from the pad."""
+    if not lever_m < MOST_LEVER_M:
+        unit = "the torques are in N·mm, not N·m" if lever_m > SURELY_MM_M else "the torques are wrong"
+        raise Doubt(
+            f"the centre of mass would be {lever_m:.3g} m from the pad: {unit}, or xyz_m is wrong. Weighing cannot "
+            "tell these apart; presses beside a pad image can"
+        )
 
 
-def _misfit_text(share: float) -> str:
-    return (
-        f"the readings are {share:.0%} of the weight from any weight in these poses: the finger was touched or moved, "
-        "a cable pulls at it, or the poses were others than asked for"
-    )
+def _check_misfit(share: float) -> None:
+    """Raise where the forces are too far from those of a weight, as a share of it."""
+    if share > MOST_MISFIT:
+        raise Doubt(
+            f"the readings are {share:.0%} of the weight from any weight in these poses: the finger was touched or "
+            "moved, a cable pulls at it, or the poses were others than asked for"
+        )
 
 
 def _notes(found: Identification) -> list[str]:

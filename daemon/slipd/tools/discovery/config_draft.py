@@ -204,29 +204,23 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
     print(f"  slipd check {file}\n  slipd run {file}\n  slipd commission {file}     # in another terminal")
 
 
-async def _identify_one(port: SerialPort) -> Found | OSError | None:
-    """Return the device on a port, or why the port cannot be opened."""
+async def _identify_one(port: SerialPort) -> Found | str:
+    """Return the device on a port, or why there is none."""
     try:
-        return await identify_port(str(port.path))
+        return await identify_port(str(port.path)) or "no device that slipd knows answered"
     except OSError as error:
-        return error
+        return f"cannot be opened: {error.strerror or error}; is another program using it?"
 
 
-async def _identify(ports: list[SerialPort]) -> tuple[list[tuple[SerialPort, Found]], list[SerialPort]]:
-    """Identify the devices on all ports at once, and print what is found."""
-    results = await asyncio.gather(*(_identify_one(port) for port in ports))
-    found: list[tuple[SerialPort, Found]] = []
-    unknown: list[SerialPort] = []
-    for port, result in zip(ports, results, strict=True):
-        if isinstance(result, Found):
-            found.append((port, result))
-            print(f"{port.path}: {result.device}{f', {one_line(result.identity)}' if result.identity else ''}")
-        elif isinstance(result, OSError):
-            unknown.append(port)
-            print(f"{port.path}: cannot be opened: {result.strerror or result}; is another program using it?")
-        else:
-            unknown.append(port)
-            print(f"{port.path}: no device that slipd knows answered")
+async def _identify(ports: list[SerialPort]) -> tuple[list[Placed], list[SerialPort]]:
+    """Identify the devices on all ports at once, and print what is found; return those with one, and the others."""
+    results = list(zip(ports, await asyncio.gather(*map(_identify_one, ports)), strict=True))
+    for port, result in results:
+        what = (
+            result if isinstance(result, str) else ", ".join(filter(None, (result.device, one_line(result.identity))))
+        )
+        print(f"{port.path}: {what}")
         if port.warning:
             print(f"  {port.warning}")
-    return found, unknown
+    found = [(port, result) for port, result in results if isinstance(result, Found)]
+    return found, [port for port, result in results if isinstance(result, str)]
