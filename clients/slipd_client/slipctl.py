@@ -13,21 +13,7 @@ from slipd_client.errors import ClientError, SlipdClientError
 DONE, REFUSED, WRONG, INTERRUPTED = 0, 1, 2, 130
 """Exit codes, as those of ``slipd``: docs/commands.md."""
 
-
-COMMANDS = {
-    "friction.set": "friction set",
-    "fault.ack": "grip ack",
-    "grip.hold": "grip hold",
-    "gripper.activate": "grip activate",
-    "gripper.close": "grip close",
-    "gripper.open": "grip open",
-    "gripper.stop": "grip stop",
-    "gravity.set": "gravity",
-    "object.set": "object",
-    "record.start": "record start",
-    "record.stop": "record stop",
-    "tare.undo": "tare undo",
-}
+COMMANDS = {op: name for name, (_, op, _) in slipctl_parser.REQUESTS.items()}
 """Requests that the daemon names in refusals, and what a person types for each."""
 
 

@@ -32,6 +32,42 @@ _NOW = {
 }
 """Commands of earlier versions, and what to type instead."""
 
+REQUESTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "grip set": ("set the grip force", "grip.set", ("force_n",)),
+    "grip adjust": ("change the grip force", "grip.adjust", ("delta_n",)),
+    "grip hold": ("keep the present grip force, and stop fingers that move", "grip.hold", ()),
+    "grip close": ("close onto an object", "gripper.close", ("force_n", "width_m", "speed_mps")),
+    "grip open": ("open; refused in contact without --drop", "gripper.open", ("width_m", "speed_mps", "drop")),
+    "grip activate": ("make the gripper ready; some open and close fully for it", "gripper.activate", ("drop",)),
+    "grip stop": ("stop the fingers where they are", "gripper.stop", ()),
+    "grip ack": ("acknowledge the latched fault", "fault.ack", ()),
+    "tare take": (
+        "take the present readings of a finger as zero; nothing may touch the finger; may be left out",
+        "tare",
+        ("seconds", "unloaded", "finger", "stream"),
+    ),
+    "tare get": ("show the tare in use", "tare.get", ("finger", "stream")),
+    "tare undo": ("return to the tare before the last one", "tare.undo", ("finger", "stream")),
+    "friction set": (
+        "set the friction of one finger; acquires the lease where it can",
+        "friction.set",
+        ("finger", "mu_s", "mu_d"),
+    ),
+    "gravity": (
+        "send the direction of gravity in a pad's frame, so that the finger's weight is known",
+        "gravity.set",
+        ("finger",),
+    ),
+    "object": (
+        "name the object, so that its friction is remembered; acquires the lease where it can",
+        "object.set",
+        (),
+    ),
+    "record start": ("start a recording; the daemon names the file", "record.start", ()),
+    "record stop": ("end the recording", "record.stop", ()),
+}
+"""Commands that are one request each → what it does, its op, and the fields that are arguments."""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser.
@@ -92,52 +128,42 @@ def parser() -> argparse.ArgumentParser:
     )
     add_json(diagnose)
 
-    _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
-    _tare(add("tare", "take, show or undo the zero of a finger's sensors: slipctl tare left pad"))
-    _friction(add("friction", "measure the friction between pads and an object by hand, or set it on one finger"))
-    _gravity(add("gravity", "send the direction of gravity in a pad's frame, so that the finger's weight is known"))
-
-    named = add("object", "name the object, so that its friction is remembered; acquires the lease where it can")
-    choice = named.add_mutually_exclusive_group(required=True)
-    choice.add_argument(
-        "name", metavar="NAME", nargs="?", type=_object_name, help=_help(OPS["object.set"].fields["name"])
-    )
-    choice.add_argument("--none", action="store_true", help="take the name back: another object, or nothing, is held")
-    _request(named, "object.set")
-
-    record = _commands(add("record", "record what the daemon receives and publishes"), "record ")
-    _request(record("start", "start a recording; the daemon names the file"), "record.start")
-    _request(record("stop", "end the recording"), "record.stop")
-    _keys(_commands(add("keys", "create the keys for a daemon across a network"), "keys "))
-    return top
-
-
-def _request(command: argparse.ArgumentParser, op: str, *names: str) -> None:
-    """Make a command one that sends a request: arguments for these fields of its op, and ``--json``."""
-    _fields(command, op, *names)
-    command.set_defaults(op=op, fields=names)
-    add_json(command)
-
-
-def _grip(add: Add) -> None:
-    setting = add("set", "set the grip force")
-    _request(setting, "grip.set", "force_n")
-    adjust = add("adjust", "change the grip force")
-    _request(adjust, "grip.adjust", "delta_n")
-    for each in (setting, adjust):
-        each.add_argument(
+    grip = _commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip ")
+    requests = _requests(grip, "grip ")
+    for name in ("grip set", "grip adjust"):
+        requests[name].add_argument(
             "--hold",
             type=_seconds,
             default=0.0,
             metavar="S",
             help="keep the lease for S seconds (default: 0); its end moves nothing",
         )
-    _request(add("hold", "keep the present grip force, and stop fingers that move"), "grip.hold")
-    _request(add("close", "close onto an object"), "gripper.close", "force_n", "width_m", "speed_mps")
-    _request(add("open", "open; refused in contact without --drop"), "gripper.open", "width_m", "speed_mps", "drop")
-    _request(add("activate", "make the gripper ready; some open and close fully for it"), "gripper.activate", "drop")
-    _request(add("stop", "stop the fingers where they are"), "gripper.stop")
-    _request(add("ack", "acknowledge the latched fault"), "fault.ack")
+    tare = add("tare", "take, show or undo the zero of a finger's sensors: slipctl tare left pad")
+    tare.default = "take"
+    _requests(_commands(tare, "tare "), "tare ")
+    _friction(add("friction", "measure the friction between pads and an object by hand, or set it on one finger"))
+    _gravity(_requests(add, "gravity")["gravity"])
+    named = _requests(add, "object")["object"]
+    choice = named.add_mutually_exclusive_group(required=True)
+    choice.add_argument(
+        "name", metavar="NAME", nargs="?", type=_object_name, help=_help(OPS["object.set"].fields["name"])
+    )
+    choice.add_argument("--none", action="store_true", help="take the name back: another object, or nothing, is held")
+    _requests(_commands(add("record", "record what the daemon receives and publishes"), "record "), "record ")
+    _keys(_commands(add("keys", "create the keys for a daemon across a network"), "keys "))
+    return top
+
+
+def _requests(add: Add, prefix: str) -> dict[str, argparse.ArgumentParser]:
+    """Add the commands of `REQUESTS` that begin so, with arguments for their fields, and ``--json``; return them."""
+    added = {}
+    for name, (what, op, fields) in REQUESTS.items():
+        if name.startswith(prefix):
+            added[name] = add(name.removeprefix(prefix) or name, what)
+            _fields(added[name], op, *fields)
+            added[name].set_defaults(op=op, fields=fields)
+            add_json(added[name])
+    return added
 
 
 def _friction(friction: CommandParser) -> None:
@@ -163,8 +189,7 @@ def _friction(friction: CommandParser) -> None:
         help="how long to wait for each pull (default: %(default)g)",
     )
     add_json(measure)
-    setting = add("set", "set the friction of one finger; acquires the lease where it can")
-    _request(setting, "friction.set", "finger", "mu_s", "mu_d")
+    _requests(add, "friction ")
 
 
 def _gravity(gravity: argparse.ArgumentParser) -> None:
@@ -172,7 +197,6 @@ def _gravity(gravity: argparse.ArgumentParser) -> None:
         "Sends gravity in the pad frame, m/s², or the orientation of the pad. The daemon forgets it after 0.25 s: "
         "repeat it with --hold, or follow a file or pipe to which the robot program writes a line per pose."
     )
-    _request(gravity, "gravity.set", "finger")
     gravity.add_argument(
         "numbers",
         type=_type(Field("number", NUMBER, "a component")),
@@ -187,15 +211,6 @@ def _gravity(gravity: argparse.ArgumentParser) -> None:
     gravity.add_argument(
         "--follow", metavar="FILE", help='send each new line of a file or pipe ("-": standard input), numbers as above'
     )
-
-
-def _tare(tare: CommandParser) -> None:
-    add = _commands(tare, "tare ")
-    tare.default = "take"
-    take = add("take", "take the present readings of a finger as zero; nothing may touch the finger; may be left out")
-    _request(take, "tare", "seconds", "unloaded", "finger", "stream")
-    _request(add("get", "show the tare in use"), "tare.get", "finger", "stream")
-    _request(add("undo", "return to the tare before the last one"), "tare.undo", "finger", "stream")
 
 
 def _keys(add: Add) -> None:
