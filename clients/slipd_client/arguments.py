@@ -141,6 +141,17 @@ def finite(text: str) -> float:
     return value
 
 
+def matching(pattern: str, rule: str) -> Callable[[str], str]:
+    """Return a type of arguments: a text that matches a pattern; ``rule`` says after "must" what it must be."""
+
+    def parse(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise argparse.ArgumentTypeError(f"must {rule}, got {text!r:.80}")
+        return text
+
+    return parse
+
+
 def rate_hz(text: str) -> float:
     """Return a rate of 0.001 to 1e6 Hz."""
     value = finite(text)

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.arguments import DEFAULT_LISTEN, Add, finite, parse_listen, rate_hz
+from slipd_client.arguments import DEFAULT_LISTEN, Add, finite, matching, parse_listen, rate_hz
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_keys import check_name
 from slipd_client.messages.schema.topics import TOPICS
@@ -26,7 +26,7 @@ RATE_HZ = 10.0
 
 ENDPOINT = "tcp/10.0.0.1:7447"
 
-_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_TOPIC = r"(/[A-Za-z_][A-Za-z0-9_]*)+"
 _ON_NETWORK = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[0-9A-Fa-f:.%]+\]|[^/:\[\]\s]+):(?P<port>\d{1,5})([?#]\S*)?")
 _ON_MACHINE = re.compile(r"unixsock-stream/\S+")
 
@@ -58,7 +58,7 @@ def _foxglove(foxglove: argparse.ArgumentParser) -> None:
     foxglove.add_argument(
         "--fingers",
         nargs="+",
-        type=_matching("[a-z0-9]{1,32}", "the name of a finger, a-z and 0-9"),
+        type=matching("[a-z0-9]{1,32}", "be the name of a finger, a-z and 0-9"),
         default=["left", "right"],
         metavar="NAME",
         help="fingers of the layouts (default: left right)",
@@ -66,8 +66,8 @@ def _foxglove(foxglove: argparse.ArgumentParser) -> None:
 
 
 def _ros2(ros2: argparse.ArgumentParser) -> None:
-    topic = _matching(_TOPIC.pattern, "the full name of a topic, such as /arm/slipd")
-    frame = _matching(r"[^/](?s:.*)", "the name of a frame, without a leading slash")
+    topic = matching(_TOPIC, "be the full name of a topic, such as /arm/slipd")
+    frame = matching(r"[^/](?s:.*)", "be the name of a frame, without a leading slash")
     ros2.add_argument(
         "--config", type=Path, metavar="FILE", help="config of the daemon: the places of its pads become /tf"
     )
@@ -247,17 +247,6 @@ def _checked(check: Callable[[str], object]) -> Callable[[str], object]:
 
 
 _NAME = _checked(lambda text: check_name("the name", text))
-
-
-def _matching(pattern: str, what: str) -> Callable[[str], str]:
-    """Return a type of arguments: a text that matches a pattern."""
-
-    def parse(text: str) -> str:
-        if not re.fullmatch(pattern, text):
-            raise argparse.ArgumentTypeError(f"must be {what}, got {text!r:.80}")
-        return text
-
-    return parse
 
 
 def _endpoint(text: str) -> str:

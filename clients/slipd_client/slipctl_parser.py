@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.arguments import Add, CommandParser, add_connection, add_json, add_listen, escaped, finite
+from slipd_client.arguments import Add, CommandParser, add_connection, add_json, add_listen, escaped, finite, matching
 from slipd_client.friction_session import MOST_SAMPLES
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
@@ -145,9 +144,9 @@ def parser() -> argparse.ArgumentParser:
     _gravity(_requests(add, "gravity")["gravity"])
     named = _requests(add, "object")["object"]
     choice = named.add_mutually_exclusive_group(required=True)
-    choice.add_argument(
-        "name", metavar="NAME", nargs="?", type=_object_name, help=_help(OPS["object.set"].fields["name"])
-    )
+    field = OPS["object.set"].fields["name"]
+    rule = matching(field.pattern, f"have {field.limit.replace('`', '')}")
+    choice.add_argument("name", metavar="NAME", nargs="?", type=rule, help=_help(field))
     choice.add_argument("--none", action="store_true", help="take the name back: another object, or nothing, is held")
     _requests(_commands(add("record", "record what the daemon receives and publishes"), "record "), "record ")
     _keys(_commands(add("keys", "create the keys for a daemon across a network"), "keys "))
@@ -299,13 +298,6 @@ def _type(field: Field) -> Callable[[str], str | float]:
         return value
 
     return number
-
-
-def _object_name(text: str) -> str:
-    field = OPS["object.set"].fields["name"]
-    if not re.fullmatch(field.pattern, text):
-        raise argparse.ArgumentTypeError(f"must have {field.limit.replace('`', '')}, got {text!r}")
-    return text
 
 
 _seconds = _type(Field("hold", NUMBER, "how long to keep the lease", unit="s", least=0))
