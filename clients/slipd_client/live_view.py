@@ -17,7 +17,6 @@ from slipd_client.live_view_parts import (
     add_incidents,
     add_recording,
     add_stream,
-    as_map,
     bar,
     bounds,
     clock_time,
@@ -26,7 +25,6 @@ from slipd_client.live_view_parts import (
     friction,
     in_newtons,
     margin,
-    number,
     place,
     plain,
     quantity,
@@ -77,7 +75,7 @@ class LiveView:
         if body.get("boot") != before.get("boot"):
             self._newest.clear()
         self._newest[topic] = body
-        if topic == STATUS_TOPIC and isinstance(body.get("fingers"), dict):
+        if topic == STATUS_TOPIC and "fingers" in body:
             exist = ("", *body["fingers"])
             self._newest = {each: kept for each, kept in self._newest.items() if each.partition(".")[2] in exist}
             if body.get("gripper", "not stated") is None:
@@ -109,7 +107,7 @@ class LiveView:
             f" {quantity(body, 'normal_n', 'N' if in_newtons(body) else '', 2)}"
             for finger, body in self._fingers()
         ]
-        newest = max((number(body.get("timestamp")) or 0.0 for body in self._newest.values()), default=0.0)
+        newest = max((body.get("timestamp") or 0.0 for body in self._newest.values()), default=0.0)
         return f"{clock_time(newest)}  {'  |  '.join(parts) or 'no verdict yet'}"
 
     def _lines(self, terminal: Terminal, silent_s: float, form: Form) -> list[Line]:
@@ -126,7 +124,7 @@ class LiveView:
         for key, what in (("run_recording", "of the whole run  "), ("recording", "")):
             add_recording(sheet, self._status(key), what)
         add_incidents(sheet, self._status("incidents"))
-        streams = {name: as_map(stream) for name, stream in self._status("streams").items()}
+        streams = self._status("streams")
         if form.streams:
             for name, stream in streams.items():
                 add_stream(sheet, name, stream)
@@ -139,19 +137,18 @@ class LiveView:
 
     def _fingers(self) -> list[tuple[str, dict[str, Any]]]:
         """Return each finger with its newest verdict, or else with its entry in ``status``."""
-        verdicts = {finger: as_map(state) for finger, state in self._status("fingers").items()}
-        verdicts |= {topic[5:]: body for topic, body in self._newest.items() if topic.startswith("slip.")}
-        return sorted(verdicts.items())
+        verdicts = {topic[5:]: body for topic, body in self._newest.items() if topic.startswith("slip.")}
+        return sorted((self._status("fingers") | verdicts).items())
 
     def _status(self, key: str) -> dict[str, Any]:
-        return as_map(self._newest.get(STATUS_TOPIC, {}).get(key))
+        return self._newest.get(STATUS_TOPIC, {}).get(key) or {}
 
 
 def change_line(body: dict[str, Any]) -> str:
     """Return one line for a message of topic ``warning``: the level of a finger has changed."""
     reasons = "; ".join(filter(None, (reasons_of(body), evidence_of(body))))
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
-    line = f"{clock_time(number(body.get('timestamp')) or 0.0)}  {plain(body.get('finger'))} {change}"
+    line = f"{clock_time(body.get('timestamp') or 0.0)}  {plain(body.get('finger'))} {change}"
     return f"{line}  ({reasons})" if reasons else line
 
 
@@ -161,10 +158,9 @@ def _size(terminal: Terminal) -> str:
 
 def _add_header(sheet: Sheet, status: dict[str, Any]) -> None:
     facts = [f"up {quantity(status, 'uptime_s', 's', 0)}"]
-    facts += (
-        [f"config {plain(status['config_id'])}"] if "config_id" in status else []
-    )  # the reply to a request has none
-    facts.append(f"lease {either(as_map(status.get('lease')).get('held'), 'held', 'free')}")
+    if "config_id" in status:  # the reply to a request has none
+        facts.append(f"config {plain(status['config_id'])}")
+    facts.append(f"lease {either((status.get('lease') or {}).get('held'), 'held', 'free')}")
     facts += [f"object {plain(named)}"] if (named := status.get("object_name")) else []
     sheet.facts([(f"slipd {plain(status.get('version'))}", "1")], [(fact, "") for fact in facts])
 

@@ -1,4 +1,7 @@
-"""Parts of the live view: values as text, and lines of gripper, recordings and streams; unknown is "–", never 0."""
+"""Parts of the live view: values as text, and lines of gripper, recordings and streams; unknown is "–", never 0.
+
+Every value is of its field's kind, or None: a subscriber refuses a message with any other.
+"""
 
 from __future__ import annotations
 
@@ -44,15 +47,14 @@ def in_newtons(body: dict[str, Any]) -> bool:
 def utilisation(body: dict[str, Any]) -> str:
     """Return the utilisation, or one of its bounds."""
     for field, sign in (("utilisation", ""), ("utilisation_upper", "≤"), ("utilisation_lower", "≥")):
-        value = number(body.get(field))
-        if value is not None:
+        if (value := body.get(field)) is not None:
             return f"{sign}{value:.2f}"
     return UNKNOWN
 
 
 def bounds(body: dict[str, Any]) -> str:
     """Return both bounds of the utilisation where they differ visibly, else ""."""
-    lower, upper = number(body.get("utilisation_lower")), number(body.get("utilisation_upper"))
+    lower, upper = body.get("utilisation_lower"), body.get("utilisation_upper")
     if lower is None or upper is None or f"{lower:.2f}" == f"{upper:.2f}":
         return ""
     return f"{lower:.2f} to {upper:.2f}"
@@ -67,14 +69,14 @@ def margin(body: dict[str, Any]) -> str:
 
 def relative_alone(body: dict[str, Any]) -> bool:
     """Return whether only the relative utilisation is known."""
-    return utilisation(body) == UNKNOWN and number(body.get("relative_utilisation")) is not None
+    return utilisation(body) == UNKNOWN and body.get("relative_utilisation") is not None
 
 
 def friction(body: dict[str, Any]) -> str:
     """Return the coefficient of friction and its source; where it is not known, what the load requires and required."""
     source = body.get("mu_source")
     known = f"mu {quantity(body, 'mu', '', 2)}" + (f" {plain(source)}" if source else "")
-    if number(body.get("mu")) is not None or number(body.get("required_friction")) is None:
+    if body.get("mu") is not None or body.get("required_friction") is None:
         return known
     required, carried = (quantity(body, field, "", 2) for field in ("required_friction", "carried_friction"))
     return f"{known}  requires {required} of {carried} carried"
@@ -90,75 +92,50 @@ def bar(body: dict[str, Any]) -> str:
     return ("█" * sure + "▒" * (upper - sure)).ljust(BAR_CELLS, "·")
 
 
-def _cells(value: Any) -> int:
-    share = number(value)
-    return 0 if share is None else round(min(max(share, 0.0), 1.0) * BAR_CELLS)
+def _cells(share: float | None) -> int:
+    return round(min(max(share or 0.0, 0.0), 1.0) * BAR_CELLS)
 
 
 def reasons_of(body: dict[str, Any]) -> str:
     """Return the reasons of a level, the most important first."""
-    reasons = body.get("reasons")
-    return ", ".join(plain(reason) for reason in reasons) if isinstance(reasons, list) else ""
+    return ", ".join(map(plain, body.get("reasons") or ()))
 
 
 def evidence_of(body: dict[str, Any]) -> str:
     """Return what shows that the object moves, in words; "" without evidence."""
-    evidence = body.get("evidence")
-    return f"moves by {', '.join(map(plain, evidence))}" if isinstance(evidence, list) and evidence else ""
+    evidence = ", ".join(map(plain, body.get("evidence") or ()))
+    return f"moves by {evidence}" if evidence else ""
 
 
 def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
     """Return a number, or the length of a vector, with its unit."""
-    magnitude = _magnitude(body.get(field))
-    return UNKNOWN if magnitude is None else f"{magnitude:.{digits}f} {unit}".rstrip()
+    value = body.get(field)
+    if value is None:
+        return UNKNOWN
+    magnitude = math.hypot(*value) if isinstance(value, list) else value
+    return f"{magnitude:.{digits}f} {unit}".rstrip()
 
 
 def place(body: dict[str, Any], field: str, name: str) -> str:
     """Return a point of the pad in millimetres after its name; "" if it is not known."""
-    point = body.get(field)
-    numbers = [number(each) for each in point] if isinstance(point, list) else []
-    if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:
+    if (point := body.get(field)) is None:
         return ""
-    x_mm, y_mm = (f"{1000.0 * each:.1f}" for each in numbers if each is not None)
-    return f"{name} {x_mm}, {y_mm} mm"
+    return f"{name} {1000.0 * point[0]:.1f}, {1000.0 * point[1]:.1f} mm"
 
 
-def number(value: Any) -> float | None:
-    """Return the value if it is a number, else None."""
-    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-
-
-def _magnitude(value: Any) -> float | None:
-    """Return a number, or the length of a vector."""
-    if not isinstance(value, list):
-        return number(value)
-    numbers = [each for each in map(number, value) if each is not None]
-    return math.hypot(*numbers) if numbers and len(numbers) == len(value) else None
-
-
-def either(value: Any, yes: str, no: str) -> str:
+def either(value: bool | None, yes: str, no: str) -> str:
     """Return one of two words for a boolean."""
-    return yes if value is True else no if value is False else UNKNOWN
+    return UNKNOWN if value is None else yes if value else no
 
 
-def as_map(value: Any) -> dict[str, Any]:
-    """Return the value if it is a map, else an empty one."""
-    return value if isinstance(value, dict) else {}
-
-
-def plain(value: Any) -> str:
+def plain(text: str | None) -> str:
     """Return a string from the daemon without control characters, which would move the cursor."""
-    if not isinstance(value, str):
-        return UNKNOWN
-    if value and value.isprintable():
-        return value
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text or "") or UNKNOWN
 
 
 def add_gripper(sheet: Sheet, body: dict[str, Any]) -> None:
     """Add the gripper, from a message ``gripper`` or its entry in ``status``."""
-    width_m = number(body.get("width_m"))
-    head = [(f"{'gripper':<{NAME_CELLS}}", "1"), (f"width {_scaled(width_m, 'mm', 1)}", "")]
+    head = [(f"{'gripper':<{NAME_CELLS}}", "1"), (f"width {_scaled(body.get('width_m'), 'mm', 1)}", "")]
     facts = (
         f"force {quantity(body, 'force_command_n', 'N', 1)} of at most {quantity(body, 'force_limit_n', 'N', 1)}",
         either(body.get("moving"), "moving", "at rest"),
@@ -204,7 +181,7 @@ def add_stream(sheet: Sheet, name: str, stream: dict[str, Any]) -> None:
     """Add one stream with its health, rate, age and counters."""
     health, colour = _health(stream)
     rates = f"{quantity(stream, 'rate_hz', 'Hz', 0)} of {quantity(stream, 'expected_hz', 'Hz', 0)}"
-    facts = [f"age {_scaled(number(stream.get('age_s')), 'ms', 0)}"]
+    facts = [f"age {_scaled(stream.get('age_s'), 'ms', 0)}"]
     facts += [f"{word} {quantity(stream, word, '', 0)}" for word in ("bad", "lost", "reconnects")]
     head = [(f"{plain(name):<20}", ""), (f"{health:<7}", colour), (rates, "")]
     sheet.facts(head, [(fact, "") for fact in facts], NAME_CELLS)
@@ -233,10 +210,8 @@ def _scaled(value: float | None, unit: str, digits: int) -> str:
 
 
 def _health(stream: Mapping[str, Any]) -> tuple[str, str]:
-    code = stream.get("health")
-    known = isinstance(code, int) and 0 <= code < len(HEALTH)
-    return (HEALTH[code], HEALTH_COLOURS[code]) if known else (UNKNOWN, "")  # type: ignore[index]
+    return HEALTH[stream["health"]], HEALTH_COLOURS[stream["health"]]
 
 
-def _said(text: Any) -> str:
+def _said(text: str | None) -> str:
     return plain(text) if text else ""

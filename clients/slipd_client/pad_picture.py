@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from slipd_client.live_view_parts import number
-
 CENTROID, POLE = "+", "o"
 """Marks of the contact centroid and of the velocity pole."""
 
@@ -39,12 +37,17 @@ class PadImage:
         """
         if not self.pitch_m or not isinstance(point_m, list) or len(point_m) != 2:
             return None
-        x_m, y_m = map(number, point_m)
+        x_m, y_m = map(_number, point_m)
         if x_m is None or y_m is None:
             return None
         column = x_m / self.pitch_m + 0.5 * len(self.rows[0])
         row = 0.5 * len(self.rows) - y_m / self.pitch_m
         return (column, row) if 0.0 <= column < len(self.rows[0]) and 0.0 <= row < len(self.rows) else None
+
+
+def _number(value: Any) -> float | None:
+    """Return the value if it is a number, else None."""
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def pad_image(body: Mapping[str, Any]) -> PadImage | None:
@@ -66,4 +69,4 @@ def pad_image(body: Mapping[str, Any]) -> PadImage | None:
     if not down.startswith("-"):  # the first row of the scan has the least Y, the first of the picture the largest
         scan = scan[::-1]
     unit = "N" if body.get("force_unit") == "N" else ""
-    return PadImage(scan, peak, unit, number(body.get("pitch_m")))
+    return PadImage(scan, peak, unit, _number(body.get("pitch_m")))
