@@ -219,8 +219,8 @@ class _Robot:
             age_s=age_s,
             missed_warnings=self.missed,
             restarts=max(self.begun - 1, 0),
-            version=_text(self.run.status and self.run.status.version),
-            object_name=_text(self.run.status and self.run.status.object_name),
+            version=(self.run.status and self.run.status.version) or "",
+            object_name=(self.run.status and self.run.status.object_name) or "",
             expected=expected,
         )
 
@@ -244,7 +244,3 @@ def _health(runs: Sequence[DaemonRun]) -> tuple[Health | None, str]:
             if stream.health > worst:
                 worst, complaint = stream.health, f"{name}: {stream.message or stream.health.name}"
     return (worst, complaint) if known else (None, "")
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else ""

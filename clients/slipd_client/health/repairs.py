@@ -65,14 +65,9 @@ class Repair:
     problem: str
     command: str
 
-    @property
-    def link(self) -> str:
-        """Section of the documents about this repair."""
-        return f"{DOCUMENT}#{self.id}"
-
     def as_map(self) -> dict[str, str]:
-        """Return all fields, and the link, for JSON."""
-        return {**asdict(self), "link": self.link}
+        """Return all fields, and the section of the documents about this repair, for JSON."""
+        return {**asdict(self), "link": f"{DOCUMENT}#{self.id}"}
 
 
 def repairs(status: Mapping[str, Any]) -> list[Repair]:

@@ -19,7 +19,6 @@ ENCAPSULATION = b"\x00\x01\x00\x00"
 """Plain CDR, little-endian, no options."""
 
 _PADDING = tuple(bytes(count) for count in range(8))
-_COUNT = struct.Struct("<I")
 
 
 class CdrError(ValueError):
@@ -137,9 +136,7 @@ def _begin(out: bytearray, count: int, length: int) -> None:
         raise TypeError(f"got {count} entries")
 
 
-def _count(out: bytearray, count: int) -> None:
-    out += _PADDING[-len(out) & 3]  # the encapsulation has four bytes
-    out += _COUNT.pack(count)
+_count = _number("I")
 
 
 def _string(out: bytearray, text: str) -> None:

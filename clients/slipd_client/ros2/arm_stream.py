@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import operator
-from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -53,33 +52,32 @@ class _Span(Generic[T]):
     Args:
         span_s: Time from the oldest to the newest, s.
         least: Fewest readings for a fit.
+
+    Attributes:
+        readings: Stamp, ns → reading, the oldest first.
     """
 
     def __init__(self, span_s: float, least: int) -> None:
         self._span_ns, self._least = round(span_s * 1e9), least
-        self._stamps_ns: deque[int] = deque()
-        self.readings: deque[T] = deque()
+        self.readings: dict[int, T] = {}
 
     def add(self, stamp_ns: int, reading: T) -> bool:
         """Note a reading; return whether it is new, and there are enough for a fit."""
-        if self._stamps_ns:
-            passed_ns = stamp_ns - self._stamps_ns[-1]
+        if self.readings:
+            passed_ns = stamp_ns - next(reversed(self.readings))
             if 0 <= passed_ns < self._span_ns // DENSITY:
                 return False
             if passed_ns < 0:  # the clock of the stamps was set back
-                self._stamps_ns.clear()
                 self.readings.clear()
-        self._stamps_ns.append(stamp_ns)
-        self.readings.append(reading)
-        while self._stamps_ns[0] < stamp_ns - self._span_ns:
-            self._stamps_ns.popleft()
-            self.readings.popleft()
-        return len(self.readings) >= self._least and stamp_ns - self._stamps_ns[0] >= self._span_ns // 2
+        self.readings[stamp_ns] = reading
+        while (oldest_ns := next(iter(self.readings))) < stamp_ns - self._span_ns:
+            del self.readings[oldest_ns]
+        return len(self.readings) >= self._least and stamp_ns - oldest_ns >= self._span_ns // 2
 
     @property
     def middle_ns(self) -> int:
         """Mean time of the readings, ns."""
-        return sum(self._stamps_ns) // len(self._stamps_ns)
+        return sum(self.readings) // len(self.readings)
 
     def fit(self, rows: Iterable[Sequence[float]]) -> tuple[Vector, Vector, Vector]:
         """Return value, first and second derivative of a parabola at `middle_ns`, for each of three columns.
@@ -88,7 +86,7 @@ class _Span(Generic[T]):
             rows: Three numbers for each reading.
         """
         middle_ns = self.middle_ns
-        times = [(stamp_ns - middle_ns) * 1e-9 for stamp_ns in self._stamps_ns]
+        times = [(stamp_ns - middle_ns) * 1e-9 for stamp_ns in self.readings]
         count, second = len(times), sum(t * t for t in times)
         third = sum(t**3 for t in times)
         bows = [t * t - third / second * t - second / count for t in times]  # orthogonal to 1 and t
@@ -112,7 +110,7 @@ class PoseMotion:
         """Note a pose; return the motion, or None for a pose that is not new, or while the span fills."""
         if not self._span.add(pose.stamp_ns, pose):
             return None
-        poses = list(self._span.readings)
+        poses = list(self._span.readings.values())
         middle = poses[len(poses) // 2].rotation
         back = conjugate(middle)
         turned, velocity, acceleration = self._span.fit([rotation_vector(product(back, p.rotation)) for p in poses])
@@ -147,8 +145,8 @@ class ImuMotion:
         reading = tuple(rotated(self._mount, vector(each)) for each in (imu.linear_acceleration, imu.angular_velocity))
         if not self._span.add(stamp_of(imu), (reading[0], reading[1])):
             return None
-        (fx, fy, fz), _, _ = self._span.fit([force for force, _ in self._span.readings])
-        velocity, acceleration, _ = self._span.fit([turn for _, turn in self._span.readings])
+        (fx, fy, fz), _, _ = self._span.fit([force for force, _ in self._span.readings.values()])
+        velocity, acceleration, _ = self._span.fit([turn for _, turn in self._span.readings.values()])
         turning = cross(velocity, cross(velocity, self._place_m))
         here = plus((-fx, -fy, -fz), plus(cross(acceleration, self._place_m), turning))
         return ArmReading(self._span.middle_ns, here, velocity, acceleration)

@@ -43,6 +43,7 @@ from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
 from slipd_client.ros2.speed_scaling import SpeedScaling
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
+from slipd_client.topic_limit import TopicLimit
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -74,14 +75,13 @@ class RosForwarder:
         self._prefix = prefix
         self._transforms_topic = transforms_topic
         self._pads = pads
-        self._period_ns = 0 if wrench_rate_hz is None else round(1e9 / wrench_rate_hz)
-        self._due_ns: dict[str, int] = {}
+        self._wrenches = TopicLimit(wrench_rate_hz)
         self._own_entry = own_entry
         self._diagnostics: dict[str, Any] = {"status": [entry("daemon", Health.STALE, "", "", {})]}
 
     def forward(self, topic: str, body: Mapping[str, Any]) -> None:
         """Publish what is made of a message of the daemon."""
-        if self._period_ns and topic.startswith("wrench.") and not self._due(topic, body["t_ns"]):
+        if topic.startswith("wrench.") and not self._wrenches.passes(topic, b"", body["t_ns"] * 1e-9):
             return
         for message in ros_messages(topic, body, self._pads):
             if message.topic == DIAGNOSTICS_TOPIC:
@@ -102,14 +102,6 @@ class RosForwarder:
 
     def _named(self, topic: str) -> str:
         return self._transforms_topic if topic == TRANSFORMS_TOPIC else self._prefix + topic.removeprefix(NAMESPACE)
-
-    def _due(self, topic: str, t_ns: int) -> bool:
-        due_ns = self._due_ns.get(topic, t_ns)
-        if t_ns < due_ns <= t_ns + self._period_ns:
-            return False
-        late = t_ns >= due_ns + self._period_ns or t_ns < due_ns  # a pause, or another clock
-        self._due_ns[topic] = (t_ns if late else due_ns) + self._period_ns
-        return True
 
 
 def hand_transform(hand: str) -> dict[str, Any]:
