@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
 import select
@@ -121,7 +122,7 @@ def follow(client: GripClient, finger: str, source: str, hold_s: float | None) -
     feed, lines = _Feed(client, finger), _NewLines(source)
     gravity: list[float] | None = None
     since_s = 0.0
-    try:
+    with contextlib.closing(lines):
         while True:
             newest = [found for found in map(parse_line, lines.read(PERIOD_S)) if found is not None]
             if newest:
@@ -131,8 +132,6 @@ def follow(client: GripClient, finger: str, source: str, hold_s: float | None) -
                 feed.send(gravity)
             if lines.ended and not (held and hold_s):
                 return feed.reply
-    finally:
-        lines.close()
 
 
 class _Feed:

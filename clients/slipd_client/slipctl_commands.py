@@ -78,19 +78,11 @@ def _request(client: GripClient, chosen: argparse.Namespace) -> None:
         elif rule == "not_another's" and chosen.op != "tare":
             with contextlib.suppress(RequestRefused):
                 stack.enter_context(client.lease())
-        _print_reply(_reply(client, chosen), as_json=chosen.json)
+        method = getattr(client, chosen.op.replace(".", "_"))
+        reply = method(**{name: getattr(chosen, name) for name in chosen.fields})
+        _print_reply(reply, as_json=chosen.json)
         if lease is not None and (seconds := getattr(chosen, "hold", 0.0)):
             lease.wait(seconds)
-
-
-def _reply(client: GripClient, chosen: argparse.Namespace) -> Reply:
-    if chosen.op == "object.set":
-        return client.object_set(chosen.name)
-    given = {name: getattr(chosen, name) for name in chosen.fields}
-    if chosen.op == "tare":
-        return client.tare(**given)
-    reply: Reply = client.request(chosen.op, **{name: value for name, value in given.items() if value is not False})
-    return reply
 
 
 def _keys(chosen: argparse.Namespace) -> keys.Keys | None:

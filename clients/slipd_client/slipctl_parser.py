@@ -147,6 +147,7 @@ def parser() -> argparse.ArgumentParser:
     field = OPS["object.set"].fields["name"]
     rule = matching(field.pattern, f"have {field.limit.replace('`', '')}")
     choice.add_argument("name", metavar="NAME", nargs="?", type=rule, help=_help(field))
+    named.set_defaults(fields=("name",))
     choice.add_argument("--none", action="store_true", help="take the name back: another object, or nothing, is held")
     _requests(_commands(add("record", "record what the daemon receives and publishes"), "record "), "record ")
     _keys(_commands(add("keys", "create the keys for a daemon across a network"), "keys "))

@@ -139,9 +139,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
         with opened(config, described(reach)) as session:
             publisher = BridgePublisher(session, chosen.fleet, chosen.robot)
             print(f"fleet: {chosen.fleet}/{chosen.robot} at {described(reach)}", flush=True)
-            bridge = Bridge(warnings, others, publisher, chosen.rate)
-            bridge.subscribe(chosen.topics)
-            bridge.serve()
+            Bridge(warnings, others, publisher, chosen.rate, chosen.topics).serve()
     finally:
         warnings.close()
         others.close()
@@ -155,9 +153,17 @@ class Bridge:
         others: Connection for everything else.
         publisher: Publishes them.
         rate_hz: Most messages per second of each topic but ``warning``; None: all.
+        topics: First words of the topics to publish besides ``warning`` and ``status``; None: all.
     """
 
-    def __init__(self, warnings: Link, others: Link, publisher: BridgePublisher, rate_hz: float | None) -> None:
+    def __init__(
+        self,
+        warnings: Link,
+        others: Link,
+        publisher: BridgePublisher,
+        rate_hz: float | None,
+        topics: list[str] | None,
+    ) -> None:
         self._warnings, self._others = warnings, others
         self._publisher = publisher
         self._limit = TopicLimit(rate_hz)
@@ -165,9 +171,6 @@ class Bridge:
         self._thread = threading.Thread(target=self._serve_warnings, name="warnings", daemon=True)
         self._silent = False
         self._left_out_told = False
-
-    def subscribe(self, topics: list[str] | None) -> None:
-        """Subscribe to the topics that begin with these words, or to all; to ``warning`` and ``status`` always."""
         self._warnings.socket.setsockopt(zmq.SUBSCRIBE, WARNING_TOPIC.encode())
         for word in [""] if topics is None else sorted({*topics, STATUS_TOPIC} - {WARNING_TOPIC}):
             self._others.socket.setsockopt(zmq.SUBSCRIBE, word.encode())

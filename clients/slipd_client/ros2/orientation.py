@@ -67,10 +67,8 @@ class TransformTree:
         translation_m = vector(transform.transform.translation)
         stamp = (transform.header.stamp.sec, transform.header.stamp.nanosec)
         before = self._links.get(child)
-        if static:
-            self._links[child] = _Link(parent, rotation, translation_m, stamp, math.inf)
-        elif before is None or before.parent != parent or before.stamp != stamp:
-            self._links[child] = _Link(parent, rotation, translation_m, stamp, now_s)
+        if static or before is None or before.parent != parent or before.stamp != stamp:
+            self._links[child] = _Link(parent, rotation, translation_m, stamp, math.inf if static else now_s)
 
     def orientation(self, base: str, frame: str, now_s: float) -> Quaternion:
         """Return the orientation of a frame in ``base``, which is above it in the tree.

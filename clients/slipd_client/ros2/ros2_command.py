@@ -106,10 +106,7 @@ class RosForwarder:
 
 def hand_transform(hand: str) -> dict[str, Any]:
     """Return the ``TFMessage`` that joins the robot's tree of frames to slipd's: ``gripper`` is at ``hand``."""
-    transform = {
-        "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
-        "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-    }
+    transform = {"translation": dict.fromkeys("xyz", 0.0), "rotation": dict(zip("xyzw", IDENTITY, strict=True))}
     header = {"stamp": time_of(time.time_ns()), "frame_id": hand}
     return {"transforms": [{"header": header, "child_frame_id": PARENT, "transform": transform}]}
 

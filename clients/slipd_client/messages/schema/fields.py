@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from slipd_client.messages.schema.kinds import BY_ANNOTATION, Kind, Mismatch, list_of, map_of, wrong_kind
+from slipd_client.messages.schema.kinds import BY_ANNOTATION, Kind, Mismatch, list_of, map_of, reader
 
 
 @dataclass(frozen=True)
@@ -163,11 +163,7 @@ def _plan(cls: type[Any]) -> tuple[tuple[str, str, Callable[[Any], Any], bool], 
 
 
 def _part(cls: type[Any]) -> Kind:
-    def read(value: Any) -> Any:
-        if type(value) is not dict:
-            raise wrong_kind("a map", value)
-        return cls(**read_fields(cls, value))
-
+    read = reader("a map", dict, convert=lambda body: cls(**read_fields(cls, body)))
     return Kind("map", "a map", "maps", read, part=cls)
 
 

@@ -74,11 +74,15 @@ def _number(value: Any) -> float:
     raise wrong_kind("a number", value)
 
 
-def _exactly(phrase: str, *wanted: type[Any]) -> Callable[[Any], Any]:
+def reader(
+    phrase: str, *wanted: type[Any], convert: Callable[[Any], Any] = lambda value: value
+) -> Callable[[Any], Any]:
+    """Return what reads a value of these types, and refuses every other as not what ``phrase`` says."""
+
     def read(value: Any) -> Any:
         if type(value) not in wanted:
             raise wrong_kind(phrase, value)
-        return value
+        return convert(value)
 
     return read
 
@@ -114,37 +118,28 @@ def _each(read: Callable[[Any], Any], entries: Iterable[tuple[Any, Any]]) -> Ite
 
 def list_of(inner: Kind) -> Kind:
     """Return the kind of a list of any length."""
-
-    def read(value: Any) -> tuple[Any, ...]:
-        if type(value) is not list:
-            raise wrong_kind(f"a list of {inner.plural}", value)
-        return tuple(_each(inner.read, enumerate(value)))
-
-    return Kind(f"list of {inner.plural}", f"a list of {inner.plural}", "lists", read, inner=inner)
+    phrase = f"a list of {inner.plural}"
+    read = reader(phrase, list, convert=lambda values: tuple(_each(inner.read, enumerate(values))))
+    return Kind(f"list of {inner.plural}", phrase, "lists", read, inner=inner)
 
 
 def map_of(inner: Kind) -> Kind:
     """Return the kind of a map with any keys."""
-
-    def read(value: Any) -> dict[str, Any]:
-        if type(value) is not dict:
-            raise wrong_kind("a map", value)
-        return dict(zip(value, _each(inner.read, value.items()), strict=True))
-
+    read = reader("a map", dict, convert=lambda body: dict(zip(body, _each(inner.read, body.items()), strict=True)))
     return Kind(f"map of {inner.plural}", f"a map of {inner.plural}", "maps", read, inner=inner)
 
 
 NUMBER = Kind("number", "a number", "numbers", _number)
-INTEGER = Kind("integer", "an integer", "integers", _exactly("an integer", int))
-TEXT = Kind("string", "a string", "strings", _exactly("a string", str))
-FLAG = Kind("boolean", "true or false", "booleans", _exactly("true or false", bool))
+INTEGER = Kind("integer", "an integer", "integers", reader("an integer", int))
+TEXT = Kind("string", "a string", "strings", reader("a string", str))
+FLAG = Kind("boolean", "true or false", "booleans", reader("true or false", bool))
 TEXT_OR_INTEGER = Kind(
-    "string or integer", "a string or an integer", "strings or integers", _exactly("a string or an integer", str, int)
+    "string or integer", "a string or an integer", "strings or integers", reader("a string or an integer", str, int)
 )
 PAIR = Kind("[2]", "a list of two numbers", "[2]", _vector(2, "a list of two numbers"))
 TRIPLE = Kind("[3]", "a list of three numbers", "[3]", _vector(3, "a list of three numbers"))
 SEXTUPLE = Kind("[6]", "a list of six numbers", "[6]", _vector(6, "a list of six numbers"))
-ROWS = Kind("rows", "a list of rows", "lists of rows", _exactly("a list of rows", list))
+ROWS = Kind("rows", "a list of rows", "lists of rows", reader("a list of rows", list))
 """Rows of numbers; who uses them checks what is in each, so that thousands are read at once."""
 LEVEL = Kind("string", "a level", "strings", _word({level.value: level for level in SlipLevel}))
 HEALTH = Kind("integer", "a health code", "integers", _word({int(health): health for health in Health}))
