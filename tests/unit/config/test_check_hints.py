@@ -28,8 +28,21 @@ def line(text: str, start: str) -> int:
     return next(n for n, row in enumerate(text.splitlines(), start=1) if row.startswith(start))
 
 
-def test_a_good_config_is_not_warned_of() -> None:
-    assert hints(QUIET) == []
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("", ""),
+        ("mu = 0.5", "mu = 1.2"),
+        ("pitch_m = 0.0032", "pitch_m = 0.0075"),
+        ("rate_hz = 800", "rate_hz = 100\noptions = { sinc_length = 512 }"),
+        ("rate_hz = 800", "rate_hz = 800\nbaud = 460800"),
+        ("rate_hz = 800", "mass_kg = 2.0\ncom_m = [0.0, 0.3, 0.0]\nrate_hz = 800"),
+        ("rate_hz = 800", "pad_from_sensor = { xyz_m = [0.0, 0.0, -0.3] }\nrate_hz = 800"),
+        ("caution = 0.6", "caution = 0.6\nwarning = 0.95"),
+    ],
+)
+def test_a_good_config_is_not_warned_of_nor_a_value_at_the_edge_of_the_usual(old: str, new: str) -> None:
+    assert hints(QUIET.replace(old, new, 1)) == []
 
 
 @pytest.mark.parametrize(

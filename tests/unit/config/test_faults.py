@@ -52,6 +52,7 @@ STREAM = [
     ("rate_hz = 60.0", "rate_hz = 5.0\nstale_s = 2.1", "finger.right.pad.stale_s", "from 0.3 to 2 s"),
     ("rate_hz = 60.0", "rate_hz = 60.0\nstale_s = 0.1\ndelay_s = 0.1", "finger.right.pad.delay_s", "less than 0.1 s"),
     ("rate_hz = 60.0", "rate_hz = 60.0\ndelay_s = 0.05", "finger.right.pad.delay_s", "less than 0.05 s"),
+    ("rate_hz = 60.0", "rate_hz = 5.0\nstale_s = 2.0\ndelay_s = 1.01", "finger.right.pad.delay_s", "got 1.01"),
     (
         "rate_hz = 800",
         "rate_hz = 800\noptions = { sinc_length = 9 }",
@@ -179,10 +180,10 @@ WHOLE = [
         "must differ from the port of left.wrench, or each needs a 'sensor' of its own",
     ),
     ('port = "/dev/gripper"', 'port = "/dev/left-pad"', "gripper.port", "must differ from the port of left.pad"),
-    ("caution = 0.6", "caution = 0.9", "levels.caution", "must be below levels.warning, 0.85, got 0.9"),
+    ("caution = 0.6", "caution = 0.85", "levels.caution", "must be below levels.warning, 0.85, got 0.85"),
     ("caution = 0.6", "caution = 0.0", "levels.caution", "must be above 0, got 0"),
     ("caution = 0.6", "caution = 1.0", "levels.caution", "must be below 1, got 1"),
-    ("caution = 0.6", "caution = 0.04", "levels.hysteresis", "must be below levels.caution, 0.04, got 0.05"),
+    ("caution = 0.6", "caution = 0.05", "levels.hysteresis", "must be below levels.caution, 0.05, got 0.05"),
     ("[levels]", "[rates]\nslip_hz = 1e300\n[levels]", "rates.slip_hz", "must be at most 1000000"),
     (
         "[levels]",
@@ -225,9 +226,9 @@ IMPOSSIBLE = [
     ("rate_hz = 800", "rate_hz = 800\nforce_std_n = 20.0", "finger.left.wrench.force_std_n", "did you mean 20 mN?"),
     (
         "rate_hz = 800",
-        "rate_hz = 800\nrange_n = 0.2",
+        "rate_hz = 800\nrange_n = 0.3",
         "finger.left.min_normal_n",
-        "below wrench.range_n, 0.2 N, got 0.3",
+        "below wrench.range_n, 0.3 N, got 0.3",
     ),
     ("mu = 0.5", "mu = 2.1", "finger.left.mu", "must be from 0.01 to 2, got 2.1"),
     ("mu = 0.5", "mu = 5", "finger.left.mu", "must be from 0.01 to 2, got 5: did you mean 0.5?"),
@@ -253,9 +254,9 @@ IMPOSSIBLE = [
     ),
     (
         "rate_hz = 800",
-        "rate_hz = 800\nbaud = 115200",
+        "rate_hz = 800\nbaud = 295999",
         "finger.left.wrench.rate_hz",
-        "at most 311 Hz, the most that bota can send at 115200 bit/s, got 800; lower it or raise baud (default 460800)",
+        "at most 800 Hz, the most that bota can send at 295999 bit/s, got 800; lower it or raise baud (default 460800)",
     ),
     (
         "rate_hz = 50.0",
@@ -325,6 +326,11 @@ def test_G3_a_value_that_does_not_fit_is_refused_with_its_line(old: str, new: st
         ("[levels]", f'[bus]\npublish = "tcp://*:*"\nrequests = "tcp://*:*"\n{SECRET}{READERS}{REQUESTERS}[levels]'),
         ("[levels]", "[realtime]\npoll = true\n[levels]"),
         ("[levels]", "[recording.continuous]\nkeep_bytes = 400_000_000\n[levels]"),  # room for two files
+        ("rate_hz = 800", "rate_hz = 800\nbaud = 296000"),
+        ("rate_hz = 60.0", "rate_hz = 5.0\nstale_s = 2.0\ndelay_s = 1.0\npoll_s = 1.0"),
+        ("pitch_m = 0.0032", "pitch_m = 0.03125"),  # half a metre
+        ("mu = 0.5", "mu = 0.5\nmin_normal_n = 50.0"),
+        ("max_force_n = 25.0", "max_force_n = 30.0\nmin_force_n = 3.0"),
         ("rate_hz = 800", "rate_hz = 1000"),  # clocks run fast, and some sensors send more than their data sheet says
         ('port = "ws://127.0.0.1:5000"', 'port = "ws://pads"'),
         ("mu = 0.5", "mu = 0.5\nmu_max = 0.5"),
@@ -431,6 +437,6 @@ def test_a_pad_must_have_the_taxels_and_a_sensor_of_its_device(
         [(found, _, message)] = faults(text)
         assert (found, message[: len(expected)]) == (path, expected)
     else:
-        assert config.parse(text, "rig.toml").finger["right"].pad is not None
+        assert config.in_newtons(config.parse(text, "rig.toml").finger["right"].pad) is (device == "papillarray")
     [(found, _, message)] = faults(text.replace('sensor = "1"', 'sensor = "2"'))
     assert (found, message) == ("finger.right.pad.sensor", f'must be "0" or "1", the sensors of {device}, got \'2\'')

@@ -129,7 +129,7 @@ CASES = {
         )
         for time in (None, "1", -1, 1e300, math.nan, HUGE)
     },
-    "a gap is counted": Case(message(1) + message(5), sources("1", "1"), {"lost": 3}),
+    "a gap is counted, and the first number is 0": Case(message(0) + message(4), sources("1", "1"), {"lost": 3}),
     "a duplicate is dropped": Case(message(9) + message(9) + message(10), sources("1", "1"), {"duplicates": 1}),
     "a number that falls is a restart": Case(
         message(9) + message(1) + message(2) + message(4), sources(*"1111"), {"lost": 1, "restarts": 1}
@@ -163,6 +163,10 @@ CASES = {
         sources("1", "1", "1"),
         {"bad": 2, "bad_bytes": 3},
     ),
+    **{
+        f"a brace at the {place} of a message is garbage": Case(stream, sources("1", "1"), {"bad": 1, "bad_bytes": 1})
+        for place, stream in (("begin", message(1) + b"{" + message(2)), ("end", message(1) + b"}" + message(2)))
+    },
     "a number with two dots is garbage and delays nothing": Case(
         TWO_DOTS + message(2), sources("1"), {"bad": 1, "bad_bytes": len(TWO_DOTS)}
     ),

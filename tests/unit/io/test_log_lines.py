@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from slipd.io.log_lines import BURST, EVERY_S, KINDS, LogFormatter, LogGate
+from slipd.io.log_lines import BURST, EVERY_S, KINDS, LogFormatter, LogGate, log_kept, open_log
 from slipd.types.device_text import LONGEST, one_line
 
 
@@ -111,20 +111,24 @@ def test_an_exception_that_ends_a_thread_or_the_process_is_logged_with_its_text_
         assert done.stderr.split("\n").count(text) == 2
 
 
-def test_where_no_journal_reads_it_the_log_is_kept_in_a_file_too(tmp_path: Path) -> None:
+def test_where_no_journal_reads_it_the_log_is_kept_in_a_file_too(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """A daemon that was killed leaves its log there, and the next one goes on with it."""
-    program = (
-        "import logging, pathlib, sys; from slipd.io.log_lines import *; open_log()\n"
-        "with log_kept(pathlib.Path(sys.argv[1])): logging.getLogger('slipd.a').warning('gone: %s', 'a\\nb')\n"
-        "logging.getLogger('slipd.a').warning('after')"
-    )
-
-    def shown(path: Path) -> str:
-        command = [sys.executable, "-c", program, str(path)]
-        return subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stderr
-
-    kept = tmp_path / "log"
-    for _ in range(2):
-        assert shown(kept) == "WARNING slipd.a: gone: a\\nb\nWARNING slipd.a: after\n"
-    assert [text.partition(" WARNING ")[2] for text in kept.read_text().splitlines()] == ["slipd.a: gone: a\\nb"] * 2
-    assert "the log is not kept" in shown(tmp_path)
+    caplog.set_level(logging.WARNING)  # as before a log is opened; it is restored
+    kept, log = tmp_path / "log", logging.getLogger("slipd.a")
+    with monkeypatch.context() as patch:
+        patch.setattr(logging.root, "handlers", [])
+        open_log({})
+        for place in (kept, kept, tmp_path):
+            with log_kept(place):
+                log.warning("gone: %s", "a\nb")
+            log.info("after")
+            log.debug("unseen")
+    shown = "WARNING slipd.a: gone: a\\nb\nINFO slipd.a: after\n"
+    refused = f"WARNING slipd.io.log_lines: {tmp_path}: the log is not kept: Is a directory\n"
+    assert capsys.readouterr().err == shown + shown + refused + shown
+    assert [text[24:] for text in kept.read_text().splitlines()] == ["WARNING slipd.a: gone: a\\nb"] * 2

@@ -10,6 +10,7 @@ import msgpack
 import pytest
 from client_peers import PATIENCE_S, until
 from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC
 from recorded_entries import ABOUT_RUN, WALL_NS, complete, contents, entries, small_disk
 
 from slipd.errors import RecordingError
@@ -189,6 +190,7 @@ def test_an_entry_that_cannot_be_written_stops_the_recording_not_the_run(tmp_pat
     with pytest.raises(RecordingError, match="must have at most"):
         recorder.close()
     assert recorder.lost == 2
+    assert recorder.path.read_bytes().count(MCAP0_MAGIC) == 2, "a beginning and one end"
 
 
 def test_K3_a_file_that_exists_or_cannot_be_created_is_reported_at_once(tmp_path: Path) -> None:

@@ -111,11 +111,12 @@ async def _shake_hands(opened: socket.socket, uri: WebSocketURI) -> ClientProtoc
 class WebsocketConnection(FileConnection):
     """A server that sends and is sent nothing but what the protocol needs; a pong that it does not read is dropped."""
 
+    _read_bytes = READ_BYTES
+
     def __init__(self, address: str, opened: socket.socket, protocol: ClientProtocol, on_bytes: OnBytes) -> None:
         self._protocol = protocol
         self._undelivered = b""
         self._reading = True
-        self._read_bytes = READ_BYTES
         super().__init__(address, opened, on_bytes)
         self._received_s = self._loop.time()
         self._unanswered = 0

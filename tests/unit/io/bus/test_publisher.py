@@ -87,6 +87,7 @@ async def test_Z1_a_subscriber_that_never_reads_costs_the_others_nothing(endpoin
             publisher.publish("tactile.left", number.to_bytes(4, "big") * 500)
             if number % 100 == 99:
                 await eventually(lambda: len(reader.got) > number)  # noqa: B023
+        await eventually(lambda: stalled.got[-1] == reader.got[-1])  # what it missed are the oldest
     got = [int.from_bytes(payload[:4], "big") for topic, payload in reader.got if topic == b"tactile.left"]
     assert got == list(range(10_000))
     assert 0 < len(stalled.got) < 10_000

@@ -8,7 +8,6 @@ import os
 import re
 import socket
 import struct
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ import pytest
 from project import DAEMON, DOCS
 
 from slipd.io.host.journal import JournalHandler, PriorityFormatter, is_journal
+from slipd.io.log_lines import BURST, open_log
 
 FORMATTER = PriorityFormatter(logging.Formatter("%(message)s"))
 
@@ -114,25 +114,26 @@ def test_the_journal_is_known_by_the_file_behind_the_stream(tmp_path: Path) -> N
     assert not is_journal(stream, {"JOURNAL_STREAM": "1:2"})
 
 
-STARTED_BY_SYSTEMD = """
-import logging, os, sys
-from slipd.io.log_lines import open_log
-found = os.fstat(2)
-open_log({"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"}, sys.argv[1])
-try:
-    raise OSError("a\\x1b")
-except OSError:
-    logging.getLogger("slipd").exception("%s: failed\\n", "left.pad", extra={"slipd_stream": "left.pad"})
-"""
-
-
-def test_a_process_whose_errors_the_journal_reads_sends_entries(journal: Journal) -> None:
-    command = [sys.executable, "-c", STARTED_BY_SYSTEMD, str(journal.path)]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stderr == ""
-    entry = journal.entry()
-    lines = entry["MESSAGE"].split("\n")
-    assert (lines[0], lines[-1]) == (r"slipd: left.pad: failed\n", r"  OSError: a\x1b")
-    assert (entry["PRIORITY"], entry["SLIPD_FINGER"]) == ("3", "left")
+def test_a_process_whose_errors_the_journal_reads_sends_entries_and_lines_once_it_is_gone(
+    journal: Journal, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)  # as before a log is opened; it is restored
+    with (tmp_path / "stderr").open("w+", encoding="utf-8") as stream, monkeypatch.context() as patch:
+        patch.setattr(sys, "stderr", stream)
+        patch.setattr(logging.root, "handlers", [])
+        found, log = os.fstat(stream.fileno()), logging.getLogger("slipd")
+        open_log({"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"}, str(journal.path))
+        fields = {"slipd_stream": "left.pad"}
+        for message in ["%s: failed\n"] * (BURST + 1):
+            log.error(message, "left.pad", exc_info=OSError("a\x1b"), extra=fields)
+        entries = [journal.entry() for _ in range(BURST)]
+        journal.path.unlink()
+        log.info("gone")
+        logging.root.handlers[0].close()
+        stream.seek(0)
+        assert stream.read() == "<6>slipd: gone\n"
+    assert {entry["MESSAGE"] for entry in entries} == {"slipd: left.pad: failed\\n\n  OSError: a\\x1b"}
+    assert {(entry["PRIORITY"], entry["SLIPD_FINGER"]) for entry in entries} == {("3", "left")}
 
 
 def test_every_fault_of_the_log_is_explained() -> None:

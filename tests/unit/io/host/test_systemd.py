@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import re
 import socket
 import tty
 from collections.abc import AsyncIterator, Callable
@@ -12,11 +13,12 @@ from pathlib import Path
 
 import pytest
 from loop_waits import PATIENCE_S, eventually
+from project import CONFIG
 
 from slipd.events import Event, LinkSpec
 from slipd.io.bus.publisher import Publisher
 from slipd.io.bus.request_server import RequestServer
-from slipd.io.host.systemd import FEEDS_PER_TIMEOUT, SystemdNotifier, Watchdog, stage_checks
+from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, Watchdog, stage_checks
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener
 
@@ -126,6 +128,13 @@ async def test_P2_a_stalled_stage_is_found_and_only_that(
     await daemon.until_stalled()
     stall(daemon)
     await daemon.until_stalled(stage)
+
+
+@pytest.mark.parametrize("unit", ["slipd.service", "slipd-user.service"])
+def test_P2_one_check_may_fail_before_the_watchdog_of_the_unit_ends_the_daemon(unit: str) -> None:
+    """Even if both endpoints are waited for, in the check that fails and in the next one."""
+    timeout_s = float(re.findall(r"^WatchdogSec=(.+)$", (CONFIG / unit).read_text(encoding="utf-8"), re.MULTILINE)[0])
+    assert 2 * (timeout_s / FEEDS_PER_TIMEOUT + 2 * ANSWER_S) <= timeout_s
 
 
 async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pytest.LogCaptureFixture) -> None:
