@@ -162,8 +162,8 @@ def skipped_nodes(tree: ast.AST) -> set[int]:
         parts: list[ast.AST | None] = []
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             arguments = node.args
-            parts = [node.returns]
-            parts += [argument.annotation for argument in arguments.args + arguments.kwonlyargs + arguments.posonlyargs]
+            named = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, arguments.vararg, arguments.kwarg]
+            parts = [node.returns, *(argument.annotation for argument in named if argument is not None)]
         elif isinstance(node, ast.AnnAssign):
             parts = [node.annotation]
         elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":

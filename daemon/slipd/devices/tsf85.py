@@ -16,7 +16,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.frame_scanner import FrameDecoder, FrameScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
@@ -141,16 +141,16 @@ def _measure(buffer: bytes, at: int) -> int:
     """Measure a packet for `FrameScanner`; reject it as soon as one byte is impossible."""
     head = buffer[at : at + _HEAD_LENGTH]
     if len(head) > 2 and head[2] not in _SENSORS and head[2] != VERSION:
-        return -1
+        return NO_FRAME
     if len(head) < _HEAD_LENGTH:
         return 0
     begin = at + _HEAD_LENGTH
     end = begin + head[3]
     if end == begin:
-        return -1
+        return NO_FRAME
     is_valid = _is_text(buffer[begin:end]) if head[2] == VERSION else _has_known_tags(buffer, begin, end)
     if not is_valid:
-        return -1
+        return NO_FRAME
     return end - at if end <= len(buffer) else 0
 
 

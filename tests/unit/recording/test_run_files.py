@@ -23,9 +23,18 @@ def names(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize(("files", "size", "left"), [(3, 10**6, "678"), (100, 25, "78"), (100, 5, ""), (0, 100, "")])
 def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
-    tmp_path: Path, files: int, size: int, left: str
+    tmp_path: Path, files: int, size: int, left: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     handles, run = len(names(Path("/proc/self/fd"))), RunFiles(tmp_path, "a")
+    lock, real = tmp_path / ".run-a.lock", fcntl.flock
+    taken = iter([lock])
+
+    def flock(*what: int) -> None:
+        for path in taken:  # once, another run takes it for a left one
+            path.unlink()
+        real(*what)
+
+    monkeypatch.setattr(fcntl, "flock", flock)
     (tmp_path / "run-20300101T000000Z-a-0001.mcap").write_bytes(bytes(10))  # of slipd 0.1
     kept = {str(n): record(run, f"{2030 - n}0101T000000Z", "a").name for n in range(1, 9)}
     others = {"slipd-20200101T000000Z-a.mcap", "incident-20200101T000000Z-a.mcap", "run-mine.mcap", "run-2020.txt"}
@@ -33,6 +42,8 @@ def test_K3_the_oldest_by_number_are_deleted_whatever_the_clock_says(
         (tmp_path / name).write_bytes(bytes(10))
     run.delete_oldest("run", files, size)
     assert names(tmp_path) == {kept[n] for n in left} | others | {".run-a.lock"}
+    lock.unlink()
+    run.delete_oldest("run", files, size)
     run.close()
     run.close()
     assert ".run-a.lock" not in names(tmp_path)

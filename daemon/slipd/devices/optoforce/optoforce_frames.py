@@ -10,6 +10,8 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
+from slipd.devices.shared.frame_scanner import NO_FRAME
+
 ONE_3_AXIS, ONE_6_AXIS, FOUR_3_AXIS = b"\xaa\x07\x08\x0a", b"\xaa\x07\x08\x10", b"\xaa\x07\x08\x1c"
 ACK, SERIAL_NUMBER = b"\xaa\x00\x50\x01", b"\xaa\x00\x12\x08"
 NOMINAL, SENSITIVITY = b"\xaa\x01\x5e\x0e", b"\xaa\x01\xc2\x0e"
@@ -48,13 +50,13 @@ class Configuration:
 
 
 def measure(buffer: bytes, at: int) -> int:
-    """Return the length of the valid frame from the DAQ at ``at``, 0 if it is incomplete, -1 if there is none."""
+    """Return the length of the valid frame from the DAQ at ``at``, 0 if it is incomplete, else `NO_FRAME`."""
     if at + HEADER > len(buffer):
         return 0
-    length = _LENGTHS.get(buffer[at : at + HEADER], -1)
+    length = _LENGTHS.get(buffer[at : at + HEADER], NO_FRAME)
     if at + length > len(buffer):
         return 0
-    return length if length > 0 and sum_matches(buffer[at : at + length]) else -1
+    return length if length > 0 and sum_matches(buffer[at : at + length]) else NO_FRAME
 
 
 def encode_frame(header: bytes, body: bytes) -> bytes:

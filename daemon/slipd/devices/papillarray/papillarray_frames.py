@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slipd.devices.shared.frame_scanner import NO_FRAME
 from slipd.devices.shared.msgpack_messages import Incomplete, Malformed, arrived
 from slipd.types.arrays import Array
 
@@ -73,7 +74,7 @@ class Body:
 def parse(buffer: bytes, at: int) -> tuple[int, Body | None]:
     """Return length and content of the valid frame at ``at``.
 
-    If there is none, the content is None, and the length is 0 if more bytes may complete a frame, -1 if they cannot.
+    If there is none, the content is None, and the length is 0 if more bytes may complete a frame, else `NO_FRAME`.
     """
     begin = at + len(START)
     closed = buffer.find(END + START, begin, at + LONGEST + len(START))
@@ -81,9 +82,9 @@ def parse(buffer: bytes, at: int) -> tuple[int, Body | None]:
     try:
         blocks, end = _blocks(body)
     except Malformed:
-        return -1, None
+        return NO_FRAME, None
     except Incomplete:
-        return (0 if closed < 0 and len(buffer) < at + LONGEST else -1), None
+        return (0 if closed < 0 and len(buffer) < at + LONGEST else NO_FRAME), None
     counter, time_us = HUB_FIELDS.unpack_from(body, blocks[HUB])
     return len(START) + end + SUM_LENGTH + len(END), Body(counter, time_us, _forces_n(body, blocks))
 

@@ -10,6 +10,9 @@ from collections.abc import Callable
 
 from slipd.devices.shared.device_interface import DecoderHealth
 
+NO_FRAME = -1
+"""What ``measure`` returns where no frame begins."""
+
 PAUSE_NS = 100_000_000
 """The bytes of a frame follow each other without gaps, but for a late USB adapter: after a pause this long, the rest of
 a frame does not count, because its reading would be dated at its last byte."""
@@ -24,7 +27,7 @@ class FrameScanner:
     Args:
         sync: First bytes of every frame.
         measure: ``measure(buffer, at)`` returns the length of the valid frame at ``at``; 0 if the buffer ends too early
-            to decide; -1 if there is no frame. The result must not depend on bytes after the frame, and ``measure``
+            to decide; `NO_FRAME` if there is none. The result must not depend on bytes after the frame, and ``measure``
             must never need more bytes than the longest frame has.
         typical: Length of an ordinary frame, bytes. Damage is counted in frames of this length.
         health: Receives ``bad`` and ``bad_bytes``; the decoder updates the other counters.
@@ -164,7 +167,7 @@ class FixedLengthScanner(FrameScanner):
         def measure(buffer: bytes, at: int) -> int:
             if at + length > len(buffer):
                 return 0
-            return length if check(buffer, at) else -1
+            return length if check(buffer, at) else NO_FRAME
 
         super().__init__(sync, measure, length, health, text=text)
         self._check = check

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Generic, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import NO_FRAME
 
 
 class Incomplete(Exception):  # noqa: N818
@@ -24,7 +25,7 @@ class Malformed(Exception):  # noqa: N818
 
 
 def message_length(find_end: Callable[[bytes, int], int], buffer: bytes, at: int, most: int) -> int:
-    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, -1 if there is none.
+    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, else `NO_FRAME`.
 
     Args:
         find_end: Returns where the message ends, or raises `Incomplete` or `Malformed`.
@@ -35,10 +36,10 @@ def message_length(find_end: Callable[[bytes, int], int], buffer: bytes, at: int
     try:
         length = find_end(buffer, at) - at
     except Malformed:
-        return -1
+        return NO_FRAME
     except Incomplete:
-        return 0 if len(buffer) - at < most else -1
-    return length if length <= most else -1
+        return 0 if len(buffer) - at < most else NO_FRAME
+    return length if length <= most else NO_FRAME
 
 
 def byte_at(buffer: bytes, at: int) -> int:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import FrameScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
 from slipd.devices.shared.sequence_tracker import LATE_WITHIN, SequenceTracker
 from slipd.types.arrays import Array
 
@@ -146,7 +146,7 @@ class RecordScanner:
         self._newest, self._in_sync, self._returned = None, True, None
 
     def _measure(self, buffer: bytes, at: int) -> int:
-        """Return the length of the record at ``at``, 0 if more bytes are needed to decide, -1 if there is none."""
+        """Return the length of the record at ``at``, 0 if more bytes are needed to decide, else `NO_FRAME`."""
         if at + RECORD_LENGTH > len(buffer):
             return 0
         sequence, ticks, status = _HEAD.unpack_from(buffer, at)
@@ -157,7 +157,7 @@ class RecordScanner:
                 return 0
             if not self._is_pair(buffer, place, 2 if needs == _NEW_STREAM_NEEDS else _GAP_WITHIN):
                 self._in_sync = False
-                return -1
+                return NO_FRAME
         self._reserved_bits, self._in_sync = reserved, True
         if self._newest is None or sequence == _FIRST or (self._newest - sequence) % _SPAN > LATE_WITHIN:
             self._newest, self._newest_ticks = sequence, ticks

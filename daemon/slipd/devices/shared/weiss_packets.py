@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.frame_scanner import FrameScanner
+from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
 
 PREAMBLE = b"\xaa\xaa\xaa"
 
@@ -169,14 +169,14 @@ class PacketScanner(FrameScanner):
         size = self._size(buffer, at)
         end = payload_at + size
         if not self._accepts(buffer[at + 3], size, buffer[payload_at:end]):
-            return -1
+            return NO_FRAME
         if self._bare and size == 0:
             return _HEAD_LENGTH
         end += _CRC_LENGTH
         if end > len(buffer):
             return 0
         sent = int.from_bytes(buffer[end - 2 : end], "little")  # a residue of 0 would also accept wrong sums
-        return end - at if checksum(buffer[at + len(PREAMBLE) : end - 2], self._seed) == sent else -1
+        return end - at if checksum(buffer[at + len(PREAMBLE) : end - 2], self._seed) == sent else NO_FRAME
 
     @staticmethod
     def _size(buffer: bytes, at: int) -> int:
