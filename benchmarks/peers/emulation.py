@@ -52,7 +52,7 @@ def _serve(ready: Connection, device: str, address: str, part_m: float, settings
     if hasattr(emulator, "feel"):
         emulator.feel(np.array(FORCE_N), np.array(TORQUE_NM))
     if part_m:
-        emulator.set_part(part_m)
+        emulator.part_m = part_m
 
     async def run() -> None:
         async with emulated([(device, emulator, address)]) as emulation:

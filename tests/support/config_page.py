@@ -21,7 +21,7 @@ from wire_tables import table
 from slipd.config import Finger, Stream
 from slipd.config.model import TABLES
 from slipd.config.value_bounds import Bounds, unit_quaternion
-from slipd.tools.devices_command import attributes_of, sentence, summary_of
+from slipd.tools.devices_command import section_of, sentence, summary_of
 
 HEAD = """\
 # Config
@@ -76,7 +76,7 @@ def _about(model: type[BaseModel]) -> str:
 
 
 def _rows(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
-    texts = attributes_of(model)
+    texts = section_of(model, "Attributes")
     for key, field in model.model_fields.items():
         if _has_own_section(field.annotation) or (model is not Stream and key in Stream.model_fields):
             continue

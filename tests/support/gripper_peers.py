@@ -78,7 +78,7 @@ class Peer:
 
     def put(self, part_m: float) -> None:
         """Lay something between the jaws, or (0) take it away."""
-        self.line.set_part(part_m if self.width_m > part_m else 0.0)
+        self.line.part_m = part_m if self.width_m > part_m else 0.0
 
     @property
     def grip_n(self) -> float:
@@ -164,7 +164,7 @@ class WsgPeer(Peer):
         super().__init__(rng)
         self.line = self.gripper = wsg_sim.make(0)
         if rng is not None:
-            self.gripper.part_mm = rng.choice((0.0, 40.0))
+            self.gripper.part_m = rng.choice((0.0, 0.04))
             if rng.random() < 0.2:
                 self.gripper.words.clear()
 
@@ -210,7 +210,7 @@ class WsgPeer(Peer):
 
     @property
     def grip_n(self) -> float:
-        return super().grip_n if self.gripper.part_mm == self.gripper.width_mm else 0.0
+        return super().grip_n if 1000 * self.gripper.part_m == self.gripper.width_mm else 0.0
 
     @property
     def active(self) -> bool:

@@ -52,7 +52,7 @@ class Place:
         self.file = folder / "rig.toml"
         self.file.write_text(finger_tables(folder) + table, encoding="utf-8")
         self.gripper: Any = make_emulator(kind)
-        self.gripper.set_part(0.04)
+        self.gripper.part_m = 0.04
         self.forces_n: list[float] = []
         self.sensors = Sensors(f"ipc://{folder}/readings")
 

@@ -100,21 +100,15 @@ def options_of(device: Device) -> Iterator[tuple[str, str, str, str]]:
 
 def _parameters(device: Device) -> dict[str, Parameter]:
     """Return the options of a device: those of its session, and those that it hands on to the decoder."""
-    found: dict[str, Parameter] = {}
-    for taker in (device.session, device.decoder) if _hands_on(device) else (device.session or device.decoder,):
-        if taker is not None:
-            found = dict(inspect.signature(taker).parameters) | found
+    found = dict(inspect.signature(device.session or device.decoder).parameters)
+    if any(each.kind is Parameter.VAR_KEYWORD for each in found.values()):
+        found = dict(inspect.signature(device.decoder).parameters) | found
     return {name: each for name, each in found.items() if name not in _KEYS and each.kind is not Parameter.VAR_KEYWORD}
 
 
-def _hands_on(device: Device) -> bool:
-    parameters = inspect.signature(device.session or device.decoder).parameters
-    return any(each.kind is Parameter.VAR_KEYWORD for each in parameters.values())
-
-
 def _text(device: Device, option: str) -> str:
-    text = arguments_of(device.session or device.decoder).get(option, "See `Decoder`.")
-    decoder = arguments_of(device.decoder).get(option, "")
+    text = section_of(device.session or device.decoder, "Args").get(option, "See `Decoder`.")
+    decoder = section_of(device.decoder, "Args").get(option, "")
     return text.replace("See `Decoder`", decoder.rstrip(".")) if "See `Decoder`" in text else text
 
 
@@ -132,17 +126,8 @@ def summary_of(documented: Any) -> str:
     return _markdown(re.sub(r"^``\[?[\w.]+\]?``[:.]? ?", "", first))
 
 
-def attributes_of(documented: Any) -> dict[str, str]:
-    """Return the texts of the section "Attributes" by name."""
-    return _section(documented, "Attributes")
-
-
-def arguments_of(documented: Any) -> dict[str, str]:
-    """Return the texts of the section "Args" by name."""
-    return _section(documented, "Args")
-
-
-def _section(documented: Any, title: str) -> dict[str, str]:
+def section_of(documented: Any, title: str) -> dict[str, str]:
+    """Return the texts of the section "Args" or "Attributes" by name."""
     _, _, rest = (inspect.getdoc(documented) or "").partition(f"{title}:\n")
     body = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
     _, *parts = _ENTRY.split(body)

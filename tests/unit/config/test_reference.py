@@ -15,7 +15,7 @@ from slipd.config import Config, Stream
 from slipd.config.config_file import explain
 from slipd.config.model import TABLES
 from slipd.devices import DEVICES
-from slipd.tools.devices_command import attributes_of, options_of
+from slipd.tools.devices_command import options_of, section_of
 
 
 def test_the_page_is_that_of_the_model() -> None:
@@ -44,7 +44,7 @@ def test_an_unknown_key_is_answered_with_the_keys_of_its_own_table() -> None:
 
 def test_the_docstring_of_a_table_says_what_each_key_is_and_what_a_wrong_value_does() -> None:
     for model in (Stream, *TABLES.values()):
-        texts = attributes_of(model)
+        texts = section_of(model, "Attributes")
         inherited = set(Stream.model_fields) if model is not Stream and issubclass(model, Stream) else set()
         assert set(texts) | inherited >= set(model.model_fields), f"{model.__name__}: an entry for each key"
         for key, text in texts.items():

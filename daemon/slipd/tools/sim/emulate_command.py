@@ -17,7 +17,7 @@ from slipd import config
 from slipd.config.config_file import config_file
 from slipd.errors import SlipdError
 from slipd.tools.sim.emulate import LONGEST_LINE, emulated, lines_of, prepare_process, run_until_ended, standard_input
-from slipd.tools.sim.emulated_copy import EmulatedCopy
+from slipd.tools.sim.emulated_copy import emulated_copy
 from slipd.tools.sim.hand import PadLoad
 from slipd.tools.sim.hand_commands import HELP, CommandError, parse_command
 from slipd.tools.sim.touched_devices import TouchedDevices
@@ -56,10 +56,9 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
             _check_free(folder)
             devices = TouchedDevices(rig, folder.absolute(), seed, unkind=unkind)
             place = folder.absolute() / file.name
-            copy = EmulatedCopy(place, devices.config_text(), file, devices.addresses)
-            stack.callback(copy.remove)
+            stack.enter_context(emulated_copy(place, devices.config_text(), file, devices.addresses))
             prepare_process()
-            asyncio.run(_serve(devices, copy.path, lines))
+            asyncio.run(_serve(devices, place, lines))
         except (OSError, ValueError) as error:
             raise SlipdError(f"cannot emulate {file}: {error}") from error
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ RECORD = ".{name}.emulated"
 """Name of the file beside the copy that holds the copy as it was written, and the config that it comes from."""
 
 
-class EmulatedCopy:
-    """The copy of a config for the time of the emulation.
+@contextlib.contextmanager
+def emulated_copy(path: Path, text: str, source: Path, addresses: Mapping[str, str]) -> Iterator[None]:
+    """Write the copy of a config for the time of the emulation; what changed in it then is kept.
 
     Args:
         path: Of the copy. One that an emulation left when it was killed is replaced, and its changes are kept.
@@ -25,39 +27,30 @@ class EmulatedCopy:
         source: The config.
         addresses: Address of the emulated device of each port of the config.
 
-    Attributes:
-        path: Of the copy.
-
     Raises:
         SlipdError: The copy would replace the config, or a file that no emulation wrote.
     """
-
-    def __init__(self, path: Path, text: str, source: Path, addresses: Mapping[str, str]) -> None:
-        self.path, self._record_path = path, path.with_name(RECORD.format(name=path.name))
-        if path.exists():
-            if path.samefile(source):
-                raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
-            _keep_changes(path, self._left_record(), "before the last emulation was killed")
-        self._record = {"source": source.read_text(encoding="utf-8"), "copy": text, "addresses": dict(addresses)}
-        _write_private(self._record_path, json.dumps(self._record))
-        _write_private(path, text)
-
-    def remove(self) -> None:
-        """Remove it; what changed in it meanwhile is kept, in the working directory."""
-        with contextlib.suppress(FileNotFoundError):
-            _keep_changes(self.path, self._record, "meanwhile")
-        self.path.unlink(missing_ok=True)
-        self._record_path.unlink(missing_ok=True)
-
-    def _left_record(self) -> dict[str, Any]:
-        """Return the record of the emulation that wrote the present copy."""
+    record_path = path.with_name(RECORD.format(name=path.name))
+    if path.exists():
+        if path.samefile(source):
+            raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
         try:
-            record: dict[str, Any] = json.loads(self._record_path.read_text(encoding="utf-8"))
+            left = json.loads(record_path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            raise SlipdError(
-                f"{self.path} exists, and no emulation wrote it: move it away, or give another --dir"
-            ) from None
-        return record
+            raise SlipdError(f"{path} exists, and no emulation wrote it: move it away, or give another --dir") from None
+        _keep_changes(path, left, "before the last emulation was killed")
+    record = {"source": source.read_text(encoding="utf-8"), "copy": text, "addresses": dict(addresses)}
+    for file, content in ((record_path, json.dumps(record)), (path, text)):
+        file.unlink(missing_ok=True)
+        file.touch(0o600, exist_ok=False)
+        file.write_text(content, encoding="utf-8")
+    try:
+        yield
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            _keep_changes(path, record, "meanwhile")
+        path.unlink(missing_ok=True)
+        record_path.unlink(missing_ok=True)
 
 
 def _keep_changes(path: Path, record: Mapping[str, Any], when: str) -> None:
@@ -69,12 +62,6 @@ def _keep_changes(path: Path, record: Mapping[str, Any], when: str) -> None:
         text = with_changes(record["source"], record["copy"], now, record["addresses"])
         kept = keep(text, path.name, Path.cwd())
         print(f"changed {when}: with your ports, the config is kept as {kept}", flush=True)
-
-
-def _write_private(path: Path, text: str) -> None:
-    path.unlink(missing_ok=True)
-    path.touch(0o600, exist_ok=False)
-    path.write_text(text, encoding="utf-8")
 
 
 ENDING = ".commissioned"
@@ -119,10 +106,8 @@ def keep(text: str, name: str, folder: Path) -> Path:
 
 def _write(text: str, name: str, folder: Path) -> Path:
     stem, suffix = Path(name).stem, Path(name).suffix
-    path, number = folder / f"{stem}{ENDING}{suffix}", 1
-    while path.exists():
-        number += 1
-        path = folder / f"{stem}{ENDING}-{number}{suffix}"
+    names = (f"{stem}{ENDING}{f'-{number}' if number > 1 else ''}{suffix}" for number in itertools.count(1))
+    path = next(folder / name for name in names if not (folder / name).exists())
     with path.open("x", encoding="utf-8") as file:
         file.write(text)
     return path

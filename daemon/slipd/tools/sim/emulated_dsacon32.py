@@ -45,12 +45,6 @@ _PITCH_MM = 3.4
 _FULL_SCALE = 4095.0
 
 
-def parse_acquire(payload: bytes) -> tuple[int, bool]:
-    """Return the requested rate, Hz, 0 for no images, and whether images are to be run-length encoded."""
-    flags, rate_hz = dsacon32.ACQUIRE_FIELDS.unpack(payload)
-    return rate_hz if flags & dsacon32.PUSH else 0, bool(flags & RLE)
-
-
 def encode_error(packet_id: int, error: int = 0) -> bytes:
     """Return an answer that consists of an error number alone; 0 is no error."""
     return encode(packet_id, error.to_bytes(2, "little"), SEED_AFTER_PREAMBLE)
@@ -85,29 +79,17 @@ class Dsacon32(WeissController):
     """The controller on its line, powered long before time 0; its caller passes the time.
 
     Args:
+        seed: Seed of its noise.
         matrices: Columns and rows of each matrix; `press` takes the cells of all, in this order.
-        rng: Source of its noise.
-        kind: The type that it reports.
-        operable: Whether it reports that it can measure.
         noise_counts: Standard deviation of each reading.
-        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     rate_hz = 30.0
+    clock_ppm = 80.0
 
-    def __init__(
-        self,
-        matrices: Sequence[tuple[int, int]],
-        rng: np.random.Generator,
-        *,
-        kind: int = dsacon32.TYPE_DSACON32,
-        operable: bool = True,
-        noise_counts: float = 0.7,
-        clock_ppm: float = 80.0,
-    ) -> None:
+    def __init__(self, seed: int, matrices: Sequence[tuple[int, int]] = FINGER, *, noise_counts: float = 0.7) -> None:
         requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
-        super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
-        self._about = encode_controller(SERIAL, kind=kind, operable=operable)
+        super().__init__(seed, sum(cols * rows for cols, rows in matrices), requests, noise_counts)
         self._matrices = matrices
         self._loads = [np.zeros(cols * rows) for cols, rows in matrices]
         self._rle = False
@@ -130,7 +112,7 @@ class Dsacon32(WeissController):
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == dsacon32.CONTROLLER:
-            return self._about
+            return encode_controller(SERIAL)
         if request.id == dsacon32.SENSOR:
             return encode_sensor(len(self._matrices), serial=5678)
         if request.id == dsacon32.MATRIX:
@@ -138,8 +120,9 @@ class Dsacon32(WeissController):
             if index >= len(self._matrices):
                 return encode_error(dsacon32.MATRIX, _INDEX_ERROR)
             return encode_matrix(*self._matrices[index])
-        rate_hz, self._rle = parse_acquire(request.payload)
-        if rate_hz:
+        flags, rate_hz = dsacon32.ACQUIRE_FIELDS.unpack(request.payload)
+        self._rle = bool(flags & RLE)
+        if rate_hz and flags & dsacon32.PUSH:
             self._stream.start(t_ns, min(rate_hz, MAX_RATE_HZ))
         else:
             self._stream.stop()
@@ -149,10 +132,8 @@ class Dsacon32(WeissController):
         return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
 
 
-def make(seed: int = 0, matrices: Sequence[tuple[int, int]] = FINGER) -> Dsacon32:
-    """Return a controller, by default that of one SDH finger; columns and rows of each matrix."""
-    return Dsacon32(matrices, np.random.default_rng(seed))
-
-
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:
     return REQUEST_SIZES.get(packet_id) == size
+
+
+make = Dsacon32

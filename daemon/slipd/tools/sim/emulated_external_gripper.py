@@ -55,10 +55,6 @@ class Driver(EmulatedDevice):
         self._answered = 0
         self._registers = False
 
-    def set_part(self, width_m: float) -> None:
-        """Put a part of this width between the jaws; 0: none."""
-        self.part_m = width_m
-
     @property
     def grip_n(self) -> float:
         """Grip force on one pad, N."""
@@ -142,5 +138,4 @@ class Driver(EmulatedDevice):
 
 def make(seed: int) -> Driver:
     """Return a driver; it has no noise, so ``seed`` is unused."""
-    del seed
     return Driver()

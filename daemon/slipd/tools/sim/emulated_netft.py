@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -18,12 +17,7 @@ from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 
 INTERNAL_HZ = 7000
 COUNTS_PER_N, COUNTS_PER_NM = 100_000, 2_000_000
-CALIBRATION: dict[str, Any] = {
-    "counts_per_force": COUNTS_PER_N,
-    "counts_per_torque": COUNTS_PER_NM,
-    "force_unit": "N",
-    "torque_unit": "N-m",
-}
+_SCALES = ("counts_per_force", "counts_per_torque", "force_unit", "torque_unit")
 SERIAL = "FT27462"
 
 _CHANGE = re.compile(rb"GET /comm\.cgi\?comrdtrate=(\d{1,5}) HTTP/1\.[01]\r\n")
@@ -51,8 +45,12 @@ class NetftSensor(EmulatedWrench):
         seed: Seed of its noise.
         rate_hz: Records per second.
         block: Records per datagram when they are buffered.
-        internal_hz: Rate of its sample counter.
-        calibration: Counts per unit, and the units, as the options of its session name them.
+        internal_hz: Rate of its sample counter; 0: that of an Axia.
+        calibration: Where its session learns what a count is worth; with ``config`` it is as the next options say.
+        counts_per_force: Counts per unit of force.
+        counts_per_torque: Counts per unit of torque.
+        force_unit: Unit of force.
+        torque_unit: Unit of torque.
     """
 
     def __init__(
@@ -60,15 +58,21 @@ class NetftSensor(EmulatedWrench):
         seed: int,
         rate_hz: float = 4000.0,
         block: int = 10,
-        internal_hz: float = INTERNAL_HZ,
-        **calibration: Any,
+        internal_hz: float = 0.0,
+        calibration: str = "tcp",
+        counts_per_force: float = COUNTS_PER_N,
+        counts_per_torque: float = COUNTS_PER_NM,
+        force_unit: str = "N",
+        torque_unit: str = "N-m",
     ) -> None:
-        super().__init__(WrenchStream(seed, rate_hz), rate_hz, **CALIBRATION | calibration)
+        own = (COUNTS_PER_N, COUNTS_PER_NM, "N", "N-m")
+        used = (counts_per_force, counts_per_torque, force_unit, torque_unit) if calibration == "config" else own
+        super().__init__(WrenchStream(seed, rate_hz), rate_hz, **dict(zip(_SCALES, used, strict=True)))
         self.status = 0
         """Status word of the records from now on."""
         value = netft_calibration.from_counts(**self.options)
         self._counts_per_unit = np.repeat((1.0 / value.force_n, 1.0 / value.torque_nm), 3)
-        self._internal_hz = internal_hz
+        self._internal_hz = internal_hz or INTERNAL_HZ
         self._left = 0  # records to send; 0: no limit
         self._block, self._per_datagram = block, 1
         self._sequence = 0

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -143,9 +142,11 @@ class OptoforceConverter(NetftSensor):
         return super().receive(data, t_ns)
 
 
-def make(seed: int, wiring: str = "serial", **scales: Any) -> OptoforceDaq | OptoforceConverter:
-    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with seeded noise.
-
-    For the scales of the DAQ see `OptoforceDaq`.
-    """
-    return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed, **scales)
+def make(
+    seed: int,
+    wiring: str = "serial",
+    counts_per_n: Sequence[float] = COUNTS_PER_N,
+    counts_per_nm: Sequence[float] = COUNTS_PER_NM,
+) -> OptoforceDaq | OptoforceConverter:
+    """Return the emulator of the serial DAQ with these scales, or with ``udp`` of the Ethernet converter."""
+    return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed, 1000.0, counts_per_n, counts_per_nm)

@@ -111,15 +111,12 @@ class PvdfPad(EmulatedDevice):
 
     def _sampled(self, times_ns: NDArray[np.int64]) -> Array:
         """Return the charge of each taxel at its own time, linear between those of the past."""
-        known_ns, charges_n = zip(*self._past, strict=True)
-        ends = [0, *np.searchsorted(times_ns, known_ns[1:-1]).tolist(), times_ns.size]
-        out = np.empty(times_ns.size)
-        for k in range(len(known_ns) - 1):
-            part = slice(ends[k], ends[k + 1])
-            late = (times_ns[part] - known_ns[k]) * (1.0 / (known_ns[k + 1] - known_ns[k]))
-            before_n = charges_n[k][part]
-            out[part] = before_n + late * (charges_n[k + 1][part] - before_n)
-        return out
+        known_ns, charges_n = (np.array(each) for each in zip(*self._past, strict=True))
+        before = np.minimum(np.searchsorted(known_ns, times_ns, side="right"), len(known_ns) - 1) - 1
+        late = (times_ns - known_ns[before]) * (1.0 / (known_ns[before + 1] - known_ns[before]))
+        before_n, after_n = (charges_n[each, np.arange(times_ns.size)] for each in (before, before + 1))
+        charge_n: Array = before_n + late * (after_n - before_n)
+        return charge_n
 
 
 IDEAL = PvdfElectronics(tau_s=1e9, gain_counts_per_n=1.0, gain_spread=0.0, offset_counts=0.0)

@@ -6,7 +6,6 @@ Not emulated: emergency release, faults of the gripper itself, and the full stro
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -42,9 +41,6 @@ _FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
 _MOVING_A, _HOLDING_A_PER_N = 0.12, 0.02
 
 
-RELEASE = 0x10
-
-
 @dataclass(frozen=True, slots=True)
 class Output:
     """Content of the three output registers, for emulators.
@@ -52,7 +48,6 @@ class Output:
     Attributes:
         activate: rACT; its rising edge starts the activation.
         go: rGTO, go to the position.
-        release: rATR, the emergency release.
         position: rPR, 0 open to 255 closed.
         speed: rSP, 0 to 255.
         force: rFR, 0 to 255.
@@ -60,7 +55,6 @@ class Output:
 
     activate: bool
     go: bool
-    release: bool
     position: int
     speed: int
     force: int
@@ -72,7 +66,6 @@ def parse_output(registers: tuple[int, ...]) -> Output:
     return Output(
         activate=bool(action & robotiq_registers.ACTIVATE),
         go=bool(action & robotiq_registers.GO),
-        release=bool(action & RELEASE),
         position=registers[1] & 0xFF,
         speed=registers[2] >> 8,
         force=registers[2] & 0xFF,
@@ -207,14 +200,14 @@ class Gripper2F(EmulatedDevice):
 
 
 class GripperLine(Gripper2F):
-    """A gripper with a rigid part between its pads, or nothing; for its arguments see `Gripper2F`."""
+    """A gripper with a rigid part between its pads, or nothing; for its arguments see `Gripper2F`.
 
-    _part_m = 0.0
+    Attributes:
+        part_m: Width of the part, m; 0: none.
+    """
+
+    part_m = 0.0
     _now_ns = 0
-
-    def set_part(self, width_m: float) -> None:
-        """Put a part of this width between the pads; 0: none."""
-        self._part_m = width_m
 
     @property
     def grip_n(self) -> float:
@@ -226,12 +219,13 @@ class GripperLine(Gripper2F):
         command = self.command(t_ns)
         reach_m = command.speed_mps * max(t_ns - self._now_ns, 0) * 1e-9
         self._now_ns = t_ns
-        self._width_m, self._moving, self._holding = moved_jaws(self._width_m, command.width_m, self._part_m, reach_m)
+        self._width_m, self._moving, self._holding = moved_jaws(self._width_m, command.width_m, self.part_m, reach_m)
         self._normal_n = command.force_n if self._holding else 0.0
         return []
 
 
-def make(seed: int, **settings: Any) -> GripperLine:
-    """Return a gripper; it has no noise, so ``seed`` is unused. For other settings see `Gripper2F`."""
-    del seed
-    return GripperLine(**settings)
+def make(
+    seed: int, width_table: Table = WIDTH_TABLE, force_table: Table = FORCE_TABLE, unit: int = robotiq_registers.UNIT
+) -> GripperLine:
+    """Return a gripper; it has no noise, so ``seed`` is unused. For the rest see `Gripper2F`."""
+    return GripperLine(width_table, force_table, unit)

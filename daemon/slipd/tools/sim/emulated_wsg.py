@@ -42,12 +42,6 @@ def parse_goal(payload: bytes) -> tuple[int, float, float]:
     return flags, width_mm, speed_mmps
 
 
-def parse_update(payload: bytes) -> int:
-    """Return the period of a request for updates, ms; 0 for a single answer."""
-    automatic, period_ms = wire.UPDATE_FIELDS.unpack(payload)
-    return period_ms if automatic else 0
-
-
 def encode_reply(reply_id: int, status: int = wire.OK, data: bytes = b"") -> bytes:
     """Return a reply as the gripper sends it."""
     return wire.encode(reply_id, status.to_bytes(wire.STATUS_LENGTH, "little") + data)
@@ -83,7 +77,7 @@ class Gripper(EmulatedDevice):
     """The gripper on its line; its caller passes the time.
 
     Attributes:
-        part_mm: Width of the part between the jaws, mm; 0: no part.
+        part_m: Width of the part between the jaws, m; 0: no part.
         words: Conditions of the system state that do not come from motion: "referenced" and faults, which tests set
             too.
         width_mm: Width between the jaws, mm.
@@ -93,7 +87,7 @@ class Gripper(EmulatedDevice):
 
     def __init__(self) -> None:
         super().__init__(UPDATE_HZ)
-        self.part_mm = 0.0
+        self.part_m = 0.0
         self.words: set[str] = set()
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
@@ -104,10 +98,6 @@ class Gripper(EmulatedDevice):
         self._goal: tuple[int, float, float] | None = None  # command, mm, mm/s
         self._blocked = ""
         self._updates: dict[int, tuple[int, int]] = {}  # id: period and when the next is due, ns
-
-    def set_part(self, width_m: float) -> None:
-        """Put a part of this width between the jaws; 0: none."""
-        self.part_mm = 1e3 * width_m
 
     @property
     def grip_n(self) -> float:
@@ -171,9 +161,9 @@ class Gripper(EmulatedDevice):
             case wire.GET_FORCE:
                 return [encode_number(wire.GET_FORCE, self.limit)]
             case _:
-                period_ns = parse_update(request.payload) * 1_000_000
-                if period_ns:
-                    self._updates[request.id] = period_ns, self._now_ns + period_ns
+                automatic, period_ms = wire.UPDATE_FIELDS.unpack(request.payload)
+                if automatic and period_ms:
+                    self._updates[request.id] = period_ms * 1_000_000, self._now_ns + period_ms * 1_000_000
                 return [self._update(request.id)]
         return [encode_reply(request.id)]
 
@@ -205,7 +195,7 @@ class Gripper(EmulatedDevice):
             return []
         command, width_mm, speed_mmps = self._goal
         reach_mm = speed_mmps * step_s
-        self.width_mm, moving, holding = moved_jaws(self.width_mm, width_mm, self.part_mm, reach_mm)
+        self.width_mm, moving, holding = moved_jaws(self.width_mm, width_mm, 1e3 * self.part_m, reach_mm)
         if moving:
             return []
         self._blocked = "blocked_minus" if holding else ""
@@ -231,7 +221,6 @@ def _is_request(_: int, size: int, __: bytes) -> bool:
 
 def make(seed: int) -> Gripper:
     """Return a referenced gripper; it has no noise, so ``seed`` is unused."""
-    del seed
     gripper = Gripper()
     gripper.words.add("referenced")
     return gripper

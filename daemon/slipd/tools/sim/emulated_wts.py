@@ -16,6 +16,8 @@ from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 SINGLE = 0x20
 
+SERIAL = 4711
+
 _FIRMWARE = 0x1000  # 1.0.0
 
 _PITCH = 340  # 10 µm
@@ -33,12 +35,6 @@ def encode_single(cells: Words, device_time_ms: int) -> bytes:
     return encode(
         SINGLE, bytes(2) + _IMAGE_HEAD.pack(device_time_ms, 0) + cells.astype("<u2").tobytes(), SEED_WITH_PREAMBLE
     )
-
-
-def parse_start(payload: bytes) -> int:
-    """Return the interval of a request for images, ms."""
-    interval_ms: int = wts.START_FIELDS.unpack(payload)[1]
-    return interval_ms
 
 
 def encode_status(packet_id: int, status: int = 0) -> bytes:
@@ -61,21 +57,22 @@ class WeissController(EmulatedTactile, ABC):
     """A controller on its line; its caller passes the time.
 
     Args:
+        seed: Seed of its noise.
         cells: Number of its cells.
         requests: Parser of the requests of the host.
-        rng: Source of its noise.
         noise_counts: Standard deviation of each reading.
+
+    Attributes:
+        rate_hz: Images per second until the host asks for another rate.
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     rate_hz: float
+    clock_ppm: float
 
-    def __init__(
-        self, cells: int, requests: PacketScanner, rng: np.random.Generator, noise_counts: float, clock_ppm: float
-    ) -> None:
-        super().__init__(TactileStream(rng, self.rate_hz, (cells,), noise_counts), self.rate_hz)
+    def __init__(self, seed: int, cells: int, requests: PacketScanner, noise_counts: float = 0.7) -> None:
+        super().__init__(TactileStream(seed, self.rate_hz, (cells,), noise_counts), self.rate_hz)
         self._requests = requests
-        self._clock = (1.0 + clock_ppm * 1e-6) * 1e-6  # its ms per ns
 
     def opened(self, t_ns: int) -> None:
         """Drop an incomplete request of the previous user of the line."""
@@ -94,7 +91,7 @@ class WeissController(EmulatedTactile, ABC):
         return np.clip(np.rint(self._stream.image()), 0, FULL_SCALE).astype(np.uint16)
 
     def _time_ms(self, t_ns: int) -> int:
-        return round(t_ns * self._clock)
+        return round(t_ns * ((1.0 + self.clock_ppm * 1e-6) * 1e-6))
 
     @abstractmethod
     def _obey(self, request: Packet, t_ns: int) -> bytes: ...
@@ -110,41 +107,32 @@ _REQUEST_BYTES = 8
 
 
 class WtsModule(WeissController):
-    """The module on its line; its caller passes the time.
+    """The module on its line, by default a WTS-FT; its caller passes the time.
 
     Args:
-        matrix: Rows and columns of its cells.
-        rng: Source of its noise.
-        serial: Its serial number.
-        noise_counts: Standard deviation of each reading.
-        clock_ppm: Rate error of its clock, parts per million; positive is fast.
+        seed: Seed of its noise.
+        cols: Columns of its cells.
+        rows: Rows of its cells.
     """
 
     rate_hz = 100.0
+    clock_ppm = -60.0
 
-    def __init__(
-        self,
-        matrix: wts.Matrix,
-        rng: np.random.Generator,
-        *,
-        serial: int = 4711,
-        noise_counts: float = 0.7,
-        clock_ppm: float = -60.0,
-    ) -> None:
+    def __init__(self, seed: int, cols: int = 4, rows: int = 8) -> None:
         requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth())
-        super().__init__(matrix.cols * matrix.rows, requests, rng, noise_counts, clock_ppm)
-        self._matrix = matrix
-        self._serial = serial
+        super().__init__(seed, cols * rows, requests)
+        self._matrix = wts.Matrix(cols, rows)
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == wts.SYSTEM:
-            return encode_system(self._serial)
+            return encode_system(SERIAL)
         if request.id == wts.MATRIX:
             return encode_matrix(self._matrix)
         if request.id == SINGLE:
             return encode_single(self._cells(), self._time_ms(t_ns))
         if request.id == wts.START:
-            self._stream.start(t_ns, 1000.0 / max(parse_start(request.payload), FASTEST_MS))
+            _, interval_ms = wts.START_FIELDS.unpack(request.payload)
+            self._stream.start(t_ns, 1000.0 / max(interval_ms, FASTEST_MS))
         else:
             self._stream.stop()
         return encode_status(request.id)
@@ -153,10 +141,8 @@ class WtsModule(WeissController):
         return wts.encode_frame(cells, time_ms)
 
 
-def make(seed: int = 0, cols: int = 4, rows: int = 8) -> WtsModule:
-    """Return a module, by default a WTS-FT of 4 x 8 cells."""
-    return WtsModule(wts.Matrix(cols, rows), np.random.default_rng(seed))
-
-
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:
     return REQUEST_SIZES.get(packet_id) == size
+
+
+make = WtsModule

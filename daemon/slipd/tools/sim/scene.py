@@ -196,9 +196,6 @@ class Scene:
             self.rotation_would_begin_s = self._rotation_begin_s(self.normal_n)
             self._record("forecast", rotation_would_begin_s=self.rotation_would_begin_s)
 
-    def _squeezes(self, command: GripCommand) -> bool:
-        return self._present and command.width_m < self.object_width_m
-
     def _move_fingers(self, command: GripCommand, dt_s: float) -> None:
         part_m = self.object_width_m if self._present else 0.0
         reach_m = command.speed_mps * dt_s
@@ -210,7 +207,7 @@ class Scene:
     def _hold(self, command: GripCommand, dt_s: float) -> None:
         """Hold the box for one step, or leave it."""
         fx, fy, spin = self._load()
-        squeeze = self._squeezes(command)
+        squeeze = self._present and command.width_m < self.object_width_m
         self._grasp.advance(dt_s, (fx, fy), spin, command.force_n if squeeze else 0.0)
         (fx_n, fy_n, spin_nm), (x_m, y_m) = self._grasp.carried(), self.patch.centre_m
         self._wrench = np.array((fx_n, fy_n, -self.normal_n, -y_m * self.normal_n, x_m * self.normal_n, spin_nm))
@@ -247,13 +244,11 @@ class Scene:
                 self._record("slide_begins", **self._numbers(), load_fx_n=fx, load_fy_n=fy, load_spin_nm=spin)
         elif self.sliding and self.t_s - self._slid_s >= PAUSE_S:
             self._stop_sliding()
-        if speed_mps > SLIDES_MPS and self._lost():
+        is_lost = math.hypot(*self.displacement_m) > self.lost_at_m or abs(self.angle_rad) > self.lost_at_rad
+        if speed_mps > SLIDES_MPS and is_lost:
             self._stop_sliding()
             self._present = False
             self._record("dropped", **self._numbers())
-
-    def _lost(self) -> bool:
-        return math.hypot(*self.displacement_m) > self.lost_at_m or abs(self.angle_rad) > self.lost_at_rad
 
     def _stop_sliding(self) -> None:
         if self.sliding:

@@ -102,7 +102,7 @@ class TouchedDevices:
     def advance(self, t_ns: int) -> None:
         """Let the hand act on the devices until ``t_ns``; a load that did not change is not set again."""
         if self._grips is not None:
-            self._grips.set_part(self.hand.part_m)
+            self._grips.part_m = self.hand.part_m
         if (arm := self._rig.streams().get("arm")) is not None:
             cast("Any", self._by_port[arm.port]).carry(*self.hand.arm(t_ns * 1e-9), **_sensor(arm))
         for name, load in self.loads(t_ns).items():
@@ -165,13 +165,9 @@ class _TouchedPad:
         open_unit = np.all(np.abs(scale) == 1.0) and not config.in_newtons(pad)
         self._per_n = scale * (COUNTS_PER_N.get(pad.device, 1.0) if open_unit else 1.0 / scale**2)
         base = REST_COUNTS if pad.device == "xela" else 0.0
-        self._rest = np.reshape(pad.tare, self._shape) - base if pad.tare else np.zeros(self._shape)
+        self._rest = np.reshape(pad.tare, _shape(pad)) - base if pad.tare else np.zeros(_shape(pad))
         if pad.device == "pvdf":  # its emulator has the gain
             self._per_n = np.sign(scale)
-
-    @property
-    def _shape(self) -> tuple[int, ...]:
-        return (self._x.size, 3) if self._axes == 3 else (self._x.size,)
 
     def readings(self, load: PadLoad) -> Array:
         """Return the load on each taxel in the unit of its device."""
@@ -217,48 +213,26 @@ def _emulator(streams: dict[str, config.Stream], seed: int) -> Emulator:
             dwell_ns=dwell_ns,
         )  # fmt: skip
         return PvdfPad(first.rows, first.cols, electronics, seed)
-    return make_emulator(device, seed, **_settings(device, first, streams))
+    sensors = {stream.sensor: stream for stream in streams.values()}
+    pads = {name: stream for name, stream in sensors.items() if isinstance(stream, config.Pad)}
+    offered = {
+        "rate_hz": first.rate_hz,
+        "baud": first.baud or DEVICES[device].baud,
+        "matrices": [(pad.cols, pad.rows) for _, pad in sorted(pads.items())],
+        "pads": {name: _shape(pad) for name, pad in pads.items()},
+        "wrenches": [name for name, stream in sensors.items() if isinstance(stream, config.Wrench)],
+        "arms": [name for name, stream in sensors.items() if isinstance(stream, config.Arm)],
+        "rates_hz": {name: stream.rate_hz for name, stream in sensors.items()},
+    }
+    if isinstance(first, config.Pad):
+        offered |= {"rows": first.rows, "cols": first.cols, "taxels": first.rows * first.cols}
+    return make_emulator(device, seed, **accepted(device, offered | config.device_options(first)))
 
 
-def _settings(device: str, first: config.Stream, streams: dict[str, config.Stream]) -> dict[str, Any]:
-    """Return the arguments of an emulator's ``make``."""
-    pads = {stream.sensor: stream for stream in streams.values() if isinstance(stream, config.Pad)}
-    if device == "netft":
-        settings: dict[str, Any] = {"rate_hz": first.rate_hz}
-        if first.options.get("calibration") == "config":  # else the sensor itself sends what a count is worth
-            settings |= _given(first, "counts_per_force", "counts_per_torque", "force_unit", "torque_unit")
-        if first.options.get("internal_hz"):
-            settings["internal_hz"] = first.options["internal_hz"]
-        return settings
-    if device == "optoforce":
-        wiring = config.transport_of(first.port)
-        return {"wiring": wiring, **(_given(first, "counts_per_n", "counts_per_nm") if wiring == "serial" else {})}
-    if device == "dsacon32":
-        return {"matrices": [(pad.cols, pad.rows) for _, pad in sorted(pads.items())]}
-    if device == "external":
-        shapes = {
-            name: ((pad.rows * pad.cols, 3) if config.axes_of(pad) == 3 else (pad.rows * pad.cols,))
-            for name, pad in pads.items()
-        }
-        wrenches = [stream.sensor for stream in streams.values() if isinstance(stream, config.Wrench)]
-        rates_hz = {stream.sensor: stream.rate_hz for stream in streams.values()}
-        arms = [stream.sensor for stream in streams.values() if isinstance(stream, config.Arm)]
-        return {"wrenches": wrenches, "pads": shapes, "arms": arms, "rates_hz": rates_hz}
-    if device == "robotiq_2f" and isinstance(first, config.Gripper) and first.force_table and first.width_table:
-        tables = {"force_table": first.force_table, "width_table": first.width_table}
-        return tables | _given(first, "unit")
-    sizes = (
-        {"rows": first.rows, "cols": first.cols, "taxels": first.rows * first.cols}
-        if isinstance(first, config.Pad)
-        else {}
-    )
-    baud = first.baud or DEVICES[device].baud
-    return accepted(device, {"rate_hz": first.rate_hz, "baud": baud, **sizes, **config.device_options(first)})
-
-
-def _given(stream: config.Stream, *names: str) -> dict[str, Any]:
-    """Return those of these options that the config gives."""
-    return {name: stream.options[name] for name in names if name in stream.options}
+def _shape(pad: config.Pad) -> tuple[int, ...]:
+    """Return the shape of an image."""
+    taxels = pad.rows * pad.cols
+    return (taxels, 3) if config.axes_of(pad) == 3 else (taxels,)
 
 
 def _address(folder: Path, port: str, name: str, number: int) -> str:

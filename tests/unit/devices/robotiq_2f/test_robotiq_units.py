@@ -84,7 +84,7 @@ def test_every_fault_has_its_name(code: int, name: str) -> None:
 
 def test_status_words_describe_the_motion() -> None:
     for stage, found, go in itertools.product(range(4), range(4), (False, True)):
-        output = Output(activate=stage > 0, go=go, release=False, position=9, speed=0, force=0)
+        output = Output(activate=stage > 0, go=go, position=9, speed=0, force=0)
         registers = status_registers(output, stage=stage, found=found, fault=0, position=51, current_a=0.5)
         sample = parse_status(registers, 0, 9)
         moving = stage == 1 or (go and found == 0)

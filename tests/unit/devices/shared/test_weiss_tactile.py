@@ -28,7 +28,7 @@ ASKED = [
 
 def dsacon(**options: Any) -> Bench:
     """Return a bench of a controller with two small matrices, whose cells count up."""
-    device = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0)
+    device = Dsacon32(0, [(4, 2), (2, 2)], noise_counts=0.0)
     device.press(np.arange(12))
     return Bench(dsacon32.Session(**options), device)
 
@@ -50,7 +50,7 @@ def test_the_reported_matrices_split_the_images_and_another_controller_has_its_o
     bench.deliver(dsacon32.encode_frame([1] * 11, 0))
     assert bench.samples[-1].values.tolist() == [8, 9, 10, 11]
     assert bench.session.health.bad_bytes > 0
-    bench.device = Dsacon32([(3, 3)], np.random.default_rng(0))
+    bench.device = Dsacon32(0, [(3, 3)])
     bench.samples.clear()
     assert {*sizes(bench.run(2))} == {("0", 9)}
 

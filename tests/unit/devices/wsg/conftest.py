@@ -16,7 +16,7 @@ def bench() -> Bench:
 
 @pytest.fixture
 def holding(bench: Bench) -> Bench:
-    bench.gripper.part_mm = 40.0
+    bench.gripper.part_m = 0.04
     assert bench.move(0.0, 0.2, 10.0, 0.5) == 10.0
     assert (bench.last.object, bench.last.moving) == ("contact_closing", False)
     bench.sent.clear()

@@ -9,7 +9,7 @@ import pytest
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission.config_update import changed_text
-from slipd.tools.sim.emulated_copy import EmulatedCopy, keep, with_changes
+from slipd.tools.sim.emulated_copy import emulated_copy, keep, with_changes
 from slipd.tools.sim.touched_devices import TouchedDevices
 
 RIG = """# Two fingers.
@@ -66,10 +66,13 @@ def test_a_copy_goes_but_one_that_is_no_text_any_more_stays_with_the_reason(tmp_
     source = tmp_path / "rig.toml"
     source.write_text('port = "/dev/left"\n', encoding="utf-8")
     (tmp_path / "run").mkdir()
-    copy = EmulatedCopy(tmp_path / "run" / "rig.toml", 'port = "/pts"\n', source, {"/dev/left": "/pts"})
-    copy.path.write_bytes(b"\xff\xfe")
-    with pytest.raises(SlipdError, match=r"run/rig\.toml: changed meanwhile, and is not UTF-8 text now; it stays"):
-        copy.remove()
-    copy.path.write_text('port = "/pts"\n', encoding="utf-8")
-    copy.remove()
-    assert not list(copy.path.parent.iterdir())
+    copy = tmp_path / "run" / "rig.toml"
+    with (
+        pytest.raises(SlipdError, match=r"run/rig\.toml: changed meanwhile, and is not UTF-8 text now; it stays"),
+        emulated_copy(copy, 'port = "/pts"\n', source, {"/dev/left": "/pts"}),
+    ):
+        copy.write_bytes(b"\xff\xfe")
+    copy.write_text('port = "/pts"\n', encoding="utf-8")
+    with emulated_copy(copy, 'port = "/pts"\n', source, {"/dev/left": "/pts"}):
+        assert len(list(copy.parent.iterdir())) == 2
+    assert not list(copy.parent.iterdir())

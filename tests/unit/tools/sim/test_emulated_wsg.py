@@ -84,7 +84,7 @@ COURSES: dict[str, tuple[Steps, float, set[str]]] = {
 @pytest.mark.parametrize("course", COURSES)
 def test_it_moves_and_says_how_it_ended(gripper: Gripper, course: str) -> None:
     steps, width_mm, state = COURSES[course]
-    gripper.part_mm = 20.0
+    gripper.part_m = 0.02
     for ms, request, answers in steps:
         if request is ANEW:
             gripper.opened(ms * MS)
@@ -131,7 +131,7 @@ def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: 
 
 def test_the_session_grips_and_takes_leave(gripper: Gripper) -> None:
     session = Session(5)
-    gripper.part_mm = 20.0
+    gripper.part_m = 0.02
     drive(session, gripper, 1.0)
     assert (session.state, session.identity) == ("active", "S/N 4711")
     assert move(session, 0.01, 0.4, 10.0) == 10.0
