@@ -7,10 +7,10 @@
 A mutant changes one operator, constant or condition, or deletes one statement. The tests of its room that run the
 changed line are tried on it, those of the test file of the same name first, then the tests of the engine that run it. A
 mutant that no test notices is either a hole of the tests or changes nothing that can be seen: `equivalent.txt` lists
-those with the reason, the report all others. Tests that start processes are left out, and so are slow ones (see
-`mutate.covered`), so that some survivors are noticed by `make check`. The draw depends on the seed and the sources
-alone, and a change of a source replaces only mutants of its changed lines. Unless rooms are named, it leaves out the
-tools.
+those with the reason, the report all others. Processes that a test starts run the mutant too. Tests with the mark
+``process`` are left out, and so are slow ones (see `mutate.covered`), so that some survivors are noticed by `make
+check`. The draw depends on the seed and the sources alone, and a change of a source replaces only mutants of its
+changed lines. Unless rooms are named, it leaves out the tools.
 
 ``--wire`` tries every mutant of a scale, sign, byte order, offset or length of the decoders (`mutate.wire`) against the
 tests of its device, and then of all devices.

@@ -5,12 +5,14 @@ from __future__ import annotations
 import ast
 import json
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from coverage import Coverage
+from coverage import Coverage, CoverageData
+from mutate.children import TEST, measure_children
 from mutate.forked import RunPytest, in_fork
 from mutate.mutations import Mutation
 
@@ -30,6 +32,7 @@ class _Recorder:
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         self._coverage.switch_context(nodeid)
+        os.environ[TEST] = nodeid  # for the processes that it starts
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         took = report.duration if report.passed else math.inf
@@ -72,34 +75,45 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) 
         project: Folder of the project.
         sources: Folder of the sources of the room.
         tests: Folders and files of the tests, relative to the project.
-        scratch: File for what the fork found.
+        scratch: Folder for what the fork found; created.
 
     Raises:
         SystemExit: No test passed.
     """
 
+    include = str(sources / "*")
+    scratch.mkdir()
+
     def run(run_pytest: RunPytest) -> int:
-        coverage = Coverage(data_file=None, include=[str(sources / "*")], config_file=False)
+        coverage = Coverage(data_file=str(scratch / "tests"), include=[include], config_file=False)
         recorder = _Recorder(coverage)
+        measure_children(include, str(scratch))
         coverage.start()
         run_pytest([f"--timeout={LONGEST_TEST_S}", *tests], [recorder])
         coverage.stop()
-        data = coverage.get_data()
-        lines = {
-            Path(name).relative_to(project).as_posix(): data.contexts_by_lineno(name) for name in data.measured_files()
-        }
-        scratch.write_text(json.dumps([recorder.seconds, lines]), encoding="utf-8")
+        coverage.save()
+        (scratch / "seconds.json").write_text(json.dumps(recorder.seconds), encoding="utf-8")
         return 0
 
     in_fork(run)
-    seconds, lines = json.loads(scratch.read_text(encoding="utf-8"))
+    seconds = json.loads((scratch / "seconds.json").read_text(encoding="utf-8"))
     passed = {test: took for test, took in seconds.items() if took < LONGEST_TEST_S}
     if not passed:
         raise SystemExit(f"mutate: no test of {' '.join(tests)} passes without a mutant")
-    return CoveredRoom(
-        passed,
-        {path: {int(line): set(found) - {""} for line, found in by_line.items()} for path, by_line in lines.items()},
-    )
+    return CoveredRoom(passed, _lines(project, [scratch / "tests", *scratch.glob("child.*")]))
+
+
+def _lines(project: Path, files: list[Path]) -> dict[str, dict[int, set[str]]]:
+    """Return the lines of each source, and the tests that run each, of the coverage of several processes."""
+    lines: dict[str, dict[int, set[str]]] = {}
+    for file in files:
+        data = CoverageData(str(file))
+        data.read()
+        for name in data.measured_files():
+            found = lines.setdefault(Path(name).relative_to(project).as_posix(), {})
+            for line, tests in data.contexts_by_lineno(name).items():
+                found.setdefault(line, set()).update(set(tests) - {""})
+    return lines
 
 
 def is_compiled(source: str, mutation: Mutation) -> bool:

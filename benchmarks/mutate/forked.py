@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import os
 import resource
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from importlib.machinery import ModuleSpec, SourceFileLoader
-from importlib.util import spec_from_file_location
 from pathlib import Path
-from types import CodeType
 
 import hypothesis.strategies  # noqa: F401 - imported once, for all forks
 import numba
@@ -19,6 +15,7 @@ import pydantic  # noqa: F401
 import pytest
 import scipy.optimize  # noqa: F401
 import zmq  # noqa: F401
+from mutate.children import use_mutant
 
 OPTIONS = (
     *("-q", "--tb=native", "-p", "no:cacheprovider", "-m", "not long and not process"),
@@ -28,30 +25,6 @@ OPTIONS = (
 
 RunPytest = Callable[[list[str], list[object]], int]
 """Runs pytest with arguments and plugins, and returns its exit code."""
-
-
-class _Loader(SourceFileLoader):
-    """Loads a mutant in place of the source."""
-
-    def __init__(self, name: str, path: str, source: str) -> None:
-        super().__init__(name, path)
-        self._source = source
-
-    def get_code(self, fullname: str) -> CodeType:
-        return compile(self._source, self.path, "exec")
-
-
-class _Finder:
-    """Finds the mutated module, and leaves all others to Python."""
-
-    def __init__(self, module: str, path: Path, source: str) -> None:
-        self._module, self._path, self._source = module, path, source
-
-    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        if name != self._module:
-            return None
-        loader = _Loader(name, str(self._path), self._source)
-        return spec_from_file_location(name, self._path, loader=loader)
 
 
 class _Only:
@@ -80,7 +53,7 @@ def in_fork(run: Callable[[RunPytest], int], limit_s: int | None = None, *, reco
             if limit_s is not None:
                 resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
             if recompile:
-                numba.config.CACHE_DIR = cache
+                numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = cache
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             os.dup2(1, 2)
             code = 1
@@ -101,7 +74,7 @@ def is_noticed(
     only: Sequence[str] | None = None,
     recompile: bool = False,
 ) -> bool:
-    """Return whether tests notice a mutant of a file, or take too long over it.
+    """Return whether tests notice a mutant of a file, or take too long over it; processes that they start run it too.
 
     Args:
         root: Folder of the package.
@@ -114,8 +87,10 @@ def is_noticed(
     """
     module = ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
 
-    def run(run_pytest: RunPytest) -> int:
-        sys.meta_path.insert(0, _Finder(module, path, source))
-        return run_pytest(["-x", *tests], [] if only is None else [_Only(only)])
+    with tempfile.TemporaryDirectory(prefix="slipd-mutant-") as folder:
 
-    return in_fork(run, limit_s, recompile=recompile) != 0
+        def run(run_pytest: RunPytest) -> int:
+            use_mutant(module, path, source, folder)
+            return run_pytest(["-x", *tests], [] if only is None else [_Only(only)])
+
+        return in_fork(run, limit_s, recompile=recompile) != 0
