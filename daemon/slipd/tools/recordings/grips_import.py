@@ -19,8 +19,8 @@ from slipd import config
 from slipd.config.toml_text import with_numbers
 from slipd.devices import xela
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, LinkSpec, LinkUp
-from slipd.tools.recordings.imported_run import START_NS, links_of, write_run
+from slipd.events import Bytes, Event, LinkSpec
+from slipd.tools.recordings.imported_run import START_NS, source_of, write_run
 from slipd.types.arrays import Array
 
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
@@ -65,7 +65,7 @@ def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | Non
             the pads are not at rest in the rows of the tare, or ``out`` cannot be written.
     """
     file_name = f"config for {out.name}"
-    link = _server(config_text, file_name)
+    _, link = source_of(config.parse(config_text, file_name), "xela", SENSORS, file_name)
     times_ns = _times_ns(source / TIMES)
     pads = {sensor: _counts(source / name) for sensor, name in SENSORS.items()}
     for sensor, pad in pads.items():
@@ -78,25 +78,11 @@ def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | Non
             config_text, findings = tared_config(config_text, file_name, pads, tare_rows)
         except RecordingError as error:
             raise RecordingError(f"{source}: {error}") from error
-    write_run(out, config_text, _server_events(link, times_ns, pads), times_ns[-1])
+    write_run(out, config_text, link, times_ns[-1], _server_events(link, times_ns, pads))
     return findings
 
 
-def _server(config_text: str, file_name: str) -> LinkSpec:
-    """Return the link over which the config reads both pads."""
-    settings = config.parse(config_text, file_name)
-    pads = [finger.pad for finger in settings.finger.values() if finger.pad and finger.pad.device == "xela"]
-    ports, sensors = {pad.port for pad in pads}, {pad.sensor for pad in pads}
-    if len(ports) != 1 or not sensors <= SENSORS.keys():
-        raise RecordingError(
-            f"{file_name}: must have the XELA sensors {' and '.join(SENSORS)} at one address, "
-            f"got {sorted(sensors)} at {len(ports)} addresses"
-        )
-    return next(link for link in links_of(settings).values() if link.address in ports)
-
-
 def _server_events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts]) -> Iterator[tuple[int, Event]]:
-    yield START_NS, LinkUp(link.name, link.address)
     yield START_NS, Bytes(link.name, WELCOME)
     for row, t_ns in enumerate(times_ns):
         counts = {sensor: pad[row] for sensor, pad in pads.items()}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import heapq
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from slipd.config.model import Config
 from slipd.engine.engine import Engine
-from slipd.events import Event, LinkSpec, Request, Tick
+from slipd.errors import RecordingError
+from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.draft import RECORDING, draft
 
@@ -23,9 +24,28 @@ AFTER_NS = 500_000_000
 BOOT = "imported"
 
 
-def links_of(settings: Config) -> dict[str, LinkSpec]:
-    """Return the links that a run with this config opens, by name."""
-    return dict(Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links)
+def source_of(settings: Config, device: str, sensors: Collection[str], file_name: str) -> tuple[str, LinkSpec]:
+    """Return the finger with the sensors of a source, and the link over which a run with this config reads them.
+
+    Args:
+        settings: The config.
+        device: Device that the source becomes.
+        sensors: Its sensors; the config may leave out some of them.
+        file_name: Name of the config, for errors.
+
+    Raises:
+        RecordingError: The config has other sensors of this device, or at several addresses.
+    """
+    streams = {name: stream for name, stream in settings.streams().items() if stream.device == device}
+    ports = {stream.port for stream in streams.values()}
+    found = {stream.sensor for stream in streams.values()}
+    if len(ports) != 1 or not found <= set(sensors):
+        raise RecordingError(
+            f"{file_name}: must have the {device} sensors {' and '.join(sensors)} at one address, "
+            f"got {sorted(found)} at {len(ports)} addresses"
+        )
+    links = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links.values()
+    return next(iter(streams)).partition(".")[0], next(link for link in links if link.address in ports)
 
 
 def tare_request(finger: str, t_ns: int, length_ns: int) -> tuple[int, Event]:
@@ -34,25 +54,27 @@ def tare_request(finger: str, t_ns: int, length_ns: int) -> tuple[int, Event]:
     return t_ns, Request(b"import", {**body, "stream": "all", "seconds": length_ns * 1e-9})
 
 
-def write_run(out: Path, config_text: str, events: Iterable[tuple[int, Event]], last_ns: int) -> None:
-    """Write the events of the links with the ticks of a run: every 10 ms, until half a second after the last row.
+def write_run(out: Path, config_text: str, link: LinkSpec, last_ns: int, *events: Iterable[tuple[int, Event]]) -> None:
+    """Write a run: the link comes up at ``START_NS``, and ticks come every 10 ms until 0.5 s after the last row.
 
     Args:
         out: Recording to write; an existing one is never overwritten, and a failure leaves no file.
         config_text: Config for the replay, TOML.
-        events: ``(t_ns, event)`` in order of time, the first at ``START_NS``.
+        link: The link of the sensors.
         last_ns: Time of the last row, ns.
+        events: ``(t_ns, event)``, each in order of time.
 
     Raises:
         UsageError: ``out`` exists.
         SlipdError: ``out`` cannot be written.
     """
-    ticks: Iterator[tuple[int, Event]] = ((t_ns, Tick()) for t_ns in range(START_NS, last_ns + AFTER_NS + 1, TICK_NS))
+    up = [(START_NS, LinkUp(link.name, link.address))]
+    ticks = ((t_ns, Tick()) for t_ns in range(START_NS, last_ns + AFTER_NS + 1, TICK_NS))
     with draft(out, RECORDING) as path:
         file = RecordingFile(path, config_text=config_text, boot=BOOT, wall_minus_monotonic_ns=0)
         with contextlib.closing(file):
             count = 0
-            for t_ns, event in heapq.merge(events, ticks, key=lambda timed: timed[0]):
+            for t_ns, event in heapq.merge(up, *events, ticks, key=lambda timed: timed[0]):
                 file.add(count, t_ns, EVENTS, event)
                 count += 1
             file.finish(count)

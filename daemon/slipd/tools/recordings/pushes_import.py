@@ -8,7 +8,6 @@ the messages of an external driver, so that everything from the decoder on runs 
 
 from __future__ import annotations
 
-import heapq
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,8 @@ from scipy.ndimage import median_filter
 from slipd import config
 from slipd.devices import external
 from slipd.errors import RecordingError, UsageError
-from slipd.events import Bytes, Event, LinkSpec, LinkUp
-from slipd.tools.recordings.imported_run import START_NS, links_of, tare_request, write_run
+from slipd.events import Bytes, Event, LinkSpec
+from slipd.tools.recordings.imported_run import START_NS, source_of, tare_request, write_run
 from slipd.types.arrays import Array
 
 JUMP_S, JUMP_RAD = 1.5, 0.5
@@ -231,7 +230,8 @@ def import_pushes(source: Path, out: Path, config_text: str, mass_kg: float, cle
         RecordingError: The source is not such a run, or the config has no such streams.
         SlipdError: ``out`` cannot be written.
     """
-    link = _driver(config_text, f"config for {out.name}")
+    file_name = f"config for {out.name}"
+    finger, link = source_of(config.parse(config_text, file_name), "external", STREAMS, file_name)
     pushes = read_pushes(source)
     force, torque = board_wrench(pushes, mass_kg, clear_s)
     since_s = pushes.wrench[:, 0] - pushes.wrench[0, 0]
@@ -242,27 +242,14 @@ def import_pushes(source: Path, out: Path, config_text: str, mass_kg: float, cle
         for row, t_ns in zip(np.resize(_clear(since_s, clear_s), LIFTED_NS // STEP_NS), _LIFTED, strict=True)
     )
     pushed = (_reading(link, t_ns, force[row], torque[row], image) for row, t_ns in enumerate(times_ns))
-    finger = next(iter(config.parse(config_text, "config").finger))
-    begin = [(START_NS, LinkUp(link.name, link.address)), tare_request(finger, START_NS + TARE_NS, TARE_NS)]
-    events = heapq.merge(begin, lifted, pushed, key=lambda timed: timed[0])
-    write_run(out, config_text, events, times_ns[-1])
+    tare = tare_request(finger, START_NS + TARE_NS, TARE_NS)
+    write_run(out, config_text, link, times_ns[-1], [tare], lifted, pushed)
 
 
 def _reading(link: LinkSpec, t_ns: int, force: Array, torque: Array, image: Array) -> tuple[int, Event]:
     wrench, pad = STREAMS
     both = external.encode_reading(wrench, t_ns, force_n=force, torque_nm=torque)
     return t_ns, Bytes(link.name, both + external.encode_reading(pad, t_ns, values=image))
-
-
-def _driver(config_text: str, file_name: str) -> LinkSpec:
-    """Return the link over which the config reads both streams."""
-    settings = config.parse(config_text, file_name)
-    parts = [part for finger in settings.finger.values() for part in (finger.wrench, finger.pad) if part is not None]
-    ports = {part.port for part in parts if part.device == "external"}
-    sensors = {part.sensor for part in parts}
-    if len(ports) != 1 or sensors != set(STREAMS):
-        raise RecordingError(f"{file_name}: must have the external streams {' and '.join(STREAMS)} at one address")
-    return next(link for link in links_of(settings).values() if link.address in ports)
 
 
 def _clear(time_s: Array, clear_s: tuple[float, float]) -> NDArray[np.intp]:

@@ -106,10 +106,10 @@ def recover(
             versions=recording.versions,
             first=recording.first,
         )
-        write = _write if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
+        cleaned = None if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
         with closing(new):
             for entry in chain([first], entries):
-                write(new, entry)
+                _write(new, entry if cleaned is None else cleaned(entry))
                 progress(salvage.read_up_to, len(data))
             new.finish(salvage.end, salvage.stopped)
         entries_read = sum(1 for _ in open_recording(written).entries())  # a disk may keep less than it was given
@@ -127,8 +127,8 @@ def _write(file: RecordingFile, entry: Entered | Published) -> None:
         file.add(*entry)
 
 
-def _cleaning(clean: Callable[[str], str]) -> Callable[[RecordingFile, Entered | Published], None]:
-    """Return a `_write` that cleans each text first."""
+def _cleaning(clean: Callable[[str], str]) -> Callable[[Entered | Published], Entered | Published]:
+    """Return what returns an entry with all its texts cleaned."""
 
     def cleaned(value: Any) -> Any:
         if isinstance(value, str):
@@ -139,17 +139,16 @@ def _cleaning(clean: Callable[[str], str]) -> Callable[[RecordingFile, Entered |
             return [cleaned(each) for each in value]
         return value
 
-    def write(file: RecordingFile, entry: Entered | Published) -> None:
+    def cleaned_entry(entry: Entered | Published) -> Entered | Published:
         if isinstance(entry, Published):
-            payload = msgpack.packb(cleaned(msgpack.unpackb(entry.payload)))
-            file.add(entry.n, entry.t_ns, entry.topic, payload)
-            return
+            return entry._replace(payload=msgpack.packb(cleaned(msgpack.unpackb(entry.payload))))
         event: Any = entry.event
-        if not isinstance(event, Bytes):
-            event = replace(event, **{each.name: cleaned(getattr(event, each.name)) for each in fields(event)})
-        file.add(entry.n, entry.t_ns, EVENTS, event)
+        if isinstance(event, Bytes):
+            return entry
+        texts = {each.name: cleaned(getattr(event, each.name)) for each in fields(event)}
+        return entry._replace(event=replace(event, **texts))
 
-    return write
+    return cleaned_entry
 
 
 class _Salvage:

@@ -10,8 +10,6 @@ Samples become the messages of an external driver, so that everything from the d
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,8 +20,8 @@ from numpy.typing import NDArray
 from slipd import config
 from slipd.devices import external
 from slipd.errors import RecordingError, UsageError
-from slipd.events import Bytes, Event, LinkUp
-from slipd.tools.recordings.imported_run import START_NS, links_of, tare_request, write_run
+from slipd.events import Bytes
+from slipd.tools.recordings.imported_run import START_NS, source_of, tare_request, write_run
 from slipd.types.arrays import Array
 
 STREAM = "pad"
@@ -113,20 +111,14 @@ def import_taxels(trial: TaxelTrial, out: Path, config_text: str) -> None:
         RecordingError: The config has no such pad.
         SlipdError: ``out`` cannot be written.
     """
-    settings = config.parse(config_text, f"config for {out.name}")
-    fingers = [name for name, finger in settings.finger.items() if finger.pad and finger.pad.sensor == STREAM]
-    if len(fingers) != 1:
-        raise RecordingError(f"config for {out.name}: must have one external pad with sensor = {STREAM!r}")
-    (link,) = links_of(settings).values()
+    file_name = f"config for {out.name}"
+    finger, link = source_of(config.parse(config_text, file_name), "external", [STREAM], file_name)
     times_ns = [START_NS + round(1e9 * time_s) for time_s in trial.time_s.tolist()]
-
-    def readings() -> Iterator[tuple[int, Event]]:
-        yield START_NS, LinkUp(link.name, link.address)
-        for t_ns, values in zip(times_ns, trial.values, strict=True):
-            yield t_ns, Bytes(link.name, external.encode_reading(STREAM, t_ns, values=values))
-
-    tare = tare_request(fingers[0], times_ns[1], TARE_NS)
-    write_run(out, config_text, heapq.merge(readings(), [tare], key=lambda timed: timed[0]), times_ns[-1])
+    readings = (
+        (t_ns, Bytes(link.name, external.encode_reading(STREAM, t_ns, values=values)))
+        for t_ns, values in zip(times_ns, trial.values, strict=True)
+    )
+    write_run(out, config_text, link, times_ns[-1], readings, [tare_request(finger, times_ns[1], TARE_NS)])
 
 
 def _checked(source: Path, time_s: Array, values: Array, slips: Any) -> TaxelTrial:

@@ -131,17 +131,15 @@ class RecordedBlocks:
         self.begin_ns: int | None = None
         self.changes: list[dict[str, Any]] = []
         self.ended = False
-        self._fd, name = tempfile.mkstemp(prefix="slipd-view-")
-        os.unlink(name)  # noqa: PTH108 - the file ends with the process
+        self._file = tempfile.TemporaryFile(prefix="slipd-view-", buffering=0)  # noqa: SIM115 - it ends with the process
         self._places: dict[int, tuple[int, int]] = {}
-        self._size = 0
         self._now_ns = 0
         self._frame_ns = 0
         self._block = 0
-        self._newest: dict[str, str] = {}
+        self._newest: dict[str, dict[str, Any]] = {}
         self._changed: dict[str, dict[str, Any]] = {}
         self._frame_changes: list[dict[str, Any]] = []
-        self._frames: list[str] = []
+        self._frames: list[dict[str, Any]] = []
 
     @property
     def seconds(self) -> float:
@@ -172,7 +170,7 @@ class RecordedBlocks:
     def block(self, number: int) -> bytes | None:
         """Return a block, a JSON list of frames compressed with gzip; None where nothing was recorded then."""
         place = self._places.get(number)
-        return None if place is None else os.pread(self._fd, place[1], place[0])
+        return None if place is None else os.pread(self._file.fileno(), place[1], place[0])
 
     def _end_frame(self) -> None:
         """Make a frame of what is new, in the block of its last message."""
@@ -182,20 +180,17 @@ class RecordedBlocks:
         if block != self._block:
             self._end_block()
             self._block = block
-        new = {topic: json.dumps(body, separators=(",", ":")) for topic, body in self._changed.items()}
-        self._newest |= new
-        topics = new if self._frames else self._newest
-        texts = ",".join(f"{json.dumps(topic)}:{text}" for topic, text in topics.items())
-        changes = json.dumps(self._frame_changes, separators=(",", ":"))
-        self._frames.append(f'{{"now_ns":{self._now_ns},"topics":{{{texts}}},"changes":{changes}}}')
+        self._newest |= self._changed
+        topics = self._changed if self._frames else dict(self._newest)
+        self._frames.append({"now_ns": self._now_ns, "topics": topics, "changes": self._frame_changes})
         self._changed, self._frame_changes = {}, []
 
     def _end_block(self) -> None:
         """Write the block to the file, and only then say where it is."""
         if not self._frames:
             return
-        data = gzip.compress(f"[{','.join(self._frames)}]".encode(), compresslevel=1)
-        os.pwrite(self._fd, data, self._size)
-        self._places[self._block] = (self._size, len(data))
-        self._size += len(data)
+        data = gzip.compress(json.dumps(self._frames, separators=(",", ":")).encode(), compresslevel=1)
+        begin = self._file.tell()
+        self._file.write(data)
+        self._places[self._block] = (begin, len(data))
         self._frames = []

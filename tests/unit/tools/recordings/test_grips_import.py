@@ -124,7 +124,7 @@ def test_a_damaged_trial_is_refused_with_file_line_and_rule(
 )
 def test_a_config_with_other_sensors_or_addresses_is_refused(tmp_path: Path, old: str, new: str) -> None:
     head, tail = TWO_PADS.rsplit(old, 1)
-    with pytest.raises(RecordingError, match="must have the XELA sensors 1 and 2 at one address"):
+    with pytest.raises(RecordingError, match="must have the xela sensors 1 and 2 at one address"):
         import_trial(TRIAL, tmp_path / "out.mcap", head + new + tail)
     assert list(tmp_path.iterdir()) == []
 
