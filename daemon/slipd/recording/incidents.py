@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 from slipd.config import Incidents as IncidentLimits
 from slipd.errors import RecordingError
-from slipd.events import Event, IncidentsChanged
+from slipd.events import Event, FirstEvents, IncidentsChanged
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.run_files import RunFiles
@@ -29,6 +29,9 @@ LEVELS = ("caution", "warning", "slipping")
 
 _PERIOD_S = 0.05
 """How often the thread empties the queue, s: waking for every entry would delay the live path."""
+
+BLOCK_NS = 1_000_000_000
+"""Time between two places where a file may begin, ns: each costs the live path what the state of the run takes."""
 
 REPORT_PERIOD_NS = 1_000_000_000
 """Least time between two reports of what was saved and lost."""
@@ -47,14 +50,11 @@ class _Save:
     until_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Outcome:
-    """What became of the files so far; the thread replaces it as a whole, so that no half of it is reported."""
+class _Begin(NamedTuple):
+    """Order to begin a block of the ring; its arguments."""
 
-    saved: int = 0
-    failed: int = 0
-    path: str = ""
-    reason: str = ""
+    first: FirstEvents
+    t_ns: int
 
 
 class Incidents:
@@ -84,11 +84,11 @@ class Incidents:
         self._next_ns: dict[str, int] = {}  # before it nothing of a kind is saved
         self._ignored = self._lost = 0
         self._lost_object_ns: int | None = None
-        self._outcome = _Outcome()  # of the thread
+        self._outcome = IncidentsChanged(0, 0, 0, 0, "", "")  # the thread replaces it, so no half of it is reported
         self._reported: IncidentsChanged | None = None
-        self._report_due_ns = 0
+        self._report_due_ns = self._block_due_ns = 0
         self._ring = EntryRing(round(limits.before_s * 1e9))
-        self._queue: SimpleQueue[_Entry | _Save | None] = SimpleQueue()
+        self._queue: SimpleQueue[_Entry | _Save | _Begin | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="incidents", daemon=True)
         self._thread.start()
 
@@ -127,10 +127,20 @@ class Incidents:
         path = self._files.folder / f"{KIND}-{self._name(t_ns)}-{what}.mcap"
         self._queue.put(_Save(path, t_ns + round(self._limits.after_s * 1e9)))
 
-    def change(self, t_ns: int) -> IncidentsChanged | None:
-        """Return what was saved and lost so far; None if that is known, or was reported within the last second."""
-        done = self._outcome
-        now = IncidentsChanged(done.saved, done.failed, self._lost, self._ring.dropped_early, done.path, done.reason)
+    def follow(self, t_ns: int, first: Callable[[], FirstEvents]) -> IncidentsChanged | None:
+        """Note what precedes a file that begins now if it is time; return what was saved and lost so far.
+
+        Args:
+            t_ns: Now, CLOCK_MONOTONIC.
+            first: Returns the events that precede a file that begins now.
+
+        Returns:
+            None if it is known, or was reported within the last second.
+        """
+        if t_ns >= self._block_due_ns:
+            self._block_due_ns = t_ns + BLOCK_NS
+            self._queue.put(_Begin(first(), t_ns))
+        now = replace(self._outcome, lost=self._lost, dropped=self._ring.dropped_early)
         if now == self._reported or t_ns < self._report_due_ns:
             return None
         self._reported, self._report_due_ns = now, t_ns + REPORT_PERIOD_NS
@@ -153,6 +163,9 @@ class Incidents:
                 break
             if isinstance(item, _Save):
                 due.append(item)
+                continue
+            if isinstance(item, _Begin):
+                self._ring.begin_block(*item)
                 continue
             while due and item[-1] > due[0].until_ns:
                 self._save(due.pop(0))

@@ -135,6 +135,6 @@ class RunRecorders:
             yield change
         if self._continuous is not None:
             yield from self._continuous.follow(t_ns, first)
-        if self._incidents is not None and (saved := self._incidents.change(t_ns)):
+        if self._incidents is not None and (saved := self._incidents.follow(t_ns, first)):
             yield saved
         yield from self._requested.changes(t_ns)

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from recorded_entries import ABOUT_RUN, complete
 
-from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, StateRestored, Tick
-from slipd.recording import entry_ring
-from slipd.recording.entry_ring import Entered, EntryRing, TareEvents
+from slipd.events import Bytes, LinkUp, StateRestored
+from slipd.recording.entry_ring import EntryRing
+from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 
 MS, SECOND = 1_000_000, 1_000_000_000
-TARE = Request(b"client", {"op": "tare", "finger": "left", "seconds": 0.5})
 UP = LinkUp("left.wrench", "a")
-
-
-@pytest.fixture(autouse=True)
-def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 500)
 
 
 def written(ring: EntryRing, path: Path) -> list:
@@ -28,40 +21,28 @@ def written(ring: EntryRing, path: Path) -> list:
     return complete(path)
 
 
-def test_a_ring_that_dropped_entries_begins_with_the_links_that_were_open(tmp_path: Path) -> None:
+def test_a_ring_that_dropped_entries_begins_with_the_state_and_the_links_of_then(tmp_path: Path) -> None:
     ring = EntryRing(9 * SECOND)
-    restored = StateRestored("of the run before")
-    for event in (restored, UP, LinkUp("left.pad", "b"), LinkUp("right.pad", "c"), LinkDown("left.pad", "unplugged")):
-        ring.add(EVENTS, event, 0)
+    ring.add(EVENTS, UP, 0)
     for n in range(100):
         ring.add(EVENTS, Bytes("left.wrench", bytes(20)), n * SECOND)
+        ring.add("status", b"\x80", n * SECOND)
+        ring.begin_block((StateRestored(f"at {n}"), UP), n * SECOND + MS)
+    ring.add(EVENTS, Bytes("left.wrench", b"newest"), 100 * SECOND)
     entries = written(ring, tmp_path / "ring.mcap")
-    assert [one.event for one in entries[:3]] == [restored, UP, LinkUp("right.pad", "c")]
-    assert entries[0].n == ring.first > 0
-    assert [one.t_ns // SECOND for one in entries[3:]] == list(range(87, 100))
+    began_ns = 89 * SECOND + MS
+    assert entries[:2] == [
+        Entered(ring.first, began_ns, StateRestored("at 89")),
+        Entered(ring.first + 1, began_ns, UP),
+    ]
+    assert [one.t_ns // SECOND for one in entries[2:]] == [n for n in range(90, 100) for _ in range(2)] + [100]
+    assert entries[-1].event.data == b"newest"
+    assert ring.dropped_early == 0
 
 
-def test_a_ring_that_dropped_a_tare_begins_with_it_so_that_the_zero_is_that_of_the_run(tmp_path: Path) -> None:
-    ring = EntryRing(SECOND)
-    ring.add(EVENTS, UP, 0)
-    for n in range(500):
-        ring.add(EVENTS, Bytes("left.wrench", bytes(20)), n * 10 * MS)
-        if n == 60:
-            ring.add(EVENTS, TARE, n * 10 * MS)
-    entries = written(ring, tmp_path / "ring.mcap")
-    times_ns = [one.t_ns for one in entries]
-    assert (entries[0].t_ns, entries[0].event) == (100 * MS, UP)
-    assert (600 * MS, TARE) in [(one.t_ns, one.event) for one in entries]
-    assert times_ns == sorted(times_ns)
-    assert times_ns[-1] == 4990 * MS
-
-
-def test_the_readings_before_and_during_a_tare_are_kept() -> None:
-    tares = TareEvents()
-    for n in range(300):
-        event: Event = TARE if n == 100 else Tick(n) if n % 2 else Bytes("left.wrench", b"x")
-        tares.update(Entered(n, n * 10 * MS, event))
-    kept = tares.before(300)
-    assert [one.n for one in kept if one.n < 100] == list(range(48, 100, 2))
-    assert (kept[26].event, kept[-1].n) == (TARE, 200)
-    assert [one.n for one in tares.before(60)] == list(range(48, 60, 2))
+def test_a_ring_that_dropped_nothing_begins_with_the_run(tmp_path: Path) -> None:
+    ring = EntryRing(9 * SECOND)
+    ring.add(EVENTS, UP, 5)
+    for n in range(3):
+        ring.begin_block((StateRestored("later"), UP), n * SECOND)
+        assert written(ring, tmp_path / f"{n}.mcap") == [Entered(0, 5, UP)], "all of it, however often it is written"

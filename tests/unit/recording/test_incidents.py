@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -110,23 +111,23 @@ def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_
 def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 100)
     monkeypatch.setattr(entry_ring, "MOST_BYTES", 300)
     prepare = iter([full, nothing])
     kept = incidents(tmp_path, lambda: next(prepare)(), pause_s=1.0)
-    assert kept.change(0) == IncidentsChanged(0, 0, 0, 0, "", "")
-    assert kept.change(2 * SECOND_NS) is None
+    assert kept.follow(0, tuple) == IncidentsChanged(0, 0, 0, 0, "", "")
+    assert kept.follow(2 * SECOND_NS, tuple) is None
     monkeypatch.setattr(module, "QUEUE_LIMIT", 0)
     kept.add("status", b"x", 0)
-    assert kept.change(SECOND_NS // 2) is None, "too soon"
-    assert kept.change(2 * SECOND_NS) == IncidentsChanged(0, 0, 1, 0, "", "")
+    assert kept.follow(SECOND_NS // 2, tuple) is None, "too soon"
+    assert kept.follow(2 * SECOND_NS, tuple) == IncidentsChanged(0, 0, 1, 0, "", "")
     monkeypatch.setattr(module, "QUEUE_LIMIT", 1000)
     for n in range(100):
-        kept.add("status", bytes([n]) * 40, n)
+        kept.add("status", os.urandom(40), n * SECOND_NS)
+        kept.follow(n * SECOND_NS, tuple)
     kept.note_warning(WARNING, SECOND_NS)
     kept.note_grasp({"state": "lost", "state_t_ns": 7}, 2 * SECOND_NS)
     kept.close()
-    change = kept.change(9 * SECOND_NS)
+    change = kept.follow(200 * SECOND_NS, tuple)
     assert 0 < change.dropped < 100
     assert change == IncidentsChanged(1, 1, 1, change.dropped, str(tmp_path / called(1, 2, "grasp-lost")), "")
 

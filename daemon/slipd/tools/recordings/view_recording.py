@@ -131,8 +131,10 @@ class RecordedBlocks:
         self.begin_ns: int | None = None
         self.changes: list[dict[str, Any]] = []
         self.ended = False
-        self._file = tempfile.TemporaryFile(prefix="slipd-view-", buffering=0)  # noqa: SIM115 - it ends with the process
+        self._fd, name = tempfile.mkstemp(prefix="slipd-view-")
+        os.unlink(name)  # noqa: PTH108 - the file ends with the process
         self._places: dict[int, tuple[int, int]] = {}
+        self._size = 0
         self._now_ns = 0
         self._frame_ns = 0
         self._block = 0
@@ -170,7 +172,7 @@ class RecordedBlocks:
     def block(self, number: int) -> bytes | None:
         """Return a block, a JSON list of frames compressed with gzip; None where nothing was recorded then."""
         place = self._places.get(number)
-        return None if place is None else os.pread(self._file.fileno(), place[1], place[0])
+        return None if place is None else os.pread(self._fd, place[1], place[0])
 
     def _end_frame(self) -> None:
         """Make a frame of what is new, in the block of its last message."""
@@ -190,7 +192,7 @@ class RecordedBlocks:
         if not self._frames:
             return
         data = gzip.compress(json.dumps(self._frames, separators=(",", ":")).encode(), compresslevel=1)
-        begin = self._file.tell()
-        self._file.write(data)
-        self._places[self._block] = (begin, len(data))
+        os.pwrite(self._fd, data, self._size)
+        self._places[self._block] = (self._size, len(data))
+        self._size += len(data)
         self._frames = []
