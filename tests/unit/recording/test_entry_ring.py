@@ -30,12 +30,12 @@ def test_a_ring_that_dropped_entries_begins_with_the_state_and_the_links_of_then
         ring.begin_block((StateRestored(f"at {n}"), UP), n * SECOND + MS)
     ring.add(EVENTS, Bytes("left.wrench", b"newest"), 100 * SECOND)
     entries = written(ring, tmp_path / "ring.mcap")
-    began_ns = 89 * SECOND + MS
+    began_ns = 90 * SECOND + MS
     assert entries[:2] == [
-        Entered(ring.first, began_ns, StateRestored("at 89")),
+        Entered(ring.first, began_ns, StateRestored("at 90")),
         Entered(ring.first + 1, began_ns, UP),
     ]
-    assert [one.t_ns // SECOND for one in entries[2:]] == [n for n in range(90, 100) for _ in range(2)] + [100]
+    assert [one.t_ns // SECOND for one in entries[2:]] == [n for n in range(91, 100) for _ in range(2)] + [100]
     assert entries[-1].event.data == b"newest"
     assert ring.dropped_early == 0
 
