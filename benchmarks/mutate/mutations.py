@@ -172,6 +172,8 @@ def skipped_nodes(tree: ast.AST) -> set[int]:
             parts = [node.args[0]]
         elif isinstance(node, ast.ClassDef):
             parts = [each for each in node.decorator_list if "dataclass" in ast.unparse(each)]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "field":
+            parts = [keyword.value for keyword in node.keywords if keyword.arg in ("init", "compare", "repr")]
         for part in parts:
             if part is not None:
                 skipped.update(id(inner) for inner in ast.walk(part))

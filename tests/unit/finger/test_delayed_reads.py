@@ -149,14 +149,18 @@ def test_C4_a_course_of_reads_after_a_stall(finger: Finger, wrench: Wrench, imag
 
 
 @pytest.mark.parametrize(
-    ("arrival", "came_ms"), [(PROMPT, 0), (Arrival(500 * MS), -80), (Arrival(500 * MS, dated=False), 0)]
+    ("arrival", "came_ms", "late"),
+    [(PROMPT, 0, True), (Arrival(500 * MS), -80, False), (Arrival(500 * MS, dated=False), 0, False)],
 )
-def test_a_reading_that_waited_came_within_the_limit_of_its_acquisition(arrival: Arrival, came_ms: int) -> None:
+def test_a_reading_that_waited_came_within_the_limit_of_its_acquisition(
+    arrival: Arrival, came_ms: int, late: bool
+) -> None:
     freshness, limit_ns = Freshness(STALE_MS * MS), STALE_MS * MS
     assert (freshness.is_stale(T0), freshness.silent_ns(T0)) == (True, 0), "stale, but not silent, before the first"
     freshness.update(T0, T0 - 100 * MS, arrival)
     came_ns = T0 + came_ms * MS
     assert (freshness.came_ns, freshness.silent_ns(T0)) == (came_ns, T0 - came_ns), "its line is empty"
+    assert freshness.late == late, "by more than it waited"
     assert [freshness.is_stale(came_ns + limit_ns + more) for more in (0, 1)] == [False, True]
     for unread_ns in (0, 300 * MS):  # readings that wait are not late before they are read
         assert freshness.silent_ns(T0 + unread_ns, unread_ns) == 0

@@ -118,7 +118,8 @@ COURSES: dict[str, Callable[[], Course]] = {
     "silence is judged by the time in which the daemon was awake": lambda: (
         Bench(),
         [close(10.0), send, paused(60_000), on_time(60_000), be(fault=""),
-         *(on_time(60_000 + 5 * k) for k in range(100)), be(fault="no_answer", sample=None)],
+         *(on_time(60_000 + 5 * k) for k in range(70)), be(fault=""),
+         *(on_time(60_000 + 5 * k) for k in range(70, 75)), be(fault="no_answer", sample=None)],
     ),
     "a slow gripper may be silent for three of its periods": lambda: (
         Bench(rate_hz="rate_hz = 2.0"),
