@@ -31,7 +31,7 @@ def feel(finger):
         if channel is not None:
             channel.tare.observe(0)
     rng = np.random.default_rng(0)
-    for k in range(40):
+    for k in range(100):
         t_ns = 100_000_000_000 + k * 10_000_000
         if finger.image is not None:
             pressed = rng.uniform(1500.0, 1600.0, finger.image.x.size)
