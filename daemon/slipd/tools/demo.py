@@ -22,7 +22,7 @@ import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, NamedTuple, cast
 
 from slipd import config
 from slipd.errors import SlipdError
@@ -112,8 +112,8 @@ class _Play:
             publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
             if self._plays == 1:
                 print(f"publish: {publish}\nrequests: {requests}", flush=True)
-                if not self._headless:
-                    self._url = self._page.enter_context(_page(self._folder, publish, requests))
+            if self._plays == 1 and not self._headless:
+                self._url = self._page.enter_context(_page(self._folder, publish, requests))
             truth = _collect(gripper)
             program = self._program(publish, requests, gripper, truth)
             program.start()
@@ -140,9 +140,7 @@ class _Play:
             return RobotProgram(publish, requests)
 
         def move(scale: float) -> None:
-            stdin = _pipe(gripper.stdin)
-            stdin.write(f"{scale}\n")
-            stdin.flush()
+            print(scale, file=gripper.stdin, flush=True)
 
         def arrived() -> int:
             return sum(event["event"] == "arrived" for event in truth)
@@ -243,7 +241,7 @@ def _first_lines(process: subprocess.Popen[str], count: int, log: Path) -> list[
     timer = threading.Timer(PATIENCE_S, process.kill)
     timer.start()
     try:
-        lines = [_pipe(process.stdout).readline() for _ in range(count)]
+        lines = [cast("IO[str]", process.stdout).readline() for _ in range(count)]
     finally:
         timer.cancel()
     if not all(lines):
@@ -255,8 +253,8 @@ def _first_lines(process: subprocess.Popen[str], count: int, log: Path) -> list[
 def _collect(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
     """Return a list that grows with the events that the virtual gripper reports."""
     truth: list[dict[str, Any]] = []
-    stdout = _pipe(process.stdout)
-    threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True).start()
+    lines = cast("IO[str]", process.stdout)
+    threading.Thread(target=lambda: truth.extend(map(json.loads, lines)), name="truth", daemon=True).start()
     return truth
 
 
@@ -285,8 +283,3 @@ def _watch(
         return tally, False
     return tally, True
 
-
-def _pipe(stream: IO[str] | None) -> IO[str]:
-    if stream is None:
-        raise ValueError("the process was started without a pipe")
-    return stream

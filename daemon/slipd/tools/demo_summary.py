@@ -14,6 +14,9 @@ from slipd.tools.sim.robot_program import Report
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.subscriber import Message
 
+Events = dict[str, dict[str, Any]]
+"""The first event of each kind."""
+
 
 @dataclass(slots=True)
 class Tally:
@@ -43,7 +46,8 @@ class Tally:
 
 def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> None:
     """Print what happened, what slipd reported about it, and how many messages there were."""
-    begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), report.activated_ns)
+    events = {event["event"]: event for event in reversed(truth)}  # the first of each kind
+    begin = events["begin"]["t_ns"] if "begin" in events else report.activated_ns
 
     def at(t_ns: int) -> str:
         return f"{(t_ns - begin) * 1e-9:6.2f} s" if begin is not None else "     ? s"
@@ -60,7 +64,7 @@ def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> 
         lines.append((r.requested_ns, f"program  requests {r.requested_n:.1f} N on each pad: {applied}{measured}"))
     for t_ns, line in sorted(lines):
         print(f"  {at(t_ns)}  {line}")
-    for line in _carry_lines(truth) if report.moves else _verdict_lines(report, truth):
+    for line in _carry_lines(truth) if report.moves else _verdict_lines(report, events):
         print(line)
     lost = sum(stream["lost"] for stream in tally.streams.values())
     bad = sum(stream["bad"] for stream in tally.streams.values())
@@ -71,7 +75,7 @@ def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> 
     alarms = sum(change.rising and change.level in ("warning", "slipping") for change in report.changes)
     unknowns = sum(change.level == "unknown" for change in report.changes)
     print(f"warnings: {alarms} (unknown: {unknowns}; changes of level: {len(report.changes)})")
-    for line in _shortfall(report, truth, tally.missed, lost):
+    for line in _shortfall(report, events, tally.missed, lost):
         print(line)
     print(f"gaps: {tally.missed}")
     print(f"median latency: {latency:.2f} ms from the last byte of a reading to its message here")
@@ -87,22 +91,18 @@ def _carry_lines(truth: list[dict[str, Any]]) -> Iterator[str]:
     yield f"glass: slid by {1000 * moved_m:.0f} mm" if begun else "glass: did not slip"
 
 
-def _verdict_lines(report: Report, truth: list[dict[str, Any]]) -> Iterator[str]:
-    warned = report.rotation_warning
-    forecast = next((event["rotation_would_begin_s"] for event in truth if event.get("rotation_would_begin_s")), None)
-    begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), None)
-    if warned is not None and forecast is not None and begin is not None:
-        lead = forecast - (warned.t_ns - begin) * 1e-9
-        yield f"rotation: warned {lead:.2f} s before it would have begun at the first grip force"
-    slid = next((event["t_ns"] for event in truth if event["event"] == "slide_begins"), None)
-    reported = report.slip_report
-    if slid is not None and reported is not None:
-        yield f"slip: reported {(reported.t_ns - slid) * 1e-6:.0f} ms after it began"
+def _verdict_lines(report: Report, events: Events) -> Iterator[str]:
+    warned, reported = report.rotation_warning, report.slip_report
+    forecast_s = events.get("forecast", {}).get("rotation_would_begin_s")
+    if warned is not None and forecast_s is not None:
+        lead_s = forecast_s - (warned.t_ns - events["begin"]["t_ns"]) * 1e-9
+        yield f"rotation: warned {lead_s:.2f} s before it would have begun at the first grip force"
+    if reported is not None and "slide_begins" in events:
+        yield f"slip: reported {(reported.t_ns - events['slide_begins']['t_ns']) * 1e-6:.0f} ms after it began"
 
 
-def _shortfall(report: Report, truth: list[dict[str, Any]], missed: int, lost: int) -> Iterator[str]:
+def _shortfall(report: Report, events: Events, missed: int, lost: int) -> Iterator[str]:
     """Yield what the scene should have shown and did not, why, and what to do."""
-    events = {event["event"]: event for event in truth}
     dropped = sum(events.get("end", {}).get("dropped_bytes", {}).values())
     missing = [f"the robot program ended early ({report.error})"] if report.error else []
     if "hold" in events and report.rotation_warning is None:

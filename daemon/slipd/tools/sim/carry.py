@@ -6,6 +6,7 @@ the plane of the pads. Each move is a minimum-jerk one, from rest to rest.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -77,32 +78,30 @@ class Arm:
 
     path: tuple[Move, ...] = PATH
     begun: int = field(default=0, init=False)
-    _since_s: float = field(default=0.0, init=False)
     _scale: float = field(default=1.0, init=False)
+    _leaves_s: float = field(default=math.inf, init=False)
+    _arrives_s: float = field(default=-math.inf, init=False)
 
     def begin(self, t_s: float, scale: float) -> None:
         """Begin the next move at a scale of its speed; while the arm moves, and after the last move, do nothing."""
         if self.begun < len(self.path) and self.arrived(t_s):
-            self.begun, self._since_s, self._scale = self.begun + 1, t_s, scale
+            self._leaves_s = t_s if self.begun else t_s + HANDOVER_S
+            self._arrives_s = self._leaves_s + self.path[self.begun].takes_s / scale
+            self.begun, self._scale = self.begun + 1, scale
 
     def arrived(self, t_s: float) -> bool:
-        """Return whether the arm stands still."""
-        return not self.begun or t_s - self._since_s >= self._lead_s + self._takes_s + self._tail_s
+        """Return whether the arm stands still, and the table has taken the glass where it is set down."""
+        return t_s >= self._arrives_s + (HANDOVER_S if self.begun == len(self.path) else 0.0)
 
     def acceleration(self, t_s: float) -> tuple[float, float]:
         """Return the acceleration along X and Z of the base."""
-        if not self.begun:
-            return 0.0, 0.0
-        return self.path[self.begun - 1].acceleration(t_s - self._since_s - self._lead_s, self._scale)
+        return self.path[self.begun - 1].acceleration(t_s - self._leaves_s, self._scale)
 
     def carried(self, t_s: float) -> float:
         """Return the share of the weight that the gripper carries, not the table, 0 to 1."""
-        if not self.begun:
-            return 0.0
-        since_s = t_s - self._since_s
-        taken = min(since_s / HANDOVER_S, 1.0) if self._lead_s else 1.0
-        left = max((since_s - self._takes_s) / HANDOVER_S, 0.0) if self._tail_s else 0.0
-        return taken * (1.0 - min(left, 1.0))
+        taken = 1.0 + (t_s - self._leaves_s) / HANDOVER_S if self.begun < 2 else 1.0
+        left = (t_s - self._arrives_s) / HANDOVER_S if self.begun == len(self.path) else 0.0
+        return min(max(taken, 0.0), 1.0) * (1.0 - min(max(left, 0.0), 1.0))
 
     def reading(self, t_s: float) -> dict[str, Any]:
         """Return the motion as fields of the stream ``arm``."""
@@ -113,18 +112,6 @@ class Arm:
             "angular_velocity_radps": point[4:7],
             "angular_acceleration_radps2": point[7:],
         }
-
-    @property
-    def _lead_s(self) -> float:
-        return HANDOVER_S if self.begun == 1 else 0.0
-
-    @property
-    def _takes_s(self) -> float:
-        return self.path[self.begun - 1].takes_s / self._scale
-
-    @property
-    def _tail_s(self) -> float:
-        return HANDOVER_S if self.begun == len(self.path) else 0.0
 
 
 @dataclass(frozen=True)

@@ -42,14 +42,12 @@ class PadLoad:
         return np.array((fx, fy, fz, y * fz, -x * fz, x * fy - y * fx + self.spin_nm))
 
 
-@dataclass(slots=True)
 class _Ramp:
     """A value that changes linearly to its goal."""
 
-    goal: Array
-    begin: Array
-    begin_s: float = 0.0
-    takes_s: float = 0.0
+    def __init__(self, size: int) -> None:
+        self.begin = self.goal = np.zeros(size)
+        self.begin_s = self.takes_s = 0.0
 
     def at(self, t_s: float) -> Array:
         done = 1.0 if self.takes_s <= 0.0 else min(max((t_s - self.begin_s) / self.takes_s, 0.0), 1.0)
@@ -59,19 +57,15 @@ class _Ramp:
         self.begin, self.goal, self.begin_s, self.takes_s = self.at(t_s), goal, t_s, takes_s
 
 
-def _ramp(size: int) -> _Ramp:
-    return _Ramp(np.zeros(size), np.zeros(size))
-
-
 @dataclass(slots=True)
 class _Touched:
     """One finger: the touch of the hand, and the finger's own weight."""
 
     weight: FingerWeight
     place_m: tuple[float, float] = (0.0, 0.0)
-    press_n: _Ramp = field(default_factory=lambda: _ramp(1))
-    push_n: _Ramp = field(default_factory=lambda: _ramp(2))
-    twist_nm: _Ramp = field(default_factory=lambda: _ramp(1))
+    press_n: _Ramp = field(default_factory=lambda: _Ramp(1))
+    push_n: _Ramp = field(default_factory=lambda: _Ramp(2))
+    twist_nm: _Ramp = field(default_factory=lambda: _Ramp(1))
     gravity_mps2: Array = field(default_factory=lambda: np.array((STANDARD_GRAVITY_MPS2, 0.0, 0.0)))
     by_arm: bool = False  # its gravity is that of the arm
     sliding: bool = False
@@ -99,11 +93,11 @@ class Hand:
         self.part_m = 0.0
         self._fingers = {name: _Touched(weight) for name, weight in weights.items()}
         self._mirrored, self._pads = mirrored, pads
-        self._arm = _ramp(6)  # apparent gravity and angular velocity in the gripper frame
+        self._arm = _Ramp(6)  # apparent gravity and angular velocity in the gripper frame
         for name, pad in list(pads.items())[:1]:
             upright = np.concatenate((pad.rotation @ self._fingers[name].gravity_mps2, np.zeros(3)))
             self._arm.set(upright, 0.0, 0.0)
-        self._pull_n = _ramp(2)
+        self._pull_n = _Ramp(2)
         self._mu_s, self._mu_d = MU_S, MU_D
 
     @property
