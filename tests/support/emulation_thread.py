@@ -30,8 +30,8 @@ def emulation(
     ready, ended = threading.Event(), threading.Event()
 
     async def serve() -> None:
-        async with emulate.emulated(devices, advance) as served:
-            running = asyncio.create_task(served.run())
+        async with emulate.emulated(devices) as lines:
+            running = asyncio.create_task(emulate.run(lines, advance))
             ready.set()
             await asyncio.to_thread(ended.wait)
             running.cancel()

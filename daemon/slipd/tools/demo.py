@@ -282,4 +282,3 @@ def _watch(
         print()
         return tally, False
     return tally, True
-

@@ -41,43 +41,30 @@ HARDWARE_NICENESS = -10
 """Niceness of this process if permitted, because hardware is not late on a busy machine."""
 
 
-class Emulation:
-    """Emulated devices on their lines.
+Lines = list[tuple[Emulator, Line]]
+"""Emulated devices, each with its line."""
+
+
+async def run(devices: Lines, load: Callable[[int], None] = lambda _: None) -> None:
+    """Run devices for ever, in real time.
 
     Args:
         devices: Each device with its line.
         load: Called with the time in ns before the devices advance to it, to change the loads on them.
     """
-
-    def __init__(self, devices: Sequence[tuple[Emulator, Line]], load: Callable[[int], None] = lambda _: None) -> None:
-        self._devices = devices
-        self._load = load
-
-    async def run(self) -> None:
-        """Run for ever, in real time."""
-        start_ns = now_ns = time.monotonic_ns()
-        self._set_start(start_ns)
-        while True:
-            await asyncio.sleep(max(TICK_NS - (time.monotonic_ns() - now_ns), 0) * 1e-9)
-            before_ns, now_ns = now_ns, time.monotonic_ns()
-            lag_ns = now_ns - before_ns
-            if lag_ns > SUSPENDED_NS:
-                start_ns += lag_ns
-                self._set_start(start_ns)
-            self._load(now_ns - start_ns)
-            for device, line in self._devices:
-                _advance(device, line, now_ns - start_ns, lost=lag_ns > LONGEST_LAG_NS)
-
-    @property
-    def dropped(self) -> list[int]:
-        """Bytes of each device that were lost because the host of its line did not read."""
-        return [line.dropped for _, line in self._devices]
-
-    def _set_start(self, start_ns: int) -> None:
-        """Set the start time of devices whose readings carry the time of this host."""
-        for device, _ in self._devices:
+    start_ns = now_ns = time.monotonic_ns()
+    while True:
+        await asyncio.sleep(max(TICK_NS - (time.monotonic_ns() - now_ns), 0) * 1e-9)
+        before_ns, now_ns = now_ns, time.monotonic_ns()
+        lag_ns = now_ns - before_ns
+        if lag_ns > SUSPENDED_NS:
+            start_ns += lag_ns
+        for device, _ in devices:
             if hasattr(device, "began_ns"):
-                device.began_ns = start_ns
+                device.began_ns = start_ns  # its readings carry the time of this host
+        load(now_ns - start_ns)
+        for device, line in devices:
+            _advance(device, line, now_ns - start_ns, lost=lag_ns > LONGEST_LAG_NS)
 
 
 def _advance(device: Emulator, line: Line, t_ns: int, *, lost: bool) -> None:
@@ -92,28 +79,25 @@ def _advance(device: Emulator, line: Line, t_ns: int, *, lost: bool) -> None:
 
 
 @contextlib.asynccontextmanager
-async def emulated(
-    devices: Sequence[tuple[str, Emulator, str]], load: Callable[[int], None] = lambda _: None
-) -> AsyncIterator[Emulation]:
+async def emulated(devices: Sequence[tuple[str, Emulator, str]]) -> AsyncIterator[Lines]:
     """Open the lines of devices, and the servers of their inquiries.
 
     Args:
         devices: Name of each device in the list of devices, its emulator, and the address of its line.
-        load: See `Emulation`.
 
     Raises:
         OSError: A line cannot be served at its address.
         ValueError: An address is invalid.
     """
     async with AsyncExitStack() as stack:
-        lines = []
+        lines: Lines = []
         for name, device, address in devices:
             lines.append((device, await stack.enter_async_context(open_line(address))))
             inquiry = _inquiry(name, device)
             if inquiry is not None:
                 host = urlsplit(address).hostname
                 await stack.enter_async_context(await _serve_inquiries(device, host, inquiry.port))
-        yield Emulation(lines, load)
+        yield lines
 
 
 def _inquiry(name: str, device: Emulator) -> Inquiry | None:
@@ -159,12 +143,12 @@ async def serve_until_ended(
     load: Callable[[int], None] = lambda _: None,
     hear: Callable[[str], None] = lambda _: None,
     ready: Callable[[], None] = lambda: None,
-) -> Emulation:
-    """Serve devices until a signal or the end of standard input; return the emulation, which has ended.
+) -> Lines:
+    """Serve devices until a signal or the end of standard input; return them with their lines, which are closed.
 
     Args:
         devices: See `emulated`.
-        load: See `Emulation`.
+        load: See `run`.
         hear: Called with each line of the standard input.
         ready: Called once all are served.
 
@@ -177,10 +161,10 @@ async def serve_until_ended(
         async for line in standard_input():
             hear(line)
 
-    async with emulated(devices, load) as emulation:
+    async with emulated(devices) as lines:
         ready()
-        await run_until_ended(emulation.run(), listen())
-    return emulation
+        await run_until_ended(run(lines, load), listen())
+    return lines
 
 
 async def standard_input() -> AsyncIterator[str]:

@@ -16,7 +16,15 @@ from pathlib import Path
 from slipd import config
 from slipd.config.config_file import config_file
 from slipd.errors import SlipdError
-from slipd.tools.sim.emulate import LONGEST_LINE, emulated, lines_of, prepare_process, run_until_ended, standard_input
+from slipd.tools.sim.emulate import (
+    LONGEST_LINE,
+    emulated,
+    lines_of,
+    prepare_process,
+    run,
+    run_until_ended,
+    standard_input,
+)
 from slipd.tools.sim.emulated_copy import emulated_copy
 from slipd.tools.sim.hand import PadLoad
 from slipd.tools.sim.hand_commands import HELP, CommandError, parse_command
@@ -121,7 +129,7 @@ def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
 async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> None:
     desk = _Desk(devices)
     place = written.with_name(SOCKET)
-    async with emulated(devices.devices, desk.advance) as emulation:
+    async with emulated(devices.devices) as lines:
         place.unlink(missing_ok=True)
         server = await asyncio.start_unix_server(desk.serve_client, place, limit=LONGEST_LINE)
         place.chmod(0o600)
@@ -130,7 +138,7 @@ async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> N
         print(f"commands: slipd touch {place.parent} help\nby mouse: slipctl view --emulation {place.parent}")
         print(f"config: {written}", flush=True)
         try:
-            await run_until_ended(emulation.run(), desk.serve_script(script), stop=desk.stop)
+            await run_until_ended(run(lines, desk.advance), desk.serve_script(script), stop=desk.stop)
         finally:
             server.close()
             place.unlink(missing_ok=True)

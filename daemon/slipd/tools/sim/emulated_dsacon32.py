@@ -88,7 +88,10 @@ class Dsacon32(WeissController):
     clock_ppm = 80.0
 
     def __init__(self, seed: int, matrices: Sequence[tuple[int, int]] = FINGER, *, noise_counts: float = 0.7) -> None:
-        requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
+        requests = PacketScanner(
+            SEED_AFTER_PREAMBLE, lambda number, size, _: REQUEST_SIZES.get(number) == size, _REQUEST_BYTES,
+            DecoderHealth(), bare=True,
+        )  # fmt: skip
         super().__init__(seed, sum(cols * rows for cols, rows in matrices), requests, noise_counts)
         self._matrices = matrices
         self._loads = [np.zeros(cols * rows) for cols, rows in matrices]
@@ -130,10 +133,6 @@ class Dsacon32(WeissController):
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
         return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
-
-
-def _is_request(packet_id: int, size: int, _: bytes) -> bool:
-    return REQUEST_SIZES.get(packet_id) == size
 
 
 make = Dsacon32

@@ -11,7 +11,7 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Limits
-from slipd.tools.sim.emulators import EmulatedDevice
+from slipd.tools.sim.emulators import EmulatedDevice, Timer
 from slipd.tools.sim.jaws import moved_jaws
 
 SERIAL = 4711
@@ -68,11 +68,6 @@ def encode_limits(limits: wire.Limits) -> bytes:
     return encode_reply(wire.LIMITS, data=wire.LIMITS_FIELDS.pack(*limits))
 
 
-def encode_system(serial: int) -> bytes:
-    """Return the answer about the system."""
-    return encode_reply(wire.SYSTEM, data=wire.SYSTEM_FIELDS.pack(1, 0, 0, serial))
-
-
 class Gripper(EmulatedDevice):
     """The gripper on its line; its caller passes the time.
 
@@ -85,19 +80,21 @@ class Gripper(EmulatedDevice):
         overdrive: Whether forces above the nominal one are allowed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *words: str) -> None:
         super().__init__(UPDATE_HZ)
         self.part_m = 0.0
-        self.words: set[str] = set()
+        self.words = set(words)
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
         self.overdrive = False
-        self._requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _TYPICAL_BYTES, DecoderHealth())
+        self._requests = PacketScanner(
+            SEED_WITH_PREAMBLE, lambda _, size, __: size <= LONGEST_PAYLOAD, _TYPICAL_BYTES, DecoderHealth()
+        )
         self._connected = False  # a host is connected, or left without a disconnect command
         self._now_ns = 0
         self._goal: tuple[int, float, float] | None = None  # command, mm, mm/s
         self._blocked = ""
-        self._updates: dict[int, tuple[int, int]] = {}  # id: period and when the next is due, ns
+        self._updates: dict[int, Timer] = {}
 
     @property
     def grip_n(self) -> float:
@@ -123,11 +120,8 @@ class Gripper(EmulatedDevice):
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the ends of motions and the updates due by then."""
         output = self._move(t_ns)
-        for update, (period_ns, due_ns) in sorted(self._updates.items()):
-            while due_ns <= t_ns:
-                output.append(self._update(update))
-                due_ns += period_ns
-            self._updates[update] = period_ns, due_ns
+        for update in sorted(self._updates):
+            output += [self._update(update) for _ in self._updates[update].times(t_ns)]
         return output
 
     def _obey(self, request: Packet) -> list[bytes]:
@@ -155,7 +149,7 @@ class Gripper(EmulatedDevice):
                 _, width_mm, speed_mmps = parse_goal(request.payload)
                 return self._begin(wire.PREPOSITION, width_mm, speed_mmps)
             case wire.SYSTEM:
-                return [encode_system(SERIAL)]
+                return [encode_reply(wire.SYSTEM, data=wire.SYSTEM_FIELDS.pack(1, 0, 0, SERIAL))]
             case wire.LIMITS:
                 return [encode_limits(LIMITS)]
             case wire.GET_FORCE:
@@ -163,7 +157,8 @@ class Gripper(EmulatedDevice):
             case _:
                 automatic, period_ms = wire.UPDATE_FIELDS.unpack(request.payload)
                 if automatic and period_ms:
-                    self._updates[request.id] = period_ms * 1_000_000, self._now_ns + period_ms * 1_000_000
+                    self._updates[request.id] = Timer(1000.0 / period_ms)
+                    self._updates[request.id].start(self._now_ns)
                 return [self._update(request.id)]
         return [encode_reply(request.id)]
 
@@ -215,12 +210,6 @@ class Gripper(EmulatedDevice):
         return encode_state(self.words | mode | {"moving" if self._goal else "target_reached", self._blocked})
 
 
-def _is_request(_: int, size: int, __: bytes) -> bool:
-    return size <= LONGEST_PAYLOAD
-
-
 def make(seed: int) -> Gripper:
     """Return a referenced gripper; it has no noise, so ``seed`` is unused."""
-    gripper = Gripper()
-    gripper.words.add("referenced")
-    return gripper
+    return Gripper("referenced")

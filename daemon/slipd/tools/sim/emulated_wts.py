@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from slipd.devices import wts
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner, encode
-from slipd.devices.shared.weiss_tactile import FULL_SCALE, Words
+from slipd.devices.shared.weiss_tactile import FULL_SCALE
 from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 SINGLE = 0x20
+"""A single image; the answer is a status and the image, as drivers read it: ksatyaki/wts_driver at 82c46ac,
+``src/wts_driver.cpp``."""
 
 SERIAL = 4711
 
@@ -27,24 +29,9 @@ _IMAGE_HEAD = struct.Struct("<IB")  # device time in ms, flags
 REQUEST_SIZES = {SINGLE: 1, wts.START: wts.START_FIELDS.size, wts.STOP: 0, wts.MATRIX: 0, wts.SYSTEM: 0}
 
 
-def encode_single(cells: Words, device_time_ms: int) -> bytes:
-    """Return the answer to `SINGLE`, as drivers read it: a status, and the content of an image.
-
-    Source: ksatyaki/wts_driver at 82c46ac, ``src/wts_driver.cpp``.
-    """
-    return encode(
-        SINGLE, bytes(2) + _IMAGE_HEAD.pack(device_time_ms, 0) + cells.astype("<u2").tobytes(), SEED_WITH_PREAMBLE
-    )
-
-
 def encode_status(packet_id: int, status: int = 0) -> bytes:
     """Return an answer that consists of a status alone; 0 is success."""
     return encode(packet_id, status.to_bytes(2, "little"), SEED_WITH_PREAMBLE)
-
-
-def encode_system(serial: int) -> bytes:
-    """Return the answer about the module."""
-    return encode(wts.SYSTEM, wts.SYSTEM_FIELDS.pack(0, 1, 0, _FIRMWARE, serial), SEED_WITH_PREAMBLE)
 
 
 def encode_matrix(matrix: wts.Matrix) -> bytes:
@@ -119,17 +106,21 @@ class WtsModule(WeissController):
     clock_ppm = -60.0
 
     def __init__(self, seed: int, cols: int = 4, rows: int = 8) -> None:
-        requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth())
+        requests = PacketScanner(
+            SEED_WITH_PREAMBLE, lambda number, size, _: REQUEST_SIZES.get(number) == size, _REQUEST_BYTES,
+            DecoderHealth(),
+        )  # fmt: skip
         super().__init__(seed, cols * rows, requests)
         self._matrix = wts.Matrix(cols, rows)
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == wts.SYSTEM:
-            return encode_system(SERIAL)
+            return encode(wts.SYSTEM, wts.SYSTEM_FIELDS.pack(0, 1, 0, _FIRMWARE, SERIAL), SEED_WITH_PREAMBLE)
         if request.id == wts.MATRIX:
             return encode_matrix(self._matrix)
         if request.id == SINGLE:
-            return encode_single(self._cells(), self._time_ms(t_ns))
+            image = _IMAGE_HEAD.pack(self._time_ms(t_ns), 0) + self._cells().astype("<u2").tobytes()
+            return encode(SINGLE, bytes(2) + image, SEED_WITH_PREAMBLE)
         if request.id == wts.START:
             _, interval_ms = wts.START_FIELDS.unpack(request.payload)
             self._stream.start(t_ns, 1000.0 / max(interval_ms, FASTEST_MS))
@@ -139,10 +130,6 @@ class WtsModule(WeissController):
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
         return wts.encode_frame(cells, time_ms)
-
-
-def _is_request(packet_id: int, size: int, _: bytes) -> bool:
-    return REQUEST_SIZES.get(packet_id) == size
 
 
 make = WtsModule

@@ -170,21 +170,17 @@ class VirtualGripper:
             said = self._rig.advance(self._t_ns) | {ARM: self._rig.arm_reading(self._t_ns, start_ns)}
             for name, data in said.items():
                 self._lines[name].said += [data] if data else []
-            self._report_news(start_ns)
+        begun_ns = start_ns + (self._rig.began_ns or 0)
+        events = [] if self._rig.began_ns is None else [Truth(0.0, "begin", {}), *self._rig.scene.truth]
+        for truth in events[self._told :]:
+            t_ns = begun_ns + round(truth.t_s * 1e9)
+            self._report({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
+        self._told = len(events)
 
     def hear(self, line: str) -> None:
         """Let the arm move at the scale in a line of standard input."""
         if self._rig.arm is not None:
             self._rig.arm.begin(self._rig.scene.t_s, float(line))
-
-    def _report_news(self, start_ns: int) -> None:
-        if self._rig.began_ns is None:
-            return
-        events = [Truth(0.0, "begin", {}), *self._rig.scene.truth]
-        for truth in events[self._told :]:
-            t_ns = start_ns + self._rig.began_ns + round(truth.t_s * 1e9)
-            self._report({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
-        self._told = len(events)
 
 
 def carried_rig(seed: int = 0, electronics: PvdfElectronics | None = None, **scene: Any) -> VirtualRig:
@@ -213,8 +209,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     prepare_process()
     try:
-        ended = asyncio.run(serve_until_ended(gripper.devices, gripper.advance, gripper.hear, ready))
-        dropped = dict(zip(LINES, ended.dropped, strict=False))
+        served = asyncio.run(serve_until_ended(gripper.devices, gripper.advance, gripper.hear, ready))
+        dropped = {name: line.dropped for name, (_, line) in zip(LINES, served, strict=False)}
         _print({"t_s": rig.scene.t_s, "t_ns": time.monotonic_ns(), "event": "end", "dropped_bytes": dropped})
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: end without an error

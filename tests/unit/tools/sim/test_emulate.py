@@ -60,8 +60,8 @@ async def test_after_a_long_pause_the_clock_went_on_and_after_a_suspension_it_di
     if suspended:
         monkeypatch.setattr(emulate, "SUSPENDED_NS", pause_ns)
     device = Clocked()
-    async with emulated([("gauges", device, str(tmp_path / "line"))]) as emulation:
-        running = asyncio.create_task(emulation.run())
+    async with emulated([("gauges", device, str(tmp_path / "line"))]) as lines:
+        running = asyncio.create_task(emulate.run(lines))
         async with asyncio.timeout(PATIENCE_S):
             while not device.at_ns:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(0)
