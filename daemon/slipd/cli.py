@@ -153,9 +153,9 @@ def evaluate(
 
 def export(recordings: list[Path], out: Path, **options: Any) -> bool:
     """Export recordings; see `slipd.tools.export.export_command.export_command`."""
-    from slipd.tools.export.export_command import ExportOptions, export_command
+    from slipd.tools.export.export_command import export_command
 
-    return export_command(recordings, out, ExportOptions(**options))
+    return export_command(recordings, out, **options)
 
 
 def touch(folder: Path, words: list[str]) -> bool:

@@ -6,13 +6,11 @@ A config file is served until the run ends, and again when the file has changed.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import gc
 import itertools
 import logging
 import signal
-import sys
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -21,9 +19,9 @@ from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
 from slipd.events import HostNotice
-from slipd.io.host.run_signals import ConfigReload, EndSignals, handled_signals, kept_text
+from slipd.io.host.run_signals import ConfigReload, EndSignals, kept_text, reload_requests
 from slipd.io.host.scheduling import PollingSelector, realtime_priority
-from slipd.io.host.systemd import SystemdNotifier, Watchdog, stage_checks
+from slipd.io.host.systemd import SystemdNotifier, stage_checks, watch_stages
 from slipd.io.ticker import Ticker
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import raise_descriptor_limit
@@ -105,9 +103,6 @@ async def serve(
     run.raise_failure()
 
 
-_log = logging.getLogger(__name__)
-
-
 def _helpers(
     run: ServiceRun,
     links: Links,
@@ -125,7 +120,7 @@ def _helpers(
         helpers["reload"] = reload.watch(config, run.handle, stop)
     if notifier.watchdog_s is not None:
         checks = stage_checks(links, lambda: run.ticks_handled, *run.listeners())
-        helpers["watchdog"] = Watchdog(notifier.feed, notifier.watchdog_s, checks).run()
+        helpers["watchdog"] = watch_stages(notifier.feed, notifier.watchdog_s, checks)
     return helpers
 
 
@@ -213,10 +208,19 @@ async def serve_file(
     config = load(file)
     before: Config | None = None
     refused: SlipdError | None = None
-    with _requests_to_reload() as requested, EndSignals(*_ending(requested)) as ends:
+    requested = reload_requests()
+    served = False
+
+    def note_served(endpoints: Endpoints) -> None:
+        nonlocal served
+        served = True
+        on_ready(endpoints)
+
+    hangup = [signal.SIGHUP] if requested is None else []  # ends the daemon where it does not reload
+    with EndSignals(signal.SIGINT, signal.SIGTERM, *hangup) as ends:
         while not ends.received:
             reload = None if requested is None else ConfigReload(file, requested)
-            ready = _Ready(on_ready)
+            served = False
             selector.polls = config.realtime.poll
             for hint in hints(config, str(file)) if refused is None else ():
                 _log.warning("%s", hint)
@@ -224,14 +228,14 @@ async def serve_file(
                 await serve(
                     config,
                     record=None if record is None else _free_name(record, first=before is None and refused is None),
-                    on_ready=ready,
+                    on_ready=note_served,
                     ends=ends,
                     reload=reload,
                     notices={"config": "" if refused is None else kept_text(refused)},
                     notifier=notifier,
                 )
             except SlipdError as error:
-                if ready.reached:
+                if served:
                     raise
                 if refused is not None:
                     raise SlipdError(
@@ -247,34 +251,6 @@ async def serve_file(
                 return
             config, before, refused = reload.found, config, None
         notifier.stopping()
-
-
-def _ending(requested: asyncio.Event | None) -> tuple[signal.Signals, ...]:
-    """Return the signals that end the daemon: SIGHUP too where it does not reload."""
-    return (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if requested is None else ()))
-
-
-class _Ready:
-    """Passes on that a run serves, and remembers it."""
-
-    def __init__(self, on_ready: Callable[[Endpoints], None]) -> None:
-        self._on_ready = on_ready
-        self.reached = False
-
-    def __call__(self, endpoints: Endpoints) -> None:
-        self.reached = True
-        self._on_ready(endpoints)
-
-
-@contextlib.contextmanager
-def _requests_to_reload() -> Iterator[asyncio.Event | None]:
-    """Yield the event that SIGHUP sets; None where SIGHUP must not reload."""
-    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN or (sys.stdin is not None and sys.stdin.isatty()):
-        yield None
-        return
-    requested = asyncio.Event()
-    with handled_signals({signal.SIGHUP: requested.set}):
-        yield requested
 
 
 def _free_name(path: Path, *, first: bool) -> Path:

@@ -159,7 +159,10 @@ class RecordingFile:
         self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         keep_index_packed(self._writer)
         try:
-            self._start(start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first), config_text)
+            self._writer.start(profile=PROFILE, library=f"slipd {version('slipd')}")
+            metadata = start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first)
+            self._writer.add_metadata(START, metadata)
+            self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
             self.flush()
         except OSError as error:
             self.remove()
@@ -230,11 +233,6 @@ class RecordingFile:
         """Close the file and remove it."""
         self._stream.remove()
         self._stream.close()
-
-    def _start(self, metadata: dict[str, str], config_text: str) -> None:
-        self._writer.start(profile=PROFILE, library=f"slipd {version('slipd')}")
-        self._writer.add_metadata(START, metadata)
-        self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
 
     def _register(self, topic: str) -> int:
         # msgpack needs no schema, but MCAP readers fail if a channel has none.

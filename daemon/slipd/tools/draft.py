@@ -39,6 +39,15 @@ RECORDING = Kind("a recording", lambda _: False, replaceable=False)
 """A new recording: it replaces nothing."""
 
 
+def first_bytes(path: Path, most: int) -> bytes:
+    """Return the beginning of a file, by which its kind is known; nothing of one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(most)
+    except OSError:
+        return b""
+
+
 @contextlib.contextmanager
 def draft(out: Path, kind: Kind, inputs: Iterable[Path] = (), *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a path to write to, which becomes ``out`` at the end; after an error nothing of it stays.

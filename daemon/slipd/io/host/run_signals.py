@@ -7,8 +7,9 @@ import concurrent.futures
 import contextlib
 import logging
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
@@ -22,27 +23,18 @@ READ_LIMIT_S = 5.0
 _log = logging.getLogger(__name__)
 
 
-@contextlib.contextmanager
-def handled_signals(handlers: Mapping[signal.Signals, Callable[[], None]]) -> Iterator[None]:
-    """Call the handlers on the running loop for the duration of ``with``.
+def reload_requests() -> asyncio.Event | None:
+    """Return the event that SIGHUP sets until the running loop is closed; None where SIGHUP must not reload.
 
-    A signal that is ignored, such as SIGHUP under ``nohup``, stays ignored. In a thread other than the main one nothing
-    is handled: the owner of the main thread ends the run.
-
-    Args:
-        handlers: What each signal calls.
+    Under ``nohup`` it stays ignored. From a terminal as standard input, it says that the terminal was closed. In a
+    thread other than the main one nothing is handled: the owner of the main thread ends the run.
     """
-    loop = asyncio.get_running_loop()
-    numbers = [number for number in handlers if signal.getsignal(number) is not signal.SIG_IGN]
-    for number in numbers:
-        with contextlib.suppress(ValueError, RuntimeError):
-            loop.add_signal_handler(number, handlers[number])
-    try:
-        yield
-    finally:
-        for number in numbers:
-            with contextlib.suppress(ValueError, RuntimeError):
-                loop.remove_signal_handler(number)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN or (sys.stdin is not None and sys.stdin.isatty()):
+        return None
+    requested = asyncio.Event()
+    with contextlib.suppress(ValueError, RuntimeError):
+        asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, requested.set)
+    return requested
 
 
 class EndSignals:

@@ -82,29 +82,21 @@ class SystemdNotifier:
             sender.sendto("\n".join(lines).encode(), self._address)
 
 
-class Watchdog:
-    """Feed the watchdog for as long as every stage makes progress.
+async def watch_stages(feed: Callable[[], None], timeout_s: float, stages: Mapping[str, Check]) -> None:
+    """Feed the watchdog for as long as every stage makes progress, until cancelled.
 
     Args:
         feed: Feeds the watchdog.
         timeout_s: Time after which an unfed watchdog ends the process, s.
         stages: Check of each stage, by name.
     """
-
-    def __init__(self, feed: Callable[[], None], timeout_s: float, stages: Mapping[str, Check]) -> None:
-        self._feed = feed
-        self._period_s = timeout_s / FEEDS_PER_TIMEOUT
-        self._stages = stages
-
-    async def run(self) -> None:
-        """Check and feed until cancelled."""
-        while True:
-            await asyncio.sleep(self._period_s)
-            stalled = [f"{name}: {why}" for name, check in self._stages.items() if (why := await check())]
-            if stalled:
-                _log.error("%s: the watchdog is not fed: no progress (%s)", "watchdog", "; ".join(stalled))
-            else:
-                self._feed()
+    while True:
+        await asyncio.sleep(timeout_s / FEEDS_PER_TIMEOUT)
+        stalled = [f"{name}: {why}" for name, check in stages.items() if (why := await check())]
+        if stalled:
+            _log.error("%s: the watchdog is not fed: no progress (%s)", "watchdog", "; ".join(stalled))
+        else:
+            feed()
 
 
 def stage_checks(

@@ -43,10 +43,9 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
     gaps = EventGaps()
     messages = replay(recording, settings=settings, on_event=gaps.add)
     try:
-        spans = level_spans(_watched(messages, run, begin_s), end_s, gaps.found)
+        run.spans = level_spans(_watched(messages, run, begin_s), run.end_s, gaps.found, begin_s)
     except RecordingError as error:
         raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
-    run.spans = {source: [span.shifted(-begin_s) for span in of_source] for source, of_source in spans.items()}
     run.fault = recording.gap
     run.gaps = len(gaps.found)
     run.compute_s = time.process_time() - began_s

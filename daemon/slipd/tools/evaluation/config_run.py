@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from slipd_client.messages import GRASP_TOPIC, slip_topic
@@ -40,13 +40,9 @@ class LevelSpan(NamedTuple):
         """Its length, s."""
         return self.end_s - self.begin_s
 
-    def shifted(self, by_s: float) -> LevelSpan:
-        """Return it some time later, s."""
-        return self._replace(begin_s=self.begin_s + by_s, end_s=self.end_s + by_s)
-
 
 def level_spans(
-    messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0.0, gaps: Sequence[Gap] = ()
+    messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0.0, gaps: Sequence[Gap] = (), begin_s: float = 0.0
 ) -> dict[str, list[LevelSpan]]:
     """Return what each source reported: every finger by its name, and "grasp" where both are judged together.
 
@@ -55,6 +51,7 @@ def level_spans(
             published at once where the level changes, and where only the reasons do, at their rate.
         end_s: End of the run, s, where it lasts longer than to the last message.
         gaps: Times of which nothing is known, in order; one may be added until the first message after it is read.
+        begin_s: Time from which those of the spans and ``end_s`` count, s; messages and gaps have that of their clock.
 
     Returns:
         The spans of each source in order, each from the end of the one before. Before its first message a source has
@@ -63,21 +60,21 @@ def level_spans(
     found: dict[str, list[LevelSpan]] = {}
     last_s, seen = end_s, 0
     for topic, body in messages:
-        seen = _interrupt(found, gaps, seen)
-        t_s = body["t_ns"] * 1e-9
+        seen = _interrupt(found, gaps, seen, begin_s)
+        t_s = body["t_ns"] * 1e-9 - begin_s
         last_s = max(last_s, t_s)
         if topic == GRASP_TOPIC or topic.startswith(_SLIP):
             words = body["level"], tuple(body["reasons"]), tuple(body.get("evidence") or ())
             _append(found.setdefault(topic.removeprefix(_SLIP), []), *words, t_s)
-    _interrupt(found, gaps, seen)
+    _interrupt(found, gaps, seen, begin_s)
     return {source: [*spans[:-1], spans[-1]._replace(end_s=last_s)] for source, spans in found.items()}
 
 
-def _interrupt(found: dict[str, list[LevelSpan]], gaps: Sequence[Gap], seen: int) -> int:
+def _interrupt(found: dict[str, list[LevelSpan]], gaps: Sequence[Gap], seen: int, begin_s: float) -> int:
     """End every level at each gap after the first ``seen``; return the number of gaps."""
     for gap in gaps[seen:]:
         for spans in found.values():
-            _append(spans, "unknown", (NOT_RECORDED,), (), gap.begin_s)
+            _append(spans, "unknown", (NOT_RECORDED,), (), gap.begin_s - begin_s)
     return len(gaps)
 
 
@@ -164,13 +161,9 @@ class ConfigRun:
     gaps: int = 0
     compute_s: float = field(default=0.0, compare=False)
 
-    def as_map(self) -> dict[str, Any]:
-        """Return all of it as maps and lists."""
-        return asdict(self)
-
     @classmethod
     def from_map(cls, found: dict[str, Any]) -> ConfigRun:
-        """Return the run of a map that `as_map` made, and that JSON may have stored.
+        """Return the run of a map that `dataclasses.asdict` made, and that JSON may have stored.
 
         Raises:
             KeyError, TypeError, ValueError, AttributeError: It is no such map.

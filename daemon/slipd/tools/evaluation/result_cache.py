@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from slipd.io.replaced_file import replace_file
@@ -57,7 +58,7 @@ class ResultCache:
 
     def get(self, job: Job) -> ConfigRun | LastingFault | None:
         """Return a result, or None if it is not there. Then it counts as new."""
-        for path in (self._run_file(job), self._fault_file(job)):
+        for path in self._files(job):
             try:
                 found = json.loads(path.read_text(encoding="utf-8"))
                 result = LastingFault(found) if isinstance(found, str) else ConfigRun.from_map(found)
@@ -71,23 +72,16 @@ class ResultCache:
 
     def put(self, job: Job, result: ConfigRun | LastingFault) -> None:
         """Keep a result."""
-        if isinstance(result, LastingFault):
-            self._write(self._fault_file(job), result)
-        else:
-            self._write(self._run_file(job), result.as_map())
-
-    def _write(self, path: Path, content: object) -> None:
+        of_run, of_fault = self._files(job)
+        path, content = (of_fault, result) if isinstance(result, LastingFault) else (of_run, asdict(result))
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
             replace_file(path, json.dumps(content), mode=0o644)  # several users may share the folder
 
-    def _run_file(self, job: Job) -> Path:
-        return self._folder / f"{job.key}.json"
-
-    def _fault_file(self, job: Job) -> Path:
-        """Return the file of a fault, whose text names the recording and the config."""
+    def _files(self, job: Job) -> tuple[Path, Path]:
+        """Return the file of a run, and that of a fault, whose text names the recording and the config."""
         named = hashlib.sha256(f"{job.path} {job.config.name}".encode(errors="surrogateescape")).hexdigest()
-        return self._folder / f"{job.key}-{named[:16]}.json"
+        return self._folder / f"{job.key}.json", self._folder / f"{job.key}-{named[:16]}.json"
 
     def prune(self, needed: int = 0) -> None:
         """Remove the oldest results beyond `MOST_RESULTS`, or beyond those needed, and what an interrupted run left."""

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import NamedTuple
 
 from slipd import config
 from slipd.compile_kernels import compile_kernels
@@ -16,7 +15,7 @@ from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, is_recording, open_recording
 from slipd.recording.replay import replay_dated
 from slipd.tools.cli_arguments import chosen
-from slipd.tools.draft import Kind, draft
+from slipd.tools.draft import Kind, draft, first_bytes
 from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
 from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
@@ -39,29 +38,24 @@ _MCAP_LIBRARY = b"\x05\0\0\0slipd"
 Show = Callable[[int, int], None]
 
 
-class ExportOptions(NamedTuple):
-    """What to write.
-
-    Attributes:
-        to: One of `FORMATS`, or "lerobot".
-        rate_hz: Frames per second, of "lerobot" alone.
-        task: What the robot does, of "lerobot" alone; None: `TASK`.
-        overwrite: Replace an earlier export; nothing else is ever replaced.
-    """
-
-    to: str
-    rate_hz: int | None = None
-    task: str | None = None
-    overwrite: bool = False
-
-
-def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions) -> bool:
+def export_command(
+    recordings: Sequence[Path],
+    out: Path,
+    *,
+    to: str,
+    rate_hz: int | None = None,
+    task: str | None = None,
+    overwrite: bool = False,
+) -> bool:
     """Write recordings as files for other programs.
 
     Args:
         recordings: The recordings; only a data set for learning takes several.
         out: The folder to create.
-        options: What to write.
+        to: One of `FORMATS`, or "lerobot".
+        rate_hz: Frames per second, of "lerobot" alone.
+        task: What the robot does, of "lerobot" alone; None: `TASK`.
+        overwrite: Replace an earlier export; nothing else is ever replaced.
 
     Returns:
         Whether every recording is complete; if not, the export of it ends where the recording does.
@@ -71,17 +65,17 @@ def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions
         SlipdError: A recording cannot be read, holds no message or is of another rig, pyarrow is not installed, or
             ``out`` cannot be written.
     """
-    _check(recordings, options)
-    paths = chosen(recordings) if options.to == "lerobot" else recordings
+    _check(recordings, to, rate_hz, task)
+    paths = chosen(recordings) if to == "lerobot" else recordings
     opened = [open_recording(path) for path in paths]
-    layout = _common_layout(opened) if options.to == "lerobot" else None
+    layout = _common_layout(opened) if to == "lerobot" else None
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
-    with draft(out, EXPORT, paths, overwrite=options.overwrite) as written, progress.shown() as show:
+    with draft(out, EXPORT, paths, overwrite=overwrite) as written, progress.shown() as show:
         compile_kernels()
         if layout is None:
-            what = f"{_messages(opened[0], written, FORMATS[options.to], show)} messages of slipd"
+            what = f"{_messages(opened[0], written, FORMATS[to], show)} messages of slipd"
         else:
-            frames = _frames(opened, written, layout, options, show)
+            frames = _frames(opened, written, layout, rate_hz or 1, task or TASK, show)
             what = f"{frames} frames of {'1 episode' if len(opened) == 1 else f'{len(opened)} episodes'}"
     print(f"{out}: written, {what}")
     faults = [recording.gap for recording in opened if not recording.complete]
@@ -90,17 +84,17 @@ def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions
     return not faults
 
 
-def _check(recordings: Sequence[Path], options: ExportOptions) -> None:
+def _check(recordings: Sequence[Path], to: str, rate_hz: int | None, task: str | None) -> None:
     """Refuse options that do not go together."""
-    if options.to == "lerobot":
-        if options.rate_hz is None:
+    if to == "lerobot":
+        if rate_hz is None:
             raise UsageError("--to lerobot needs --rate HZ, the frames per second")
         return
-    for option, value in (("--rate", options.rate_hz), ("--task", options.task)):
+    for option, value in (("--rate", rate_hz), ("--task", task)):
         if value is not None:
-            raise UsageError(f"{option} is for --to lerobot; {options.to} has every message at its own time")
+            raise UsageError(f"{option} is for --to lerobot; {to} has every message at its own time")
     if len(recordings) > 1:
-        raise UsageError(f"--to {options.to} takes one recording, got {len(recordings)}; --to lerobot takes several")
+        raise UsageError(f"--to {to} takes one recording, got {len(recordings)}; --to lerobot takes several")
 
 
 def _messages(
@@ -119,13 +113,15 @@ def _messages(
     return count
 
 
-def _frames(recordings: Sequence[Recording], out: Path, layout: FrameLayout, options: ExportOptions, show: Show) -> int:
+def _frames(
+    recordings: Sequence[Recording], out: Path, layout: FrameLayout, rate_hz: int, task: str, show: Show
+) -> int:
     """Write every recording as an episode; return the number of frames."""
-    task, of = options.task or TASK, sum(recording.path.stat().st_size for recording in recordings)
-    with lerobot_dataset(out, layout, options.rate_hz or 1, task) as dataset:
+    of = sum(recording.path.stat().st_size for recording in recordings)
+    with lerobot_dataset(out, layout, rate_hz, task) as dataset:
         done = 0
         for recording in recordings:
-            sampler = FrameSampler(layout, options.rate_hz or 1, dataset.add, str(recording.path))
+            sampler = FrameSampler(layout, rate_hz, dataset.add, str(recording.path))
             for t_ns, topic, body in replay_dated(recording, on_event=sampler.event):
                 sampler.message(t_ns, topic, body)
                 show(done + recording.read_bytes, of)
@@ -175,11 +171,7 @@ def is_exported(path: Path) -> bool:
         return path.name in ("meta", "data") and _of_dataset(path)
     if path.name == "metadata.yaml":
         return True
-    try:
-        with path.open("rb") as file:
-            start = file.read(64)
-    except OSError:
-        return False
+    start = first_bytes(path, 64)
     if start.startswith(b"PAR1"):
         schema = stored_schema(path, "a Parquet file that is to be replaced")
         return schema is not None and MARK.encode() in (schema.metadata or {})

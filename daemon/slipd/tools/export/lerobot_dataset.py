@@ -124,17 +124,14 @@ class LerobotDataset:
         if self._used == BLOCK:
             self._flush()
 
-    def end_episode(self, recording: str, begin_unix_ns: int, task: str) -> int:
-        """End the present episode; return the number of its frames.
+    def end_episode(self, recording: str, begin_unix_ns: int, task: str) -> None:
+        """End the present episode, which has a frame at least.
 
         Args:
             recording: Name of the recording that it comes from.
             begin_unix_ns: Time of its first frame, ns since 1970.
             task: What the robot does, in a sentence.
         """
-        frames = self.frames - self._before
-        if not frames:
-            return 0
         self._flush()
         chunk, file = divmod(self._number, FILES_OF_CHUNK)
         stats = {name: each.summary() for name, each in self._of_episode.items()}
@@ -142,7 +139,7 @@ class LerobotDataset:
             {
                 "episode_index": self.episodes,
                 "tasks": [task],
-                "length": frames,
+                "length": self.frames - self._before,
                 "data/chunk_index": chunk,
                 "data/file_index": file,
                 "dataset_from_index": self._before,
@@ -156,7 +153,6 @@ class LerobotDataset:
         )
         self.episodes += 1
         self._before, self._of_episode = self.frames, _stats(self._features)
-        return frames
 
     def _begin_episode(self) -> None:
         """Open the next file of frames where the present one is full."""

@@ -158,22 +158,23 @@ def parquet_tables(folder: Path, _: Config) -> Iterator[Write]:
                 topics[topic] = add, found
             add, found = topics[topic]
             values = ((column, column.value(body)) for column in found)
-            row = {each.name: _CONVERSIONS.get(each.kind, _same)(value) for each, value in values if _known(value)}
+            known = ((each, value) for each, value in values if value is not None and value is not ABSENT)
+            row = {each.name: _CONVERSIONS[each.kind](value) for each, value in known}
             add({LOG_TIME: log_ns, **row})
 
         yield write
 
 
-def _known(value: Any) -> bool:
-    return value is not None and value is not ABSENT
-
-
-def _same(value: Any) -> Any:
-    return value
-
-
-_CONVERSIONS: dict[str, Callable[[Any], Any]] = {"number": float, "text": str, "json": json.dumps}
-"""Converts a value to the type of its column, by the kind of the column, where it may have another."""
+_CONVERSIONS: dict[ColumnKind, Callable[[Any], Any]] = {
+    "number": float,
+    "integer": int,
+    "flag": bool,
+    "text": str,
+    "words": list,
+    "numbers": list,
+    "json": json.dumps,
+}
+"""Converts a value to the type of its column, by the kind of the column."""
 
 
 def _types(arrow: Any) -> dict[str, Any]:

@@ -155,7 +155,7 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         levels: The thresholds in force.
     """
     extent = tracks.extent
-    fingers = [(name, tracks.fingers[name], f"finger {at % 4}") for at, name in enumerate(tracks.finger_names)]
+    fingers = [(name, one, f"finger {at % 4}") for at, (name, one) in enumerate(sorted(tracks.fingers.items()))]
     limits = ((levels.caution, "caution"), (levels.warning, "warning"), (1.0, "slips"))
     force, torque = ("N", "N·m") if all(one.in_newtons for _, one, _ in fingers) else ("uncalibrated", "uncalibrated")
     parts: list[Panel | StripGroup] = [

@@ -18,10 +18,9 @@ from slipd import config
 from slipd.errors import RecordingError, UsageError
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
-from slipd.tools.draft import Kind, draft
+from slipd.tools.draft import Kind, draft, first_bytes
 from slipd.tools.plot.binned_track import Window
-from slipd.tools.plot.chart import chart
-from slipd.tools.plot.report_page import GENERATOR, Report, page
+from slipd.tools.plot.report_page import GENERATOR, page
 from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
 from slipd.types.device_text import printable
 
@@ -31,11 +30,7 @@ NOT_DRAWABLE = (KeyError, TypeError, ValueError)
 
 def is_plot(path: Path) -> bool:
     """Return whether a file was written by this command, by its first bytes."""
-    try:
-        with path.open("rb") as file:
-            start = file.read(256)
-    except OSError:
-        return False
+    start = first_bytes(path, 256)
     return start.startswith(b"<!doctype html>") and GENERATOR.encode() in start
 
 
@@ -68,18 +63,18 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, begin_s
     inputs = [path] if config_file is None else [path, config_file]
     with draft(out, PLOT, inputs, overwrite=True) as written:
         with progress.shown() as show:
-            report = make_report(recording, config_file, Window(begin_s, end_s), show)
-        written.write_text(page(report), encoding="utf-8")
+            text = make_page(recording, config_file, Window(begin_s, end_s), show)
+        written.write_text(text, encoding="utf-8")
     if recording.gap:
         print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
     print(f"{out}: written")
     return recording.complete
 
 
-def make_report(
+def make_page(
     recording: Recording, config_file: Path | None, window: Window, progress: Callable[[int, int], None]
-) -> Report:
-    """Return what is drawn of a recording.
+) -> str:
+    """Return the page of a recording.
 
     Args:
         recording: The recording.
@@ -134,14 +129,8 @@ def make_report(
     else:
         shown = "Replayed with its own config" if replayed else "As the run itself reported it, with its own config"
         source = f"{shown} ({settings.config_id})."
-    return Report(
-        recording.path.name,
-        [_recorded(recording, tracks, first[0]), source],
-        [recording.gap] if recording.gap else [],
-        tracks.window,
-        chart(tracks, settings.levels),
-        tracks.changes,
-    )
+    facts = [_recorded(recording, tracks, first[0]), source]
+    return page(recording.path.name, facts, recording.gap, tracks, settings.levels)
 
 
 def _holds_verdicts(recording: Recording) -> bool:

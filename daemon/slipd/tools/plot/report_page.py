@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from html import escape
 
-from slipd.tools.plot.binned_track import Window
-from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, Panel, StripGroup
+from slipd.config import Levels
+from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, chart
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
-from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog
+from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog, RunTracks
 from slipd_client.live_view_parts import UNKNOWN
 from slipd_client.pad_picture import CENTROID, POLE
 
@@ -17,30 +16,17 @@ GENERATOR = "slipd plot"
 """What a page and a picture name as their program."""
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What a picture of a run shows.
+def page(name: str, facts: Sequence[str], fault: str, tracks: RunTracks, levels: Levels) -> str:
+    """Return the page of a run as HTML.
 
-    Attributes:
-        title: Name of the recording.
+    Args:
+        name: Name of the recording.
         facts: What it is, in sentences.
-        faults: Why it is not complete; empty for a complete one.
-        window: The part of the run that is drawn.
-        parts: The course of the run.
-        changes: Its changes of level.
+        fault: Why it is not complete; "" for a complete one.
+        tracks: What the run reported.
+        levels: The thresholds in force.
     """
-
-    title: str
-    facts: Sequence[str]
-    faults: Sequence[str]
-    window: Window
-    parts: Sequence[Panel | StripGroup]
-    changes: ChangeLog
-
-
-def page(report: Report) -> str:
-    """Return the page as HTML."""
-    title = escape(report.title)
+    title = escape(name)
     return "\n".join(
         [
             "<!doctype html>",
@@ -53,11 +39,11 @@ def page(report: Report) -> str:
             """<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">""",
             f"<style>{_STYLE}{_curve_styles()}</style></head><body>",
             f"<h1>{title}</h1>",
-            *(f'<p class="fault">{escape(fault)}</p>' for fault in report.faults),
-            *(f"<p>{escape(fact)}</p>" for fact in report.facts),
-            chart_svg(report.parts, report.window),
-            *_snapshots(report.changes),
-            *_changes(report.changes),
+            f'<p class="fault">{escape(fault)}</p>' if fault else "",
+            *(f"<p>{escape(fact)}</p>" for fact in facts),
+            chart_svg(chart(tracks, levels), tracks.window),
+            *_snapshots(tracks.changes),
+            *_changes(tracks.changes),
             "</body></html>\n",
         ]
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -258,8 +258,3 @@ class RunTracks:
     def extent(self) -> Extent:
         """How long values hold that no newer one replaces."""
         return Extent(self.window.end_s, self.gaps.found)
-
-    @property
-    def finger_names(self) -> Sequence[str]:
-        """Names of the fingers in order."""
-        return sorted(self.fingers)

@@ -7,6 +7,7 @@ checksum.
 from __future__ import annotations
 
 import mmap
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -35,8 +36,8 @@ from slipd.tools.draft import RECORDING, draft
 from slipd_client.health.bundle import without_secrets as without_secrets_of
 
 _HEAD = struct.Struct("<BQ")
-_MARKS = ((Opcode.CHUNK, b"\x04\x00\x00\x00zstd", 37), (Opcode.METADATA, b"\x09\x00\x00\x00slipd/end", 9))
-"""Kind of a record, bytes that every such record of slipd has, and their distance from its first byte."""
+_MARK = re.compile(rb"\x06.{36}\x04\0\0\0zstd|\x0c.{8}\x09\0\0\0slipd/end", re.DOTALL)
+"""What every chunk and every end record of slipd begins with: its kind, some numbers, and a text with its length."""
 
 _FOOTER = struct.Struct("<BQQQI")  # kind, length, place of the summary, of its offsets, CRC-32 of both
 _CRC_BYTES = 4
@@ -235,8 +236,8 @@ class _Salvage:
 def _intact_records(data: mmap.mmap, faults: list[str]) -> Iterator[tuple[int, int, Chunk | Metadata]]:
     """Yield first byte, last byte + 1 and content of every intact chunk and end record; note the damaged ones."""
     place = 0
-    while (found := _next_mark(data, place)) is not None:
-        place, kind = found
+    while (mark := _MARK.search(data, place)) is not None:
+        place, kind = mark.start(), Opcode(mark[0][0])
         end = place + _HEAD.size + _HEAD.unpack_from(data, place)[1]
         record = _record(data, place, end, kind)
         if record is not None:
@@ -246,18 +247,6 @@ def _intact_records(data: mmap.mmap, faults: list[str]) -> Iterator[tuple[int, i
             if end <= len(data):
                 faults.append(f"at byte {place}: a {kind.name.lower()} record is damaged")
             place += 1
-
-
-def _next_mark(data: mmap.mmap, place: int) -> tuple[int, Opcode] | None:
-    """Return the place and kind of the next record that may be a chunk or the end record."""
-    found = []
-    for kind, mark, distance in _MARKS:
-        at = data.find(mark, place + distance)
-        while at >= 0 and data[at - distance] != kind:
-            at = data.find(mark, at + 1)
-        if at >= 0:
-            found.append((at - distance, kind))
-    return min(found, default=None)
 
 
 def _record(data: mmap.mmap, place: int, end: int, kind: Opcode) -> Chunk | Metadata | None:

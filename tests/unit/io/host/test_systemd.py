@@ -18,7 +18,7 @@ from project import CONFIG
 from slipd.events import Event, LinkSpec
 from slipd.io.bus.publisher import Publisher
 from slipd.io.bus.request_server import RequestServer
-from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, Watchdog, stage_checks
+from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, stage_checks, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener
 
@@ -144,7 +144,7 @@ async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pyt
         return stall
 
     watchdog = asyncio.create_task(
-        Watchdog(lambda: fed.append("fed"), 0.004 * FEEDS_PER_TIMEOUT, {"engine": check}).run()
+        watch_stages(lambda: fed.append("fed"), 0.004 * FEEDS_PER_TIMEOUT, {"engine": check})
     )
     await eventually(lambda: len(fed) > 2)
     stall = "it handles no ticks"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def test_the_largest_utilisation_is_that_of_the_replay_and_a_run_survives_json()
     assert run.largest == (worst["utilisation"], "left", pytest.approx(worst["t_ns"] * 1e-9 - begin_s))
     assert run.spans["left"][0].begin_s == pytest.approx(slips[0]["t_ns"] * 1e-9 - begin_s, abs=1.0)
     for each in (run, ConfigRun({}, None, 1.5, "cut off")):
-        assert ConfigRun.from_map(json.loads(json.dumps(each.as_map()))) == each
+        assert ConfigRun.from_map(json.loads(json.dumps(asdict(each)))) == each
 
 
 @pytest.mark.parametrize(

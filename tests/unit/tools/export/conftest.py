@@ -11,7 +11,7 @@ from replays import RECORDINGS
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
 from slipd.tools.cli_arguments import EXPORTS as FORMATS
-from slipd.tools.export.export_command import ExportOptions, export_command
+from slipd.tools.export.export_command import export_command
 
 Dated = list[tuple[int, str, dict[str, Any]]]
 
@@ -31,5 +31,5 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Export of the run in each format."""
     folder = tmp_path_factory.mktemp("exports")
     for to in FORMATS:
-        assert export_command([RUN], folder / to, ExportOptions(to, rate_hz=50 if to == "lerobot" else None))
+        assert export_command([RUN], folder / to, to=to, rate_hz=50 if to == "lerobot" else None)
     return {to: folder / to for to in FORMATS}

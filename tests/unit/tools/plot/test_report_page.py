@@ -5,12 +5,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 from slipd.config import Levels
-from slipd.tools.plot.chart import chart
-from slipd.tools.plot.report_page import Report, page
+from slipd.tools.plot.report_page import page
 
 
-def page_of(tracks: Any, *, title: str = "a.mcap", faults: tuple[str, ...] = ()) -> str:
-    return page(Report(title, ["Recorded."], faults, tracks.window, chart(tracks, Levels()), tracks.changes))
+def page_of(tracks: Any, *, title: str = "a.mcap", fault: str = "") -> str:
+    return page(title, ["Recorded."], fault, tracks, Levels())
 
 
 def elements(text: str) -> list[ElementTree.Element]:

@@ -18,7 +18,7 @@ def whole(track: BinnedTrack[Range]) -> Range:
 
 def test_the_tracks_of_a_real_run_reach_as_far_as_its_messages(demo: Demo) -> None:
     tracks, found = demo
-    assert tracks.finger_names == ["left", "right"]
+    assert sorted(tracks.fingers) == ["left", "right"]
     left = [body for topic, body in found if topic == "slip.left"]
     numbers = tracks.fingers["left"].numbers
     for key in ("utilisation", "normal_n", "spin_nm"):
