@@ -39,7 +39,7 @@ def test_a_real_run_is_shown_with_its_alarms_and_changes(demo: Any) -> None:
 def test_names_and_reasons_are_escaped(run: Any) -> None:
     run.add_image(0.0, "left", 0.0, 1.0, 2.0, 4.0)
     run.add_change(1.0, "left", "stable", "warning", "<b>why</b>")
-    text = page_of(run.tracks, title="<i>.mcap", faults=("cut & off",))
+    text = page_of(run.tracks, title="<i>.mcap", fault="cut & off")
     assert not {each.tag for each in elements(text)} & {"b", "i"}
     assert '<p class="fault">cut &amp; off</p>' in text
 
