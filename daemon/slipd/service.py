@@ -119,7 +119,7 @@ def _helpers(
     if reload is not None:
         helpers["reload"] = reload.watch(config, run.handle, stop)
     if notifier.watchdog_s is not None:
-        checks = stage_checks(links, lambda: run.ticks_handled, *run.listeners())
+        checks = stage_checks(links, lambda: run.ticks_handled, run.publisher, run.requests)
         helpers["watchdog"] = watch_stages(notifier.feed, notifier.watchdog_s, checks)
     return helpers
 

@@ -26,7 +26,6 @@ from slipd.io.bus.runtime_directory import RuntimeDirectory
 from slipd.io.log_lines import log_kept
 from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
-from slipd.io.zmtp.listener import Listener
 from slipd.recording.requested_recordings import state_dir
 from slipd.recording.run_recorders import RunRecorders
 from slipd.recording.state_file import StateFile
@@ -58,6 +57,8 @@ class ServiceRun:
 
     Attributes:
         recorders: All recordings of the run.
+        publisher: Sends the messages; from `open` on.
+        requests: Takes the requests; from `open` on.
         events_handled: Number of events that entered the engine.
         ticks_handled: Number of ticks among them.
     """
@@ -104,7 +105,7 @@ class ServiceRun:
 
     def open(self) -> None:
         """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
-        self._open_bus(self._stack)
+        self._open_bus()
         self.recorders.open(self._now_ns())
         if self._config.restart.gap_s > 0.0:
             path = state_dir() / f"state-{rig_of(self._config)}.json"
@@ -112,10 +113,9 @@ class ServiceRun:
             if (restored := self._state.read()) is not None:
                 self.handle(restored)
 
-    def _open_bus(self, stack: ExitStack) -> None:
-        bus, allowed = self._config.bus, self._allowed
-        publisher = Publisher(bus.publish or publish_endpoint(), allowed.publish)
-        self._publisher = stack.enter_context(publisher)
+    def _open_bus(self) -> None:
+        bus, allowed, enter = self._config.bus, self._allowed, self._stack.enter_context
+        self.publisher = enter(Publisher(bus.publish or publish_endpoint(), allowed.publish))
         requests = RequestServer(
             bus.requests or requests_endpoint(),
             self._on_request,
@@ -123,15 +123,11 @@ class ServiceRun:
             requesters=allowed.requesters,
             per_second=bus.requests_hz,
         )
-        self._requests = stack.enter_context(requests)
-        self.endpoints = Endpoints(self._publisher.endpoint, self._requests.endpoint)
+        self.requests = enter(requests)
+        self.endpoints = Endpoints(self.publisher.endpoint, self.requests.endpoint)
         if self._home is not None:
-            self._home.share(self._publisher.endpoint)
-            self._home.share(self._requests.endpoint)
-
-    def listeners(self) -> tuple[Listener, Listener]:
-        """Return the publisher and the request server."""
-        return self._publisher, self._requests
+            self._home.share(self.publisher.endpoint)
+            self._home.share(self.requests.endpoint)
 
     def end(self) -> None:
         """Stop the sensors, unless the run failed; events that arrive while the links close are ignored."""
@@ -189,7 +185,7 @@ class ServiceRun:
         for output in self.engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 payload = encode(output.body)
-                self._publisher.publish(output.topic, payload, output.frame)
+                self.publisher.publish(output.topic, payload, output.frame)
                 self.recorders.published(output, payload, t_ns)
                 if output.topic == STATUS_TOPIC:
                     self._show_status(summary(output.body))
@@ -197,7 +193,7 @@ class ServiceRun:
                 if self.links is not None:
                     self.links.write(output.link, output.data)
             elif isinstance(output, Reply):
-                self._requests.reply(output.client, output.body)
+                self.requests.reply(output.client, output.body)
             elif isinstance(output, Record):
                 self.recorders.handle(output, t_ns)
 

@@ -113,17 +113,17 @@ class Recording:
         Args:
             on_event: Called with the time of each event, ns, before the messages that it caused are yielded.
         """
-        return ((entry.topic, entry.payload) for entry in self._walk(on_event) if isinstance(entry, Published))
+        return ((entry.topic, entry.payload) for entry in self.entries(on_event) if isinstance(entry, Published))
 
-    def entries(self) -> Iterator[Entered | Published]:
+    def entries(self, on_event: Callable[[int], object] | None = None) -> Iterator[Entered | Published]:
         """Yield events and messages in their total order, up to the first that cannot be read.
+
+        Args:
+            on_event: Called with the time of each event, ns, which is then neither decoded nor yielded.
 
         Raises:
             RecordingError: The file cannot be opened.
         """
-        return self._walk()
-
-    def _walk(self, on_event: Callable[[int], object] | None = None) -> Iterator[Entered | Published]:
         walk = EntryWalk(self.wall_minus_monotonic_ns, self.first, on_event)
         try:
             with open_mcap(self.path) as file:

@@ -169,12 +169,14 @@ class ConfigRun:
             KeyError, TypeError, ValueError, AttributeError: It is no such map.
         """
         known = {
-            "spans": {source: [_span(*span) for span in spans] for source, spans in found["spans"].items()},
+            "spans": {
+                source: [
+                    LevelSpan(level, tuple(reasons), tuple(evidence), begin_s, end_s)
+                    for level, reasons, evidence, begin_s, end_s in spans
+                ]
+                for source, spans in found["spans"].items()
+            },
             "largest": None if found["largest"] is None else Largest(*found["largest"]),
             "streams": [StreamHealth(*stream) for stream in found["streams"]],
         }
         return cls(**(found | known))
-
-
-def _span(level: str, reasons: list[str], evidence: list[str], begin_s: float, end_s: float) -> LevelSpan:
-    return LevelSpan(level, tuple(reasons), tuple(evidence), begin_s, end_s)
