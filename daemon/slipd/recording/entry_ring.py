@@ -67,6 +67,8 @@ class EntryRing:
             first: The events that precede a file that begins now.
             t_ns: Now, CLOCK_MONOTONIC.
         """
+        if self.next_n < len(first):  # the run has just begun: no entry would leave them an index
+            return
         data = trimmed(self._compressor.compress(b"".join(self._pieces)))
         self._blocks.append(_Block(self._first, self._begin_ns, data, len(self._pieces)))
         self._bytes += len(data)

@@ -40,9 +40,9 @@ def test_a_ring_that_dropped_entries_begins_with_the_state_and_the_links_of_then
     assert ring.dropped_early == 0
 
 
-def test_a_ring_that_dropped_nothing_begins_with_the_run(tmp_path: Path) -> None:
+def test_a_ring_of_a_run_that_has_just_begun_begins_with_it(tmp_path: Path) -> None:
     ring = EntryRing(9 * SECOND)
     ring.add(EVENTS, UP, 5)
     for n in range(3):
-        ring.begin_block((StateRestored("later"), UP), n * SECOND)
+        ring.begin_block((StateRestored("at once"), UP), n * 20 * SECOND)
         assert written(ring, tmp_path / f"{n}.mcap") == [Entered(0, 5, UP)], "all of it, however often it is written"
