@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import threading
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
@@ -32,12 +31,11 @@ from slipd_client.messages.schema.replies import (
     TareResult,
 )
 from slipd_client.messages.schema.request_fields import TARE_S
-from slipd_client.request_protocol import TIMEOUT_S, Ask, RequestProtocol
+from slipd_client.request_protocol import Ask, RequestProtocol
 
 if TYPE_CHECKING:
     from slipd_client.aio import AsyncGripClient
     from slipd_client.grip import GripClient
-    from slipd_client.keys import Keys
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -92,10 +90,6 @@ class GripClientBase(RequestProtocol):
         CallError: ``endpoint`` is not a ZeroMQ endpoint, another user could listen there, or ``timeout_s`` is not a
             positive time.
     """
-
-    def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
-        super().__init__(endpoint, keys=keys, timeout_s=timeout_s)
-        self._lease_slot = threading.Lock()
 
     def _claim(self, lease: LeaseKeeper) -> None:
         """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""

@@ -9,6 +9,7 @@ import abc
 import itertools
 import math
 import os
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -92,6 +93,7 @@ class RequestProtocol(abc.ABC):
         self._link = Link(zmq.DEALER, self.endpoint, keys, {zmq.IMMEDIATE: 1})
         self._turn = self._lock()
         self._lease: LeaseKeeper | None = None
+        self._lease_slot = threading.Lock()
         self._boot: str | None = None  # the daemon's run, once ``hello`` was answered
         self._lease_asked_ns = (
             0  # when the newest request for the client's own lease left; no greeting before it counts

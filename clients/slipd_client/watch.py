@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import sys
 import textwrap
@@ -84,11 +85,9 @@ def print_view(view: LiveView, columns: int | None = None) -> None:
 
 
 def _print_json(subscriber: Subscriber, first: Message) -> None:
-    message: Message | None = first
-    while message is not None:
+    for message in itertools.chain([first], iter(subscriber.receive, None)):
         _print_gaps(message)
         print(_json_line(message), flush=True)
-        message = subscriber.receive()
 
 
 def _json_line(message: Message) -> str:

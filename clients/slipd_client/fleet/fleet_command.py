@@ -184,12 +184,10 @@ def _print(chosen: argparse.Namespace, listener: FleetListener) -> None:
 
 def _redraw(fleet: str, listener: FleetListener) -> None:
     with TerminalScreen(sys.stdout) as screen:
-        rows = _rows(listener)
         while True:
-            size = size_of(sys.stdout)
+            rows, size = _rows(listener, REDRAW_S), size_of(sys.stdout)
             terminal = terminal_of(sys.stdout, *size)
             screen.draw(fleet_lines(fleet, rows, listener.state.unread, terminal), size)
-            rows = _rows(listener, REDRAW_S)
 
 
 def _print_changes(listener: FleetListener) -> None:

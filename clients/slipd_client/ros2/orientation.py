@@ -7,10 +7,10 @@ orientation of a frame in another one: it takes coordinates of the first to the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from slipd_client.gravity_feed import UNIT_TOLERANCE, gravity_of
+from slipd_client.gravity_feed import UNIT_TOLERANCE
 from slipd_client.quaternions import IDENTITY, Quaternion, Vector, conjugate, plus, product, rotated
 
 STALE_S = 0.3
@@ -170,16 +170,6 @@ class ImuOrientation:
         if now_s - self._since_s > STALE_S:
             raise OrientationUnknown(f"{self._topic} is silent for more than {STALE_S:g} s, or repeats one stamp")
         return self._gripper
-
-
-def pad_gravities(gripper: Quaternion, pads: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
-    """Return gravity in the frame of each pad, m/s².
-
-    Args:
-        gripper: Orientation of the gripper's frame in a frame whose Z points up.
-        pads: Orientation of each pad in the gripper's frame, unit quaternion.
-    """
-    return {finger: gravity_of(product(gripper, pad)) for finger, pad in pads.items()}
 
 
 def unit(rotation: Any, what: str) -> Quaternion:

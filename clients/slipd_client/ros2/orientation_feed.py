@@ -7,13 +7,14 @@ import time
 from collections.abc import Mapping, Sequence
 
 from slipd_client.errors import ClientError
-from slipd_client.gravity_feed import OBSTACLE_S, PERIOD_S
+from slipd_client.gravity_feed import OBSTACLE_S, PERIOD_S, gravity_of
 from slipd_client.grip import GripClient
 from slipd_client.messages.names import Health
+from slipd_client.quaternions import product
 from slipd_client.ros.conversion import Entry, entry
 from slipd_client.ros2.arm_sources import ArmSource
 from slipd_client.ros2.background import Background
-from slipd_client.ros2.orientation import OrientationUnknown, pad_gravities
+from slipd_client.ros2.orientation import OrientationUnknown
 
 
 class RosFeed(Background):
@@ -85,9 +86,9 @@ class OrientationFeed(RosFeed):
         except OrientationUnknown as error:
             return Health.STALE, str(error)
         refused: ClientError | None = None
-        for finger, gravity_mps2 in pad_gravities(gripper, self._pads).items():
+        for finger, pad in self._pads.items():
             try:
-                self._client.gravity_set(finger, gravity_mps2)
+                self._client.gravity_set(finger, gravity_of(product(gripper, pad)))
             except ClientError as error:
                 refused = error
         return (Health.OK, "") if refused is None else (Health.ERROR, str(refused))

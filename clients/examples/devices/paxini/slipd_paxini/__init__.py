@@ -12,6 +12,8 @@ the places of the taxels are published for two models only, and are no grid. sli
 
 from __future__ import annotations
 
+import struct
+
 from slipd.devices import DecoderHealth, Device
 from slipd.types.samples import WrenchSample
 
@@ -60,11 +62,9 @@ class Decoder:
 
 
 def _sample(payload: bytes, t_ns: int) -> WrenchSample:
-    x, y, z = payload
-    signed = [value - 256 if value > 127 else value for value in (x, y)]
-    full = z == 255 or any(value in (-128, 127) for value in signed)
-    force_n = [N_PER_COUNT * value for value in (*signed, z)]
-    return WrenchSample(t_ns, None, force_n, None, ("overload",) if full else ())
+    x, y, z = struct.unpack("bbB", payload)
+    full = z == 255 or any(value in (-128, 127) for value in (x, y))
+    return WrenchSample(t_ns, None, [N_PER_COUNT * value for value in (x, y, z)], None, ("overload",) if full else ())
 
 
 class Session:
