@@ -9,8 +9,7 @@ import msgpack
 
 def message(**values: Any) -> bytes:
     """Pack one message of the format, version 1."""
-    packed: bytes = msgpack.packb({"v": 1, **values})
-    return packed
+    return msgpack.packb({"v": 1, **values})
 
 
 def drive(

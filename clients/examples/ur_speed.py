@@ -65,8 +65,7 @@ def main(robot: str, port: int = PORT, publish: str | None = None) -> None:
         rtde = Rtde(connection)
         while True:
             rtde.wait()
-            scale = advisor.speed_scale(FLOOR) or 0.0
-            slider = min(scale, slider + RISE)
+            slider = min(advisor.speed_scale(FLOOR) or 0.0, slider + RISE)
             rtde.set_slider(slider)
 
 

@@ -152,12 +152,20 @@ def matching(pattern: str, rule: str) -> Callable[[str], str]:
     return parse
 
 
-def rate_hz(text: str) -> float:
-    """Return a rate of 0.001 to 1e6 Hz."""
-    value = finite(text)
-    if not 0.001 <= value <= 1e6:
-        raise argparse.ArgumentTypeError(f"must be from 0.001 to 1e6 Hz, got {text}")
-    return value
+def number_in(rule: str, allows: Callable[[float], bool]) -> Callable[[str], float]:
+    """Return a type of arguments: a number that is allowed; ``rule`` says in words which are."""
+
+    def parse(text: str) -> float:
+        value = finite(text)
+        if not allows(value):
+            raise argparse.ArgumentTypeError(f"must be {rule}, got {text}")
+        return value
+
+    return parse
+
+
+rate_hz = number_in("from 0.001 to 1e6 Hz", lambda hz: 0.001 <= hz <= 1e6)
+"""Type of arguments that are rates."""
 
 
 def _ip(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.arguments import DEFAULT_LISTEN, Add, finite, matching, parse_listen, rate_hz
+from slipd_client.arguments import DEFAULT_LISTEN, Add, finite, matching, number_in, parse_listen, rate_hz
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_keys import check_name
 from slipd_client.messages.schema.topics import TOPICS
@@ -133,7 +133,7 @@ def _ros2(ros2: argparse.ArgumentParser) -> None:
     )
     ros2.add_argument(
         "--speed-floor",
-        type=_floor,
+        type=number_in("from 0 to less than 1", lambda factor: 0.0 <= factor < 1.0),
         metavar="FACTOR",
         help="factor while that is not known, 0 (the arm pauses) to less than 1",
     )
@@ -258,13 +258,6 @@ def _endpoint(text: str) -> str:
             f"got {text!r:.80}"
         )
     return text
-
-
-def _floor(text: str) -> float:
-    floor = finite(text)
-    if not 0.0 <= floor < 1.0:
-        raise argparse.ArgumentTypeError(f"must be from 0 to less than 1, got {text}")
-    return floor
 
 
 def _rate_or_all(text: str) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import sys
@@ -57,10 +58,8 @@ def version() -> str:
     from importlib import metadata
 
     for package in ("slipd-client", "slipd"):
-        try:
+        with contextlib.suppress(metadata.PackageNotFoundError):
             return metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
     return "unknown"
 
 

@@ -8,7 +8,16 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.arguments import Add, CommandParser, add_connection, add_json, add_listen, escaped, finite, matching
+from slipd_client.arguments import (
+    Add,
+    CommandParser,
+    add_connection,
+    add_json,
+    add_listen,
+    escaped,
+    matching,
+    number_in,
+)
 from slipd_client.friction_session import MOST_SAMPLES
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
@@ -289,16 +298,7 @@ def _help(field: Field) -> str:
 
 def _type(field: Field) -> Callable[[str], str | float]:
     """Return what turns the text of an argument into a value of a field."""
-    if field.kind is not NUMBER:
-        return str
-
-    def number(text: str) -> float:
-        value = finite(text)
-        if not field.allows(value):
-            raise argparse.ArgumentTypeError(f"must be {field.number_range}, got {text}")
-        return value
-
-    return number
+    return number_in(field.number_range, field.allows) if field.kind is NUMBER else str
 
 
 _seconds = _type(Field("hold", NUMBER, "how long to keep the lease", unit="s", least=0))

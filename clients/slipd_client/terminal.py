@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import textwrap
@@ -108,8 +109,6 @@ _LEAVE = "\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
 _HOME = "\x1b[H"
 """The cursor waits here: what somebody types cannot scroll the picture."""
 
-_ENDS = (signal.SIGTERM, signal.SIGHUP)
-
 
 class TerminalScreen:
     """Draws lines over those of before; only lines that changed are sent. Use it in a ``with`` statement.
@@ -149,13 +148,11 @@ class TerminalScreen:
 
     def __enter__(self) -> TerminalScreen:
         self._stream.flush()
-        for number in _ENDS:
+        ends = dict.fromkeys((signal.SIGTERM, signal.SIGHUP), signal.default_int_handler)
+        for number, handler in (ends | {signal.SIGTSTP: self._pause}).items():
             if signal.getsignal(number) is signal.SIG_DFL:
-                signal.signal(number, signal.default_int_handler)
+                signal.signal(number, handler)
                 self._handled.append(number)
-        if signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL:
-            signal.signal(signal.SIGTSTP, self._pause)
-            self._handled.append(signal.SIGTSTP)
         self._write(_ENTER)
         return self
 
@@ -166,10 +163,8 @@ class TerminalScreen:
 
     def _give_back(self) -> None:
         """Leave the alternate screen; where the terminal has none, the prompt comes below the picture."""
-        try:
+        with contextlib.suppress(BrokenPipeError):
             self._write(f"\x1b[{len(self._shown) + 1}H{_LEAVE}")
-        except BrokenPipeError:
-            return
 
     def _pause(self, number: int, _: FrameType | None) -> None:
         """Give the terminal back for as long as the program is stopped."""

@@ -6,6 +6,7 @@ rclpy and geometry_msgs (ROS 2 Humble or newer) and slipd_client. Servo stops by
 
 from __future__ import annotations
 
+import contextlib
 import time
 
 import rclpy
@@ -47,11 +48,8 @@ class ServoSpeed(Node):
 def main() -> None:
     """Run the node until interrupted."""
     rclpy.init()
-    try:
-        with MotionAdvisor() as advisor:
-            rclpy.spin(ServoSpeed(advisor))
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException), MotionAdvisor() as advisor:
+        rclpy.spin(ServoSpeed(advisor))
 
 
 if __name__ == "__main__":

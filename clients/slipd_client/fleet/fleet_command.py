@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import asyncio
 import json
 import math
 import sys
@@ -152,7 +153,7 @@ def run(chosen: argparse.Namespace, _: Keys | None) -> None:
             require("websockets", "websockets", "slipctl fleet --page")
             from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
 
-            fleet_page.serve(chosen.fleet, listener, chosen.page)
+            asyncio.run(fleet_page.serve(chosen.fleet, listener, chosen.page))
         elif chosen.once or chosen.json:
             _print(chosen, listener)
         elif is_screen(sys.stdout):

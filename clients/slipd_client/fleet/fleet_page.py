@@ -18,8 +18,8 @@ TAKE_S = 0.1
 FLEET_DATA = "/data/fleet.json"
 
 
-def serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
-    """Serve the page until interrupted, and print its address.
+async def serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
+    """Serve the page until the task is cancelled, and print its address.
 
     Args:
         fleet: Name of the fleet.
@@ -29,15 +29,11 @@ def serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
     Raises:
         CallError: The port cannot be opened.
     """
-    asyncio.run(_serve(fleet, listener, address))
 
-
-async def _serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
     def on_data(path: str) -> Response | None:
         if path != FLEET_DATA:
             return None
-        rows = listener.state.rows(time.monotonic())
-        return json_answer(fleet_map(fleet, rows, listener.state.unread))
+        return json_answer(fleet_map(fleet, listener.state.rows(time.monotonic()), listener.state.unread))
 
     site = Site({"live": True, "source": fleet}, start="fleet.html")
     async with PageServer(address, site, on_data=on_data).serving() as url:

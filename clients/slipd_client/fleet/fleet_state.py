@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -104,12 +105,10 @@ class FleetState:
         """
         if topic not in (STATUS_TOPIC, WARNING_TOPIC):
             return None
-        try:
+        with contextlib.suppress(MessageError):
             raw = read([topic.encode(), payload])[1]
             if (known := self._robot(robot, peer)) is not None:
                 return known.take(topic, raw, now_s)
-        except MessageError:
-            pass
         self.unread += 1
         return None
 

@@ -97,26 +97,6 @@ DEPTH = 10
 """Messages that are kept for subscribers that are behind."""
 
 
-def writer_qos(name: str, depth: int, *, latched: bool) -> Qos:
-    """Return the quality of service of a writer.
-
-    Args:
-        name: Its type, "package/Name".
-        depth: Messages that are kept for subscribers that are behind.
-        latched: A new subscriber receives the last ``depth`` messages ("transient local").
-    """
-    history = Policy.History.KeepLast(depth)
-    latching = (Policy.Durability.TransientLocal, Policy.DurabilityService(0, history, -1, -1, -1))
-    return Qos(
-        Policy.Reliability.Reliable(max_blocking_time=0),
-        history,
-        *(latching if latched else (Policy.Durability.Volatile,)),
-        Policy.DataRepresentation(use_cdrv0_representation=True),
-        Policy.WriterDataLifecycle(autodispose=False),
-        Policy.Userdata(f"typehash={type_hash(name, TYPES)};".encode()),
-    )
-
-
 class RosPublisher:
     """Publishes messages on ROS topics.
 
@@ -143,7 +123,15 @@ class RosPublisher:
 
     def _open(self, message: RosMessage) -> DataWriter[Any]:
         topic: Topic[Any] = Topic(self._participant, dds_topic_name(message.topic), encoded_type(message.type))
-        latched = message.topic in self._latched
-        qos = writer_qos(message.type, self._latched.get(message.topic, DEPTH), latched=latched)
+        history = Policy.History.KeepLast(self._latched.get(message.topic, DEPTH))
+        latching = (Policy.Durability.TransientLocal, Policy.DurabilityService(0, history, -1, -1, -1))
+        qos = Qos(
+            Policy.Reliability.Reliable(max_blocking_time=0),
+            history,
+            *(latching if message.topic in self._latched else (Policy.Durability.Volatile,)),
+            Policy.DataRepresentation(use_cdrv0_representation=True),
+            Policy.WriterDataLifecycle(autodispose=False),
+            Policy.Userdata(f"typehash={type_hash(message.type, TYPES)};".encode()),
+        )
         self._writers[message.topic] = DataWriter(self._participant, topic, qos)
         return self._writers[message.topic]

@@ -145,7 +145,7 @@ class _Listener:
         self._server.send_last(client.id, channel.topic)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        pass
+        """Do nothing."""
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> None:

@@ -34,7 +34,6 @@ class Sensor(EmulatedDevice):
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Answer each poll."""
-        del t_ns
         return [self._reply() for _ in range(data.count(ASK))]
 
     def _reply(self) -> bytes:

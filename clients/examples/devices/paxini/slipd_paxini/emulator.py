@@ -27,12 +27,10 @@ class Module(EmulatedDevice):
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
         """Set the force on the module, N; torque is not measured."""
-        del torque_nm
         self._force_n = np.asarray(force_n)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Answer every complete request."""
-        del t_ns
         *requests, self._received = (self._received + data).split(self._request)
         self._received = self._received[-len(self._request) :]
         return [self._reply() for _ in requests]
