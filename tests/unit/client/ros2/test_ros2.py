@@ -15,7 +15,7 @@ from slipd_client.ros2.ros_environment import ros_environment
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
-HEADER = {"timestamp": 1_700_000_000.5, "frame": "", "config_id": "c"}
+HEADER = {"t_ns": 0, "timestamp": 1_700_000_000.5, "frame": "", "config_id": "c"}
 PADS = """
 [grasp.pads.left]
 positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.05, 0.0]]
