@@ -69,15 +69,18 @@ def parse_line(line: str) -> list[float] | None:
 
 
 def parse_numbers(text: str) -> list[float]:
-    """Return the numbers of a text, separated by blanks or commas.
+    """Return the three or four numbers of a text, separated by blanks or commas.
 
     Raises:
         CallError: The text has something else.
     """
     try:
-        return [float(word) for word in text.replace(",", " ").split()]
+        numbers = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
-        raise CallError(f"a line must have three or four numbers, got {text.strip()!r:.60}") from None
+        numbers = []
+    if len(numbers) not in (3, 4):
+        raise CallError(f"a line must have three or four numbers, got {text.strip()!r:.60}")
+    return numbers
 
 
 def run(client: GripClient, chosen: argparse.Namespace) -> GravityReply | None:
