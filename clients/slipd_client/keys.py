@@ -179,8 +179,10 @@ def _read(path: Path) -> tuple[dict[str, bytes], os.stat_result]:
         raise KeyFileError(f"{path}: a key file must have at most {MAX_FILE_BYTES} bytes")
     found = {what: text.encode() for what, text in _LINE.findall(data.decode("utf-8", errors="replace"))}
     for what, key in found.items():
-        if not _is_key(key):
-            raise KeyFileError(f"{path}: its {what} must have 40 characters of Z85")
+        try:
+            zmq.curve_public(key)  # ZeroMQ's own decoder of Z85 decides; it accepts any key as a secret one
+        except (ValueError, zmq.ZMQError):
+            raise KeyFileError(f"{path}: its {what} must have 40 characters of Z85") from None
     return found, about
 
 
@@ -190,10 +192,9 @@ def _check_private(path: Path, found: os.stat_result) -> None:
             f"{path}: a secret key must belong to the user who uses it, {os.geteuid()}; it belongs to {found.st_uid}"
         )
     if found.st_mode & 0o077:
-        mode = stat.S_IMODE(found.st_mode)
         raise KeyFileError(
-            f"{path}: only its user may read a secret key, and others may read this one (mode {mode:04o}); run"
-            " chmod 600 on it, or make a new one"
+            f"{path}: only its user may read a secret key, and others may read this one "
+            f"(mode {stat.S_IMODE(found.st_mode):04o}); run chmod 600 on it, or make a new one"
         )
 
 
@@ -203,18 +204,10 @@ def _check_own(path: Path, found: os.stat_result) -> None:
             f"{path}: must belong to root or to the daemon's user; user {found.st_uid}, who could allow keys, owns it"
         )
     if found.st_mode & 0o022:
-        mode = stat.S_IMODE(found.st_mode)
         raise KeyFileError(
-            f"{path}: others must not write to it, and could allow keys (mode {mode:04o}); run chmod go-w on it"
+            f"{path}: others must not write to it, and could allow keys (mode {stat.S_IMODE(found.st_mode):04o}); run "
+            "chmod go-w on it"
         )
-
-
-def _is_key(text: bytes) -> bool:
-    try:
-        zmq.curve_public(text)  # ZeroMQ's own decoder of Z85 decides; it accepts any key as a secret one
-    except (ValueError, zmq.ZMQError):
-        return False
-    return True
 
 
 def run(chosen: argparse.Namespace) -> None:

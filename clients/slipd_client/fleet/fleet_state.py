@@ -157,7 +157,6 @@ class _Robot:
     daemon: bool = False
     daemon_seen: bool = False
     token_seen: bool = False
-    heard_s: float | None = None
     runs: dict[str, DaemonRun] = field(default_factory=dict)
     begun: int = 0
     run: DaemonRun = field(default_factory=DaemonRun)
@@ -173,7 +172,7 @@ class _Robot:
             self._begin(message.boot, run, now_s)
         if isinstance(message, SlipWarning):
             self.missed += message.missed
-        self.run, self.heard_s = run, now_s
+        self.run = run
         if isinstance(message, Status) and run.status is not None and not self.token_seen:
             self.bridge = self.daemon = self.daemon_seen = True  # its tokens came while there was no room
         run.note(message, now_s)
@@ -192,7 +191,7 @@ class _Robot:
 
     def row(self, name: str, now_s: float, *, expected: bool) -> RobotRow:
         # a kept message of a daemon that has been silent since this view began is of unknown age
-        age_s = None if self.heard_s is None or not self.daemon_seen else now_s - self.heard_s
+        age_s = now_s - self.run.heard_s if self.runs and self.daemon_seen else None
         beside = [run for run in self.runs.values() if run is not self.run and run.beside(now_s)]
         state = GONE if not self.bridge else SILENT
         if self.bridge and self.daemon and age_s is not None and age_s <= SILENT_AFTER_S:

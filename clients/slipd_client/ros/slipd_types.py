@@ -95,7 +95,9 @@ def _shape(kind: Kind, nullable: bool) -> _Shape:
 
 def _list(inner: Kind) -> _Shape:
     if inner is PAIR:
-        return _Shape("geometry_msgs/Point", -1, lambda values: [_point(value) for value in values or ()], "empty")
+        return _Shape(
+            "geometry_msgs/Point", -1, lambda values: [{"x": x, "y": y, "z": 0.0} for x, y in values or ()], "empty"
+        )
     return _Shape(_SCALARS[inner].type, -1, lambda values: list(values or ()), "empty")
 
 
@@ -157,10 +159,6 @@ def _integer(value: int | bool | None) -> int:
 
 def _text(value: str | None) -> str:
     return UNKNOWN_TEXT if value is None else str(value)
-
-
-def _point(pair: list[float]) -> dict[str, float]:
-    return {"x": pair[0], "y": pair[1], "z": 0.0}
 
 
 _SCALARS = {

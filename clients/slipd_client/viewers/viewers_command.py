@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import foxglove
 
@@ -62,10 +62,9 @@ class ViewerServer:
         self._channels: dict[str, Any] = {}
         self._last: dict[str, tuple[int, RosMessage]] = {}
         self._context = foxglove.Context()
-        listener: Any = _Listener(self)
         try:
             self._server: Any = foxglove.start_server(
-                name=NAME, host=host, port=port, context=self._context, server_listener=listener
+                name=NAME, host=host, port=port, context=self._context, server_listener=cast("Any", self)
             )
         except RuntimeError as error:
             raise CallError(f"cannot serve viewers on {host}:{port}: {error}") from error
@@ -112,12 +111,15 @@ class ViewerServer:
         """End the server and its connections."""
         self._server.stop()
 
-    def send_last(self, client: int, topic: str) -> None:
-        """Send the last message of a ROS topic to one client."""
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Send the last message of a ROS topic to a client; the library calls it, on its own threads."""
         with self._lock:
-            if topic in self._last:
-                log_ns, message = self._last[topic]
-                self._channels[topic].log(encode(message), log_time=log_ns, sink_id=client)
+            if channel.topic in self._last:
+                log_ns, message = self._last[channel.topic]
+                self._channels[channel.topic].log(encode(message), log_time=log_ns, sink_id=client.id)
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Do nothing; the library calls it."""
 
     def _log(self, log_ns: int, message: RosMessage) -> None:
         channel = self._channels.get(message.topic) or self._open(message)
@@ -133,19 +135,6 @@ class ViewerServer:
         channel = foxglove.Channel(message.topic, schema=text, message_encoding="cdr", context=self._context)
         self._channels[message.topic] = channel
         return channel
-
-
-class _Listener:
-    """What the library calls, on its own threads: of a server that only publishes, no more than these two."""
-
-    def __init__(self, server: ViewerServer) -> None:
-        self._server = server
-
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        self._server.send_last(client.id, channel.topic)
-
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Do nothing."""
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
