@@ -75,7 +75,7 @@ class LiveView:
         if body.get("boot") != before.get("boot"):
             self._newest.clear()
         self._newest[topic] = body
-        if topic == STATUS_TOPIC and "fingers" in body:
+        if topic == STATUS_TOPIC and body.get("fingers") is not None:
             exist = ("", *body["fingers"])
             self._newest = {each: kept for each, kept in self._newest.items() if each.partition(".")[2] in exist}
             if body.get("gripper", "not stated") is None:

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from slipd_client.live_view import LiveView, change_line
 from slipd_client.messages import LEVELS, Health
 from slipd_client.messages.schema.fields import fields_of
-from slipd_client.messages.schema.kinds import FLAG, HEALTH, INTEGER, LEVEL, NUMBER, PAIR, TEXT, Kind
+from slipd_client.messages.schema.kinds import FLAG, HEALTH, INTEGER, LEVEL, NUMBER, PAIR, TEXT
+from slipd_client.messages.schema.parts import StreamStatus
 from slipd_client.messages.schema.topics import TOPICS
 from slipd_client.pad_picture import pad_image
 from slipd_client.terminal import Terminal
@@ -230,45 +231,40 @@ def test_two_fingers_and_a_gripper_fit_and_what_does_not_is_named(columns: int, 
     assert {part in text for part in parts} == {"forces" not in left_out}
 
 
+REASONS = next(field.kind for field in fields_of(TOPICS["slip"]) if field.name == "reasons")
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 OF_KIND = {
-    NUMBER: FINITE | st.integers(-(2**63), 2**64),
-    INTEGER: st.integers(-(2**63), 2**64),
-    TEXT: st.text(max_size=5),
-    FLAG: st.booleans(),
-    PAIR: st.lists(FINITE, min_size=2, max_size=2),
+    NUMBER: st.none() | FINITE | st.integers(-(2**63), 2**64),
+    INTEGER: st.none() | st.integers(-(2**63), 2**64),
+    TEXT: st.none() | st.text(max_size=5),
+    FLAG: st.none() | st.booleans(),
+    PAIR: st.none() | st.lists(FINITE, min_size=2, max_size=2),
     LEVEL: st.sampled_from([*LEVELS]),
     HEALTH: st.sampled_from([*Health]),
+    REASONS: st.none() | st.lists(st.text(max_size=5), max_size=3),
 }
 
 
-def values(kind: Kind) -> st.SearchStrategy[Any]:
-    """Whatever a message may have in a field of this kind."""
-    if kind.part is not None:
-        fields = {field.name: field for field in fields_of(kind.part)}
-        must = {name for name in ("level", "health") if name in fields}
-        return st.fixed_dictionaries(
-            {name: values(fields[name].kind) for name in must},
-            optional={name: values(field.kind) | st.none() for name, field in fields.items() if name not in must},
-        )
-    if kind.inner is None:
-        return OF_KIND.get(kind, st.none())
-    if kind.name.startswith("map"):
-        return st.dictionaries(st.text(max_size=5), values(kind.inner), max_size=2)
-    return st.lists(values(kind.inner), max_size=3)
-
-
-terminals = st.builds(Terminal, st.integers(1, 120), st.integers(1, 60), st.booleans())
+def changed(cls: type[Any], body: dict[str, Any]) -> st.SearchStrategy[dict[str, Any]]:
+    """The body of a message, or part of one, with whatever may be in one of its fields; nil where it is a map."""
+    kinds = {field.name: field.kind for field in fields_of(cls) if field.name in body}
+    return st.sampled_from(sorted(kinds)).flatmap(
+        lambda name: OF_KIND.get(kinds[name], st.none()).map(lambda value: {**body, name: value})
+    )
 
 
 @settings(max_examples=40)
-@given(st.sampled_from([*RIG, "status"]), terminals, st.data())
+@given(
+    st.sampled_from([*RIG, "status"]),
+    st.builds(Terminal, st.integers(1, 120), st.integers(1, 60), st.booleans()),
+    st.data(),
+)
 def test_whatever_a_field_may_have_is_drawn_within_the_terminal(
     topic: str, terminal: Terminal, data: st.DataObject
 ) -> None:
-    view, kinds = viewed(RIG), {field.name: field.kind for field in fields_of(TOPICS[topic.partition(".")[0]])}
-    name = data.draw(st.sampled_from(sorted(RIG[topic])))
-    view.update(topic, RIG[topic] | {name: data.draw(values(kinds[name]))})
+    view = viewed(RIG)
+    view.update("status", STATUS | {"streams": {"left.wrench": data.draw(changed(StreamStatus, STREAM))}})
+    view.update(topic, data.draw(changed(TOPICS[topic.partition(".")[0]], RIG[topic])))
     lines = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in view.render(terminal)]
     assert 0 < len(lines) <= terminal.lines
     assert max(map(len, lines)) <= terminal.columns
