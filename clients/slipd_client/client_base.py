@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Sequence
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
-from slipd_client.errors import CallError, ClientError, LeaseInUse
+from slipd_client.errors import CallError, ClientError, LeaseInUse, RequestRefused
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Steps
 from slipd_client.messages.schema.replies import (
@@ -107,14 +107,15 @@ class GripClientBase(RequestProtocol):
 
     async def _acquire(self, lease: LeaseKeeper, ttl_ms: int) -> None:
         await self._ask(Ask("lease.acquire", {"ttl_ms": ttl_ms}, unchecked=True))
-        lease.note_renewal(self._lease_asked_ns)
+        lease.sent_ns = self._lease_asked_ns
 
     async def _renew_once(self, lease: LeaseKeeper) -> None:
         try:
             await self._ask(Ask("lease.renew", {}, max(0.0, lease.left_s), unchecked=True))
-            lease.note_renewal(self._lease_asked_ns)
+            lease.sent_ns = self._lease_asked_ns
         except ClientError as error:
-            lease.note_failure(error)
+            if not (isinstance(error, RequestRefused) and error.code == "busy"):  # a busy daemon may be asked again
+                lease.lose(str(error))
 
     async def _give_back(self, lease: LeaseKeeper) -> None:
         if not lease.lost:

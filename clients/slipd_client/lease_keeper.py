@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any
 
-from slipd_client.errors import LeaseInUse, LeaseLost, RequestRefused
+from slipd_client.errors import LeaseInUse, LeaseLost
 from slipd_client.messages.schema.ops import URGENT_OPS, lease_rule
 
 LEASE_MS = 200
@@ -54,6 +54,9 @@ class LeaseKeeper:
         ttl_ms: Life of the lease without renewal.
         sent_ns: When it was requested, CLOCK_MONOTONIC. The daemon counts from the arrival, so it ends the lease later.
         owner: Name of the thread or task, for errors.
+
+    Attributes:
+        sent_ns: When the newest request that the daemon confirmed was sent.
     """
 
     _event: Callable[[], Any] = threading.Event
@@ -63,7 +66,7 @@ class LeaseKeeper:
         self.owner = owner
         self._ended = self._event()
         self._ttl_ns = ttl_ms * 1_000_000
-        self._sent_ns = sent_ns
+        self.sent_ns = sent_ns
         self._why = ""
 
     @property
@@ -81,21 +84,12 @@ class LeaseKeeper:
     @property
     def left_s(self) -> float:
         """Time that it lasts without a further renewal, s."""
-        return (self._sent_ns + self._ttl_ns - time.monotonic_ns()) * 1e-9
+        return (self.sent_ns + self._ttl_ns - time.monotonic_ns()) * 1e-9
 
     @property
     def period_s(self) -> float:
         """Time between two renewals, s."""
         return self._ttl_ns * 1e-9 / RENEWALS
-
-    def note_renewal(self, sent_ns: int) -> None:
-        """Note that the daemon confirmed a renewal sent at ``sent_ns``."""
-        self._sent_ns = sent_ns
-
-    def note_failure(self, error: Exception) -> None:
-        """Note that a renewal failed: the lease is lost, unless the daemon was only "busy" and may be asked again."""
-        if not (isinstance(error, RequestRefused) and error.code == "busy"):
-            self.lose(str(error))
 
     def lose(self, why: str) -> None:
         """Mark it as lost; the first reason stays."""
