@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.emulate import emulated, run
 from slipd.tools.sim.emulators import make_emulator
 
 FORCE_N, TORQUE_NM = (3.0, -2.0, -11.0), (0.05, -0.03, 0.02)
@@ -55,8 +55,8 @@ def _serve(ready: Connection, device: str, address: str, part_m: float, settings
         emulator.part_m = part_m
 
     async def run() -> None:
-        async with emulated([(device, emulator, address)]) as emulation:
+        async with emulated([(device, emulator, address)]) as lines:
             ready.send("serving")
-            await emulation.run()
+            await run(lines)
 
     asyncio.run(run())

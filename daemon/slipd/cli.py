@@ -127,9 +127,9 @@ def first_steps() -> None:
 
 def demo(scene: str, *, without_advice: bool, **options: Any) -> bool:
     """Run the demo; see `slipd.tools.demo.run_demo`."""
-    from slipd.tools.demo import Scene, run_demo
+    from slipd.tools.demo import run_demo
 
-    return run_demo(**options, scene=Scene(scene == "carry", not without_advice))
+    return run_demo(**options, carry=scene == "carry", advised=not without_advice)
 
 
 def evaluate(

@@ -22,13 +22,13 @@ import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, Any, cast
 
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.demo_summary import Tally, print_summary
 from slipd.tools.sim.carry_program import CarryProgram, carry_config
-from slipd.tools.sim.robot_program import RobotProgram
+from slipd.tools.sim.robot_program import LISTEN_S, RobotProgram
 from slipd_client.page.page_server import redirect_file
 from slipd_client.subscriber import Subscriber
 from slipd_client.watch import Display
@@ -39,25 +39,15 @@ PATIENCE_S = 60.0
 END_S = 5.0
 """Longest end of a part after a request to end, s."""
 
-LISTEN_S = 0.05
 
-
-class Scene(NamedTuple):
-    """What the demo plays.
-
-    Attributes:
-        carry: A robot arm carries a glass whose grip may not rise; otherwise something is poured into a box.
-        advised: The arm goes as fast as slipd advises; otherwise at full speed.
-    """
-
-    carry: bool = False
-    advised: bool = True
-
-
-def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None, scene: Scene) -> bool:
+def run_demo(
+    seconds: float | None, *, headless: bool, seed: int, record: Path | None, carry: bool, advised: bool
+) -> bool:
     """Run the demo to its end, or for ``seconds``, and print a summary.
 
     On a terminal, without ``seconds``, the daemon and its page stay afterwards, and a key plays the scene again.
+    With ``carry`` a robot arm carries a glass whose grip may not rise, ``advised`` as fast as slipd says, otherwise at
+    full speed; without ``carry`` something is poured into a box.
 
     Returns:
         Whether the scene ran and the daemon ended in good order.
@@ -65,7 +55,7 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
     stays = seconds is None and not headless
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
         _compile_kernels()
-        play = _Play(Path(name), seconds, page, scene, headless=headless, seed=seed)
+        play = _Play(Path(name), seconds, page, headless=headless, seed=seed, carry=carry, advised=advised)
         recording: tuple[str, ...] = () if record is None else ("--record", str(record))
         while play.run(recording, stays=stays):
             recording = ()  # it is complete
@@ -79,19 +69,21 @@ class _Play:
         folder: For ports and logs.
         seconds: When it ends, s; None: with the scene.
         page: Ends the page.
-        scene: What is played.
         headless: Print only the summary.
         seed: Seed of the noise.
+        carry: The arm carries a glass.
+        advised: The arm asks slipd how fast it may go.
 
     Attributes:
         well: The daemon and the robot program ended in good order so far.
     """
 
     def __init__(
-        self, folder: Path, seconds: float | None, page: ExitStack, scene: Scene, *, headless: bool, seed: int
-    ) -> None:
+        self, folder: Path, seconds: float | None, page: ExitStack, *,
+        headless: bool, seed: int, carry: bool, advised: bool,
+    ) -> None:  # fmt: skip
         self.well = True
-        self._scene = scene
+        self._carry, self._advised = carry, advised
         self._folder, self._seconds, self._page, self._headless, self._seed = folder, seconds, page, headless, seed
         self._plays = 0
         self._url = ""
@@ -102,11 +94,11 @@ class _Play:
         ports = self._folder / str(self._plays)
         ports.mkdir()
         gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
-        seed = ("--seed", str(self._seed), *(("--carry",) if self._scene.carry else ()))
+        seed = ("--seed", str(self._seed), *(("--carry",) if self._carry else ()))
         again = False
         with (
             _part("slipd.tools.sim.virtual_gripper", gripper_log, "--dir", str(ports), *seed) as gripper,
-            _part("slipd", daemon_log, "run", str(_rig_file(ports, carry=self._scene.carry)), *recording) as daemon,
+            _part("slipd", daemon_log, "run", str(_rig_file(ports, carry=self._carry)), *recording) as daemon,
         ):
             _first_lines(gripper, 1, gripper_log)
             publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
@@ -129,14 +121,14 @@ class _Play:
             print_summary(tally, program.report, truth)
         if daemon.returncode != 0 or program.report.error:
             self.well = False
-            log = daemon_log.read_text(encoding="utf-8")
-            print(f"exit code of the daemon: {daemon.returncode}; its log:\n{log}", file=sys.stderr)
+            print(f"exit code of the daemon: {daemon.returncode}; its log:", file=sys.stderr)
+            print(daemon_log.read_text(encoding="utf-8"), file=sys.stderr)
         return again
 
     def _program(
         self, publish: str, requests: str, gripper: subprocess.Popen[str], truth: list[dict[str, Any]]
     ) -> RobotProgram:
-        if not self._scene.carry:
+        if not self._carry:
             return RobotProgram(publish, requests)
 
         def move(scale: float) -> None:
@@ -145,13 +137,12 @@ class _Play:
         def arrived() -> int:
             return sum(event["event"] == "arrived" for event in truth)
 
-        return CarryProgram(publish, requests, move, arrived, advised=self._scene.advised)
+        return CarryProgram(publish, requests, move, arrived, advised=self._advised)
 
 
 def _has_person() -> bool:
     """Return whether somebody at a terminal can press a key for this program."""
-    terminal = sys.stdin.isatty() and sys.stdout.isatty()
-    return terminal and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    return sys.stdin.isatty() and sys.stdout.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
 
 
 def _waits_for_key(daemon: subprocess.Popen[str]) -> bool:

@@ -64,7 +64,7 @@ def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> 
         lines.append((r.requested_ns, f"program  requests {r.requested_n:.1f} N on each pad: {applied}{measured}"))
     for t_ns, line in sorted(lines):
         print(f"  {at(t_ns)}  {line}")
-    for line in _carry_lines(truth) if report.moves else _verdict_lines(report, events):
+    for line in _carry_lines(truth, events) if report.moves else _verdict_lines(report, events):
         print(line)
     lost = sum(stream["lost"] for stream in tally.streams.values())
     bad = sum(stream["bad"] for stream in tally.streams.values())
@@ -83,12 +83,12 @@ def print_summary(tally: Tally, report: Report, truth: list[dict[str, Any]]) -> 
         print(f"the robot program ended early: {report.error}", file=sys.stderr)
 
 
-def _carry_lines(truth: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield whether the glass slid, and how long the moves took."""
-    slides = [event for event in truth if event["event"] in ("slide_ends", "dropped")]
-    moved_m = max((event["displacement_m"] for event in slides), default=0.0)
-    begun = any(event["event"] == "slide_begins" for event in truth)
-    yield f"glass: slid by {1000 * moved_m:.0f} mm" if begun else "glass: did not slip"
+def _carry_lines(truth: list[dict[str, Any]], events: Events) -> Iterator[str]:
+    """Yield whether the glass slid, and how far."""
+    moved_m = max(
+        (event["displacement_m"] for event in truth if event["event"] in ("slide_ends", "dropped")), default=0.0
+    )
+    yield f"glass: slid by {1000 * moved_m:.0f} mm" if "slide_begins" in events else "glass: did not slip"
 
 
 def _verdict_lines(report: Report, events: Events) -> Iterator[str]:

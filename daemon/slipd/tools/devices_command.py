@@ -39,14 +39,16 @@ def print_devices(name: str | None, *, as_json: bool) -> None:
         UsageError: The device is not installed, or cannot be used.
     """
     if name is not None:
-        _describe(_known(name), as_json=as_json)
+        found = find_device(name)
+        if found is None:
+            raise UsageError(f"no device {name!r} is installed; `slipd devices` lists those that are")
+        _describe(found, as_json=as_json)
         return
     usable = [each for each in installed() if each.device is not None]
     faulty = [each for each in installed() if each.device is None]
     if as_json:
-        found = [_summary(each) for each in usable]
         faults = [{"device": one_line(each.name), "fault": one_line(each.fault)} for each in faulty]
-        print(json.dumps(found + faults, ensure_ascii=False))
+        print(json.dumps([*map(_summary, usable), *faults], ensure_ascii=False))
         return
     rows = [TITLES, *(tuple(_summary(each).values())[: len(TITLES)] for each in usable)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -56,18 +58,11 @@ def print_devices(name: str | None, *, as_json: bool) -> None:
         print(f"{one_line(each.name)} of {_package(each)} cannot be used: {one_line(each.fault)}")
 
 
-def _known(name: str) -> Installed:
-    found = find_device(name)
-    if found is None:
-        raise UsageError(f"no device {name!r} is installed; `slipd devices` lists those that are")
-    if found.device is None:
-        raise UsageError(f"{name!r} of {_package(found)} cannot be used: {found.fault}")
-    return found
-
-
 def _describe(found: Installed, *, as_json: bool) -> None:
     """Print where a device comes from, its lines, rates and options, and its own description."""
-    device: Any = found.device
+    device = found.device
+    if device is None:
+        raise UsageError(f"{found.name!r} of {_package(found)} cannot be used: {found.fault}")
     (low_hz, high_hz), options = device.rates_hz, list(options_of(device))
     if as_json:
         more = {"rates_hz": [low_hz, high_hz], "baud": device.baud, "about": device.about, "options": options}

@@ -17,7 +17,6 @@ from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 
 READ_BYTES = 65_536
-PTY_BYTES = 4096
 PIECES_PER_LOOK = 64
 """Most pieces read at once from a host that floods the line."""
 
@@ -112,7 +111,7 @@ class PtyLine(Line):
         received: list[bytes] = []
         if events & select.POLLIN:
             with contextlib.suppress(OSError):  # the host has just gone
-                received.append(os.read(self._fd, PTY_BYTES))
+                received.append(os.read(self._fd, READ_BYTES))
         return self._open and not was_open, received
 
     def send(self, pieces: Sequence[bytes]) -> None:
@@ -249,20 +248,17 @@ class _DriverLine(_StreamLine):
         self._path = address.removeprefix("unix://")
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        if self._host is None:
-            return self._connect(), []
-        return False, self._read()
-
-    def _connect(self) -> bool:
+        if self._host is not None:
+            return False, self._read()
         made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         made.setblocking(False)
         try:
             made.connect(self._path)
         except OSError:
             made.close()
-            return False
+            return False, []
         self._host = made
-        return True
+        return True, []
 
 
 class _WebsocketLine(Line):

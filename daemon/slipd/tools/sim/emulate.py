@@ -15,7 +15,7 @@ from contextlib import AsyncExitStack
 from typing import Any
 from urllib.parse import urlsplit
 
-from slipd.devices import DEVICES, Inquiry
+from slipd.devices import DEVICES
 from slipd.tools.sim.device_line import Line, open_line
 from slipd.tools.sim.emulators import Emulator
 
@@ -93,16 +93,12 @@ async def emulated(devices: Sequence[tuple[str, Emulator, str]]) -> AsyncIterato
         lines: Lines = []
         for name, device, address in devices:
             lines.append((device, await stack.enter_async_context(open_line(address))))
-            inquiry = _inquiry(name, device)
+            make = DEVICES[name].inquiry if hasattr(device, "inquire") else None
+            inquiry = None if make is None else make(**device.options)
             if inquiry is not None:
                 host = urlsplit(address).hostname
                 await stack.enter_async_context(await _serve_inquiries(device, host, inquiry.port))
         yield lines
-
-
-def _inquiry(name: str, device: Emulator) -> Inquiry | None:
-    make = DEVICES[name].inquiry
-    return make(**device.options) if make is not None and hasattr(device, "inquire") else None
 
 
 async def _serve_inquiries(device: Any, host: str | None, port: int) -> asyncio.Server:

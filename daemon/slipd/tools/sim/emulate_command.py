@@ -161,7 +161,6 @@ class _Desk:
             await self.carry_out(line, print)
         async for line in standard_input():
             await self.carry_out(line, lambda text: print(text, flush=True))
-        self.stop.set()
 
     async def serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         def answer(text: str) -> None:

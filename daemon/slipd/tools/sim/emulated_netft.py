@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,13 @@ from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole
 
 INTERNAL_HZ = 7000
 COUNTS_PER_N, COUNTS_PER_NM = 100_000, 2_000_000
-_SCALES = ("counts_per_force", "counts_per_torque", "force_unit", "torque_unit")
+CALIBRATION: dict[str, Any] = {
+    "counts_per_force": COUNTS_PER_N,
+    "counts_per_torque": COUNTS_PER_NM,
+    "force_unit": "N",
+    "torque_unit": "N-m",
+}
+"""What the sensor itself sends."""
 SERIAL = "FT27462"
 
 _CHANGE = re.compile(rb"GET /comm\.cgi\?comrdtrate=(\d{1,5}) HTTP/1\.[01]\r\n")
@@ -65,9 +72,13 @@ class NetftSensor(EmulatedWrench):
         force_unit: str = "N",
         torque_unit: str = "N-m",
     ) -> None:
-        own = (COUNTS_PER_N, COUNTS_PER_NM, "N", "N-m")
-        used = (counts_per_force, counts_per_torque, force_unit, torque_unit) if calibration == "config" else own
-        super().__init__(WrenchStream(seed, rate_hz), rate_hz, **dict(zip(_SCALES, used, strict=True)))
+        given: dict[str, Any] = {
+            "counts_per_force": counts_per_force,
+            "counts_per_torque": counts_per_torque,
+            "force_unit": force_unit,
+            "torque_unit": torque_unit,
+        }
+        super().__init__(WrenchStream(seed, rate_hz), rate_hz, **(given if calibration == "config" else CALIBRATION))
         self.status = 0
         """Status word of the records from now on."""
         value = netft_calibration.from_counts(**self.options)

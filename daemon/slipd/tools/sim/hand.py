@@ -70,6 +70,14 @@ class _Touched:
     by_arm: bool = False  # its gravity is that of the arm
     sliding: bool = False
 
+    def tilt(self, gravity: tuple[float, ...]) -> None:
+        self.by_arm = False
+        self.gravity_mps2 = np.array(gravity) * (STANDARD_GRAVITY_MPS2 / math.hypot(*gravity))
+
+    def release(self) -> None:
+        self.press_n, self.push_n, self.twist_nm = _Ramp(1), _Ramp(2), _Ramp(1)
+        self.place_m = (0.0, 0.0)
+
 
 class Hand:
     """What acts on each finger, by the commands so far.
@@ -120,10 +128,14 @@ class Hand:
         elif command.verb == "pull":
             self._pull_n.set(values[0] * np.array(command.direction), t_s, takes_s)
         elif command.verb == "arm":
-            self._move_arm(np.array(values), t_s, takes_s)
+            if not self._pads:
+                raise CommandError("arm: the config must have [grasp.pads], which say how the arm moves each finger")
+            self._arm.set(np.array(values), t_s, takes_s)
+            for name in self._pads:
+                self._fingers[name].by_arm = True
         elif command.verb in ("tilt", "release"):
             for each in self._fingers.values() if finger is None else (finger,):
-                self._tilt(each, values) if values else self._release(each, t_s)
+                each.tilt(values) if values else each.release()
         elif finger is not None:
             self._touch(finger, command, t_s)
 
@@ -141,22 +153,6 @@ class Hand:
             finger.push_n.set(values[0] * np.array(command.direction), t_s, takes_s)
         else:
             finger.twist_nm.set(np.array(values), t_s, takes_s)
-
-    def _move_arm(self, motion: Array, t_s: float, takes_s: float) -> None:
-        if not self._pads:
-            raise CommandError("arm: the config must have [grasp.pads], which say how the arm moves each finger")
-        self._arm.set(motion, t_s, takes_s)
-        for name in self._pads:
-            self._fingers[name].by_arm = True
-
-    def _tilt(self, finger: _Touched, gravity: tuple[float, ...]) -> None:
-        finger.by_arm = False
-        finger.gravity_mps2 = np.array(gravity) * (STANDARD_GRAVITY_MPS2 / math.hypot(*gravity))
-
-    def _release(self, finger: _Touched, t_s: float) -> None:
-        for ramp in (finger.press_n, finger.push_n, finger.twist_nm):
-            ramp.set(np.zeros_like(ramp.goal), t_s, 0.0)
-        finger.place_m = (0.0, 0.0)
 
     def load(self, name: str, t_s: float, grip_n: float) -> PadLoad:
         """Return the load on a finger.

@@ -89,11 +89,10 @@ class _Form:
     timed: bool = False
 
 
-_TORQUES = {"mNm": 1e-3, "mN·m": 1e-3, "Nm": 1.0, "N·m": 1.0}
 _FORMS = {
     "press": _Form("must", numbers=("FORCE",), units={"N": 1.0}, place=_PLACE[:2], timed=True),
     "push": _Form("must", directed=True, numbers=("FORCE",), units={"N": 1.0}, timed=True),
-    "twist": _Form("must", numbers=("TORQUE",), units=_TORQUES, timed=True),
+    "twist": _Form("must", numbers=("TORQUE",), units={"mNm": 1e-3, "mN·m": 1e-3, "Nm": 1.0, "N·m": 1.0}, timed=True),
     "release": _Form("may"),
     "pull": _Form(directed=True, numbers=("FORCE",), units={"N": 1.0}, timed=True),
     "object": _Form(numbers=("WIDTH",), units={"mm": 1e-3}),

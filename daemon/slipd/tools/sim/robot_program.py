@@ -140,7 +140,7 @@ class RobotProgram(threading.Thread):
     def __init__(self, publish: str, requests: str, plan: Plan | None = None) -> None:
         super().__init__(name="robot program")
         self.report = Report()
-        self._endpoints = (publish, requests)
+        self._publish, self._requests = publish, requests
         self._plan = plan or Plan()
         self._ending = threading.Event()
         self._force_n = self._wanted_n = 0.0
@@ -154,9 +154,8 @@ class RobotProgram(threading.Thread):
 
     def run(self) -> None:
         """Run the whole program; an early end is in the report."""
-        publish, requests = self._endpoints
         try:
-            with Subscriber(publish, ("slip", "warning")) as subscriber, GripClient(requests) as client:
+            with Subscriber(self._publish, ("slip", "warning")) as subscriber, GripClient(self._requests) as client:
                 self._prepare(client)
                 begin_s = time.monotonic()
                 while time.monotonic() - begin_s < self._plan.end_s and not self._ending.is_set():
@@ -258,8 +257,7 @@ class RobotProgram(threading.Thread):
 
     def _measured_n(self) -> float | None:
         """Return the newest grip force of the weaker finger, N; None if unknown."""
-        known = [slip.normal_n for slip in self._slips.values() if slip.normal_n is not None]
-        return min(known, default=None)
+        return min((slip.normal_n for slip in self._slips.values() if slip.normal_n is not None), default=None)
 
 
 def _faults(client: GripClient) -> str:

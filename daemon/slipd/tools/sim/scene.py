@@ -90,8 +90,6 @@ class Scene:
         moving: The fingers move.
         in_contact: Both pads touch the box.
         sliding: Whether the box slides over the pads.
-        rotation_would_begin_s: When the poured load would turn the box at the grip force at the start of the pouring;
-            None if it would not, and before the pouring.
     """
 
     script: Script = field(default_factory=Script)
@@ -112,7 +110,6 @@ class Scene:
     moving: bool = field(default=False, init=False)
     in_contact: bool = field(default=False, init=False)
     sliding: bool = field(default=False, init=False)
-    rotation_would_begin_s: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.width_m = self.open_width_m
@@ -193,8 +190,7 @@ class Scene:
             return
         self._record(phase)
         if phase == "pour" and self.in_contact:
-            self.rotation_would_begin_s = self._rotation_begin_s(self.normal_n)
-            self._record("forecast", rotation_would_begin_s=self.rotation_would_begin_s)
+            self._record("forecast", rotation_would_begin_s=self._rotation_begin_s(self.normal_n))
 
     def _move_fingers(self, command: GripCommand, dt_s: float) -> None:
         part_m = self.object_width_m if self._present else 0.0
@@ -260,7 +256,10 @@ class Scene:
         return self._limit.need_n((load[0] / 2, load[1] / 2, load[2] / 2), self.friction.mu_s)
 
     def _rotation_begin_s(self, normal_n: float) -> float | None:
-        """Return when the poured load alone would reach the limit at this grip force; it only grows: bisection."""
+        """Return when the poured load alone would reach the limit at this grip force, None if never.
+
+        The load only grows: bisection.
+        """
 
         def holds(t_s: float) -> bool:
             return self._need_n(self.script.weight(t_s, self.mass_kg)) <= normal_n

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slipd.fusion import utilisation
+from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array
 
 Load = tuple[float, float, float]
@@ -95,11 +96,7 @@ class Pad:
 
     def centres(self) -> tuple[Array, Array]:
         """Return the centres of the taxels in the pad frame, x and y in scan order, shapes (rows * cols,), m."""
-        x, y = np.meshgrid(
-            (np.arange(self.cols) - (self.cols - 1) / 2) * self.pitch_m,
-            (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch_m,
-        )
-        return x.ravel(), y.ravel()
+        return PadGeometry(self.rows, self.cols, self.pitch_m, self.electrode_m).positions()
 
     def shares(self, patch: Patch) -> Array:
         """Return the reading of each taxel per newton of normal force, shape (taxels,).
@@ -152,8 +149,6 @@ class FrictionLimit:
         Divided by the actual normal force it is the true utilisation λ.
         """
         fx, fy, spin = load
-        if fx == 0.0 and fy == 0.0 and spin == 0.0:
-            return 0.0
         return utilisation(self._x, self._y, self._shares, mu, np.array([fx, fy]), spin, self._about).value
 
 

@@ -13,7 +13,7 @@ import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +44,6 @@ PATCH_M = 0.006
 SCAN_SHARE = 0.5
 """A multiplexed pad scans for this share of its period."""
 
-IDENTITY_KEYS = ("hardware_id",)
 _PAGE = re.compile(r"""(\bcalibration\s*=\s*)["']xml["']""")
 """Calibration of a Net F/T on its web page: only a privileged process may serve port 80, so the copy asks over TCP."""
 _PAGE_RATE = re.compile(r"(\boutput_hz\s*=\s*)\d+")
@@ -72,18 +71,17 @@ class TouchedDevices:
 
     def __init__(self, rig: config.Config, folder: Path, seed: int = 0, *, unkind: bool = False) -> None:
         self._rig = rig
-        self._by_port: dict[str, Emulator] = {}
+        self._by_port: dict[str, Any] = {}
         self.addresses: dict[str, str] = {}
         self.devices: list[tuple[str, Emulator, str]] = []
         for number, (port, streams) in enumerate(_ports(rig)):
-            name = next(iter(streams))
+            name, first = next(iter(streams.items()))
             emulator = _emulator(streams, seed + number)
-            first = streams[name]
             if unkind and not isinstance(first, config.Gripper):
                 emulator = Unkind(emulator, seed + number, first.cols if isinstance(first, config.Pad) else 1)
             self._by_port[port] = emulator
             self.addresses[port] = _address(folder, port, name.replace(".", "-"), number)
-            self.devices.append((streams[name].device, emulator, self.addresses[port]))
+            self.devices.append((first.device, emulator, self.addresses[port]))
         weights = {
             name: FingerWeight() if finger.wrench is None else FingerWeight(finger.wrench.mass_kg, finger.wrench.com_m)
             for name, finger in rig.finger.items()
@@ -97,14 +95,14 @@ class TouchedDevices:
             if finger.wrench is not None and (pose := finger.wrench.pad_from_sensor)
         }
         self._set: dict[str, tuple[PadLoad, bytes]] = {}
-        self._grips: Any = None if rig.gripper is None else self._by_port[rig.gripper.port]
+        self._grips = None if rig.gripper is None else self._by_port[rig.gripper.port]
 
     def advance(self, t_ns: int) -> None:
         """Let the hand act on the devices until ``t_ns``; a load that did not change is not set again."""
         if self._grips is not None:
             self._grips.part_m = self.hand.part_m
         if (arm := self._rig.streams().get("arm")) is not None:
-            cast("Any", self._by_port[arm.port]).carry(*self.hand.arm(t_ns * 1e-9), **_sensor(arm))
+            self._by_port[arm.port].carry(*self.hand.arm(t_ns * 1e-9), **_sensor(arm))
         for name, load in self.loads(t_ns).items():
             finger, weight = self._rig.finger[name], self.hand.weight(name, t_ns * 1e-9)
             if self._set.get(name) == (load, weight.tobytes()):
@@ -112,11 +110,9 @@ class TouchedDevices:
             self._set[name] = load, weight.tobytes()
             if finger.wrench is not None:
                 felt = self._mountings[name] @ (load.wrench() + weight) + BIAS
-                device = cast("Any", self._by_port[finger.wrench.port])
-                device.feel(felt[:3], felt[3:], **_sensor(finger.wrench))
+                self._by_port[finger.wrench.port].feel(felt[:3], felt[3:], **_sensor(finger.wrench))
             if finger.pad is not None:
-                device = cast("Any", self._by_port[finger.pad.port])
-                device.press(self._pads[name].readings(load), **_sensor(finger.pad))
+                self._by_port[finger.pad.port].press(self._pads[name].readings(load), **_sensor(finger.pad))
 
     def loads(self, t_ns: int) -> dict[str, PadLoad]:
         """Return the load on each pad."""
@@ -134,7 +130,7 @@ class TouchedDevices:
             line = lines[number - 1]
             if path[-1] == "port":
                 lines[number - 1] = self._with_address(line)
-            elif path[-1] in IDENTITY_KEYS or (path[0] == "bus" and path[-1] in BUS_KEYS):
+            elif path[-1] == "hardware_id" or (path[0] == "bus" and path[-1] in BUS_KEYS):
                 lines[number - 1] = f"# {line}  # emulated devices have another"
             elif (stream := streams.get(".".join(path[1:3]))) is not None and stream.device == "netft":
                 lines[number - 1] = _PAGE_RATE.sub(r"\g<1>0", _PAGE.sub(r'\1"tcp"', line))
@@ -244,12 +240,8 @@ def _address(folder: Path, port: str, name: str, number: int) -> str:
         return f"ipc://{folder}/{name}.socket"
     if kind == "local":
         return f"unix://{folder}/{name}.socket"
-    host = f"127.0.{64 + number}.{_own_octet()}"  # a Net F/T answers its inquiry at a port of its own
+    # A Net F/T answers its inquiry at a fixed port: an address that another process hardly uses.
+    host = f"127.0.{64 + number}.{1 + os.getpid() % 250}"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM) as free:
         free.bind((host, 0))
         return f"{'ws' if kind == 'websocket' else kind}://{host}:{free.getsockname()[1]}"
-
-
-def _own_octet() -> int:
-    """Return a number that another process on this machine is unlikely to use."""
-    return 1 + os.getpid() % 250

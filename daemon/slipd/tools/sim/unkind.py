@@ -75,7 +75,6 @@ class Unkind:
 
     def __init__(self, emulator: Emulator, seed: int, cols: int = 4) -> None:
         self._emulator, self._cols, self._rng = emulator, cols, np.random.default_rng(seed)
-        self.options, self.rate_hz = emulator.options, emulator.rate_hz
         self._clock = SensorClock(self._rng, 0.0 if hasattr(emulator, "began_ns") else CRYSTAL)
         self._sensors: dict[str, SensorClock] = {}
         self._pads: dict[str | None, UnkindPad] = {}

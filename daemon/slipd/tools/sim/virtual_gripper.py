@@ -202,10 +202,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.dir.mkdir(parents=True, exist_ok=True)
     rig = carried_rig(options.seed) if options.carry else VirtualRig(Scene(), options.seed)
     gripper = VirtualGripper(rig, options.dir, _print)
-    paths = {line: str(options.dir / line) for line in LINES}
 
     def ready() -> None:
-        _print({"t_s": None, "t_ns": time.monotonic_ns(), "event": "ready", "ports": paths})
+        _print(
+            {
+                "t_s": None,
+                "t_ns": time.monotonic_ns(),
+                "event": "ready",
+                "ports": {line: str(options.dir / line) for line in LINES},
+            }
+        )
 
     prepare_process()
     try:

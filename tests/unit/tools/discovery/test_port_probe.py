@@ -21,7 +21,7 @@ from slipd.tools.discovery.port_probe import (
     list_ports,
     recognise,
 )
-from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.emulate import emulated, run
 from slipd.tools.sim.emulators import Emulator, make_emulator
 
 ATTEMPTS = 10
@@ -31,8 +31,8 @@ SERIAL = [name for name, device in DEVICES.items() if "serial" in device.transpo
 async def identify(folder: Path, devices: dict[str, Emulator], attempts: int = 1) -> dict[str, Any]:
     """Identify emulated devices, all at once; what a busy machine answers too late is asked again."""
     plan = [(name, device, str(folder / name)) for name, device in devices.items()]
-    async with emulated(plan) as emulation:
-        running = asyncio.create_task(emulation.run())
+    async with emulated(plan) as lines:
+        running = asyncio.create_task(run(lines))
         found: dict[str, Any] = {}
         for _ in range(attempts):
             names = [name for name in devices if found.get(name) is None]

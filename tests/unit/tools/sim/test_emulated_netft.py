@@ -16,7 +16,7 @@ from slipd.devices.netft.netft_calibration import encode_change
 from slipd.devices.shared import rdt_records as rdt
 from slipd.events import Bytes, Event, LinkSpec, LinkUp
 from slipd.io.transport import Links
-from slipd.tools.sim.emulate import emulated
+from slipd.tools.sim.emulate import emulated, run
 from slipd.tools.sim.emulated_netft import SERIAL, NetftSensor, make
 from slipd.types.samples import WrenchSample
 
@@ -86,8 +86,8 @@ async def test_the_output_rate_is_set_over_http_before_the_records_start(
             links.write("left.wrench", session.on_time(0))
 
     spec = LinkSpec("left.wrench", "udp", address, inquiry=replace(inquiry, port=netft_calibration.TCP_INQUIRY.port))
-    async with emulated([("netft", sensor, address)]) as emulation, asyncio.TaskGroup() as tasks:
-        running = tasks.create_task(emulation.run())
+    async with emulated([("netft", sensor, address)]) as lines, asyncio.TaskGroup() as tasks:
+        running = tasks.create_task(run(lines))
         async with Links(tasks, [spec], handle) as links:
             await eventually(lambda: len(samples) >= 5)
         running.cancel()

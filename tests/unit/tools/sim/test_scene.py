@@ -64,7 +64,8 @@ def test_a_pulled_object_slips_at_mu_s_and_the_friction_ratio_drops_towards_mu_d
 def test_without_help_the_box_turns_when_forecast_and_falls():
     scene, seen = play(Scene())
     (begin,) = times(scene, "slide_begins")
-    assert scene.rotation_would_begin_s == pytest.approx(begin, abs=0.03)  # half a percent of the torque
+    (forecast,) = [truth.values for truth in scene.truth if truth.event == "forecast"]
+    assert forecast["rotation_would_begin_s"] == pytest.approx(begin, abs=0.03)  # half a percent of the torque
     assert 9.0 < begin < 10.0
     assert times(scene, "dropped")
     assert scene.angle_rad > 0.9
