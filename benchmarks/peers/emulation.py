@@ -54,9 +54,9 @@ def _serve(ready: Connection, device: str, address: str, part_m: float, settings
     if part_m:
         emulator.part_m = part_m
 
-    async def run() -> None:
+    async def serve() -> None:
         async with emulated([(device, emulator, address)]) as lines:
             ready.send("serving")
             await run(lines)
 
-    asyncio.run(run())
+    asyncio.run(serve())
