@@ -95,10 +95,8 @@ class Commission:
             GRASP: self._grasp,
         }
         yield Gravity({})
-        for number, step in enumerate(STEPS, 1):
-            if number <= STEPS.index(first):
-                continue
-            yield Say(f"\nStep {number} of {len(STEPS)}: {step}")
+        for step in STEPS[STEPS.index(first) :]:
+            yield Say(f"\nStep {STEPS.index(step) + 1} of {len(STEPS)}: {step}")
             try:
                 self._complete[step] = yield from work[step]()
             except Skipped:
@@ -120,7 +118,7 @@ class Commission:
 
     def _change_mounting(self, outcomes: Mapping[str, FingerOutcome]) -> Steps[bool]:
         """Have what was found written, and keep the mountings; return whether the daemon runs them."""
-        found = changes(self._rig, {name: outcome.result for name, outcome in outcomes.items()})
+        found = changes(self._rig, {name: outcome.findings for name, outcome in outcomes.items()})
         self._mounts |= {name: each.findings.mount for name, each in outcomes.items() if each.findings.mount}
         return (yield from self._change(found))
 

@@ -7,15 +7,14 @@ import shutil
 import stat
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from slipd import config
 from slipd.config import Finger, Pad, Wrench
 from slipd.config.toml_text import marked_keys, with_value
 from slipd.io.replaced_file import replace_file
-from slipd.tools.commission.readings import Noise
-from slipd.tools.commission.touches import Mount, Symmetry
+from slipd.tools.commission.touches import Findings
 
 PREVIOUS = ".previous"
 """Ending of the name of the config before the last change."""
@@ -31,26 +30,7 @@ Values = dict[str, object]
 """Value of each key of a table."""
 
 
-@dataclass(frozen=True, slots=True)
-class FingerResult:
-    """What was found of one finger; None where nothing is to change.
-
-    Attributes:
-        mount: Mounting of its force sensor.
-        symmetry: Orientation of its image.
-        axes: Signs of the axes of its taxels.
-        streams: By "wrench" and "pad": name of the finger whose tables the sensors of this finger are in now.
-        noise: Noise of its sensors at rest.
-    """
-
-    mount: Mount | None
-    symmetry: Symmetry | None
-    axes: tuple[int, int, int] | None
-    streams: Mapping[str, str]
-    noise: Noise | None = None
-
-
-def changes(rig: config.Config, results: Mapping[str, FingerResult]) -> dict[tuple[str, ...], str]:
+def changes(rig: config.Config, results: Mapping[str, Findings]) -> dict[tuple[str, ...], str]:
     """Return, as TOML, the value of every key that changes, or that is confirmed and still marked MEASURE."""
     found: dict[tuple[str, str], Values] = defaultdict(dict)
     for name, result in results.items():
@@ -114,7 +94,7 @@ def replace_config(file: Path, text: str, *, keep: bool = True) -> Path:
     return previous
 
 
-def _wrench_values(sensor: Wrench, result: FingerResult) -> Values:
+def _wrench_values(sensor: Wrench, result: Findings) -> Values:
     values: Values = {}
     if (mount := result.mount) is not None:
         values["sign"] = mount.sign
@@ -125,7 +105,7 @@ def _wrench_values(sensor: Wrench, result: FingerResult) -> Values:
     return values
 
 
-def _pad_values(pad: Pad, result: FingerResult) -> Values:
+def _pad_values(pad: Pad, result: Findings) -> Values:
     values: Values = {} if result.symmetry is None else asdict(result.symmetry)
     if result.axes is not None:
         values["axis_scale"] = [sign * abs(each) for sign, each in zip(result.axes, pad.axis_scale, strict=True)]

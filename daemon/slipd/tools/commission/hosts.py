@@ -7,6 +7,7 @@ newest force, N, and torque, N·m, of each finger.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import select
@@ -138,11 +139,8 @@ class TerminalHost:
 
     def _ask(self, ask: Ask) -> Reply | Refusal:
         try:
-            call = getattr(self._client, ask.method)
-            if not ask.lease:
-                return Reply(call(**ask.fields))
-            with self._client.lease():
-                return Reply(call(**ask.fields))
+            with self._client.lease() if ask.lease else contextlib.nullcontext():
+                return Reply(getattr(self._client, ask.method)(**ask.fields))
         except ClientError as error:
             return Refusal(reason_of(error))
         finally:

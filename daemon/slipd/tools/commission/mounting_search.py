@@ -24,7 +24,6 @@ from slipd.tools.commission.touches import (
     END,
     LEAST_FORCE_N,
     LEAST_TRAVEL_M,
-    NAMES,
     PRESSES,
     PUSH_X,
     PUSH_Y,
@@ -108,22 +107,15 @@ def _add_mount(
     """Add mounting and orientation, if the torques show where the sensor is."""
     quaternion, how = nearest_known(rotation, present)
     loads = _turned(touches, sign, Rotation.from_quat(quaternion))
-    position = find_position(touches, loads, symmetry)
-    if not position.fits:
-        raise Doubt(
-            f"the places by torque miss by up to {1e3 * position.misfit_m:.1f} mm, wherever the sensor is; "
-            f"{NAMES[position.worst]} fits the others worst: was the finger touched beside the pad, or does a cable "
-            "pull at it?",
-            position.worst,
-        )
-    kept = math.dist(position.xyz_m, present.xyz_m) <= KEEP_M
-    x_m, y_m, z_m = map(float, position.xyz_m)
+    xyz_m, residual_m = find_position(touches, loads, symmetry)
+    kept = math.dist(xyz_m, present.xyz_m) <= KEEP_M
+    x_m, y_m, z_m = map(float, xyz_m)
     found.mount = Mount(sign, present.xyz_m if kept else (x_m, y_m, z_m), quaternion)
     found.symmetry = symmetry
     away = math.degrees((rotation * Rotation.from_quat(quaternion).inv()).magnitude())
     found.notes.append(f"sign {sign:+d}; rotation {how}, {away:.0f}° from that of the touches")
     found.notes.append(
-        f"sensor at {_mm(position.xyz_m)} mm in the pad frame, residual {1e3 * position.residual_m:.1f} mm"
+        f"sensor at {_mm(xyz_m)} mm in the pad frame, residual {1e3 * residual_m:.1f} mm"
         f"{'; the position of the config is kept' if kept else ''}"
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from slipd.errors import SlipdError
 from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Reply, Skipped, Steps, ask, choose
-from slipd.tools.commission.touches import Mount
+from slipd.tools.commission.touches import Mount, Noise
 from slipd.types.arrays import Array
 from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.schema.replies import HelloReply, StatusReply
@@ -212,21 +212,6 @@ POSITIVE_MEAN = 1.0 / math.sqrt(2.0 * math.pi)
 
 NOISIEST = 0.9
 """Share of the taxels that are less noisy than the one whose noise counts: a broken one is masked, not averaged."""
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Noise at rest.
-
-    Attributes:
-        force_std_n: Standard deviation of the noisiest force component, N.
-        torque_std_nm: The same of the torque about the origin of the pad, N·m.
-        threshold: Threshold of a taxel that follows from the images, in their unit; None where they show no noise.
-    """
-
-    force_std_n: float
-    torque_std_nm: float
-    threshold: float | None
 
 
 def noise_at_rest(rest: FingerReadings, stated: Mount, found: Mount) -> Noise | None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.tools.commission.touches import CENTRE, PUSHES, Mount, Symmetry, Touch
+from slipd.tools.commission.touches import CENTRE, NAMES, PUSHES, Doubt, Mount, Symmetry, Touch
 from slipd.types.arrays import Array, cross_matrix
 
 KEEP_RAD = math.radians(12.0)
@@ -66,33 +65,20 @@ _Equation = tuple[Array, Array]
 """Matrix and right side of one touch for the origin, divided by the force, so that the residual is a length."""
 
 
-@dataclass(frozen=True, slots=True)
-class Position:
-    """Where a sensor is.
-
-    Attributes:
-        xyz_m: Its origin in the pad frame, shape (3,), m.
-        residual_m: Root mean square of the residuals of the places, m.
-        misfit_m: Largest residual of one touch, m.
-        fits: It is not larger than sensors and hand explain.
-        worst: The touch without which the others fit best.
-    """
-
-    xyz_m: Array
-    residual_m: float
-    misfit_m: float
-    fits: bool
-    worst: str
-
-
-def find_position(touches: Mapping[str, Touch], loads: Loads, symmetry: Symmetry | None) -> Position:
-    """Find the origin of the sensor by least squares over M = (p − r) × F.
+def find_position(touches: Mapping[str, Touch], loads: Loads, symmetry: Symmetry | None) -> tuple[Array, float]:
+    """Return the origin of the sensor by least squares over M = (p − r) × F.
 
     Args:
         touches: By step.
         loads: The same touches in the axes of the pad.
         symmetry: Orientation of the image, which shows the places p; None without an image: then the touches at the
             centre count alone.
+
+    Returns:
+        The origin in the pad frame, shape (3,), and the root mean square of the residuals of the places, m.
+
+    Raises:
+        Doubt: A residual is larger than sensors and hand explain.
     """
     equations: dict[str, _Equation] = {}
     for step, (force, torque) in loads.items():
@@ -107,10 +93,15 @@ def find_position(touches: Mapping[str, Touch], loads: Loads, symmetry: Symmetry
         equations[step] = cross_matrix(force) / size, (torque - np.cross(place, force)) / size  # r × F = −F × r
     xyz_m, residuals = _solve(equations)
     misfit_m = float(np.linalg.norm(residuals, axis=1).max())
-    without = {step: _solve({other: each for other, each in equations.items() if other != step}) for step in equations}
-    worst = min(without, key=lambda step: float(np.linalg.norm(without[step][1])))
-    fits = misfit_m <= (MOST_BY_HAND_M if symmetry is None else MOST_MISFIT_M)
-    return Position(np.round(xyz_m, 4) + 0.0, float(np.sqrt(np.mean(residuals**2))), misfit_m, fits, worst)
+    if not misfit_m <= (MOST_BY_HAND_M if symmetry is None else MOST_MISFIT_M):
+        rests = {step: {other: each for other, each in equations.items() if other != step} for step in equations}
+        worst = min(rests, key=lambda step: float(np.linalg.norm(_solve(rests[step])[1])))
+        raise Doubt(
+            f"the places by torque miss by up to {1e3 * misfit_m:.1f} mm, wherever the sensor is; {NAMES[worst]} fits "
+            "the others worst: was the finger touched beside the pad, or does a cable pull at it?",
+            worst,
+        )
+    return np.round(xyz_m, 4) + 0.0, float(np.sqrt(np.mean(residuals**2)))
 
 
 def _solve(equations: Mapping[str, _Equation]) -> tuple[Array, Array]:

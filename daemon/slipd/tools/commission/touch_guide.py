@@ -13,16 +13,16 @@ import numpy as np
 
 from slipd.config import Config
 from slipd.config.check_hints import needs_of
-from slipd.tools.commission.config_update import FingerResult
 from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.mounting_search import find_mounting
-from slipd.tools.commission.readings import FingerReadings, Noise, ReadingListener, noise_at_rest, pause
+from slipd.tools.commission.readings import FingerReadings, ReadingListener, noise_at_rest, pause
 from slipd.tools.commission.touches import (
     CENTRE,
     NAMES,
     PUSHES,
     TEXTS,
     Findings,
+    Noise,
     Touch,
     find_three_axis,
     mount_of,
@@ -66,14 +66,12 @@ class FingerOutcome:
     """What the touches of one finger show.
 
     Attributes:
-        result: What is to change.
-        findings: Notes and problems, for people.
+        findings: What was found, with notes and problems for people.
         touches: By step, in the frame of the sensor: they hold whatever the config states.
-        needs_image: Only the image is missing: the daemon shows that of a charge pad once it runs this result.
+        needs_image: Only the image is missing: the daemon shows that of a charge pad once it runs what was found.
         wrong_scale: The forces cannot be newtons, so nothing was found.
     """
 
-    result: FingerResult
     findings: Findings
     touches: Mapping[str, Touch]
     needs_image: bool
@@ -145,17 +143,16 @@ class TouchGuide:
         settings = self._rig.finger[finger]
         swapped = {kind: other for kind, other in streams.items() if other != finger}
         if remark := self._scale_remark(streams["wrench"], touches[CENTRE]):
-            nothing = FingerResult(None, None, None, streams)
-            return FingerOutcome(nothing, Findings(problems=[remark]), touches, needs_image=False, wrong_scale=True)
+            nothing = Findings(streams=streams, problems=[remark])
+            return FingerOutcome(nothing, touches, needs_image=False, wrong_scale=True)
         if settings.wrench is None:
             findings = find_three_axis(touches)
         else:
             findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
         findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
-        noise = self._noise_of(streams, findings)
-        result = FingerResult(findings.mount, findings.symmetry, findings.axes, streams, noise)
+        findings.streams, findings.noise = streams, self._noise_of(streams, findings)
         needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
-        return FingerOutcome(result, findings, touches, needs_image)
+        return FingerOutcome(findings, touches, needs_image)
 
     def _noise_of(self, streams: Mapping[str, str], findings: Findings) -> Noise | None:
         """Return the noise of a finger before its first touch; add it to the notes."""

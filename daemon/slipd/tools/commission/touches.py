@@ -107,18 +107,35 @@ def mount_of(sensor: Wrench) -> Mount:
     return Mount(sensor.sign, (x, y, z), (qx, qy, qz, qw))
 
 
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Noise at rest.
+
+    Attributes:
+        force_std_n: Standard deviation of the noisiest force component, N.
+        torque_std_nm: The same of the torque about the origin of the pad, N·m.
+        threshold: Threshold of a taxel that follows from the images, in their unit; None where they show no noise.
+    """
+
+    force_std_n: float
+    torque_std_nm: float
+    threshold: float | None
+
+
 class Doubt(Exception):  # noqa: N818 - it names what there is
     """What is looked for does not follow. Arguments: why and what to do, then the touches that may be to blame."""
 
 
 @dataclass(slots=True)
 class Findings:
-    """What the touches show.
+    """What the touches of one finger show.
 
     Attributes:
         mount: Mounting of the force sensor; None where it does not follow.
         symmetry: Orientation of the image; None where it does not follow.
         axes: Signs of the axes of the taxels, likewise; X, Y, Z of the pad.
+        streams: By "wrench" and "pad": name of the finger whose tables the sensors of this finger are in now.
+        noise: Noise of its sensors at rest; None where it is not known.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
         doubtful: Touches that may be to blame for the problems, and are worth making again.
@@ -127,6 +144,8 @@ class Findings:
     mount: Mount | None = None
     symmetry: Symmetry | None = None
     axes: tuple[int, int, int] | None = None
+    streams: Mapping[str, str] = field(default_factory=dict)
+    noise: Noise | None = None
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     doubtful: tuple[str, ...] = ()

@@ -25,9 +25,6 @@ SHAPES = {"tsf85": (7, 4), "papillarray": (3, 3)}
 """Rows and columns of pads whose devices do not report them."""
 
 PITCHES_M = {"tsf85": 0.0053, "papillarray": 0.007, "pvdf": 0.0032, "wts": 0.0034, "dsacon32": 0.0034}
-RATES_HZ = {"robotous": 333.0, "robotiq_2f": 50.0}
-"""Rate of devices that were asked but not started."""
-
 _NOISE = Wrench.model_fields
 
 HEAD = """\

@@ -17,7 +17,7 @@ from slipd.devices import Device, Session, find_device
 from slipd.errors import SlipdError
 from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkSpec, LinkUp
 from slipd.io.transport import Links
-from slipd.tools.discovery.capture import SUFFIX, Capture, Direction, Piece, read_capture
+from slipd.tools.discovery.capture import SUFFIX, Capture, Piece, read_capture
 from slipd.tools.discovery.examination import Finding, decode, examine
 from slipd.tools.discovery.port_probe import question_options
 from slipd.types.device_text import one_line
@@ -169,7 +169,8 @@ class _Reading:
                 if self._session is not None:
                     self._write(self._session.start(0), 0)
             case Bytes(_, data):
-                t_ns = self._add("in", data)
+                t_ns = time.monotonic_ns() - self._opened_ns
+                self._capture.pieces.append(Piece(t_ns, "in", data))
                 if self._session is not None:
                     self._session.receive(data, t_ns)
             case LinkDown(_, reason):
@@ -188,8 +189,3 @@ class _Reading:
         self._capture.pieces.append(Piece(t_ns, "out", data))
         if data and self._links is not None:
             self._links.write(LINK, data)
-
-    def _add(self, direction: Direction, data: bytes) -> int:
-        t_ns = time.monotonic_ns() - self._opened_ns
-        self._capture.pieces.append(Piece(t_ns, direction, data))
-        return t_ns

@@ -103,8 +103,9 @@ async def identify_port(path: str) -> Found | None:
     """
     speeds = {device.baud for device in DEVICES.values() if "serial" in device.transports and device.kind != "gripper"}
     for baud in sorted(speed for speed in speeds if speed):
-        data = await _listen(path, baud)
-        if (found := recognise(data)) is not None:
+        async with _opened(path, baud) as port:
+            pieces = await _read(port, LISTEN_S)
+        if (found := recognise(pieces)) is not None:
             return found
     for name in ASKED:
         async with _opened(path, DEVICES[name].baud or 115_200) as port:
@@ -174,11 +175,6 @@ def _pvdf(pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
             if found is not None:
                 return found[0], replace(found[1], rows=rows)
     return None
-
-
-async def _listen(path: str, baud: int) -> list[tuple[int, bytes]]:
-    async with _opened(path, baud) as port:
-        return await _read(port, LISTEN_S)
 
 
 async def _read(port: serial.Serial, seconds: float) -> list[tuple[int, bytes]]:

@@ -7,9 +7,9 @@ import pytest
 from commission_rig import TAXELS
 
 from slipd.config import parse, shipped
-from slipd.tools.commission.config_update import FingerResult, changes, fragment
-from slipd.tools.commission.readings import FingerReadings, Noise, noise_at_rest
-from slipd.tools.commission.touches import Mount
+from slipd.tools.commission.config_update import changes, fragment
+from slipd.tools.commission.readings import FingerReadings, noise_at_rest
+from slipd.tools.commission.touches import Findings, Mount, Noise
 
 MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 FORCE_STD_N, TORQUE_STD_NM, TAXEL_STD = 0.03, 0.0008, 2.0
@@ -33,7 +33,7 @@ def test_noise_is_that_of_the_sensors_without_their_drift() -> None:
 def test_a_threshold_is_found_only_where_none_hides_the_noise(stated: str, written: bool) -> None:
     text = shipped("gauges_pvdf.toml").read_text(encoding="utf-8").replace("MEASURE", "")
     rig = parse(text.replace("threshold = 0.005", stated), "rig")
-    found = changes(rig, {"left": FingerResult(None, None, None, {}, Noise(0.01, 0.0001, 20.0))})
+    found = changes(rig, {"left": Findings(noise=Noise(0.01, 0.0001, 20.0))})
     assert found == ({("finger", "left", "pad", "threshold"): "20.0"} if written else {})
 
 
@@ -42,9 +42,9 @@ TWO = parse(
 )
 
 
-def result(other: str, axes: tuple[int, int, int] = (1, 1, -1)) -> FingerResult:
+def result(other: str, axes: tuple[int, int, int] = (1, 1, -1)) -> Findings:
     """What was found of a finger whose sensors are in the tables of the other one."""
-    return FingerResult(None, None, axes, {"pad": other, "wrench": other})
+    return Findings(axes=axes, streams={"pad": other, "wrench": other})
 
 
 def test_sensors_of_fingers_that_are_swapped_change_hands_once() -> None:

@@ -59,7 +59,7 @@ def commission(
 
 def corrected(read: config.Config, outcome: FingerOutcome) -> config.Config:
     """Return the config with what was found."""
-    return config.parse(changed_text(read.text, changes(read, {"left": outcome.result})), "corrected")
+    return config.parse(changed_text(read.text, changes(read, {"left": outcome.findings})), "corrected")
 
 
 def check_same(found: config.Config, true: config.Config) -> None:
@@ -108,7 +108,7 @@ def test_a_person_who_goes_on_although_a_push_went_the_other_way_changes_nothing
     touches = TOUCHES | {"push along +Y": "press {finger} 6 N at 0 0 mm; push {finger} -y 2.5 N"}
     outcome, _ = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, touches)
     assert any("on the other side" in problem for problem in outcome.findings.problems)
-    assert changes(charge_rig(left={}), {"left": outcome.result}) == {}
+    assert changes(charge_rig(left={}), {"left": outcome.findings}) == {}
 
 
 WRONG_CORNER = TOUCHES | {"Press the corner": "press {finger} 6 N at 16 -7 mm"}
@@ -168,7 +168,7 @@ def test_a_force_in_counts_is_remarked_and_the_presses_are_not_asked_for_again(t
     true, read = (config.parse(SERIAL.format(scale=scale), "serial") for scale in ("[20.0, 20.0, 20.0]", "[1, 1, 1]"))
     outcome, printed = commission(true, read, tmp_path)
     assert outcome.wrong_scale
-    assert changes(read, {"left": outcome.result}) == {}
+    assert changes(read, {"left": outcome.findings}) == {}
     (problem,) = outcome.findings.problems
     assert "about 5 N and the sensor reads 120 N: options.counts_per_n?" in problem
     assert [line for line in printed if line.startswith("Press")] == [printed[1]], (
@@ -179,7 +179,7 @@ def test_a_force_in_counts_is_remarked_and_the_presses_are_not_asked_for_again(t
 def test_noise_finer_than_a_count_is_not_measured_and_the_person_is_told(tmp_path: Path) -> None:
     rig = config.parse(SERIAL.format(scale="[2.0, 2.0, 2.0]"), "coarse")
     outcome, _ = commission(rig, rig, tmp_path)
-    assert outcome.result.noise is None
+    assert outcome.findings.noise is None
     assert "the noise is not measured: the readings moved, or did not change at all" in outcome.findings.notes
 
 
