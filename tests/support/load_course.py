@@ -28,11 +28,12 @@ def contact_rows(
     phase: int = TOUCHING,
     aside_n: object = 0.0,
 ) -> Rows:  # fmt: skip
-    """Return readings of a contact at the pad's centre, well inside its outline, pulled along X and Y."""
+    """Return readings of a contact at the pad's centre, well inside its outline, pulled askew."""
     rows = new_rows(READING, count)
     contact, utilisation = rows["contact"], rows["utilisation"]
     rows["t_s"], rows["phase"], rows["tipping_margin_m"] = t_s, phase, 0.01
-    contact["normal_n"], contact["fx_n"], contact["fy_n"] = normal_n, load_n, aside_n
+    along, aside = np.asarray(load_n), np.asarray(aside_n)
+    contact["normal_n"], contact["fx_n"], contact["fy_n"] = normal_n, 0.8 * along - 0.6 * aside, 0.6 * along + 0.8 * aside
     contact["friction_ratio"] = (contact["fx_n"] ** 2 + contact["fy_n"] ** 2) ** 0.5 / contact["normal_n"]
     for name in ("value", "lower", "upper"):
         utilisation[name] = used
