@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 
 import slipd
 import slipd.fusion
+from slipd.types.source_stamp import source_stamp
 
 ROOT = Path(slipd.__file__).parent
 FUSION = Path(slipd.fusion.__file__).parent
@@ -65,6 +67,21 @@ def ask(package: Path, cache: Path, field: str = "Field") -> tuple[float, int]:
     assert done.returncode == 0, done.stderr
     value, hits = done.stdout.split()
     return float(value), int(hits)
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is cached without compilation")
+def test_the_cache_of_a_kernel_is_used_until_any_file_of_its_folder_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(FUSION / "compiled.py", tmp_path / "dated.py")
+    (tmp_path / "kernel.py").write_text("from dated import compiled\ntwice = compiled(lambda x: 2 * x)\ntwice(1.0)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    hits = []
+    for other in ("1", "1", "2"):
+        (tmp_path / "other.py").write_text(other)
+        source_stamp.cache_clear()
+        hits.append(sum(runpy.run_path(str(tmp_path / "kernel.py"))["twice"].stats.cache_hits.values()))
+    assert hits == [0, 1, 0]
 
 
 @pytest.mark.long

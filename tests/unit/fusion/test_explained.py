@@ -15,6 +15,8 @@ SLOWLY = np.concatenate((line(RISE), 6.0 - 1.5 * (1.0 - np.exp(-np.arange(HOLD) 
 GOES_ON = line(RISE, (6.0, 6.0, 12 + HOLD))
 STAYS = np.full(800 + 12 + HOLD, 6.0)
 LATE = np.concatenate((FALLEN[:1], np.repeat(FALLEN[:1], 49), FALLEN[:-50]))
+LAG = 8
+"""By so many ms the stream of the arm's motion lags."""
 AFTER_A_GAP = np.where(np.arange(FALLEN.size) < 795, np.nan, FALLEN)
 
 
@@ -37,7 +39,7 @@ def slips(load: Array, felt: Array, turns_rad: Array | float = 0.0, mu: float = 
         (FALLEN, 2.0 * FALLEN, 0.0),
         (FALLEN, -2.0 * FALLEN, 0.0),  # neither its sign
         (FALLEN, 0.2 * FALLEN, 1.0),  # nor its unit and its axes matter
-        (FALLEN, np.concatenate((np.repeat(FALLEN[:1], 5), FALLEN[:-5])), 0.0),
+        (FALLEN, np.concatenate((np.repeat(FALLEN[:1], LAG), FALLEN[:-LAG])), 1.0),
         (SLOWLY, 2.0 * SLOWLY, 0.0),
     ],
 )

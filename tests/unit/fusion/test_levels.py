@@ -99,10 +99,13 @@ def test_a_load_that_jumps_and_stays_does_not_grow(from_used: float) -> None:
     assert rows["assessment"]["friction_step"].max() == CAUTION
 
 
-def test_readings_too_far_apart_show_no_growth() -> None:
-    rows = course(np.arange(0.3, 0.95, 0.02), 0.12, 0.0)
+@pytest.mark.parametrize(("begins", "step", "period_s", "warned"), [(0.3, 0.02, 0.12, 0.85), (0.63, 1e-3, 1e-3, 0.825)])
+def test_readings_too_far_apart_or_too_few_show_no_growth(
+    begins: float, step: float, period_s: float, warned: float
+) -> None:
+    rows = course(np.arange(begins, 0.95, step), period_s, 0.0)
     steps = rows["assessment"]["friction_step"]
-    assert rows["utilisation"]["value"][np.argmax(steps == WARNING)] >= 0.85
+    assert rows["utilisation"]["value"][np.argmax(steps == WARNING)] >= warned
 
 
 def test_a_growth_within_its_noise_does_not_count() -> None:

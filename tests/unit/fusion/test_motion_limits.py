@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slipd.fusion import utilisation
-from slipd.fusion.held_pad import NET_SHARE, HeldPad, pad_use, tipping_edges, twist_net
+from slipd.fusion.held_pad import MOST, NET_SHARE, HeldPad, pad_use, tipping_edges, twist_net
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, held_ratio, largest_scale
 from slipd.types.arrays import Array
@@ -133,3 +133,11 @@ def test_how_far_a_motion_must_be_slowed_down_keeps_its_digits(
     assert found == pytest.approx(scales, rel=1e-5)
     ratios = [held_ratio(*PADS, rest[k], swing[k], scale, 1.5, each) for k, scale in enumerate(found)]
     assert [0.99 <= ratio <= 1.0 for ratio in ratios] == [scale < 2.0 for scale in found]
+
+
+def test_a_motion_that_lifts_a_pad_off_is_not_held_and_the_first_such_point_is_told() -> None:
+    rest, swing, each = np.zeros((2, 6)), np.zeros((2, 6)), np.empty(PADS[0].twists.shape[1])
+    swing[:, 0] = -60.0
+    found = check_points(*PADS, rest, swing, 1.5, each)
+    assert found == pytest.approx((MOST, 0, 1, 0, MOST, 0.1515602), rel=1e-5)
+    assert held_ratio(*PADS, rest[0], swing[0], found[5], 1.5, each) == pytest.approx(1.0, rel=0.01)

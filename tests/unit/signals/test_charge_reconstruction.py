@@ -250,6 +250,16 @@ def test_T4_the_force_sensor_is_followed_slowly_and_evenly_over_the_contact_and_
     assert_allclose(rested(16).update(np.full(16, -5.0), STEP_S, HELD, 5.0), -5.0, atol=0.1), "none is loaded"
 
 
+@pytest.mark.parametrize(("taxels", "outside", "taken"), [(128, 15, 0.0), (128, 16, 1.0), (16, 7, 0.0), (16, 8, 1.0)])
+def test_T4_eight_taxels_outside_the_contact_and_an_eighth_of_the_pad_show_what_all_share(
+    taxels: int, outside: int, taken: float
+) -> None:
+    charge = rested(taxels, 1e6)
+    for k in range(200):
+        image = charge.update(np.where(np.arange(taxels) < outside, 1.0, 100.0), 0.05 * (k + 1), HELD)
+    assert image[-1] == pytest.approx(100.0 - taken, abs=0.05)
+
+
 @pytest.mark.parametrize("anchor", [math.nan, 7.0])
 @pytest.mark.parametrize("loaded", [0, 40, 128])
 def test_the_kernel_does_what_it_does_without_compilation(loaded: int, anchor: float) -> None:

@@ -306,6 +306,13 @@ def test_T1_a_taxel_is_masked_from_these_limits_on(
         assert spoilt.report(**watched) == found
 
 
+def test_T1_a_taxel_that_is_lost_beside_two_lost_ones_is_masked_too() -> None:
+    course = Course(30.0, 5.0)
+    course.noise(1.0, 5.0, 69, 70)
+    course.noise(2.5, 5.0, 86)
+    assert course.report() == {"dead": [69, 70, 86]}
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_N1_an_image_with_a_reading_that_is_no_number_changes_nothing(bad: float) -> None:
     course = Course()
