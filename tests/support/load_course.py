@@ -33,7 +33,11 @@ def contact_rows(
     contact, utilisation = rows["contact"], rows["utilisation"]
     rows["t_s"], rows["phase"], rows["tipping_margin_m"] = t_s, phase, 0.01
     along, aside = np.asarray(load_n), np.asarray(aside_n)
-    contact["normal_n"], contact["fx_n"], contact["fy_n"] = normal_n, 0.8 * along - 0.6 * aside, 0.6 * along + 0.8 * aside
+    contact["normal_n"], contact["fx_n"], contact["fy_n"] = (
+        normal_n,
+        0.8 * along - 0.6 * aside,
+        0.6 * along + 0.8 * aside,
+    )
     contact["friction_ratio"] = (contact["fx_n"] ** 2 + contact["fy_n"] ** 2) ** 0.5 / contact["normal_n"]
     for name in ("value", "lower", "upper"):
         utilisation[name] = used

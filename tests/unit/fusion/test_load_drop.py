@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chirps import chirp
 from load_course import MU, NORMAL_N, Watch, assessed, line, readings, slips_at
 
 from slipd.config import Slip
-from slipd.fusion.rows import FREE, LOAD_DROP_BIT, UNSOLVED, Rows
+from slipd.fusion.rows import FREE, UNSOLVED, Rows
 from slipd.motion.evidence import evidence_mask
 from slipd.types.arrays import Array
 
@@ -35,19 +36,15 @@ def test_a_fall_from_static_to_dynamic_friction_is_a_slip(ratio: float, mu: floa
     found = followed(line(RISE, (6.0, 6.0 * ratio, 3), (6.0 * ratio, 6.0 * ratio, 300)), mu=mu)
     (at,) = slips_at(found)
     assert 803 <= at <= 825
-    assert found["slips"][at:].all()
     assert found["peak_required"][at] == pytest.approx(0.6, rel=0.03)
     assert found["plateau_required"][-1] == pytest.approx(0.6 * ratio, rel=0.02)
-    assert found["evidence"][at] == LOAD_DROP_BIT == evidence_mask("load_drop")
-    assert found["drop_surprise"][at] > 17.0
-    assert found["level"][at] == 4
+    assert (found["evidence"][at], found["level"][at]) == (evidence_mask("load_drop"), 4)
 
 
 def test_what_does_not_slip_has_no_peak_and_no_surprise() -> None:
     found = followed(line(RISE))
-    assert np.isnan(found["peak_required"]).all()
-    assert np.isnan(found["plateau_required"]).all()
-    assert (found["drop_surprise"] == 0.0).all()
+    assert np.isnan((found["peak_required"], found["plateau_required"])).all()
+    assert not found["drop_surprise"].any()
     assert found["required_friction"][-1] == pytest.approx(0.6, rel=0.02)
 
 
@@ -69,6 +66,12 @@ def slow_fall() -> Array:
     part = np.linspace(0.0, 1.0, 90)
     fall = 6.0 * (1.0 - 0.12 * (1.0 - (1.0 - part) ** 2))
     return np.concatenate((np.linspace(2.4, 6.0, 1000), fall, np.full(200, fall[-1])))
+
+
+def seen(count: int, period: int, lost: int) -> Array:
+    """Return the times, s, of readings at 1 kHz of which so many in each period are lost."""
+    number = np.arange(2 * count)
+    return 1e-3 * number[number % period >= lost][:count]
 
 
 def steps(seed: int) -> Array:
@@ -133,6 +136,46 @@ def test_other_slips_are_reported_soon_and_end(
     assert since_s <= t_s[at] <= until_s
     assert ends_s is None or t_s[np.flatnonzero(found["slips"])[-1]] == pytest.approx(ends_s, abs=0.03)
     assert math.isnan(found["peak_required"][at]) is (until_s in (0.51, 0.515))
+
+
+@pytest.mark.parametrize(
+    ("load", "how", "shaken_n", "expected"),
+    [
+        (line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 300)), {}, 0.0, (807, 6200.61, 0.597255, 0.450262, 0.449391)),
+        (line(RISE, (6.0, 4.5, 8), (4.5, 4.5, 300)), {}, 0.15, (811, 4733.64, 0.593522, 0.449223, 0.447587)),
+        (
+            line(RISE, (6.0, 4.9, 8), (4.9, 4.8, 300)), {"t_s": seen(1108, 5, 2)}, 0.05,
+            (810, 1886.20, 0.589976, 0.491885, 0.485506),
+        ),
+        (
+            line(RISE, (6.0, 4.5, 8), (4.5, 4.4, 300)), {"t_s": seen(1108, 24, 9), "mu": 1.1}, 0.05,
+            (818, 1037.70, 0.598309, 0.454792, 0.445545),
+        ),
+        (
+            line((2.0, 6.0, 200), (6.0, 4.5, 3), (4.5, 4.5, 100)), {"hz": 250.0}, 0.05,
+            (203, 1750.06, 0.598547, 0.447639, 0.449249),
+        ),
+        (line((2.0, 2.0, 500), (2.0, 5.5, 5), (5.5, 5.4, 300)), {}, 0.02, (507, 8791.66, math.nan, 0.549975, 0.545097)),
+        (
+            line((2.0, 2.0, 500), (2.0, 4.0, 6), (4.0, 3.6, 4), (3.6, 3.6, 300)), {}, 0.01,
+            (515, 224.453, math.nan, 0.360685, 0.359463),
+        ),
+        (
+            slow_fall()[:1090], {}, 0.01,
+            (1059, 1183.97, 0.599374, 0.538999, 0.528208),
+        ),
+    ],
+)  # fmt: skip
+def test_the_surprise_of_a_slip_beside_noise_and_vibration_keeps_its_digits(
+    load: Array, how: dict[str, Any], shaken_n: float, expected: tuple[float, ...]
+) -> None:
+    """At which reading; surprise, peak and plateau there; and the plateau in the end."""
+    count = len(load)
+    noise = 0.03 * chirp(3, count) + shaken_n * np.sin(0.9 * np.arange(count))
+    found = followed(load, noise=noise, **how)
+    (at,) = slips_at(found)
+    told = (found[name][at] for name in ("drop_surprise", "peak_required", "plateau_required"))
+    assert (at, *told, found["plateau_required"][-1]) == pytest.approx(expected, rel=1e-4, nan_ok=True)
 
 
 T = np.arange(600) * 1e-3
@@ -265,17 +308,13 @@ def with_a_silence(load: Array, begin: int, count: int, *, late_image: bool) -> 
     return np.flatnonzero(there)[slips_at(assessed(rows[there]))].tolist()
 
 
-@pytest.mark.parametrize(("begin", "count"), [(770, 15), (780, 3), (795, 20), (740, 50), (760, 1)])
-def test_a_slip_is_seen_across_late_images(begin: int, count: int) -> None:
+@pytest.mark.parametrize(
+    ("begin", "count", "within"), [(770, 15, 815), (780, 3, 815), (795, 20, 845), (740, 50, 815), (400, 1000, 815)]
+)
+def test_a_slip_is_seen_across_late_images_and_without_any(begin: int, count: int, within: int) -> None:
     """On a busy machine, images that came 15 ms late hid a slip of 14 mm on both fingers."""
-    course = line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 300))
-    (at,) = with_a_silence(course, begin, count, late_image=True)
-    assert 803 <= at <= 815 + 2 * max(0, begin + count - 800)
-
-
-def test_without_images_the_friction_ratio_shows_a_slip() -> None:
-    (at,) = with_a_silence(line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 300)), 400, 1000, late_image=True)
-    assert 803 <= at <= 815
+    (at,) = with_a_silence(line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 300)), begin, count, late_image=True)
+    assert 803 <= at <= within
 
 
 @pytest.mark.parametrize("late_image", [False, True])
