@@ -147,7 +147,7 @@ def test_one_slip_gives_one_sample_however_long_it_lasts() -> None:
 
 def test_the_end_of_the_contact_starts_anew(hand: Hand) -> None:
     fresh = hand.estimate.state
-    for course in ([*carry(0.6), *slip(0.4, 0.3)], [*carry(0.6), *slip(0.4, 0.3)], carry(0.6)):
+    for course in ([*carry(0.6), *slip(0.4, 0.3)], carry(0.6)):
         hand.feel(course)
         assert hand.let_go() == fresh
     assert hand.feel(carry(0.6, 0.09)).carried is None, "one part of a dwell"

@@ -183,6 +183,5 @@ def test_mean_and_spread_are_those_of_numpy(readings: np.ndarray) -> None:
 
 def test_N4_a_mean_is_never_denormal() -> None:
     found = average(np.fromiter(repeat(5e-324, 10), dtype=float).reshape(10, 1))
-    assert_array_equal(found.mean, (0.0,))
-    assert_array_equal(found.std, (0.0,))
+    assert_array_equal((found.mean, found.std), ((0.0,), (0.0,)))
     assert_array_equal(flushed(np.array((5e-324, -1e-300, 1e-20, -2.0))), (0.0, 0.0, 1e-20, -2.0))

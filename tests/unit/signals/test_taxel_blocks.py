@@ -156,7 +156,5 @@ def test_T3_the_repeated_images_of_a_real_pad_are_no_fault() -> None:
 def test_T3_an_image_that_repeats_while_the_force_moves_is_suspect_at_once() -> None:
     watch = FrozenImage(0.2)
     for t_ms, normal_n, suspect in ((0, 5.0, False), (10, 5.1, False), (20, 5.3, True), (30, 5.3, True)):
-        assert not watch.update(np.ones(4), t_ms * MS, normal_n)
-        assert watch.suspect is suspect
-    assert not watch.update(np.zeros(4), 40 * MS, 9.0)
-    assert not watch.suspect
+        assert (watch.update(np.ones(4), t_ms * MS, normal_n), watch.suspect) == (False, suspect)
+    assert (watch.update(np.zeros(4), 40 * MS, 9.0), watch.suspect) == (False, False)
