@@ -125,12 +125,15 @@ class KeptState:
     def apply(self, name: str, t_ns: int) -> None:
         """Put the tare that waits for a stream in force, now that a reading of it came."""
         tare, channel, device = self.waiting[name], self._channels[name], self._of_stream[name].identity
+        wanted = tare.device or tare.opened
         if tare.device and not device.reported:
-            return
+            if self._until_ns is not None:
+                return
+            wanted = tare.opened  # a recording that began during the run: the device had told its name before
         del self.waiting[name]
         if channel.tare.current.origin == "measured" or channel.tare.busy:
             return
-        if (tare.device or tare.opened) != (device.reported or device.opened):
+        if wanted != (device.reported or device.opened):
             self.problems[name] = f"{_TARE_NOT_USED}: it is of {tare.device or tare.opened}"
         elif self._until_ns is not None and t_ns > self._until_ns:
             self.problems[name] = f"{_TARE_NOT_USED}: the device answers too late for restart.gap_s"

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import pytest
+from project import DATA
 from recorded_entries import ABOUT_RUN, complete
 
-from slipd.events import Bytes, LinkUp, StateRestored
+from slipd import config
+from slipd.engine.engine import Engine
+from slipd.events import Bytes, LinkUp, Publish, StateRestored
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
 
 MS, SECOND = 1_000_000, 1_000_000_000
 UP = LinkUp("left.wrench", "a")
@@ -46,3 +53,21 @@ def test_a_ring_of_a_run_that_has_just_begun_begins_with_it(tmp_path: Path) -> N
     for n in range(3):
         ring.begin_block((StateRestored("at once"), UP), n * 20 * SECOND)
         assert written(ring, tmp_path / f"{n}.mcap") == [Entered(0, 5, UP)], "all of it, however often it is written"
+
+
+def test_the_zero_of_a_device_that_told_its_name_before_the_ring_begins_is_that_of_the_run(tmp_path: Path) -> None:
+    run = open_recording(DATA / "replays" / "bota.mcap")
+    clock = {"boot": run.boot, "wall_minus_monotonic_ns": run.wall_minus_monotonic_ns}
+    engine = Engine(config.parse(run.config_text, "bota.toml"), **clock)
+    ring, heard = EntryRing(SECOND // 2), list[Any]()
+    for n, (t_ns, event) in enumerate(run.events()):
+        ring.add(EVENTS, event, t_ns)
+        heard += [output for output in engine.handle(event, t_ns) if isinstance(output, Publish)]
+        if n % 50 == 0:
+            ring.begin_block(engine.kept.first_events(t_ns), t_ns)
+    ring.write(RecordingFile(tmp_path / "ring.mcap", config_text=run.config_text, **clock, first=ring.first))
+    assert ring.first > 0
+    live = [output.body for output in heard if output.topic == "slip.left"][-1]
+    again = [body for topic, body in replay(open_recording(tmp_path / "ring.mcap")) if topic == "slip.left"][-1]
+    assert (again["tare_id"], again["tare_origin"]) == (live["tare_id"], live["tare_origin"]) == (1, "measured")
+    assert again["normal_n"] == pytest.approx(live["normal_n"], abs=0.1)
