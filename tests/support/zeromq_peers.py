@@ -93,10 +93,12 @@ def plain() -> Iterator[Plain]:
     """Open a connection without ZeroMQ, and send bytes or nothing."""
     with contextlib.ExitStack() as stack:
 
-        def connect(endpoint: str, data: bytes = b"") -> socket.socket:
+        def connect(endpoint: str, data: bytes = b"", source: str = "127.0.0.1") -> socket.socket:
             ipc = endpoint.startswith("ipc://")
             made = stack.enter_context(socket.socket(socket.AF_UNIX if ipc else socket.AF_INET))
             made.setblocking(False)
+            if not ipc:
+                made.bind((source, 0))
             with contextlib.suppress(BlockingIOError):
                 made.connect(
                     endpoint.removeprefix("ipc://") if ipc else ("127.0.0.1", int(endpoint.rpartition(":")[2]))

@@ -107,10 +107,19 @@ def unanswered(bench: Bench) -> Bench:
     return bench
 
 
-def test_A6_a_driver_that_refuses_is_not_asked_again(unanswered: Bench) -> None:
-    unanswered.deliver([encode_report(Report(0.05, id=1, error="finger guard is open"))])
+@pytest.mark.parametrize(
+    ("report", "reason"),
+    [
+        (Report(0.05, id=1, error="finger guard is open"), "force: finger guard is open"),
+        (Report(0.05, active=False), "not active"),
+        (Report(0.05, fault="no_power"), "no_power"),
+        (Report(0.05, active=False, fault="no_power"), "no_power"),
+    ],
+)
+def test_A6_a_driver_that_refuses_or_cannot_is_not_asked_again(unanswered: Bench, report: Report, reason: str) -> None:
+    unanswered.deliver([encode_report(report)])
     assert unanswered.run(0.3).operations() == ["force"]
-    assert unanswered.session.state == "command lost: force: finger guard is open"
+    assert unanswered.session.state == f"command lost: {reason}"
 
 
 @pytest.mark.parametrize("name", ["bench", "unanswered"])

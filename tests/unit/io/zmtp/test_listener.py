@@ -77,8 +77,8 @@ async def test_connections_without_a_handshake_keep_nobody_out(
     with Echo(address) as listener:
         inside = peer(zmq.DEALER, listener.endpoint)
         await eventually(lambda: listener.peers)
-        for _ in range(3 * MOST):
-            plain(listener.endpoint)
+        for number in range(3 * MOST):  # over TCP, each from another address
+            plain(listener.endpoint, source=f"127.0.0.{2 + number}")
         await eventually(lambda: listener.refused == 2 * MOST + 1)
         assert len(listener.peers) + len(listener._pending) == MOST
         for client in (inside, peer(zmq.DEALER, listener.endpoint)):
