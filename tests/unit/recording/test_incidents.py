@@ -13,9 +13,10 @@ from recorded_entries import ABOUT_RUN, complete, small_disk
 from slipd import config
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
-from slipd.events import Bytes, IncidentsChanged, Publish
+from slipd.events import Bytes, IncidentsChanged, Publish, Record, Tick
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
+from slipd.recording.entry_walk import Entered
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.run_files import RunFiles, run_name
@@ -148,24 +149,30 @@ def test_a_disk_without_room_or_that_fails_costs_the_file_only(
     assert files(tmp_path) == []
 
 
-@pytest.mark.parametrize(("enabled", "saved"), [(True, ["grasp-lost.mcap", "left-warning.mcap"]), (False, [])])
+@pytest.mark.parametrize(
+    ("enabled", "saved"), [(True, ["asked.mcap", "grasp-lost.mcap", "left-warning.mcap"]), (False, ["asked.mcap"])]
+)
 def test_of_all_messages_of_a_run_a_warning_and_a_loss_are_incidents(
     tmp_path: Path, rig: str, enabled: bool, saved: list[str]
 ) -> None:
     table = f'[recording]\ndirectory = "{tmp_path}"\n[recording.incidents]\nenabled = {str(enabled).lower()}\n'
     recorders = RunRecorders(config.parse(f"{rig}\n{table}", "rig.toml"), "b00t", WallClock(0), None)
     recorders.open(0)
+    recorders.handle(Record("asked.mcap"), 0)
+    recorders.event(Tick(7), 0)
     for topic, body in (("status", {}), ("warning", WARNING), ("grasp", {"state": "lost", "state_t_ns": 1})):
         recorders.published(Publish(topic, body), b"\x80", 0)
     recorders.close()
     assert sorted(name.rpartition("b00t-")[2] for name in files(tmp_path)) == saved
+    assert [complete(tmp_path / name)[0] for name in files(tmp_path)] == [Entered(0, 0, Tick(7))] * len(saved)
 
 
 @pytest.mark.parametrize("started", [True, False])
 def test_the_file_of_a_whole_run_is_kept_only_if_the_run_began(tmp_path: Path, rig: str, started: bool) -> None:
     recorders = RunRecorders(config.parse(rig, "rig.toml"), "b00t", WallClock(0), tmp_path / "run.mcap")
     recorders.open(0)
+    recorders.event(Tick(7), 0)
     if started:
         recorders.kept = True
     recorders.close()
-    assert (tmp_path / "run.mcap").exists() is started
+    assert [complete(path) for path in tmp_path.iterdir()] == [[Entered(0, 0, Tick(7))]] * started
