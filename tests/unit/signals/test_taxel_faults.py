@@ -266,7 +266,7 @@ def restless(course: Course, counts: float, taxel: int) -> None:
 
 
 def high(course: Course, counts: float) -> None:
-    course.images[30:, 70] += counts
+    course.images[-60:, 70] += counts
 
 
 def follows(course: Course, share: float) -> None:
@@ -276,6 +276,8 @@ def follows(course: Course, share: float) -> None:
 
 REST, POINT = {"end_s": 3.0, "force_n": np.zeros(1)}, Patch(0.006, 0.006, 2.0, (-0.016, 0.0))
 TREMBLES = {"end_s": 4.0, "force_n": 10.0 + 4.0 * np.random.default_rng(14).normal(size=120), "patch": POINT}
+GRIPPED = {"end_s": 8.0, "force_n": np.where(np.arange(240) < 60, 60.0, 0.0), "patch": Patch()}
+"""Rubber still presses after a hard grip, the less the longer ago that was."""
 PRESSED = {"end_s": 5.0, "force_n": np.full(1, 5.0), "patch": Patch()}
 
 
@@ -290,6 +292,7 @@ PRESSED = {"end_s": 5.0, "force_n": np.full(1, 5.0), "patch": Patch()}
         (cut_off, {"end_s": 5.0}, {}, (0.35, 0.45), {"dead": [70]}),
         (high, REST, {"light_touch": 0.8}, (1480.0, 1690.0), {"hot": [70]}),
         (high, REST, {}, (164.0, 188.0), {"hot": [70]}),
+        (high, GRIPPED, {}, (232.0, 237.0), {"hot": [70]}),
         (lambda course, counts: restless(course, counts, 70), REST, {}, (11.5, 13.4), {"hot": [70]}),
         (lambda course, counts: restless(course, counts, 2), PRESSED, {}, (9.9, 11.5), {"hot": [2]}),
         (follows, TREMBLES, {}, (0.39, 0.33), {"hot": [77]}),
