@@ -45,7 +45,7 @@ class CoveredRoom:
 
     Attributes:
         seconds: Node id of each test that passes → its time, s.
-        lines: File relative to the project → line → node ids of the tests that run it.
+        lines: File relative to the project → line → node ids of the tests that run it, and "" if it is run on import.
     """
 
     seconds: dict[str, float]
@@ -54,17 +54,19 @@ class CoveredRoom:
     def tests(self, path: str, source: str, mutation: Mutation) -> list[str]:
         """Return the tests that a mutant must pass, those of the file of the same name first, then the quickest.
 
-        Of a statement that is run on import, these are all tests that run the file; of a kernel, whose lines are not
-        seen, all tests of the room.
+        Of what is run on import, these are all tests that run the file, those that run the line itself first; of a
+        kernel, whose lines are not seen, all tests of the room.
         """
         lines = self.lines.get(path, {})
-        found = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
-        if not _is_in_function(source, mutation.line):
+        found = ran = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
+        if "" in ran or not _is_in_function(source, mutation.line):
             found = {test for tests in lines.values() for test in tests}
         if is_compiled(source, mutation):
             found = set(self.seconds)
         near = f"test_{Path(path).stem}"
-        ordered = sorted(found & self.seconds.keys(), key=lambda test: (near not in test, self.seconds[test], test))
+        ordered = sorted(
+            found & self.seconds.keys(), key=lambda test: (near not in test, test not in ran, self.seconds[test], test)
+        )
         return list(_at_most(ordered, self.seconds))
 
 
@@ -104,7 +106,7 @@ def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) 
 
 
 def _lines(project: Path, files: list[Path]) -> dict[str, dict[int, set[str]]]:
-    """Return the lines of each source, and the tests that run each, of the coverage of several processes."""
+    """Return the lines of each source, and the tests that run each or "" on import, by the coverage of processes."""
     lines: dict[str, dict[int, set[str]]] = {}
     for file in files:
         data = CoverageData(str(file))
@@ -112,7 +114,7 @@ def _lines(project: Path, files: list[Path]) -> dict[str, dict[int, set[str]]]:
         for name in data.measured_files():
             found = lines.setdefault(Path(name).relative_to(project).as_posix(), {})
             for line, tests in data.contexts_by_lineno(name).items():
-                found.setdefault(line, set()).update(set(tests) - {""})
+                found.setdefault(line, set()).update(tests)
     return lines
 
 

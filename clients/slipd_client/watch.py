@@ -194,7 +194,7 @@ def repairs_text(found: list[Repair], columns: int = WIDEST) -> str:
     """Return the list for people; only a word or a command that is longer makes a line longer than ``columns``."""
     if not found:
         return "nothing to repair"
-    lines = [f"{len(found)} to repair" if len(found) > 1 else "1 to repair"]
+    lines = [f"{len(found)} to repair"]
     for repair in found:
         text = f"{repair.severity:<7} {repair.id}  {plain(repair.about)}: {plain(repair.problem)}"
         lines += textwrap.wrap(text, columns, initial_indent="  ", subsequent_indent=" " * 10, break_long_words=False)

@@ -57,7 +57,7 @@ def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Ter
     """
     head: list[Line] = [_summary(fleet, rows, unread)]
     if rows:
-        head.append([(f"{'robot':<{NAME_CELLS}}  {'state':<6}  {'level':<10}  {'health':<6}  {'age':>8}", "2")])
+        head.append([(f"{'robot':<{NAME_CELLS}}  {'state':<6}  {'level':<10}  health  {'age':>8}", "2")])
     lines = [*head, *map(_robot_line, by_urgency(rows))]
     if len(lines) > terminal.lines:
         left_out = len(lines) - terminal.lines + 1

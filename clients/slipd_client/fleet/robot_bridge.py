@@ -132,16 +132,14 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     zenoh.try_init_log_from_env()  # RUST_LOG=zenoh=warn: why a router turns this bridge away
     endpoint = publish_endpoint() if chosen.publish is None else chosen.publish
     reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
-    warnings = Link(zmq.SUB, endpoint, keys, {zmq.RCVHWM: WARNINGS_QUEUED})
-    others = Link(zmq.SUB, endpoint, keys)
-    try:
-        with opened(configuration(reach, "peer"), described(reach)) as session:
-            publisher = BridgePublisher(session, chosen.fleet, chosen.robot)
-            print(f"fleet: {chosen.fleet}/{chosen.robot} at {described(reach)}", flush=True)
-            Bridge(warnings, others, publisher, chosen.rate, chosen.topics).serve()
-    finally:
-        warnings.close()
-        others.close()
+    with (
+        contextlib.closing(Link(zmq.SUB, endpoint, keys, {zmq.RCVHWM: WARNINGS_QUEUED})) as warnings,
+        contextlib.closing(Link(zmq.SUB, endpoint, keys)) as others,
+        opened(configuration(reach, "peer"), described(reach)) as session,
+    ):
+        publisher = BridgePublisher(session, chosen.fleet, chosen.robot)
+        print(f"fleet: {chosen.fleet}/{chosen.robot} at {described(reach)}", flush=True)
+        Bridge(warnings, others, publisher, chosen.rate, chosen.topics).serve()
 
 
 class Bridge:

@@ -104,7 +104,6 @@ def foxglove_layout(fingers: Sequence[str], levels: Levels) -> str:
     """Return the layout for Foxglove and Lichtblick: plots, levels, images of the pads, diagnostics."""
     panels: dict[str, Any] = {f"Plot!{index}": _plot(plot, fingers) for index, plot in enumerate(plots(levels)[:-1])}
     panels["StateTransitions!levels"] = {
-        "isSynced": True,
         "paths": [
             {"value": f"{ros_topic('slip', finger)}.level", "label": finger, "timestampMethod": "headerStamp"}
             for finger in fingers
@@ -113,9 +112,7 @@ def foxglove_layout(fingers: Sequence[str], levels: Levels) -> str:
     left = _stack([*panels], "column")
     images = {f"Image!{finger}": _image(finger) for finger in fingers}
     panels |= images
-    panels["DiagnosticSummary!health"] = {
-        "minLevel": 0, "pinnedIds": [], "topicToRender": "/diagnostics", "hardwareIdFilter": "", "sortByLevel": True,
-    }  # fmt: skip
+    panels["DiagnosticSummary!health"] = {"topicToRender": "/diagnostics"}
     right = _stack([*images, "DiagnosticSummary!health"], "column")
     layout = {"first": left, "second": right, "direction": "row", "splitPercentage": 68}
     whole = {
@@ -161,14 +158,7 @@ def _plot(plot: Plot, fingers: Sequence[str]) -> dict[str, Any]:
         "foxglovePanelTitle": plot.title,
         "paths": paths,
         **{key: value for key, value in limits.items() if value is not None},
-        "showXAxisLabels": True,
-        "showYAxisLabels": True,
-        "showLegend": True,
-        "legendDisplay": "floating",
         "showPlotValuesInLegend": True,
-        "isSynced": True,
-        "xAxisVal": "timestamp",
-        "sidebarDimension": 240,
         "followingViewWidth": WINDOW_S,
     }
 

@@ -113,6 +113,12 @@ def slide_that_ends_in_a_gap(hand: Hand) -> Bodies:
             [f"before it slipped: {NO_CONTACT}"],
             "grip",
         ),
+        (lambda hand: [*hand.rest(), *hand.rest(required=0.09), hand.body(0.0) | GONE], [], "grip"),
+        (
+            lambda hand: [*hand.rest(), *hand.rest(required=0.118), hand.body(0.0) | GONE],
+            [f"before it slipped: {NO_CONTACT}"],
+            "grip",
+        ),
         (lambda hand: [*hand.rest(), hand.body(0.0) | GONE], [], "grip"),
         (
             lambda hand: [*hand.rest(), *hand.pull(0.1), *hand.rest()],

@@ -24,7 +24,7 @@ from slipd_client.errors import CallError
 from slipd_client.messages import encode
 from slipd_client.page import live_feed
 from slipd_client.page.live_feed import LiveFeed, Newest
-from slipd_client.page.page_server import ASSETS, WRONG_TOKEN, PageServer, Site, json_answer
+from slipd_client.page.page_server import ASSETS, WRONG_TOKEN, PageServer, Site, json_answer, redirect_file
 from slipd_client.page.requests_of_page import PageRequests
 from slipd_client.page.view_command import CommissionPage, view
 
@@ -117,6 +117,12 @@ async def test_a_wrong_token_is_refused_with_the_reason(token: str) -> None:
     async with served() as url, browser(url, token=token) as socket:
         with pytest.raises(ConnectionClosed, match=f"{WRONG_TOKEN}.*token"):
             await socket.recv()
+
+
+def test_a_file_leads_a_browser_to_the_page_and_hides_its_token_from_others(tmp_path: Path) -> None:
+    path = redirect_file(tmp_path, 'http://localhost:1/?a&b#"token"')
+    assert path.read_text(encoding="utf-8").count("http://localhost:1/?a&amp;b#&quot;token&quot;") == 2
+    assert path.stat().st_mode & 0o777 == 0o600
 
 
 async def test_a_port_in_use_is_an_error_that_names_another() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from client_peers import PATIENCE_S, Daemon, refuse
 from page_peers import browser, reply
+from websockets.exceptions import ConnectionClosed
 
 from slipd_client.arguments import ListenAddress
 from slipd_client.page import requests_of_page, view_command
@@ -260,12 +261,32 @@ async def test_a_config_with_faults_ends_the_guide_with_the_reason_and_one_windo
         assert (ended["code"] != 0, "finger.left.mu" in ended["error"]) == (True, True)
 
 
+def guide_by(lines: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run these lines of a shell in the place of the guide."""
+    (folder / "guide").write_text(f"#!/bin/sh\n{lines}\n")
+    (folder / "guide").chmod(0o700)
+    monkeypatch.setattr(view_command.sys, "executable", str(folder / "guide"))
+
+
 async def test_the_error_of_a_guide_is_not_hidden_by_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    guide = tmp_path / "guide"
-    guide.write_text("#!/bin/sh\necho log >&2; sleep 0.1; yes log | head -n 50000 >&2; echo the reason >&2; exit 1\n")
-    guide.chmod(0o700)
-    monkeypatch.setattr(view_command.sys, "executable", str(guide))
+    guide_by("echo log >&2; sleep 0.1; yes log | head -n 50000 >&2; echo the reason >&2; exit 1", tmp_path, monkeypatch)
     async with guiding(tmp_path / "rig.toml") as url, browser(url, COMMISSION_PATH) as socket:
         ended = await reply(socket, "ended")
     assert (ended["code"], ended["error"][-14:]) == (1, "log\nthe reason")
     assert len(ended["error"]) <= view_command.STDERR_BYTES
+
+
+async def test_a_guide_hears_each_word_of_at_most_100_letters_and_ends_when_the_window_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guide_by("""echo no JSON; while read -r word; do echo "{\\"heard\\": \\"$word\\"}"; done""", tmp_path, monkeypatch)
+    async with guiding(tmp_path / "rig.toml") as url:
+        for word in ("left", "x" * 100):
+            heard = None
+            while heard is None:
+                async with browser(url, COMMISSION_PATH) as socket:
+                    with suppress(ConnectionClosed):  # the window before is not quite closed
+                        for said in ("x" * 101, word):
+                            await socket.send(json.dumps({"choose": said}))
+                        heard = await reply(socket, "heard")
+            assert heard == word

@@ -235,8 +235,10 @@ def test_the_foxglove_layout_shows_panels_of_topics_and_fields_that_exist() -> N
     panels = layout["configById"]
     shown = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(layout["layout"]))
     assert sorted(shown) == sorted(panels)
-    paths = [path["value"].split(".", 1) for panel in panels.values() for path in panel.get("paths", ())]
-    drawn = [path for path in paths if path[0].startswith("/")]
+    paths = [path for panel in panels.values() for path in panel.get("paths", ())]
+    assert all(path.get("enabled", True) for path in paths)
+    assert all(panel["showPlotValuesInLegend"] for name, panel in panels.items() if name.startswith("Plot!"))
+    drawn = [path["value"].split(".", 1) for path in paths if path["value"].startswith("/")]
     assert len(drawn) > 10
     assert [curve for curve in drawn if not exists(*curve)] == []
     images = [panel["imageMode"]["imageTopic"] for panel in panels.values() if "imageMode" in panel]

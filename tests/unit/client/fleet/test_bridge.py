@@ -143,7 +143,7 @@ def test_topics_are_chosen_and_status_is_always_among_them(
         ("serve fleet --rate 0", "must be from 0.001 to 1e6 Hz"),
         *(
             (f"serve fleet --connect {endpoint}", "argument --connect: must be like tcp/10.0.0.1:7447")
-            for endpoint in ("here", "tpc/10.0.0.1:7447", "tcp/10.0.0.1", "tcp/h:70000", "tcp/::1:7447", "tcp/:7447")
+            for endpoint in ("here", "tpc/10.0.0.1:7447", "tcp/10.0.0.1", "tcp/h:65536", "tcp/::1:7447", "tcp/:7447")
         ),
         ("fleet --listen tcp/h:1#", 'Zenoh does not accept listen/endpoints ["tcp/h:1#"]'),
         ("fleet --listen USED", "slipctl: Zenoh cannot start at USED: "),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -319,7 +320,10 @@ HEAD = "robot state level health age"
     ],
 )
 def test_the_most_urgent_robot_comes_first_and_the_head_counts(rows: list[RobotRow], lines: list[str]) -> None:
-    assert [" ".join(line.split()) for line in fleet_lines("plant", rows, 0, Terminal())] == lines
+    shown = fleet_lines("plant", rows, 0, Terminal())
+    assert [" ".join(line.split()) for line in shown] == lines
+    columns = [re.match(r"(\S+) +(\S+) +(\S+) +(\S+) +(–|age|[\d.]+ s)", line) for line in shown[1:]]
+    assert len({(*map(found.start, range(1, 5)), found.end(5)) for found in columns}) <= 1, "they stand below the head"
 
 
 @pytest.mark.parametrize(
