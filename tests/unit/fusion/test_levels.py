@@ -120,6 +120,12 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
     assert not grows(growing.drop[0], growing.ring, MU, 0.85), "its mean has not reached that"
 
 
+def test_an_unknown_weight_adds_its_force_and_its_spin_to_the_load_and_takes_its_force_off_the_grip() -> None:
+    rows = contact_rows(1, 3.0, 10.0, 0.5, 1e-3)
+    watch().assess(rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.7)
+    assert rows["assessment"]["utilisation_upper"] == pytest.approx((0.5 * 10.0 + 1.0 / MU + 0.7) / 9.0)
+
+
 def test_a_new_contact_begins_without_the_mean_of_the_one_before() -> None:
     watched = watch()
     used = np.array([0.9, 0.0, 0.9])

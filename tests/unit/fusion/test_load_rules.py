@@ -120,6 +120,10 @@ LOADS: dict[str, tuple[Callable[[Any], tuple[Array, dict[str, Any]]], Found]] = 
         lambda s: (line((2.0, 4.0, 800), (4.0, 6.0, s), (6.0, 4.8, 12), HELD), {}),
         {17: None, 53: None, 65: None, 68: 883, 86: 903},
     ),
+    "likewise before a sudden fall": (
+        lambda s: (line((2.0, 4.0, 800), (4.0, 6.0, s), (6.0, 4.8, 2), HELD), {}),
+        {12: None, 40: None, 69: None, 70: 883, 80: 887},
+    ),
     "readings so many ms apart": (
         lambda s: (line((2.0, 6.0, round(800 / s)), (6.0, 4.8, 2), (4.8, 4.8, round(600 / s))), {"hz": 1000.0 / s}),
         {4.0: 202, 10.5: 78, 12.0: 69, 13.0: None, 17.0: None},

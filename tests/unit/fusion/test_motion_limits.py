@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slipd.fusion import utilisation
 from slipd.fusion.held_pad import MOST, NET_SHARE, HeldPad, pad_use, tipping_edges, twist_net
@@ -33,16 +34,13 @@ def test_the_net_of_twists_leaves_out_no_more_of_the_limit_than_its_share_allows
         assert found / NET_SHARE >= 0.995 * min(exact.lower, 1e6)
 
 
-def test_gravity_is_followed_through_a_turn() -> None:
-    times = np.linspace(0.0, 1.0, 101)
-    points = np.zeros((101, 10))
-    points[:, 0], points[:, 4] = (
-        times,
-        math.pi * (1.0 - np.cos(2.0 * math.pi * times)),
-    )  # 180° about x, from rest to rest
-    found = np.empty((101, 3))
-    follow_gravity(points, np.array((1.0, 0.0, -9.0)), found)
-    assert found[-1] == pytest.approx((1.0, 0.0, 9.0), abs=1e-3)
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, -0.48, 0.64)])
+def test_gravity_is_followed_through_a_turn(axis: tuple[float, float, float]) -> None:
+    """By 114° from rest to rest: gravity turns the other way, as the gripper sees it."""
+    times, found, begin = np.linspace(0.0, 1.0, 101), np.empty((101, 3)), np.array((1.0, 2.0, -9.0))
+    rates = (1.0 - np.cos(2.0 * math.pi * times))[:, None] * (2.0 * np.array(axis))
+    follow_gravity(np.hstack((times[:, None], np.zeros((101, 3)), rates, np.zeros((101, 3)))), begin, found)
+    assert found[-1] == pytest.approx(Rotation.from_rotvec(-2.0 * np.array(axis)).apply(begin), abs=1e-3)
 
 
 def held(right: bool) -> HeldPad:
