@@ -72,7 +72,14 @@ async def websocket_server(frames: bytes, *, reads: bool = True) -> AsyncIterato
 
 
 async def test_messages_are_delivered_as_one_stream_in_order() -> None:
-    messages = ['{"message": "Welcome"}', "µ-strain", "", *(f'{{"message": {n}}}' for n in range(500)), "x" * 30_000]
+    messages = [
+        '{"message": "Welcome"}',
+        "µ-strain",
+        "",
+        *(f'{{"message": {n}}}' for n in range(500)),
+        "x" * 30_000,
+        "y" * 130_000,
+    ]
     content = "".join(messages).encode()
     async with sensor_server(saying(*messages)) as spec, serving(spec) as (_, events):
         await eventually(lambda: len(received(events)) == len(content))
