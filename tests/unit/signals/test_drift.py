@@ -119,10 +119,9 @@ def test_a_tare_begins_anew_and_its_undo_brings_the_drift_back(learned: Stream) 
 @pytest.mark.parametrize("jump_ns", [LONGEST_GAP_NS, -S])
 def test_after_a_silence_or_where_time_falls_a_contact_is_unknown(learned: Stream, jump_ns: int) -> None:
     learned.t_ns += jump_ns
-    learned.run(0.1, 0.1)
-    assert learned.drift.frozen
-    learned.run(HOLD_OFF_NS * 1e-9, 0.1)
-    assert not learned.drift.frozen
+    for seconds, frozen in ((0.1, True), (HOLD_OFF_NS * 1e-9, False)):
+        learned.run(seconds, 0.1)
+        assert learned.drift.frozen is frozen
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, -1e300])
