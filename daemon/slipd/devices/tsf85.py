@@ -138,15 +138,13 @@ class Decoder(FrameDecoder):
 
 
 def _measure(buffer: bytes, at: int) -> int:
-    """Measure a packet for `FrameScanner`; reject it as soon as one byte is impossible."""
+    """Measure a packet for `FrameScanner`; reject it as soon as a byte after its head is impossible."""
     head = buffer[at : at + _HEAD_LENGTH]
-    if len(head) > 2 and head[2] not in _SENSORS and head[2] != VERSION:
-        return NO_FRAME
     if len(head) < _HEAD_LENGTH:
         return 0
     begin = at + _HEAD_LENGTH
     end = begin + head[3]
-    if end == begin:
+    if end == begin or not (head[2] in _SENSORS or head[2] == VERSION):
         return NO_FRAME
     is_valid = _is_text(buffer[begin:end]) if head[2] == VERSION else _has_known_tags(buffer, begin, end)
     if not is_valid:

@@ -71,6 +71,13 @@ CASES = {
         ],
         options={"timestamp_unit_ns": 1000},
     ),
+    "the time of the second finger is its own": Case(
+        encode_packet(
+            tsf85.AUTOSEND, encode_block(tsf85.TIMESTAMP, 1, [7]) + encode_block(tsf85.STATIC, 1, image(1, 1))
+        ),
+        [{"source": "1", "values": image(1, 1), "device_time_ns": 7000}],
+        options={"timestamp_unit_ns": 1000},
+    ),
     "out of sync, a packet without a next one is dropped": Case(
         b"\0" + packet(0) + b"\0" + packet(1) + packet(2), images(1, 2), {"bad": 3, "bad_bytes": 2}
     ),
