@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from chirps import chirp
@@ -23,18 +25,21 @@ MS = 1_000_000
 
 
 class Hold:
-    """Blocks of a contact under a load along `DIRECTION`.
+    """Blocks of a contact that moves along `DIRECTION` under a load.
 
     Args:
         images: In a block.
         torque_nm: Noise of the force sensor.
+        turn: Angle from that direction to the load.
 
     Attributes:
         t_ns: When the newest block was completed.
         at_m: How far the contact has moved along the load.
     """
 
-    def __init__(self, images: int = 10, torque_nm: float = 0.0002) -> None:
+    def __init__(self, images: int = 10, torque_nm: float = 0.0002, turn: float = 0.0) -> None:
+        c, s = math.cos(turn), math.sin(turn)
+        self.pull = DIRECTION @ ((c, s), (-s, c))
         self.shift = CentroidShift(ImageComparison(GEOMETRY), LoadNoise(0.02, torque_nm))
         self.rng, self.images = np.random.default_rng(3), images
         self.t_ns, self.at_m, self.drift_m = 0, 0.0, 0.0
@@ -48,7 +53,7 @@ class Hold:
         centroids = (self.at_m + self.drift_m) * DIRECTION + self.rng.normal(0.0, STD_M, (self.images, 2))
         wrenches = np.zeros((self.images, 6))
         wrenches[:, 2], wrenches[:, 3], wrenches[:, 4] = -12.0, -12.0 * centroids[:, 1], 12.0 * centroids[:, 0]
-        load = np.array((*(load_n * DIRECTION), 12.0, 0.0, *centroids.mean(axis=0)))
+        load = np.array((*(load_n * self.pull), 12.0, 0.0, *centroids.mean(axis=0)))
         tolerance = np.array((0.8, 0.8, 0.8, 0.01, 1e-3, 1e-3))
         return Block(self.t_ns, image, np.full(X.size, 5e-7), load, tolerance, 0.15, wrenches)
 
@@ -71,6 +76,12 @@ def test_a_creeping_contact_is_found_well_within_a_millimetre(speed_mps: float, 
 @pytest.mark.parametrize("motion", [{}, {"drift_mps": 0.001}, {"speed_mps": -0.0005}])
 def test_rest_drift_and_a_motion_against_the_load_are_no_motion(motion: dict[str, float]) -> None:
     assert Hold().watch(60, **motion) == []
+
+
+@pytest.mark.parametrize(("turn", "found"), [(0.95, True), (-0.95, True), (1.15, False), (-1.15, False)])
+def test_a_contact_moves_within_sixty_degrees_of_its_load(turn: float, found: bool) -> None:
+    hold = Hold(turn=turn)
+    assert bool(hold.watch(10) + hold.watch(12, 0.001)) is found
 
 
 def test_what_moves_while_the_load_grows_is_another_or_is_unseen_is_no_motion() -> None:
