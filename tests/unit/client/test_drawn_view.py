@@ -125,7 +125,7 @@ TARED = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_sou
         ),
         (
             {"status": STATUS | {"streams": {"left.pad": STREAM | {"health": 0, "message": ""}}}},
-            r"left\.pad +OK +998 Hz",
+            r"left\.pad +OK +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2$",
         ),
         ({"status": STATUS | {"object_name": "mug"}}, r"lease held  object mug\n"),
         ({"status": STATUS | {"fingers": {"left": TARED}}}, r"left +STABLE +tare 2  mu 0\.50 config"),

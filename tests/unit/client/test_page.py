@@ -105,11 +105,15 @@ async def test_nothing_else_is_served_and_neither_without_the_token_nor_under_a_
 @pytest.mark.parametrize(
     "origin", [None, "null", "http://evil.example", "http://localhost:1", "http://127.0.0.1", "file://", "http://"]
 )
-async def test_a_page_of_another_site_is_kept_out_even_with_the_token(origin: str | None) -> None:
+async def test_a_page_of_another_site_is_kept_out_even_with_the_token_and_not_logged(
+    origin: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
     async with served() as url:
         with pytest.raises(InvalidStatus, match="403"):
             async with browser(url, origin=origin):
                 pytest.fail("it was let in")
+    assert "slipd_client.page" not in {record.name for record in caplog.records}
 
 
 @pytest.mark.parametrize("token", ["", "wrong", "é"])
