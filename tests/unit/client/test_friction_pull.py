@@ -136,7 +136,7 @@ def slide_that_ends_in_a_gap(hand: Hand) -> Bodies:
             None,
         ),
         (squeezed_less, ["the squeeze changed from 7.0 to 10.0 N at the slip: pull along the pads"], None),
-        (lambda hand: changed(hand.once(), slice(300), normal_n=7.0), [SAMPLE], "pull"),  # long before the slip
+        (lambda hand: changed(hand.once(), slice(312), normal_n=7.0), [SAMPLE], "pull"),  # 50 ms before the slip
         (lambda hand: changed(hand.once(), slice(318), normal_n=9.0), [SAMPLE], "pull"),  # by little
         (without(slice(225, 265)), [MISSING], None),
         *[(without(slice(60, 60 + missing), hz=LEAST_HZ), [SAMPLE], None) for missing in (0, 2)],

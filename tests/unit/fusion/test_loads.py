@@ -58,8 +58,10 @@ def test_binary_loads_are_linear_where_no_taxel_would_be_pulled() -> None:
 
 
 def test_one_taxel_takes_the_whole_load_and_one_without_pressure_stays_empty() -> None:
-    found = matched_loads([0.01], [0.0], [5.0], 2.0, (0.013, 0.004))
-    assert (found.loads, found.centroid_residual_m) == (pytest.approx([2.0]), pytest.approx(0.005))
+    for at_m, away_m, status in (((0.013, 0.004), 0.005, "projected"), ((0.01, 0.0), 0.0, "ok")):
+        found = matched_loads([0.01], [0.0], [5.0], 2.0, at_m)
+        told = found.loads.tolist(), found.centroid_residual_m, found.status
+        assert told == ([2.0], pytest.approx(away_m), status)
     loads = matched_loads([0, 1, 2, 3], [0, 0, 0, 1], [1, 0, 1, 1], 1.0, (1.2, 0.2)).loads
     assert (loads[1], loads.sum()) == (0.0, pytest.approx(1.0))
 
