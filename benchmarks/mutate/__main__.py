@@ -111,8 +111,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def equivalents() -> set[tuple[str, str, str]]:
     """Return file, source line and change of each mutant that changes nothing that can be seen."""
     lines = Path(__file__).with_name("equivalent.txt").read_text(encoding="utf-8").splitlines()
-    rows = [tuple(part.strip() for part in line.split(" | ")) for line in lines if not line.startswith("#")]
-    return {(path, source, change) for path, source, change, _ in rows}
+    rows = [line.split(" | ") for line in lines if not line.startswith("#")]
+    return {(path, " | ".join(source), change) for path, *source, change, _ in rows}
 
 
 def _line(outcome: Outcome) -> str:
