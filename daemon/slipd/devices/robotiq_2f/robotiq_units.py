@@ -99,9 +99,9 @@ class Units:
         """
         if speed_mps is None:
             return MIDDLE_SPEED
-        if self._speeds is None or self.speed_range_mps is None:
+        if self._speeds is None:
             raise ValueError("the speed must be left out, because there is no speed_table")
-        check_range("speed", speed_mps, self.speed_range_mps, "m/s", _ROUNDING)
+        check_range("speed", speed_mps, (self._speeds[0][0], self._speeds[-1][0]), "m/s", _ROUNDING)
         return round(interpolate(self._speeds, speed_mps))
 
 
