@@ -139,8 +139,8 @@ def test_N1_N3_a_reading_that_no_device_can_send_is_no_part_of_an_offset(value: 
 def test_readings_that_move_are_no_tare_and_the_reason_can_be_read() -> None:
     tare = Tare(np.array((3.0, 0.0)), noise=np.array((0.0, 0.02)))  # the noise of the first is not stated
     for slope, taken, text in (
-        (0.1, 0, "the readings moved: component 1 spreads by 0.592, its noise is 0.02; hold still"),
-        (0.001, 1, ""),
+        (0.0175, 0, "the readings moved: component 1 spreads by 0.104, its noise is 0.02; hold still"),
+        (0.0165, 1, ""),
     ):
         tare.begin(0, 0.019)
         assert tare.aborted_reason is None
