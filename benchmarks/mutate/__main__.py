@@ -32,7 +32,7 @@ from pathlib import Path
 
 from bench.commit import measured_on
 from mutate.covered import CoveredRoom, covered_room, is_compiled
-from mutate.forked import is_noticed
+from mutate.forked import noticed_as
 from mutate.mutations import Mutation, mutate, mutations
 from mutate.wire import SHARED, wire_changes, wire_mutations
 
@@ -68,7 +68,7 @@ class Outcome:
     Attributes:
         path: Mutated file, relative to the project.
         mutation: What was changed.
-        verdict: "killed" (or too slow), "survived" or "equal".
+        verdict: "killed", "too slow", "survived" or "equal".
     """
 
     path: str
@@ -154,8 +154,8 @@ def _try(place: tuple[str, str, Mutation], *groups: list[str]) -> Outcome:
     root, recompile = PROJECT / Path(name).parts[0], is_compiled(source, mutation)
     for tests in filter(None, groups):
         files = sorted({test.partition("::")[0] for test in tests})
-        if is_noticed(root, path, mutant, files, LIMIT_S, only=tests, recompile=recompile):
-            return Outcome(name, mutation, "killed")
+        if verdict := noticed_as(root, path, mutant, files, LIMIT_S, only=tests, recompile=recompile):
+            return Outcome(name, mutation, verdict)
     return Outcome(name, mutation, "survived")
 
 
@@ -173,10 +173,10 @@ def _wire(devices: Sequence[str]) -> Iterator[Outcome]:
             groups.append([str(folder)] if folder.is_dir() else [*map(str, tests.glob(f"test_{device}*.py"))])
             groups.append([*map(str, sorted(tests.glob(EVERY_DEVICE))), "-k", device])
         for group in filter(None, groups):
-            if tuple(group) not in sound and is_noticed(PROJECT / "daemon", path, source, group, LIMIT_S):
+            if tuple(group) not in sound and noticed_as(PROJECT / "daemon", path, source, group, LIMIT_S):
                 raise SystemExit(f"mutate: {' '.join(group)} must pass without a mutant")
             sound.add(tuple(group))
-        noticed = any(is_noticed(PROJECT / "daemon", path, mutant, group, LIMIT_S) for group in groups if group)
+        noticed = any(noticed_as(PROJECT / "daemon", path, mutant, group, LIMIT_S) for group in groups if group)
         yield Outcome(name, mutation, "killed" if noticed else "survived")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import signal
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -64,7 +65,7 @@ def in_fork(run: Callable[[RunPytest], int], limit_s: int | None = None, *, reco
         return os.waitpid(child, 0)[1]
 
 
-def is_noticed(
+def noticed_as(
     root: Path,
     path: Path,
     source: str,
@@ -73,8 +74,10 @@ def is_noticed(
     *,
     only: Sequence[str] | None = None,
     recompile: bool = False,
-) -> bool:
-    """Return whether tests notice a mutant of a file, or take too long over it; processes that they start run it too.
+) -> str:
+    """Return how tests notice a mutant of a file, "killed" or "too slow"; "" where they pass.
+
+    Processes that they start run it too.
 
     Args:
         root: Folder of the package.
@@ -93,4 +96,7 @@ def is_noticed(
             use_mutant(module, path, source, folder)
             return run_pytest(["-x", *tests], [] if only is None else [_Only(only)])
 
-        return in_fork(run, limit_s, recompile=recompile) != 0
+        status = in_fork(run, limit_s, recompile=recompile)
+        if os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL):
+            return "too slow"
+        return "killed" if status else ""
