@@ -70,9 +70,11 @@ def test_a_batch_is_published_like_its_readings_one_by_one(
 def test_each_topic_keeps_its_own_rate_and_a_change_is_published_beside_it(finger: Finger, batch: VerdictBatch) -> None:
     out: list[Output] = []
     publisher(finger, Rates(slip_hz=250.0, wrench_hz=500.0)).publish_batch(batch, out)
-    assert times(out, "warning") == [0, 3, 4], "stable, caution, warning"
-    assert times(out, "slip.left") == [0, 3, 4, 8]
-    assert times(out, "wrench.left") == [0, 2, 3, 4, 6, 8, 10]
+    assert {topic: times(out, topic) for topic in ("warning", "slip.left", "wrench.left")} == {
+        "warning": [0, 3, 4],  # stable, caution, warning
+        "slip.left": [0, 3, 4, 8],
+        "wrench.left": [0, 2, 3, 4, 6, 8, 10],
+    }
     assert published(out) == sorted(published(out), key=lambda one: one[1])
 
 

@@ -51,9 +51,8 @@ async def test_every_serial_device_is_identified_on_a_real_line(
     devices = {name: make_emulator(name, 1) for name in SERIAL}
     results = await identify(tmp_path, devices, ATTEMPTS)
     assert {name: found and found.device for name, found in results.items()} == {name: name for name in SERIAL}
-    assert (results["pvdf"].rows, results["pvdf"].taxels) == (8, 128)
-    assert results["tsf85"].sensors == ("0", "1")
-    assert results["robotous"].identity == "RFT40-SA01-D"
+    pvdf, tsf85, robotous = (results[name] for name in ("pvdf", "tsf85", "robotous"))
+    assert (pvdf.rows, pvdf.taxels, tsf85.sensors, robotous.identity) == (8, 128, ("0", "1"), "RFT40-SA01-D")
 
 
 async def test_asking_writes_no_setting_and_moves_no_gripper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,9 +88,8 @@ async def test_a_port_that_is_silent_or_missing_is_none_of_them(
 
 def test_noise_is_no_device() -> None:
     noise = random.Random(1)
-    assert recognise([(k * 1_000_000, noise.randbytes(200)) for k in range(12)]) is None
-    assert recognise([]) is None
-    assert recognise([(0, b"a few bytes")]) is None
+    long = [(k * 1_000_000, noise.randbytes(200)) for k in range(12)]
+    assert [recognise(heard) for heard in (long, [], [(0, b"a few bytes")])] == [None] * 3
 
 
 @pytest.fixture

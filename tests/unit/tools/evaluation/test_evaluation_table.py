@@ -69,9 +69,7 @@ def test_a_config_that_reports_nothing_is_not_said_to_report_the_same() -> None:
 def test_the_map_has_everything() -> None:
     (found,) = json.loads(json.dumps(as_map([evaluation(after=AFTER, broken="no such file")])))
     assert found["recording"] == "/data/a.mcap"
-    assert found["runs"][RECORDED]["largest"]["finger"] == "left"
-    assert found["runs"]["broken"] == {"fault": "no such file"}
-    after = found["runs"]["after"]
-    assert after["level_s"]["slipping"] == 0.5
+    runs, after = found["runs"], found["runs"]["after"]
+    assert (runs[RECORDED]["largest"]["finger"], runs["broken"]) == ("left", {"fault": "no such file"})
+    assert (after["level_s"]["slipping"], after["spans"]["left"][0]["level"]) == (0.5, "stable")
     assert after["differences"][0] == [1.5, 2.0, "stable", "warning"]
-    assert after["spans"]["left"][0]["level"] == "stable"

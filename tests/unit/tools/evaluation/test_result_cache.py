@@ -31,8 +31,7 @@ def cache(cache_home: Path) -> ResultCache:
 def test_a_result_is_found_again(cache: ResultCache, cache_home: Path) -> None:
     assert cache.get(job("a")) is None
     cache.put(job("a"), RUN)
-    assert cache.get(job("a")) == RUN
-    assert cache.get(job("b")) is None
+    assert [cache.get(job(key)) for key in ("a", "b")] == [RUN, None]
     assert [path.name for path in (cache_home / "slipd" / "evaluate").iterdir()] == ["a.json"]
 
 
@@ -41,9 +40,8 @@ def test_a_fault_is_kept_for_the_recording_and_the_config_that_it_names(cache: R
     cache.put(job("a", "b.mcap"), LastingFault("b.mcap: too"))
     found = cache.get(job("a"))
     assert (found, type(found)) == (FAULT, LastingFault)
-    assert cache.get(job("a", "b.mcap")) == "b.mcap: too"
-    assert cache.get(job("a", config="a.toml")) is None
-    assert cache.get(job("b")) is None
+    others = (job("a", "b.mcap"), job("a", config="a.toml"), job("b"))
+    assert [cache.get(each) for each in others] == ["b.mcap: too", None, None]
 
 
 def test_a_key_changes_with_recording_config_and_code(

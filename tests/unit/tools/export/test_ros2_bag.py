@@ -71,8 +71,8 @@ def test_the_metadata_have_the_counts_the_times_and_the_quality_of_service(
 ) -> None:
     messages = wanted(dated)
     with Reader(exported["ros2"]) as bag:
-        assert (bag.start_time, bag.end_time - 1) == (messages[0][0], messages[-1][0])
-        assert bag.message_count == len(messages)
+        counted = (bag.start_time, bag.end_time - 1, bag.message_count)
+        assert counted == (messages[0][0], messages[-1][0], len(messages))
         assert {each.topic: each.msgcount for each in bag.connections} == Counter(each[1] for each in messages)
         for connection in bag.connections:
             (quality,) = connection.ext.offered_qos_profiles

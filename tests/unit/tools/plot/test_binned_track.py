@@ -15,8 +15,8 @@ def test_no_extreme_is_lost_and_the_memory_is_bounded(samples: list[tuple[float,
         track.add(t_s, (value, value))
     found = list(track.held(Extent(2e5)))
     assert len(found) <= 8
-    assert min(each.value[0] for each in found) == min(value for _, value in samples)
-    assert max(each.value[1] for each in found) == max(value for _, value in samples)
+    values = [value for _, value in samples]
+    assert (min(each.value[0] for each in found), max(each.value[1] for each in found)) == (min(values), max(values))
 
 
 def test_a_value_holds_until_the_next_and_the_last_until_the_end() -> None:

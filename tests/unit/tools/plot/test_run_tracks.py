@@ -98,9 +98,8 @@ def test_an_alarm_has_the_image_centroid_and_pole_of_its_reading(run: Any) -> No
     log = run.tracks.changes
     (change,) = log.snapshots
     assert (change.t_s, change.warning["finger"], change.warning["reasons"]) == (1.0, "left", ["rotation"])
-    assert change.image.peak == 4.0
+    assert (change.image.peak, log.count, log.alarms) == (4.0, 1, 1)
     assert (change.verdict["centroid_m"], change.verdict["pole_m"]) == ([0.001, 0.002], [0.003, 0.004])
-    assert (log.count, log.alarms) == (1, 1)
 
 
 def test_a_run_of_any_length_keeps_the_first_changes_and_counts_all(run: Any) -> None:
@@ -108,6 +107,5 @@ def test_a_run_of_any_length_keeps_the_first_changes_and_counts_all(run: Any) ->
     for n in range(MOST_CHANGES + 10):
         run.add_change(n, "left", "stable", "warning")
     log = run.tracks.changes
-    assert (len(log.changes), log.count) == (MOST_CHANGES, MOST_CHANGES + 10)
-    assert (len(log.snapshots), log.alarms) == (MOST_SNAPSHOTS, MOST_CHANGES + 10)
-    assert log.snapshots[-1].t_s == MOST_SNAPSHOTS - 1
+    assert (log.count, log.alarms, len(log.changes)) == (MOST_CHANGES + 10, MOST_CHANGES + 10, MOST_CHANGES)
+    assert [each.t_s for each in log.snapshots] == pytest.approx([*range(MOST_SNAPSHOTS)])

@@ -29,8 +29,8 @@ def test_it_registers_reports_at_its_rate_and_obeys_the_session() -> None:
     drive(session, driver, 1.0, begin_ns=2000 * MS, start=False)
     assert set_force(session, 12.0) == 12.0
     held = drive(session, driver, 1.0, begin_ns=3000 * MS, start=False)[-1]
-    assert (held.width_m, held.object, held.force_n) == (0.04, "contact_closing", 12.0)
-    assert (held.echo_ok, session.command_lost) == (True, False)
+    reported = (held.width_m, held.object, held.force_n, held.echo_ok, session.command_lost)
+    assert reported == (0.04, "contact_closing", 12.0, True, False)
 
 
 def test_it_closes_on_the_part_and_opens_again() -> None:

@@ -61,10 +61,9 @@ def test_a_push_beyond_friction_slides_until_it_falls_below_dynamic_friction() -
 
 def test_a_held_object_presses_the_centre_of_both_pads_and_shares_a_pull() -> None:
     made = hand("object 50 mm", "pull +y 4 N")
-    assert made.part_m == 0.05
-    assert made.load("left", 0.0, 8.0) == PadLoad((0.0, 0.0), 8.0, (0.0, 2.0))
-    assert made.load("right", 0.0, 8.0) == PadLoad((0.0, 0.0), 8.0, (0.0, -2.0))
-    assert made.load("left", 0.0, 0.0) == PadLoad()
+    loads = [made.load(finger, 0.0, grip_n) for finger, grip_n in (("left", 8.0), ("right", 8.0), ("left", 0.0))]
+    held = [PadLoad((0.0, 0.0), 8.0, (0.0, pull_n)) for pull_n in (2.0, -2.0)]
+    assert (made.part_m, loads) == (0.05, [*held, PadLoad()])
 
 
 def test_release_lets_go_of_one_finger_or_all() -> None:

@@ -98,9 +98,7 @@ def test_a_gripper_that_closes_too_late_leaves_the_box_behind():
     scene.step(5.0, GripCommand(scene.open_width_m, SPEED_MPS, 7.0))
     scene.step(8.0, GripCommand(0.0, SPEED_MPS, 7.0))
     assert [truth.event for truth in scene.truth] == ["left_behind", "pour"]
-    assert scene.width_m == 0.0
-    assert not scene.in_contact
-    assert scene.utilisation == 0.0
+    assert (scene.width_m, scene.in_contact, scene.utilisation) == (0.0, False, 0.0)
 
 
 @pytest.mark.parametrize(
