@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import re
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -45,19 +44,18 @@ LATER = re.compile(r"^@pytest\.mark\.(?:long|statistics)\b(?:(?!\n\n).)*?def (te
 """A test with a mark that `make test` leaves out."""
 
 
-def all_tests() -> Iterator[tuple[str, str]]:
-    """Yield file and name of every test, without importing or parsing any: every process of the tests collects this."""
-    for file in sorted((ROOT / "tests").rglob("test_*.py")):
-        for name in DEFINITION.findall(file.read_text(encoding="utf-8")):
-            yield str(file.relative_to(ROOT)), name
-
-
 def ids_of(test: str) -> set[str]:
     found = LEADING_IDS.match(test)
     return set(found[1].strip("_").split("_")) if found else set()
 
 
-TESTS = list(all_tests())
+TESTS = [
+    (str(file.relative_to(ROOT)), name)
+    for file in sorted((ROOT / "tests").rglob("test_*.py"))
+    for name in DEFINITION.findall(file.read_text(encoding="utf-8"))
+]
+"""File and name of every test, without importing or parsing any: every process of the tests collects this."""
+
 ROWS = {row[1]: (row[2], row[3], CITATION.findall(row[4])) for row in ROW.finditer(FAULTS)}
 
 

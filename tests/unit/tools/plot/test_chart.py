@@ -50,8 +50,10 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
         "health of the streams",
     ]
     assert part(parts, "utilisation λ").limits == ((0.5, "caution"), (0.6, "warning"), (1.0, "slips"))
-    assert names(part(parts, "utilisation λ")) == ["left: bounds", "right: bounds", "left", "right"]
-    assert names(part(parts, "grip force on one pad")) == ["now", "needed", "commanded"]
+    assert [names(part(parts, title)) for title in ("utilisation λ", "grip force on one pad")] == [
+        ["left: bounds", "right: bounds", "left", "right"],
+        ["now", "needed", "commanded"],
+    ]
     assert [strip.name for strip in part(parts, "level and reasons").strips] == ["left", "right"]
     assert {strip.name for strip in part(parts, "health of the streams").strips} == set(tracks.streams)
     for each in parts:

@@ -39,12 +39,12 @@ def test_the_daemons_session_calibrates_and_gets_4000_readings_a_second(calibrat
     emulator.feel(FORCE_N, TORQUE_NM)
     session = begun(emulator, calibration)
     samples = drive(session, emulator, 0.5, start=False)
-    assert (session.state, session.identity) == ("running", identity)
+    known = (session.state, session.identity, session.health.lost, session.health.bad)
+    assert known == ("running", identity, 0, 0)
     assert 1980 <= len(samples) <= 2000
     assert np.mean([s.force_n for s in samples], axis=0) == pytest.approx(FORCE_N, abs=0.003)
     assert np.mean([s.torque_nm for s in samples], axis=0) == pytest.approx(TORQUE_NM, abs=1e-4)
     assert np.ptp([s.device_time_ns for s in samples]) == pytest.approx((len(samples) - 1) * 250_000, abs=2e5)
-    assert session.health.lost == session.health.bad == 0
 
 
 @pytest.mark.parametrize("request_", [b"GET / HTTP/1.0\r\n\r\n", encode_change(7001), encode_change(0)])

@@ -28,8 +28,7 @@ def test_a_second_session_writes_nothing_to_its_eeprom() -> None:
 def test_a_rate_that_its_line_does_not_carry_is_refused_and_it_sends_at_its_own(baud: int, hz: int, note: str) -> None:
     session = robotous.Session(output_hz=500)
     samples = drive(session, make(6, baud=baud), 1.0)
-    assert session.state == "running"
-    assert session.health.note.partition(":")[0] == note
+    assert (session.state, session.health.note.partition(":")[0]) == ("running", note)
     assert hz - 20 <= len(samples) <= hz
 
 

@@ -18,14 +18,14 @@ def play(scene, force_n=lambda t: 7.0, until_s=END_S, step_s=0.001):
         t = i * step_s
         width = 0.0 if CLOSE_S <= t < OPEN_S else scene.open_width_m
         scene.step(t, GripCommand(width, SPEED_MPS, force_n(t)))
-        seen.append((t, scene.normal_n, scene.sliding, carried(scene), scene.width_m))
+        (fx, fy, _, _, _, about_origin), (cx, cy) = scene.wrench(right=False), scene.patch.centre_m
+        carried = (
+            2 * fx,
+            2 * fy,
+            2 * (about_origin - cx * fy + cy * fx),
+        )  # by both pads, about the contact centre
+        seen.append((t, scene.normal_n, scene.sliding, carried, scene.width_m))
     return scene, seen
-
-
-def carried(scene):
-    """Return the load that both pads carry, about the centre of the contact."""
-    (fx, fy, _, _, _, about_origin), (cx, cy) = scene.wrench(right=False), scene.patch.centre_m
-    return 2 * fx, 2 * fy, 2 * (about_origin - cx * fy + cy * fx)
 
 
 def times(scene, event):

@@ -7,12 +7,9 @@ from slipd.tools.sim.scene_parts import FrictionLimit, Pad, Patch
 MU = 0.6
 
 
-def disc(radius_m: float) -> Patch:
-    return Patch(radius_m, radius_m, exponent=2.0, centre_m=(0.0, 0.0))
-
-
 def test_a_round_hertz_contact_resists_the_spin_of_the_closed_form():
-    needed = FrictionLimit(disc(0.01), cell_m=0.001).need_n((0.0, 0.0, 0.02), MU)
+    disc = Patch(0.01, 0.01, exponent=2.0, centre_m=(0.0, 0.0))
+    needed = FrictionLimit(disc, cell_m=0.001).need_n((0.0, 0.0, 0.02), MU)
     assert needed == pytest.approx(0.02 / (3 * math.pi / 16 * MU * 0.01), rel=0.005)
 
 
