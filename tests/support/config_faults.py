@@ -73,15 +73,3 @@ def broken(old: str, new: str, number: int = 1) -> str:
     """GOOD with one line's beginning changed (the n-th that has it)."""
     at = [match.start() for match in re.finditer(rf"^{re.escape(old)}", GOOD, re.MULTILINE)][number - 1]
     return GOOD[:at] + new + GOOD[at + len(old) :]
-
-
-def assert_one_fault(old: str, new: str, path: str, expected: str) -> None:
-    """Break one line of GOOD; the only fault has the path, the text and the line of the key or of its table."""
-    text = broken(old, new)
-    [(found, at, message)] = faults(text)
-    assert found == path
-    assert expected in message
-    assert at is not None
-    table, _, key = path.rpartition(".")
-    reported = text.splitlines()[at - 1]
-    assert key in reported or table in reported or table.rpartition(".")[2] in reported

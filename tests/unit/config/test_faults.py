@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from config_faults import GOOD, assert_one_fault, broken, faults, line
+from config_faults import GOOD, broken, faults, line
 
 from slipd import config
 
@@ -313,7 +313,15 @@ BUS = [
 
 @pytest.mark.parametrize(("old", "new", "path", "expected"), [*WHOLE, *BUS, *STREAM, *FINGER, *GRIPPER, *IMPOSSIBLE])
 def test_G3_a_value_that_does_not_fit_is_refused_with_its_line(old: str, new: str, path: str, expected: str) -> None:
-    assert_one_fault(old, new, path, expected)
+    """The only fault has the path, the text and the line of the key or of its table."""
+    text = broken(old, new)
+    [(found, at, message)] = faults(text)
+    assert found == path
+    assert expected in message
+    assert at is not None
+    table, _, key = path.rpartition(".")
+    reported = text.splitlines()[at - 1]
+    assert key in reported or table in reported or table.rpartition(".")[2] in reported
 
 
 @pytest.mark.parametrize(

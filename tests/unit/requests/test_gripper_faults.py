@@ -217,10 +217,8 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
 
 def check_first_echoes(run: Run) -> None:
     found = [body["latched_fault"] for body in run.published("gripper")]
-    at = found.index("echo_mismatch")
-    echoes = [body["echo_ok"] for body in run.published("gripper")[: at + 1]]
-    assert echoes[-3:] == [False] * 3
-    assert echoes[-4] is True
+    end = found.index("echo_mismatch") + 1
+    assert [body["echo_ok"] for body in run.published("gripper")[end - 4 : end]] == [True, False, False, False]
 
 
 def serve_until_latched(run: Run) -> None:

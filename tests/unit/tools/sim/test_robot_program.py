@@ -178,8 +178,7 @@ def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
 def test_it_asks_for_what_is_needed_within_its_limits_and_otherwise_for_nothing(daemon, told, plan, asked):
     daemon.on["gripper.close"] = told
     report = work(daemon, plan)
-    assert daemon.forces() == asked
-    assert len(report.changes) == 1
+    assert (daemon.forces(), len(report.changes)) == (asked, 1)
 
 
 def test_a_raise_that_is_refused_is_noted_and_the_work_goes_on(daemon):
