@@ -184,10 +184,9 @@ def test_a_command_of_slipctl_is_named_to_those_who_ask_slipd_for_it(capsys: pyt
 def test_a_file_for_the_system_is_no_config(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", "show", "slipd.service"]) == 2
     assert "print it with: slipd service show slipd.service" in capsys.readouterr().err
-    assert main(["service", "show"]) == 0
-    assert "slipd.service" in capsys.readouterr().out
-    assert main(["service", "show", "slipd"]) == 0
-    assert f"ExecStart={SLIPD}" in capsys.readouterr().out
+    for names, told in (((), "slipd.service"), (("slipd",), f"ExecStart={SLIPD}")):
+        assert main(["service", "show", *names]) == 0
+        assert told in capsys.readouterr().out
     assert main(["config", "list"]) == 0
     assert "service" not in capsys.readouterr().out.partition("\n")[2]
 

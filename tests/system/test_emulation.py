@@ -60,13 +60,11 @@ def test_the_mass_of_a_finger_is_identified_from_the_shell_as_the_page_shows(tmp
     assert done.returncode == 0, done.stderr
     found = tomllib.loads(done.stdout[done.stdout.index("[finger.left.wrench]") :].partition("left: ")[0])
     wrench = found["finger"]["left"]["wrench"]
-    assert wrench["mass_kg"] == pytest.approx(0.085, abs=0.001)
-    assert wrench["com_m"] == pytest.approx([0.0, 0.002, -0.014], abs=0.001)
+    assert (wrench["mass_kg"], *wrench["com_m"]) == pytest.approx((0.085, 0.0, 0.002, -0.014), abs=0.001)
     assert "left: nothing touches" in done.stdout
     assert "the unit must be N, got 'kg'" in done.stderr
     assert "accepted" not in done.stdout
-    assert not (tmp_path / "rig" / "hand").exists()
-    assert not (tmp_path / "rig" / "rig.toml").exists()
+    assert not any((tmp_path / "rig" / name).exists() for name in ("hand", "rig.toml"))
 
 
 def test_a_shipped_config_is_emulated_by_its_name(tmp_path: Path) -> None:
@@ -86,13 +84,16 @@ def test_commands_come_from_a_script_and_standard_input_and_faults_are_named(tmp
     )
     lines = done.stdout.splitlines()
     assert lines[0].startswith("bota: ")
-    assert "left: normal 5.00 N at 1.0, 2.0 mm, tangential 0.00, 0.00 N, spin 0.0 mN·m" in lines
-    assert "left: normal 5.00 N at 1.0, 2.0 mm, tangential 2.25, 0.00 N, spin 0.0 mN·m" in lines
+    shown = "left: normal 5.00 N at 1.0, 2.0 mm, tangential {}, 0.00 N, spin 0.0 mN·m"
+    assert {shown.format("0.00"), shown.format("2.25")} <= set(lines)
     assert any(line.startswith("error: a command must begin with press") for line in lines)
     assert [line for line in lines if line.isdigit()] == ["0", "1", "1", "1"]
-    assert "wrong:2: press: FINGER must be one of left, got 'middle'" in done.stderr
-    assert "--dir must not be the folder of the config" in done.stderr
-    assert "no emulation at nowhere" in done.stderr
+    for told in (
+        "wrong:2: press: FINGER must be one of left, got 'middle'",
+        "--dir must not be the folder of the config",
+        "no emulation at nowhere",
+    ):
+        assert told in done.stderr
     assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == RIG
     assert "Traceback" not in done.stderr
 
@@ -122,10 +123,8 @@ def test_what_was_changed_before_the_emulation_was_killed_is_kept_at_its_next_st
         f"ls -A rig; echo mine >rig/rig.toml; {emulate} </dev/null; echo $?; cat rig/rig.toml",
     )
     kept = tmp_path / "rig.commissioned.toml"
-    lines = done.stdout.splitlines()
-    assert lines[:2] == ["1", "0"], done.stderr
-    assert lines[2] == f"changed before the last emulation was killed: with your ports, the config is kept as {kept}"
-    assert lines[3:] == ["1", "mine"], "only a copy that an emulation wrote is replaced"
+    told = f"changed before the last emulation was killed: with your ports, the config is kept as {kept}"
+    assert done.stdout.splitlines() == ["1", "0", told, "1", "mine"], done.stderr
     assert kept.read_text(encoding="utf-8") == RIG.replace("sign = -1", "sign = 1  # slipd commission")
     assert "rig: an emulation runs there; end it, or give another --dir" in done.stderr
     assert "exists, and no emulation wrote it: move it away" in done.stderr

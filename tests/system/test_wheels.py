@@ -8,7 +8,6 @@ import subprocess
 import sys
 import sysconfig
 import venv
-from email.message import Message
 from email.parser import Parser
 from pathlib import Path
 from zipfile import ZipFile
@@ -64,12 +63,6 @@ def files_of(folder: Path, below: str) -> dict[str, bytes]:
     return {f"{below}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in files}
 
 
-def metadata(wheel: Path) -> Message:
-    files = contents(wheel)
-    (name,) = (name for name in files if name.endswith(".dist-info/METADATA"))
-    return Parser().parsestr(files[name].decode())
-
-
 def test_the_daemon_s_wheel_holds_daemon_client_configs_and_docs_and_nothing_else(wheels: dict[str, Path]) -> None:
     expected = files_of(DAEMON, "slipd") | files_of(CLIENT, "slipd_client")
     expected |= files_of(CONFIG, "slipd/shipped/config") | files_of(DOCS, "slipd/shipped/docs")
@@ -90,13 +83,13 @@ def test_the_client_s_wheel_holds_the_client_alone(wheels: dict[str, Path]) -> N
 def test_a_wheel_needs_no_compiler_and_states_version_and_licence(
     name: str, python: str, wheels: dict[str, Path]
 ) -> None:
-    wheel = wheels[name]
-    assert wheel.name == f"{name}-{__version__}-py3-none-any.whl"
-    stated = metadata(wheel)
-    assert stated["Version"] == __version__
-    assert stated["License-Expression"] == "Apache-2.0"
-    assert stated["Requires-Python"] == python
-    (licence,) = (data for file, data in contents(wheel).items() if file.endswith("/licenses/LICENSE"))
+    assert wheels[name].name == f"{name}-{__version__}-py3-none-any.whl"
+    files = contents(wheels[name])
+    ends = (".dist-info/METADATA", "/licenses/LICENSE")
+    (metadata,), (licence,) = ([data for file, data in files.items() if file.endswith(end)] for end in ends)
+    stated = Parser().parsestr(metadata.decode())
+    keys = ("Version", "License-Expression", "Requires-Python")
+    assert [stated[key] for key in keys] == [__version__, "Apache-2.0", python]
     assert licence == (ROOT / "LICENSE").read_bytes()
 
 
