@@ -97,13 +97,14 @@ def test_a_scene_without_its_warnings_is_explained_by_what_the_machine_lost(caps
     end = {"t_s": 18.0, "t_ns": 18 * 10**9, "event": "end", "dropped_bytes": {"left-pad": 300, "left-wrench": 12}}
     print_summary(Tally(missed=7), Report(refusals=["deadline_passed"]), [BEGIN, HOLD, end])
     told = capsys.readouterr().out
-    assert "warnings: 0 (" in told
-    assert "NOT AS EXPECTED: the rotation was not warned of\n" in told
-    assert (
+    for words in (
+        "warnings: 0 (",
+        "NOT AS EXPECTED: the rotation was not warned of\n",
         "this machine was too busy: 312 bytes of the sensors were not read in time, 7 messages were missed, "
-        "1 requests were too late or refused"
-    ) in told
-    assert "end other programs that compute, then run the demo again" in told
+        "1 requests were too late or refused",
+        "end other programs that compute, then run the demo again",
+    ):
+        assert words in told
     slid = {"t_s": 13.0, "t_ns": 13 * 10**9, "event": "slide_begins"}
     print_summary(Tally(), Report(changes=[warned("rotation")]), [BEGIN, HOLD, slid])
     assert "NOT AS EXPECTED: the slip was not reported\n" in capsys.readouterr().out

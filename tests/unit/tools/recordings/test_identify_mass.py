@@ -106,8 +106,7 @@ def test_mass_and_centre_are_found_through_bias_mounting_and_sign_and_fit_a_conf
         session.hold(pose)
         session.t_ns += 500 * MS
     found = session.identify(tmp_path)
-    assert found.poses == 4
-    assert found.mass_kg == pytest.approx(0.060, abs=5 * found.mass_std_kg)
+    assert (found.poses, found.mass_kg) == (4, pytest.approx(0.060, abs=5 * found.mass_std_kg))
     assert found.mass_std_kg < 0.0005
     assert_allclose(found.com_m, WEIGHT.com_m, atol=0.001)
     assert_allclose(found.bias_force_n, (Mounting(XYZ, QUAT, -1).matrix @ BIAS)[:3], atol=0.01)
@@ -132,8 +131,7 @@ def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(tmp_path: 
     for _ in range(400):
         session.read((0.0, 0.0, -G), load=5.0)  # more than 260 ms after the last gravity
     found = session.identify(tmp_path)
-    assert found.poses == 5
-    assert found.mass_kg == pytest.approx(0.060, abs=0.001)
+    assert (found.poses, found.mass_kg) == (5, pytest.approx(0.060, abs=0.001))
     assert found.residual_n < 0.01
 
 

@@ -76,6 +76,5 @@ def test_commands_reach_the_sensor_they_are_written_to():
 
 def test_the_scene_begins_when_the_gripper_is_activated_and_keeps_its_events(played):
     rig, _ = played
-    assert rig.began_ns == 400 * TICK_NS
-    assert rig.scene.t_s == pytest.approx(9.5 - 0.5, abs=0.01)
+    assert (rig.began_ns, rig.scene.t_s) == (400 * TICK_NS, pytest.approx(9.5 - 0.5, abs=0.01))
     assert [truth.event for truth in rig.scene.truth] == ["contact", "lift", "pour", "forecast"]
