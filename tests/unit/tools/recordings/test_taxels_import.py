@@ -69,8 +69,7 @@ def assert_pressed_at_last(path: Path) -> None:
 
 def test_an_experiment_is_read_and_replayed(hdf5: dict[str, Any], source: Path, tmp_path: Path) -> None:
     trial = read_arq(source, EXPERIMENT)
-    assert trial.values.shape == (SAMPLES, 18, 3)
-    assert trial.time_s[[0, -1]] == pytest.approx([0.0, 179 / 180])
+    assert (trial.values.shape, trial.time_s[0], trial.time_s[-1]) == ((SAMPLES, 18, 3), 0.0, pytest.approx(179 / 180))
     assert np.flatnonzero(trial.slips).tolist() == list(range(150, SAMPLES))
     assert main(["import", "arq", str(source), EXPERIMENT, str(tmp_path / "out.mcap")]) == 0
     assert_pressed_at_last(tmp_path / "out.mcap")
