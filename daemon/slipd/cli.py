@@ -12,8 +12,7 @@ import difflib
 import os
 import pkgutil
 import sys
-from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from slipd.errors import ConfigError, SlipdError, UsageError
 from slipd.io.log_lines import log_uncaught, open_log
@@ -123,43 +122,3 @@ def first_steps() -> None:
 
     print(FIRST_STEPS)
     raise UsageError("a command is missing; slipd --help lists all")
-
-
-def demo(scene: str, *, without_advice: bool, **options: Any) -> bool:
-    """Run the demo; see `slipd.tools.demo.run_demo`."""
-    from slipd.tools.demo import run_demo
-
-    return run_demo(**options, carry=scene == "carry", advised=not without_advice)
-
-
-def evaluate(
-    recordings: list[Path], config: list[Path], shard: tuple[int, int], dask: str | None, results: Path | None,
-    **options: Any,
-) -> bool:  # fmt: skip
-    """Compare configs on recordings; see `slipd.tools.evaluation.evaluate_command.evaluate_command`."""
-    from slipd.tools.cli_arguments import chosen
-    from slipd.tools.evaluation.evaluate_command import evaluate_command
-    from slipd.tools.evaluation.executors import on_dask
-    from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
-
-    return evaluate_command(
-        chosen(recordings, shard),
-        config,
-        ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False),
-        None if dask is None else on_dask(dask),
-        **options,
-    )
-
-
-def export(recordings: list[Path], out: Path, **options: Any) -> bool:
-    """Export recordings; see `slipd.tools.export.export_command.export_command`."""
-    from slipd.tools.export.export_command import export_command
-
-    return export_command(recordings, out, **options)
-
-
-def touch(folder: Path, words: list[str]) -> bool:
-    """Touch the pads of an emulation; see `slipd.tools.sim.emulate_command.touch_command`."""
-    from slipd.tools.sim.emulate_command import touch_command
-
-    return touch_command(folder, words) == DONE

@@ -103,7 +103,7 @@ class CommissionTerminal(ExitStack):
 
     def _touch(self, line: str) -> None:
         if line:
-            assert touch_command(self._hand, line.split()) == 0
+            assert touch_command(self._hand, line.split())
 
     def _run_daemon(self) -> None:
         """Start the daemon, and end the one before as Ctrl-C does."""

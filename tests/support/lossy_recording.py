@@ -6,7 +6,6 @@ from pathlib import Path
 
 from recorded_entries import begun_like
 
-from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 
@@ -21,7 +20,7 @@ def lossy(path: Path, folder: Path, config_text: str | None = None) -> Path:
     entries = list(recording.entries())
     for entry in entries:
         t_s = (entry.t_ns - entries[0].t_ns) * 1e-9
-        if isinstance(entry, Entered) and not LOST_S[0] <= t_s < LOST_S[1]:
-            file.add(entry.n, entry.t_ns, EVENTS, entry.event)
+        if entry.topic == EVENTS and not LOST_S[0] <= t_s < LOST_S[1]:
+            file.add(*entry)
     file.finish(len(entries))
     return out

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
-from slipd.recording.entry_walk import Entered, Published
+from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import Recording, open_recording
 from slipd_client import messages
@@ -38,14 +38,13 @@ tare = {[16000.0, 16500.0, 37000.0] * 16}
 """
     for name, sensor in (("left", "1"), ("right", "2"))
 )
-Entry = Entered | Published
 
 
 def _entry(n: int) -> Entry:
     t_ns = 1_000_000_000 + n // 2 * 1_000_000
     if n % 2:
         payload = messages.encode({"seq": n, "t_ns": t_ns, "normal_n": n / 7})
-        return Published(n, t_ns, "slip.left" if n % 4 == 1 else "wrench.left", payload)
+        return Entry(n, t_ns, "slip.left" if n % 4 == 1 else "wrench.left", payload)
     events: list[Event] = [
         Bytes("left.wrench", n.to_bytes(37, "little")),
         LinkUp("left.wrench", "/dev/ttyUSB0"),
@@ -54,7 +53,7 @@ def _entry(n: int) -> Entry:
         Tick(n),
         RecordingChanged("slipd-1.mcap", "/state/slipd-1.mcap", "failed", "the disk is full", 3),
     ]
-    return Entered(n, t_ns, events[n // 2 % len(events)])
+    return Entry(n, t_ns, EVENTS, events[n // 2 % len(events)])
 
 
 def entries(count: int) -> list[Entry]:
@@ -89,10 +88,7 @@ def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
     file = RecordingFile(path, **ABOUT_RUN)
     end = 0
     for item in entries:
-        if isinstance(item, Entered):
-            file.add(item.n, item.t_ns, EVENTS, item.event)
-        else:
-            file.add(item.n, item.t_ns, item.topic, item.payload)
+        file.add(*item)
         end = item.n + 1
         if end % chunk == 0:
             file.flush()

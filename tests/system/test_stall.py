@@ -15,7 +15,6 @@ from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
 from slipd import config
 from slipd.events import Bytes, Tick
 from slipd.finger.freshness import LATE_NS, LEAST_CATCH_UP_NS
-from slipd.recording.entry_walk import Published
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
 from slipd.tools.sim.touched_devices import TouchedDevices
@@ -60,14 +59,13 @@ def false_alarms(recording: Recording) -> list[dict[str, Any]]:
     found, heard = [], dict.fromkeys(("left.wrench", "right.wrench"))
     tick_ns = began_ns = until_ns = 0
     was_well: dict[str, bool] = {}
-    for entry in recording.entries():
-        if isinstance(entry, Published):
-            body = decode(entry.payload, MESSAGE_LIMITS)
-            missing = entry.topic == "warning" and MISSING.intersection(body["reasons"])
-            if missing and began_ns and entry.t_ns < until_ns and was_well[f"{body['finger']}.wrench"]:
+    for _, t_ns, topic, event in recording.entries():
+        if isinstance(event, bytes):
+            body = decode(event, MESSAGE_LIMITS)
+            missing = topic == "warning" and MISSING.intersection(body["reasons"])
+            if missing and began_ns and t_ns < until_ns and was_well[f"{body['finger']}.wrench"]:
                 found.append(body)
             continue
-        t_ns, event = entry.t_ns, entry.event
         if tick_ns and t_ns - tick_ns > LATE_NS and not began_ns:
             began_ns, until_ns = tick_ns, t_ns + LEAST_CATCH_UP_NS
             was_well = {link: last is not None and tick_ns - last < WELL_NS for link, last in heard.items()}

@@ -28,21 +28,20 @@ _UNPACKED_BYTES, _UNPACKED_RATIO = 64 * 1024 * 1024, 4000
 of an idle daemon compress to a tenth, datagrams of 64 kB of zeros to a 630th, messages of 1 MiB to a 3300th."""
 
 
-class Entered(NamedTuple):
-    """An event that entered the engine at ``t_ns`` (CLOCK_MONOTONIC of the recorded run)."""
+class Entry(NamedTuple):
+    """One entry of a recording.
 
-    n: int
-    t_ns: int
-    event: Event
-
-
-class Published(NamedTuple):
-    """The bytes that were published under ``topic`` because of the event before."""
+    Attributes:
+        n: Its running index.
+        t_ns: When the event entered the engine that it is, or that caused it; CLOCK_MONOTONIC of the recorded run.
+        topic: Topic of a message, or `EVENTS`.
+        content: The bytes that were published, or the event.
+    """
 
     n: int
     t_ns: int
     topic: str
-    payload: bytes
+    content: Event | bytes
 
 
 class EntryWalk:
@@ -77,7 +76,7 @@ class EntryWalk:
         self._unpacked_bytes = 0
         self.next_n = first
 
-    def entries(self, record: McapRecord) -> Iterator[Entered | Published]:
+    def entries(self, record: McapRecord) -> Iterator[Entry]:
         """Yield the entries of a record.
 
         Raises:
@@ -88,7 +87,7 @@ class EntryWalk:
         elif isinstance(record, Metadata) and record.name == mcap_file.END:
             self._end(record)
 
-    def _chunk(self, chunk: Chunk) -> Iterator[Entered | Published]:
+    def _chunk(self, chunk: Chunk) -> Iterator[Entry]:
         self._unpacked_bytes += chunk.uncompressed_size
         if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
             raise DamageError(
@@ -123,7 +122,7 @@ class EntryWalk:
         if self.topics.setdefault(channel.id, channel.topic) != channel.topic or len(self.topics) > _CHANNELS_MAX:
             raise DamageError(f"channel {channel.topic!r:.80} has the number of another, or is one too many")
 
-    def _entry(self, body: memoryview) -> Entered | Published | None:
+    def _entry(self, body: memoryview) -> Entry | None:
         if len(body) < _MESSAGE_HEAD.size:
             raise DamageError(f"entry {self.next_n} is cut off")
         channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
@@ -132,15 +131,14 @@ class EntryWalk:
             raise DamageError(f"entry {self.next_n} is on a channel that was never announced")
         n = self.next_n + ((sequence - self.next_n) & mcap_file.SEQUENCE_MASK)
         t_ns = log_time_ns - self._wall_minus_monotonic_ns
-        entry: Entered | Published | None = None
+        entry: Entry | None = None
         if topic != mcap_file.EVENTS:
-            entry = Published(n, t_ns, topic, bytes(body[_MESSAGE_HEAD.size :]))
+            entry = Entry(n, t_ns, topic, bytes(body[_MESSAGE_HEAD.size :]))
         elif self._on_event is None:
-            entry = _event(bytes(body[_MESSAGE_HEAD.size :]), n, t_ns)
+            entry = Entry(n, t_ns, topic, _event(bytes(body[_MESSAGE_HEAD.size :]), n, t_ns))
         else:
             self._on_event(t_ns)
-        if n != self.next_n:
-            self._skip_to(n)
+        self._skip_to(n)
         self.next_n = n + 1
         return entry
 
@@ -166,11 +164,11 @@ class EntryWalk:
         self.lost += n - self.next_n
 
 
-def _event(payload: bytes, n: int, t_ns: int) -> Entered:
+def _event(payload: bytes, n: int, t_ns: int) -> Event:
     try:
         stated_n, stated_t_ns, event = decode_event(payload)
     except RecordingError as error:
         raise DamageError(f"entry {n}: {error}") from error
     if (stated_n, stated_t_ns) != (n, t_ns):
         raise DamageError(f"entry {n} has another index ({stated_n}) or time in its payload")
-    return Entered(n, t_ns, event)
+    return event

@@ -19,7 +19,7 @@ from mcap.records import Attachment, Header, McapRecord, Metadata
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording import mcap_file
-from slipd.recording.entry_walk import Entered, EntryWalk, Published
+from slipd.recording.entry_walk import Entry, EntryWalk
 from slipd.recording.mcap_records import DamageError, data_records, ends_closed, open_mcap
 
 GAP_S = 0.1
@@ -41,17 +41,22 @@ class EventGaps:
 
     Attributes:
         found: The gaps so far, in order.
+        newest_s: Time of the newest event, s from the begin; None before the first.
     """
 
     def __init__(self, begin_ns: int = 0) -> None:
         self.found: list[Gap] = []
         self._begin_ns = begin_ns
-        self._newest_s: float | None = None
+        self.newest_s: float | None = None
+
+    def time_s(self, t_ns: int) -> float:
+        """Return the time since the begin, s."""
+        return (t_ns - self._begin_ns) * 1e-9
 
     def add(self, t_ns: int) -> bool:
         """Add the time of an event, before the messages that it causes; return whether a gap ends there."""
-        t_s = (t_ns - self._begin_ns) * 1e-9
-        before_s, self._newest_s = self._newest_s, t_s
+        t_s = self.time_s(t_ns)
+        before_s, self.newest_s = self.newest_s, t_s
         if before_s is None or t_s - before_s <= GAP_S:
             return False
         self.found.append(Gap(before_s, t_s))
@@ -103,7 +108,7 @@ class Recording:
 
     def events(self) -> Iterator[tuple[int, Event]]:
         """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""
-        return ((entry.t_ns, entry.event) for entry in self.entries() if isinstance(entry, Entered))
+        return ((t_ns, content) for _, t_ns, _, content in self.entries() if not isinstance(content, bytes))
 
     def messages(self, on_event: Callable[[int], object] = lambda _: None) -> Iterator[tuple[str, bytes]]:
         """Yield ``(topic, payload)`` of every published message, in the order in which they were published.
@@ -113,9 +118,9 @@ class Recording:
         Args:
             on_event: Called with the time of each event, ns, before the messages that it caused are yielded.
         """
-        return ((entry.topic, entry.payload) for entry in self.entries(on_event) if isinstance(entry, Published))
+        return ((topic, content) for _, _, topic, content in self.entries(on_event) if isinstance(content, bytes))
 
-    def entries(self, on_event: Callable[[int], object] | None = None) -> Iterator[Entered | Published]:
+    def entries(self, on_event: Callable[[int], object] | None = None) -> Iterator[Entry]:
         """Yield events and messages in their total order, up to the first that cannot be read.
 
         Args:

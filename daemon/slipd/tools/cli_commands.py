@@ -46,7 +46,7 @@ COMMANDS = (
     Command("run", "slipd.service:run_command", "run the daemon", (RIG, RECORD)),
     Command(
         "demo",
-        "slipd.cli:demo",
+        "slipd.tools.demo:run_demo",
         "run the daemon on a virtual gripper",
         (
             argument(
@@ -257,7 +257,7 @@ COMMANDS = (
     ),
     Command(
         "touch",
-        "slipd.cli:touch",
+        "slipd.tools.sim.emulate_command:touch_command",
         "press, push or twist a pad of a running emulation",
         (
             argument("folder", type=Path, metavar="DIR", help="folder of the emulation, which it prints"),

@@ -41,13 +41,13 @@ END_S = 5.0
 
 
 def run_demo(
-    seconds: float | None, *, headless: bool, seed: int, record: Path | None, carry: bool, advised: bool
+    seconds: float | None, scene: str, *, headless: bool, seed: int, record: Path | None, without_advice: bool
 ) -> bool:
     """Run the demo to its end, or for ``seconds``, and print a summary.
 
     On a terminal, without ``seconds``, the daemon and its page stay afterwards, and a key plays the scene again.
-    With ``carry`` a robot arm carries a glass whose grip may not rise, ``advised`` as fast as slipd says, otherwise at
-    full speed; without ``carry`` something is poured into a box.
+    In the scene "carry" a robot arm carries a glass whose grip may not rise, as fast as slipd says, or at full speed
+    ``without_advice``; in "pour" something is poured into a box.
 
     Returns:
         Whether the scene ran and the daemon ended in good order.
@@ -55,7 +55,15 @@ def run_demo(
     stays = seconds is None and not headless
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name, _ended_by_signals(), ExitStack() as page:
         _compile_kernels()
-        play = _Play(Path(name), seconds, page, headless=headless, seed=seed, carry=carry, advised=advised)
+        play = _Play(
+            Path(name),
+            seconds,
+            page,
+            headless=headless,
+            seed=seed,
+            carry=scene == "carry",
+            advised=not without_advice,
+        )
         recording: tuple[str, ...] = () if record is None else ("--record", str(record))
         while play.run(recording, stays=stays):
             recording = ()  # it is complete

@@ -207,7 +207,7 @@ RECORDING_COMMANDS = (
     ),
     Command(
         "evaluate",
-        "slipd.cli:evaluate",
+        "slipd.tools.evaluation.evaluate_command:evaluate_command",
         "compare what configs would have reported on recordings",
         (
             argument(
@@ -261,7 +261,7 @@ RECORDING_COMMANDS = (
     ),
     Command(
         "export",
-        "slipd.cli:export",
+        "slipd.tools.export.export_command:export_command",
         "write the messages of a recording as files for other programs",
         (
             argument(

@@ -11,7 +11,6 @@ from recorded_entries import ABOUT_RUN, complete
 
 from slipd.config import Continuous
 from slipd.events import LinkUp, RecordingChanged, Tick
-from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
 from slipd.recording.run_files import RETRY_NS, ContinuousRecording, run_name
@@ -52,8 +51,8 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
     run.recording.close()
     assert [path.name for path in run.files()] == [f"run-1970010{1}T00000{n}Z-b00t-000{n + 1}.mcap" for n in range(3)]
     (up, *first), *others = map(complete, run.files())
-    assert {one.event for one in (up, *(entries.pop(0) for entries in others))} == set(OPEN)
-    ticks = [one.event.suspended_ns for one in (*first, *chain(*others)) if isinstance(one, Entered)]
+    assert {one.content for one in (up, *(entries.pop(0) for entries in others))} == set(OPEN)
+    ticks = [one.content.suspended_ns for one in (*first, *chain(*others)) if one.topic == EVENTS]
     assert ticks == list(range(30))
 
 

@@ -13,7 +13,7 @@ from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, StateRestored
 from slipd.recording.entry_ring import EntryRing
-from slipd.recording.entry_walk import Entered
+from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
@@ -39,11 +39,11 @@ def test_a_ring_that_dropped_entries_begins_with_the_state_and_the_links_of_then
     entries = written(ring, tmp_path / "ring.mcap")
     began_ns = 90 * SECOND + MS
     assert entries[:2] == [
-        Entered(ring.first, began_ns, StateRestored("at 90")),
-        Entered(ring.first + 1, began_ns, UP),
+        Entry(ring.first, began_ns, EVENTS, StateRestored("at 90")),
+        Entry(ring.first + 1, began_ns, EVENTS, UP),
     ]
     assert [one.t_ns // SECOND for one in entries[2:]] == [n for n in range(91, 100) for _ in range(2)] + [100]
-    assert entries[-1].event.data == b"newest"
+    assert entries[-1].content.data == b"newest"
     assert ring.dropped_early == 0
 
 
@@ -52,7 +52,9 @@ def test_a_ring_of_a_run_that_has_just_begun_begins_with_it(tmp_path: Path) -> N
     ring.add(EVENTS, UP, 5)
     for n in range(3):
         ring.begin_block((StateRestored("at once"), UP), n * 20 * SECOND)
-        assert written(ring, tmp_path / f"{n}.mcap") == [Entered(0, 5, UP)], "all of it, however often it is written"
+        assert written(ring, tmp_path / f"{n}.mcap") == [Entry(0, 5, EVENTS, UP)], (
+            "all of it, however often it is written"
+        )
 
 
 def test_the_zero_of_a_device_that_told_its_name_before_the_ring_begins_is_that_of_the_run(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, IncidentsChanged, Publish, Record, Tick
 from slipd.recording import entry_ring
 from slipd.recording import incidents as module
-from slipd.recording.entry_walk import Entered
+from slipd.recording.entry_walk import Entry
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.run_files import RunFiles, run_name
@@ -164,7 +164,7 @@ def test_of_all_messages_of_a_run_a_warning_and_a_loss_are_incidents(
         recorders.published(Publish(topic, body), b"\x80", 0)
     recorders.close()
     assert sorted(name.rpartition("b00t-")[2] for name in files(tmp_path)) == saved
-    assert [complete(tmp_path / name)[0] for name in files(tmp_path)] == [Entered(0, 0, Tick(7))] * len(saved)
+    assert [complete(tmp_path / name)[0] for name in files(tmp_path)] == [Entry(0, 0, EVENTS, Tick(7))] * len(saved)
 
 
 @pytest.mark.parametrize("started", [True, False])
@@ -175,4 +175,4 @@ def test_the_file_of_a_whole_run_is_kept_only_if_the_run_began(tmp_path: Path, r
     if started:
         recorders.kept = True
     recorders.close()
-    assert [complete(path) for path in tmp_path.iterdir()] == [[Entered(0, 0, Tick(7))]] * started
+    assert [complete(path) for path in tmp_path.iterdir()] == [[Entry(0, 0, EVENTS, Tick(7))]] * started

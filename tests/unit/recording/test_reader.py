@@ -50,8 +50,8 @@ def run(tmp_path: Path) -> Run:
 def test_a_recording_reads_as_events_as_messages_or_as_both(run: Run) -> None:
     recording, both = run.recording, run.entries
     assert both == entries(60)
-    assert list(recording.events()) == [(e.t_ns, e.event) for e in both[::2]]
-    assert list(recording.messages()) == [(e.topic, e.payload) for e in both[1::2]]
+    assert list(recording.events()) == [(e.t_ns, e.content) for e in both[::2]]
+    assert list(recording.messages()) == [(e.topic, e.content) for e in both[1::2]]
     assert list(recording.entries()) == both, "every pass starts anew"
     assert recording.complete
 

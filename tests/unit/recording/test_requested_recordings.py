@@ -14,7 +14,7 @@ from recorded_entries import complete, small_disk
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
 from slipd.recording import requested_recordings, writer
-from slipd.recording.entry_walk import Entered, Published
+from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.requested_recordings import (
     MOST_UNFINISHED,
@@ -74,8 +74,12 @@ def test_K3_a_recording_begins_with_the_links_that_are_open_and_the_next_one_end
         recordings.add("status", b"\x80", 20 * n + 10)
     recordings.close()
     first, second = state / "a.mcap", state / "b.mcap"
-    assert complete(first) == [Entered(0, 20, up), Entered(1, 30, Tick(1)), Published(2, 30, "status", b"\x80")]
-    assert complete(second) == [Entered(0, 50, Tick(2)), Published(1, 50, "status", b"\x80")]
+    assert complete(first) == [
+        Entry(0, 20, EVENTS, up),
+        Entry(1, 30, EVENTS, Tick(1)),
+        Entry(2, 30, "status", b"\x80"),
+    ]
+    assert complete(second) == [Entry(0, 50, EVENTS, Tick(2)), Entry(1, 50, "status", b"\x80")]
     assert (state.stat().st_mode & 0o777) == 0o700
     assert recordings.changes(80) == [RecordingChanged(path.name, str(path), "running") for path in (first, second)]
     assert recordings.changes(90) == []

@@ -16,7 +16,7 @@ from recorded_entries import ABOUT_RUN, WALL_NS, complete, contents, entries, sm
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
 from slipd.recording import writer
-from slipd.recording.entry_walk import Entered
+from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES, EVENTS
 from slipd.recording.writer import Recorder, Room
 
@@ -50,11 +50,8 @@ def readable(path: Path) -> int:
 
 
 def record(recorder: Recorder, entries) -> None:
-    for item in entries:
-        if isinstance(item, Entered):
-            recorder.add(EVENTS, item.event, item.t_ns)
-        else:
-            recorder.add(item.topic, item.payload, item.t_ns)
+    for _, t_ns, topic, content in entries:
+        recorder.add(topic, content, t_ns)
 
 
 def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_channel(tmp_path: Path) -> None:
@@ -89,7 +86,7 @@ def test_K2_a_killed_writer_leaves_a_readable_file(tmp_path: Path) -> None:
         process.communicate()
     recording, found = contents(path)
     assert len(found) > 1000
-    assert found == [Entered(n, 1_000_000 * n, Bytes("left", n.to_bytes(40, "big"))) for n in range(len(found))]
+    assert found == [Entry(n, 1_000_000 * n, EVENTS, Bytes("left", n.to_bytes(40, "big"))) for n in range(len(found))]
     assert (recording.complete, recording.lost, recording.fault is None) == (False, 0, False)
 
 

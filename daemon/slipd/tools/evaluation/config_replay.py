@@ -38,22 +38,23 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
     settings = None
     if config_text is not None:
         settings = with_recorded_tares(config.parse(config_text, name), recording)
-    begin_s, end_s = outline(recording)
-    run = ConfigRun({}, end_s=end_s - begin_s)
-    gaps = EventGaps()
-    messages = replay(recording, settings=settings, on_event=gaps.add)
+    first_ns, _ = next(recording.events(), (0, None))
+    events = EventGaps(first_ns)
+    run = ConfigRun({})
+    messages = replay(recording, settings=settings, on_event=events.add)
     try:
-        run.spans = level_spans(_watched(messages, run, begin_s), run.end_s, gaps.found, begin_s)
+        run.spans = level_spans(_watched(messages, run, events), events)
     except RecordingError as error:
         raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
+    run.end_s = events.newest_s or 0.0
     run.fault = recording.gap
-    run.gaps = len(gaps.found)
+    run.gaps = len(events.found)
     run.compute_s = time.process_time() - began_s
     return run
 
 
 def _watched(
-    messages: Iterator[tuple[str, dict[str, Any]]], run: ConfigRun, begin_s: float
+    messages: Iterator[tuple[str, dict[str, Any]]], run: ConfigRun, events: EventGaps
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the messages, and note the largest utilisation and the health of the streams."""
     streams: dict[str, StreamHealth] = {}
@@ -63,7 +64,7 @@ def _watched(
             run.streams = list(streams.values())
         used = body["utilisation"] if topic.startswith(_SLIP) else None
         if used is not None and (run.largest is None or used > run.largest.utilisation):
-            run.largest = Largest(used, body["finger"], body["t_ns"] * 1e-9 - begin_s)
+            run.largest = Largest(used, body["finger"], events.time_s(body["t_ns"]))
         yield topic, body
 
 
@@ -79,15 +80,3 @@ def with_recorded_tares(settings: Config, recording: Recording) -> Config:
             pad = finger.pad.model_copy(update={"tare": before.tare})
             fingers[name] = finger.model_copy(update={"pad": pad})
     return settings.model_copy(update={"finger": fingers})
-
-
-def outline(recording: Recording) -> tuple[float, float]:
-    """Return the times of the first and last event on CLOCK_MONOTONIC, s; 0 without any.
-
-    Raises:
-        RecordingError: The file cannot be read.
-    """
-    times_ns: list[int] = []
-    for entry in recording.entries():
-        times_ns = [times_ns[0] if times_ns else entry.t_ns, entry.t_ns]
-    return (times_ns[0] * 1e-9, times_ns[1] * 1e-9) if times_ns else (0.0, 0.0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from slipd_client.messages import GRASP_TOPIC, slip_topic
 
 if TYPE_CHECKING:  # where all results are kept, nothing that reads recordings is loaded
-    from slipd.recording.reader import Gap
+    from slipd.recording.reader import EventGaps, Gap
 
 
 NOT_RECORDED = "not_recorded"
@@ -41,40 +41,38 @@ class LevelSpan(NamedTuple):
         return self.end_s - self.begin_s
 
 
-def level_spans(
-    messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0.0, gaps: Sequence[Gap] = (), begin_s: float = 0.0
-) -> dict[str, list[LevelSpan]]:
+def level_spans(messages: Iterable[tuple[str, dict[str, Any]]], events: EventGaps) -> dict[str, list[LevelSpan]]:
     """Return what each source reported: every finger by its name, and "grasp" where both are judged together.
 
     Args:
         messages: Topic and body of every message of a run, in order. Only ``slip`` and ``grasp`` matter; both are
             published at once where the level changes, and where only the reasons do, at their rate.
-        end_s: End of the run, s, where it lasts longer than to the last message.
-        gaps: Times of which nothing is known, in order; one may be added until the first message after it is read.
-        begin_s: Time from which those of the spans and ``end_s`` count, s; messages and gaps have that of their clock.
+        events: The gaps between the events, each added before the messages that it caused; times count from its begin,
+            and the run lasts to the last event or message.
 
     Returns:
         The spans of each source in order, each from the end of the one before. Before its first message a source has
         none; in a gap it is "unknown".
     """
     found: dict[str, list[LevelSpan]] = {}
-    last_s, seen = end_s, 0
+    last_s, seen = 0.0, 0
     for topic, body in messages:
-        seen = _interrupt(found, gaps, seen, begin_s)
-        t_s = body["t_ns"] * 1e-9 - begin_s
+        seen = _interrupt(found, events.found, seen)
+        t_s = events.time_s(body["t_ns"])
         last_s = max(last_s, t_s)
         if topic == GRASP_TOPIC or topic.startswith(_SLIP):
             words = body["level"], tuple(body["reasons"]), tuple(body.get("evidence") or ())
             _append(found.setdefault(topic.removeprefix(_SLIP), []), *words, t_s)
-    _interrupt(found, gaps, seen, begin_s)
+    _interrupt(found, events.found, seen)
+    last_s = max(last_s, events.newest_s or 0.0)
     return {source: [*spans[:-1], spans[-1]._replace(end_s=last_s)] for source, spans in found.items()}
 
 
-def _interrupt(found: dict[str, list[LevelSpan]], gaps: Sequence[Gap], seen: int, begin_s: float) -> int:
+def _interrupt(found: dict[str, list[LevelSpan]], gaps: Sequence[Gap], seen: int) -> int:
     """End every level at each gap after the first ``seen``; return the number of gaps."""
     for gap in gaps[seen:]:
         for spans in found.values():
-            _append(spans, "unknown", (NOT_RECORDED,), (), gap.begin_s - begin_s)
+            _append(spans, "unknown", (NOT_RECORDED,), (), gap.begin_s)
     return len(gaps)
 
 

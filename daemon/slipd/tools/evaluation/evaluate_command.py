@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from slipd.io.progress import Progress
+from slipd.tools.cli_arguments import chosen
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
 from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
-from slipd.tools.evaluation.executors import Executor, Finished, NamedConfig, Run
-from slipd.tools.evaluation.result_cache import ResultCache
+from slipd.tools.evaluation.executors import Finished, NamedConfig, Run, on_dask
+from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 from slipd.tools.evaluation.run_figures import (
     BY_SEVERITY,
     Interval,
@@ -66,9 +67,7 @@ def comparisons(evaluations: Sequence[Evaluation]) -> Iterator[str]:
     for one in evaluations:
         recorded = one.runs[RECORDED]
         for name, run in one.runs.items():
-            if isinstance(run, str):
-                continue
-            if isinstance(recorded, ConfigRun) and run is not recorded:
+            if isinstance(recorded, ConfigRun) and isinstance(run, ConfigRun) and run is not recorded:
                 yield from _compared(f"{one.name}, {name}", recorded, run)
 
 
@@ -157,20 +156,22 @@ SHOWN_FAULTS = 20
 
 def evaluate_command(
     recordings: Sequence[Path],
-    configs: Sequence[Path],
-    cache: ResultCache,
-    executor: Executor | None = None,
+    config: Sequence[Path],
     *,
-    out: Path | None = None,
-    as_json: bool = False,
+    shard: tuple[int, int],
+    dask: str | None,
+    results: Path | None,
+    out: Path | None,
+    as_json: bool,
 ) -> bool:
     """Replay recordings with several configs, and print or write what each reported.
 
     Args:
-        recordings: The recordings, each once.
-        configs: Configs to replay them with, beside that of each recording.
-        cache: Results of earlier evaluations.
-        executor: Where the replays run; None: on all cores of this machine.
+        recordings: The recordings, or folders of them.
+        config: Configs to replay them with, beside that of each recording.
+        shard: Which share of the recordings is replayed: its number, and how many there are.
+        dask: Address of the Dask scheduler on whose workers the replays run; None: on all cores of this machine.
+        results: Folder that keeps all results; None: the cache, which keeps the newest.
         out: A Parquet file with one row for each recording and config; None: print a table.
         as_json: Print one JSON list instead of the table.
 
@@ -179,33 +180,38 @@ def evaluate_command(
 
     Raises:
         ConfigError: A config cannot be read or has faults.
-        SlipdError: pyarrow is not installed, or the file cannot be written.
+        SlipdError: pyarrow or Dask is not installed, no scheduler answers, or the file cannot be written.
     """
-    named = _named(list(dict.fromkeys(configs)))
-    of = len(recordings) * (1 + len(named))
+    paths = chosen(recordings, shard)
+    cache = ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False)
+    executor = None if dask is None else on_dask(dask)
+    named = _named(list(dict.fromkeys(config)))
+    of = len(paths) * (1 + len(named))
     begun_s = time.monotonic()
     progress = Progress(lambda done, of: f"{done} of {of} runs, {time.monotonic() - begun_s:.0f} s")
     totals = _Totals()
     with (
         progress.shown() as show,
-        contextlib.closing(finished_runs(recordings, named, cache, executor)) as runs,
+        contextlib.closing(finished_runs(paths, named, cache, executor)) as runs,
     ):
         show(0, of)
         counted = totals.counted(runs, lambda done: show(done, of))
         if out is None:
-            found = evaluations(counted, recordings, named)
+            found = evaluations(counted, paths, named)
             faults = list(dict.fromkeys(fault for one in found for fault in one.faults))
         else:
             from slipd.tools.evaluation.run_table import write_table  # here: only a table needs pyarrow
 
-            write_table(out, counted, [*recordings, *configs])
+            write_table(out, counted, [*paths, *config])
             faults = list(totals.faults)
     if out is not None:
-        print(f"{out}: {totals.count['runs']} runs of {len(recordings)} recordings, {totals}")
+        print(f"{out}: {totals.count['runs']} runs of {len(paths)} recordings, {totals}")
     elif as_json:
         print(json.dumps(as_map(found), ensure_ascii=False, allow_nan=False))
     else:
-        _print_table(found)
+        compared = list(comparisons(found))
+        for line in [*table(found), *([""] if compared else []), *compared]:
+            print(printable(line))
     for fault in faults:
         print(f"slipd: {printable(fault)}", file=sys.stderr)
     return not faults and not totals.differ
@@ -265,9 +271,3 @@ def _named(paths: list[Path]) -> list[NamedConfig]:
 
     names = [f"./{name}" if name == RECORDED else name for name in short_names(paths)]
     return [NamedConfig(name, config.load(path).text) for name, path in zip(names, paths, strict=True)]
-
-
-def _print_table(found: Sequence[Evaluation]) -> None:
-    compared = list(comparisons(found))
-    for line in [*table(found), *([""] if compared else []), *compared]:
-        print(printable(line))

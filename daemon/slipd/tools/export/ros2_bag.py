@@ -7,11 +7,16 @@ is of version 5, which every ``rosbag2`` from Humble on reads.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
+from mcap.reader import make_reader
+from mcap.records import Statistics
+from mcap.summary import Summary
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
@@ -57,54 +62,47 @@ def ros2_bag(folder: Path, settings: Config) -> Iterator[Write]:
 
         yield write
         bag.writer.finish()  # type: ignore[no-untyped-call]
-    (folder / "metadata.yaml").write_text(_metadata(bag.topics, bag.times_ns, name), encoding="utf-8")
-
-
-@dataclass
-class _Topic:
-    type: str
-    channel: int
-    messages: int = 0
+    (folder / "metadata.yaml").write_text(_metadata(folder / name), encoding="utf-8")
 
 
 @dataclass
 class _Bag:
-    """The MCAP file of a bag, its topics, and the times of its first and last message."""
+    """The MCAP file of a bag, its channels by topic, and the number of messages of each."""
 
     writer: Writer
-    topics: dict[str, _Topic] = field(default_factory=dict)
+    channels: dict[str, int] = field(default_factory=dict)
     schemas: dict[str, int] = field(default_factory=dict)
-    times_ns: tuple[int, int] = (0, 0)
+    counts: Counter[int] = field(default_factory=Counter)
 
     def write(self, log_ns: int, message: RosMessage) -> None:
-        topic = self.topics.get(message.topic) or self._register(message)
-        self.times_ns = self.times_ns[0] or log_ns, log_ns
-        self.writer.add_message(topic.channel, log_ns, encode(message), log_ns, topic.messages & 0xFFFF_FFFF)
-        topic.messages += 1
+        channel = self.channels.get(message.topic) or self._register(message)
+        self.writer.add_message(channel, log_ns, encode(message), log_ns, self.counts[channel] & 0xFFFF_FFFF)
+        self.counts[channel] += 1
 
-    def _register(self, message: RosMessage) -> _Topic:
+    def _register(self, message: RosMessage) -> int:
         name = TYPES[message.type].full_name
         if name not in self.schemas:
             self.schemas[name] = self.writer.register_schema(name, SchemaEncoding.ROS2, schema(message.type).encode())
         qos = {"offered_qos_profiles": QOS}
         channel = self.writer.register_channel(message.topic, MessageEncoding.CDR, self.schemas[name], qos)
-        self.topics[message.topic] = _Topic(name, channel)
-        return self.topics[message.topic]
+        self.channels[message.topic] = channel
+        return channel
 
 
-def _metadata(topics: dict[str, _Topic], times_ns: tuple[int, int], name: str) -> str:
-    """Return ``metadata.yaml``; a string in JSON is one in YAML too."""
-    first_ns, last_ns = times_ns
-    duration_ns = last_ns - first_ns
-    count = sum(topic.messages for topic in topics.values())
+def _metadata(file: Path) -> str:
+    """Return ``metadata.yaml``, by the summary of the MCAP file; a string in JSON is one in YAML too."""
+    with file.open("rb") as opened:
+        summary = cast("Summary", make_reader(opened).get_summary())
+    found = cast("Statistics", summary.statistics)
+    first_ns, duration_ns = found.message_start_time, found.message_end_time - found.message_start_time
     listed = "".join(
         "    - topic_metadata:\n"
-        f"        name: {topic_name}\n"
-        f"        type: {topic.type}\n"
+        f"        name: {channel.topic}\n"
+        f"        type: {summary.schemas[channel.schema_id].name}\n"
         "        serialization_format: cdr\n"
         f"        offered_qos_profiles: {json.dumps(QOS)}\n"
-        f"      message_count: {topic.messages}\n"
-        for topic_name, topic in topics.items()
+        f"      message_count: {found.channel_message_counts[number]}\n"
+        for number, channel in summary.channels.items()
     )
     return (
         "rosbag2_bagfile_information:\n"
@@ -112,14 +110,14 @@ def _metadata(topics: dict[str, _Topic], times_ns: tuple[int, int], name: str) -
         "  storage_identifier: mcap\n"
         f"  duration:\n    nanoseconds: {duration_ns}\n"
         f"  starting_time:\n    nanoseconds_since_epoch: {first_ns}\n"
-        f"  message_count: {count}\n"
+        f"  message_count: {found.message_count}\n"
         f"  topics_with_message_count:\n{listed}"
         '  compression_format: ""\n'
         '  compression_mode: ""\n'
-        f"  relative_file_paths:\n    - {json.dumps(name)}\n"
+        f"  relative_file_paths:\n    - {json.dumps(file.name)}\n"
         "  files:\n"
-        f"    - path: {json.dumps(name)}\n"
+        f"    - path: {json.dumps(file.name)}\n"
         f"      starting_time:\n        nanoseconds_since_epoch: {first_ns}\n"
         f"      duration:\n        nanoseconds: {duration_ns}\n"
-        f"      message_count: {count}\n"
+        f"      message_count: {found.message_count}\n"
     )

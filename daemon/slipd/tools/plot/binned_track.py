@@ -73,9 +73,7 @@ class BinnedTrack(Generic[T]):
         """Add the value at a time; one before the first counts as the first."""
         if self._begin_s is None:
             self._begin_s = t_s
-        at = int((t_s - self._begin_s) / self._width_s)
-        if at < 0:
-            at = 0
+        at = max(int((t_s - self._begin_s) / self._width_s), 0)
         while at >= len(self._bins):
             self._halve()
             at //= 2
@@ -93,18 +91,14 @@ class BinnedTrack(Generic[T]):
         for (begin_s, value), next_s in zip(found, nexts_s, strict=False):
             yield Held(begin_s, max(min(next_s, extent.limit(begin_s)), begin_s), value)
 
-    def runs(self, extent: Extent) -> Iterator[Held[T]]:
-        """Yield the same, with equal values that follow each other without a gap as one."""
-        last: Held[T] | None = None
-        for each in self.held(extent):
-            if last is not None and last.value == each.value and last.end_s >= each.begin_s:
-                last = Held(last.begin_s, each.end_s, last.value)
-                continue
-            if last is not None:
-                yield last
-            last = each
-        if last is not None:
-            yield last
+    def runs(self, extent: Extent) -> list[Held[T]]:
+        """Return the same, with equal values that follow each other without a gap as one."""
+        found: list[Held[T]] = []
+        for begin_s, end_s, value in self.held(extent):
+            if found and found[-1].value == value and found[-1].end_s >= begin_s:
+                begin_s = found.pop().begin_s
+            found.append(Held(begin_s, end_s, value))
+        return found
 
     def _halve(self) -> None:
         old = self._bins

@@ -160,7 +160,17 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
     force, torque = ("N", "N·m") if all(one.in_newtons for _, one, _ in fingers) else ("uncalibrated", "uncalibrated")
     parts: list[Panel | StripGroup] = [
         StripGroup("level and reasons", [Strip(name, list(_levels(one, extent))) for name, one, _ in fingers]),
-        Panel("utilisation λ", "", list(_utilisation(fingers, extent)), limits, MOST_UTILISATION),
+        Panel(
+            "utilisation λ",
+            "",
+            [
+                *_of_each(fingers, "bounds", extent, "bounds", "band"),
+                *_of_each(fingers, "utilisation", extent),
+                *_of_each(fingers, "relative", extent, "relative, without μ", "dashed"),
+            ],
+            limits,
+            MOST_UTILISATION,
+        ),
         StripGroup("evidence of motion", [strip for name, one, _ in fingers for strip in _evidence(name, one, extent)]),
         Panel("normal force", force, list(_of_each(fingers, "normal_n", extent))),
         Panel("tangential force", force, list(_of_each(fingers, "tangential", extent))),
@@ -171,7 +181,16 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
             "",
             list(_curve("of the arm", "now", tracks.grasp["speed_scale"], extent)),
         ),
-        Panel("friction coefficient μ", "", list(_friction(fingers, extent)), most=2.0),
+        Panel(
+            "friction coefficient μ",
+            "",
+            [
+                *_of_each(fingers, "mu_interval", extent, "interval", "band", steps=True),
+                *_of_each(fingers, "mu", extent, "in use", steps=True),
+                *_of_each(fingers, "required_friction", extent, "required", "dashed"),
+            ],
+            most=2.0,
+        ),
         StripGroup("source of μ", [Strip(name, list(_sources(one, extent))) for name, one, _ in fingers]),
         _health(tracks),
     ]
@@ -201,23 +220,11 @@ def _of_each(
         yield from _curve(f"{name}: {what}" if what else name, colour, one.numbers[key], extent, kind, steps=steps)
 
 
-def _utilisation(fingers: Fingers, extent: Extent) -> Iterator[Curve]:
-    yield from _of_each(fingers, "bounds", extent, "bounds", "band")
-    yield from _of_each(fingers, "utilisation", extent)
-    yield from _of_each(fingers, "relative", extent, "relative, without μ", "dashed")
-
-
 def _grip(tracks: RunTracks, fingers: Fingers) -> Iterator[Curve]:
     extent = tracks.extent
     both = [curve for name in ("now", "needed") for curve in _curve(name, name, tracks.grasp[name], extent)]
     yield from both or _of_each(fingers, "grip_needed_n", extent, "needed", "dashed")
     yield from _curve("commanded", "commanded", tracks.grasp["commanded"], extent, "dashed", steps=True)
-
-
-def _friction(fingers: Fingers, extent: Extent) -> Iterator[Curve]:
-    yield from _of_each(fingers, "mu_interval", extent, "interval", "band", steps=True)
-    yield from _of_each(fingers, "mu", extent, "in use", steps=True)
-    yield from _of_each(fingers, "required_friction", extent, "required", "dashed")
 
 
 def _levels(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
@@ -228,7 +235,7 @@ def _levels(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
 
 
 def _evidence(name: str, finger: FingerTracks, extent: Extent) -> Iterator[Strip]:
-    runs = list(finger.evidence.runs(extent))
+    runs = finger.evidence.runs(extent)
     for kind in sorted({kind for run in runs for kind in run.value}):
         spans = [Span(run.begin_s, run.end_s, "evidence", (), kind) for run in runs if kind in run.value]
         yield Strip(f"{name}: {kind}", spans)

@@ -108,7 +108,7 @@ def make_page(
         messages = _published(recording, tracks.add_event)
     try:
         for topic, body in messages:
-            last_s = max(last_s, tracks.time_s(body))
+            last_s = max(last_s, tracks.gaps.time_s(body["t_ns"]))
             if last_s > window.end_s:
                 break
             tracks.add(topic, body)

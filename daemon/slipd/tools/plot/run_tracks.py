@@ -26,6 +26,13 @@ SHOWN = ("finger", "previous", "level", "utilisation", "reasons", "evidence")
 COUNTERS = ("lost", "bad", "duplicates", "dropped", "restarts", "reconnects")
 """Counters of a stream that report a fault."""
 
+GRASP_NUMBERS = {
+    GRASP_TOPIC: {"now": "internal_n", "needed": "grip_needed_n"},
+    MOTION_TOPIC: {"speed_scale": "speed_scale"},
+    GRIPPER_TOPIC: {"commanded": "force_command_n"},
+}
+"""Numbers of `RunTracks.grasp`, and their keys in the messages of a topic."""
+
 
 class Numbers(defaultdict[str, BinnedTrack[Range]]):
     """Least and largest value of some quantities over time, by name."""
@@ -149,22 +156,16 @@ class ChangeLog:
         count: Number of all.
         snapshots: Those of them with an image, the first ``MOST_SNAPSHOTS``.
         alarms: Number of all rises to an alarm.
+        newest_images: The newest message ``tactile`` of each finger; none after a gap, because it does not show what
+            follows.
     """
 
     def __init__(self) -> None:
         self.changes: list[Change] = []
         self.snapshots: list[Change] = []
         self.count = self.alarms = 0
-        self._newest_image: dict[str, Mapping[str, Any]] = {}
+        self.newest_images: dict[str, Mapping[str, Any]] = {}
         self._unfinished: dict[str, Change] = {}
-
-    def add_image(self, finger: str, body: Mapping[str, Any]) -> None:
-        """Add a message ``tactile``."""
-        self._newest_image[finger] = body
-
-    def forget_images(self) -> None:
-        """Forget the newest image of each pad: it does not show what follows."""
-        self._newest_image.clear()
 
     def add_change(self, t_s: float, body: Mapping[str, Any]) -> None:
         """Add a message ``warning``.
@@ -180,8 +181,8 @@ class ChangeLog:
         if not alarming:
             return
         self.alarms += 1
-        if len(self.snapshots) < MOST_SNAPSHOTS and finger in self._newest_image:
-            change.image = pad_image(self._newest_image[finger])
+        if len(self.snapshots) < MOST_SNAPSHOTS and finger in self.newest_images:
+            change.image = pad_image(self.newest_images[finger])
             if change.image is not None:
                 self.snapshots.append(change)
                 self._unfinished[finger] = change
@@ -201,7 +202,7 @@ class RunTracks:
 
     Attributes:
         window: From the begin to the newest message.
-        gaps: Times of which nothing is known.
+        gaps: Times of which nothing is known, and the begin from which times count.
         fingers: By name.
         streams: By name.
         grasp: Grip force that both fingers share ("now"), the least such force that would hold the load ("needed"), and
@@ -211,7 +212,6 @@ class RunTracks:
     """
 
     def __init__(self, begin_ns: int, begin_s: float = 0.0) -> None:
-        self._begin_ns = begin_ns
         self.window = Window(begin_s, begin_s)
         self.gaps = EventGaps(begin_ns)
         self.fingers: defaultdict[str, FingerTracks] = defaultdict(FingerTracks)
@@ -222,14 +222,14 @@ class RunTracks:
     def add_event(self, t_ns: int) -> None:
         """Add the time of an event, before the messages that it causes."""
         if self.gaps.add(t_ns):
-            self.changes.forget_images()
+            self.changes.newest_images.clear()
 
     def add(self, topic: str, body: Mapping[str, Any]) -> None:
         """Add a message of any topic."""
-        t_s = self.time_s(body)
+        t_s = self.gaps.time_s(body["t_ns"])
         kind, _, finger = topic.partition(".")
         if kind == "tactile":
-            self.changes.add_image(finger, body)
+            self.changes.newest_images[finger] = body
         if t_s < self.window.begin_s:
             return
         self.window = Window(self.window.begin_s, max(self.window.end_s, t_s))
@@ -238,21 +238,11 @@ class RunTracks:
             self.changes.add_verdict(finger, body)
         elif topic == WARNING_TOPIC:
             self.changes.add_change(t_s, body)
-        elif topic == GRASP_TOPIC:
-            self.grasp.note("now", t_s, body["internal_n"], body["internal_n"])
-            self.grasp.note("needed", t_s, body["grip_needed_n"], body["grip_needed_n"])
-        elif topic == MOTION_TOPIC:
-            self.grasp.note("speed_scale", t_s, body["speed_scale"], body["speed_scale"])
-        elif topic == GRIPPER_TOPIC:
-            self.grasp.note("commanded", t_s, body["force_command_n"], body["force_command_n"])
         elif topic == STATUS_TOPIC:
             for name, stream in body["streams"].items():
                 self.streams[name].add(t_s, stream)
-
-    def time_s(self, body: Mapping[str, Any]) -> float:
-        """Return the time of a message, s."""
-        t_ns: int = body["t_ns"]
-        return (t_ns - self._begin_ns) * 1e-9
+        for name, key in GRASP_NUMBERS.get(topic, {}).items():
+            self.grasp.note(name, t_s, body[key], body[key])
 
     @property
     def extent(self) -> Extent:

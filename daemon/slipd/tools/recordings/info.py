@@ -13,7 +13,6 @@ import msgpack
 from slipd import config
 from slipd.errors import ConfigError
 from slipd.events import Bytes
-from slipd.recording.entry_walk import Published
 from slipd.recording.reader import EventGaps, Recording, open_recording
 from slipd.types.device_text import printable
 from slipd_client.messages import WARNING_TOPIC
@@ -47,18 +46,18 @@ def recording_info(recording: Recording) -> dict[str, Any]:
     levels: Counter[str] = Counter()
     reads: Counter[str] = Counter()
     received: Counter[str] = Counter()
-    for entry in recording.entries():
-        times_ns = entry.t_ns if times_ns is None else times_ns[0], entry.t_ns
-        if isinstance(entry, Published):
-            topics[entry.topic] += 1
-            if entry.topic == WARNING_TOPIC:
-                levels[msgpack.unpackb(entry.payload)["level"]] += 1
+    for _, t_ns, topic, content in recording.entries():
+        times_ns = t_ns if times_ns is None else times_ns[0], t_ns
+        if isinstance(content, bytes):
+            topics[topic] += 1
+            if topic == WARNING_TOPIC:
+                levels[msgpack.unpackb(content)["level"]] += 1
             continue
-        gaps.add(entry.t_ns)
-        kinds[type(entry.event).__name__] += 1
-        if isinstance(entry.event, Bytes):
-            reads[entry.event.link] += 1
-            received[entry.event.link] += len(entry.event.data)
+        gaps.add(t_ns)
+        kinds[type(content).__name__] += 1
+        if isinstance(content, Bytes):
+            reads[content.link] += 1
+            received[content.link] += len(content.data)
     begin_ns, end_ns = times_ns or (0, 0)
     length_s = (end_ns - begin_ns) * 1e-9
 
@@ -98,6 +97,7 @@ def _rig(recording: Recording) -> dict[str, Any]:
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
+    streams, topics = found["streams"], found["topics"]
     versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items())
     lines = [
         f"recording: {found['recording']}",
@@ -106,19 +106,18 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"boot:      {found['boot']}",
         f"config:    {found['config_id'] or found['config_fault']}",
         f"versions:  {versions}",
+        *(f"gap:       nothing is known from {begin_s:.3f} to {end_s:.3f} s" for begin_s, end_s in found["gaps"]),
+        "streams:",
+        *(f"    {name}: {each['device']}, {each['rate_hz']:g} Hz in the config" for name, each in streams.items()),
+        "links:",
+        *(
+            f"    {name}: {each['bytes']} bytes in {_rated(each['reads'], 'reads', each['reads_hz'])}"
+            for name, each in found["links"].items()
+        ),
+        "events:    " + ", ".join(f"{count} {name}" for name, count in found["events"].items()),
+        "messages:" if topics else "messages:  none; slipd replay and slipd plot make them of events",
+        *(f"    {name}: {_rated(each['messages'], 'messages', each['rate_hz'])}" for name, each in topics.items()),
     ]
-    for begin_s, end_s in found["gaps"]:
-        lines.append(f"gap:       nothing is known from {begin_s:.3f} to {end_s:.3f} s")
-    lines.append("streams:")
-    for name, each in found["streams"].items():
-        lines.append(f"    {name}: {each['device']}, {each['rate_hz']:g} Hz in the config")
-    lines.append("links:")
-    for name, each in found["links"].items():
-        lines.append(f"    {name}: {each['bytes']} bytes in {_rated(each['reads'], 'reads', each['reads_hz'])}")
-    lines.append("events:    " + ", ".join(f"{count} {name}" for name, count in found["events"].items()))
-    lines.append("messages:" if found["topics"] else "messages:  none; slipd replay and slipd plot make them of events")
-    for name, each in found["topics"].items():
-        lines.append(f"    {name}: {_rated(each['messages'], 'messages', each['rate_hz'])}")
     if found["changes_to_level"]:
         counts = ", ".join(f"{level} {count}" for level, count in found["changes_to_level"].items())
         lines.append(f"changes of level to: {counts}")

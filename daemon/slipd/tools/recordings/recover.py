@@ -28,8 +28,8 @@ from mcap.writer import MCAP0_MAGIC
 from slipd.errors import RecordingError
 from slipd.events import Bytes
 from slipd.io.progress import Progress
-from slipd.recording.entry_walk import Entered, EntryWalk, Published
-from slipd.recording.mcap_file import EVENTS, RECORD_LIMIT_BYTES, STOPPED, RecordingFile
+from slipd.recording.entry_walk import Entry, EntryWalk
+from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
 from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.draft import RECORDING, draft
@@ -110,7 +110,7 @@ def recover(
         cleaned = None if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
         with closing(new):
             for entry in chain([first], entries):
-                _write(new, entry if cleaned is None else cleaned(entry))
+                new.add(*(entry if cleaned is None else cleaned(entry)))
                 progress(salvage.read_up_to, len(data))
             new.finish(salvage.end, salvage.stopped)
         entries_read = sum(1 for _ in open_recording(written).entries())  # a disk may keep less than it was given
@@ -121,14 +121,7 @@ def recover(
     return found
 
 
-def _write(file: RecordingFile, entry: Entered | Published) -> None:
-    if isinstance(entry, Entered):
-        file.add(entry.n, entry.t_ns, EVENTS, entry.event)
-    else:
-        file.add(*entry)
-
-
-def _cleaning(clean: Callable[[str], str]) -> Callable[[Entered | Published], Entered | Published]:
+def _cleaning(clean: Callable[[str], str]) -> Callable[[Entry], Entry]:
     """Return what returns an entry with all its texts cleaned."""
 
     def cleaned(value: Any) -> Any:
@@ -140,14 +133,14 @@ def _cleaning(clean: Callable[[str], str]) -> Callable[[Entered | Published], En
             return [cleaned(each) for each in value]
         return value
 
-    def cleaned_entry(entry: Entered | Published) -> Entered | Published:
-        if isinstance(entry, Published):
-            return entry._replace(payload=msgpack.packb(cleaned(msgpack.unpackb(entry.payload))))
-        event: Any = entry.event
-        if isinstance(event, Bytes):
+    def cleaned_entry(entry: Entry) -> Entry:
+        content: Any = entry.content
+        if isinstance(content, Bytes):
             return entry
-        texts = {each.name: cleaned(getattr(event, each.name)) for each in fields(event)}
-        return entry._replace(event=replace(event, **texts))
+        if isinstance(content, bytes):
+            return entry._replace(content=msgpack.packb(cleaned(msgpack.unpackb(content))))
+        texts = {each.name: cleaned(getattr(content, each.name)) for each in fields(content)}
+        return entry._replace(content=replace(content, **texts))
 
     return cleaned_entry
 
@@ -174,7 +167,7 @@ class _Salvage:
         self._begin_ns = self._last_ns = 0
         self.read_up_to = 0
 
-    def entries(self) -> Iterator[Entered | Published]:
+    def entries(self) -> Iterator[Entry]:
         """Yield every intact entry, in order."""
         for body in _summary_channels(self._data):
             self._walk.announce(body)
@@ -190,7 +183,7 @@ class _Salvage:
         text = f"from byte {self.read_up_to} of {size}: the end is missing; how many entries it held is not known"
         self._found.faults.append(text)
 
-    def _chunk(self, place: int, chunk: Chunk) -> Iterator[Entered | Published]:
+    def _chunk(self, place: int, chunk: Chunk) -> Iterator[Entry]:
         try:
             for entry in self._walk.entries(chunk):
                 if self._found.entries == 0:

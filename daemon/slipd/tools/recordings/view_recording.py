@@ -134,7 +134,6 @@ class RecordedBlocks:
         self._fd, name = tempfile.mkstemp(prefix="slipd-view-")
         os.unlink(name)  # noqa: PTH108 - the file ends with the process
         self._places: dict[int, tuple[int, int]] = {}
-        self._size = 0
         self._now_ns = 0
         self._frame_ns = 0
         self._block = 0
@@ -192,7 +191,7 @@ class RecordedBlocks:
         if not self._frames:
             return
         data = gzip.compress(json.dumps(self._frames, separators=(",", ":")).encode(), compresslevel=1)
-        os.pwrite(self._fd, data, self._size)
-        self._places[self._block] = (self._size, len(data))
-        self._size += len(data)
+        begin = os.fstat(self._fd).st_size
+        os.pwrite(self._fd, data, begin)
+        self._places[self._block] = (begin, len(data))
         self._frames = []

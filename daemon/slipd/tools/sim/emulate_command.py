@@ -71,16 +71,16 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
             raise SlipdError(f"cannot emulate {file}: {error}") from error
 
 
-def touch_command(folder: Path, words: list[str]) -> int:
+def touch_command(folder: Path, words: list[str]) -> bool:
     """Send commands to a running emulation and print the answers; without words, those of standard input.
 
     Returns:
-        Exit code: 1 if a command was refused.
+        Whether every command was carried out.
 
     Raises:
         SlipdError: No emulation listens there.
     """
-    refused = False
+    done = True
     with socket.socket(socket.AF_UNIX) as line:
         try:
             line.connect(str(folder / SOCKET))
@@ -95,11 +95,11 @@ def touch_command(folder: Path, words: list[str]) -> int:
                         break
                     print(answer, end="", file=sys.stderr if answer.startswith(ERROR) else sys.stdout, flush=True)
                     if answer.startswith((ERROR, END)):
-                        refused = refused or answer.startswith(ERROR)
+                        done = done and not answer.startswith(ERROR)
                         break
                 else:
                     raise SlipdError("the emulation has ended")
-    return int(refused)
+    return done
 
 
 def _check_free(folder: Path) -> None:

@@ -13,7 +13,7 @@ from recorded_entries import ABOUT_RUN, entries, write
 
 from slipd.cli import main
 from slipd.errors import RecordingError
-from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.tools.recordings.recover import Recovered, recover
 
@@ -109,7 +109,7 @@ def test_a_damaged_summary_of_a_file_without_its_first_chunk_leaves_nothing(tmp_
 def test_versions_boot_and_first_index_of_the_run_are_kept(tmp_path: Path) -> None:
     file = RecordingFile(tmp_path / "run.mcap", **ABOUT_RUN, versions={"slipd": "0.0.1"}, first=40)
     for entry in entries(60)[40::2]:
-        file.add(entry.n, entry.t_ns, EVENTS, entry.event)
+        file.add(*entry)
     file.finish(60)
     recover(tmp_path / "run.mcap", tmp_path / "out.mcap")
     out = open_recording(tmp_path / "out.mcap")
