@@ -21,7 +21,6 @@ from slipd.tools.commission.dialogue import (
     Refusal,
     Reply,
     Say,
-    Written,
 )
 from slipd_client.errors import RequestRefused
 from slipd_client.messages.schema.replies import TareReply
@@ -123,11 +122,11 @@ class GuidedEngine:
         assert isinstance(reply, TareReply)
         return reply
 
-    def _change(self, change: Change) -> Written:
+    def _change(self, change: Change) -> Reply:
         text = changed_text(self.text, change.values)
         if not self.write:
-            return Written(None)
+            return Reply(None)
         self.text = text
         self.engine.restart(config.parse(text, "new config"))
         self.engine.drop_messages()
-        return Written(text)
+        return Reply(text)

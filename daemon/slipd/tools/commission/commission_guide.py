@@ -17,17 +17,17 @@ from slipd.tools.commission.dialogue import (
     Change,
     Gravity,
     Prompt,
+    Reply,
     Say,
     Skipped,
     Steps,
-    Written,
     choose,
 )
 from slipd.tools.commission.friction_step import measure_friction
 from slipd.tools.commission.gripper_steps import GENTLE_N, first_grasp, gentle_force, pulling_force, take_zero
 from slipd.tools.commission.readings import ReadingListener, read_status, wait_for_restart
-from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
-from slipd.tools.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
+from slipd.tools.commission.touch_guide import TouchGuide
+from slipd.tools.commission.touches import PUSH_X, PUSH_Y, Findings, Mount, Touch, mount_of
 from slipd.tools.commission.weighing_search import WeightFindings
 from slipd.tools.commission.weight_step import READY, weigh
 from slipd_client.friction_session import low_estimate, spread
@@ -106,38 +106,42 @@ class Commission:
         return all(self._complete.values())
 
     def _find_mounting(self) -> Steps[bool]:
-        outcomes = yield from self._touch(dict.fromkeys(self._fingers))
-        again = {name: outcome for name, outcome in outcomes.items() if outcome.needs_image}
-        if (yield from self._change_mounting(outcomes)) and again:
+        found = yield from self._touch(dict.fromkeys(self._fingers))
+        without_image = [
+            name
+            for name, each in found.items()
+            if self._rig.finger[name].pad is not None and each.mount is not None and each.symmetry is None
+        ]
+        if (yield from self._change_mounting(found)) and without_image:
             yield Say("\nNow the daemon can show the image of the pads: the presses are needed once more.")
-            pushes = {name: {step: each.touches[step] for step in (PUSH_X, PUSH_Y)} for name, each in again.items()}
+            pushes = {name: {step: found[name].touches[step] for step in (PUSH_X, PUSH_Y)} for name in without_image}
             seconds = yield from self._touch(pushes)
             yield from self._change_mounting(seconds)
-            outcomes |= seconds
-        return len(outcomes) == len(self._fingers) and not any(each.findings.problems for each in outcomes.values())
+            found |= seconds
+        return len(found) == len(self._fingers) and not any(each.problems for each in found.values())
 
-    def _change_mounting(self, outcomes: Mapping[str, FingerOutcome]) -> Steps[bool]:
+    def _change_mounting(self, found: Mapping[str, Findings]) -> Steps[bool]:
         """Have what was found written, and keep the mountings; return whether the daemon runs them."""
-        found = changes(self._rig, {name: outcome.findings for name, outcome in outcomes.items()})
-        self._mounts |= {name: each.findings.mount for name, each in outcomes.items() if each.findings.mount}
-        return (yield from self._change(found))
+        values = changes(self._rig, found)
+        self._mounts |= {name: each.mount for name, each in found.items() if each.mount}
+        return (yield from self._change(values))
 
-    def _touch(self, pushes: Mapping[str, Mapping[str, Touch] | None]) -> Steps[dict[str, FingerOutcome]]:
+    def _touch(self, pushes: Mapping[str, Mapping[str, Touch] | None]) -> Steps[dict[str, Findings]]:
         guide = TouchGuide(self._rig, ReadingListener(self._rig.finger, self._rig.config_id), self._patience_s)
-        outcomes: dict[str, FingerOutcome] = {}
+        found: dict[str, Findings] = {}
         for name, known in pushes.items():
             try:
                 yield from take_zero(name, self._rig.finger[name])
-                outcomes[name] = yield from guide.run(name, known)
+                found[name] = yield from guide.run(name, known)
             except Skipped:
                 yield Say(f"  finger {name} is left out; later: slipd commission --finger {name}")
-                continue
-            yield from _report(name, outcomes[name].findings.notes, outcomes[name].findings.problems)
-        if not outcomes:
+            else:
+                yield from _report(name, found[name].notes, found[name].problems)
+        if not found:
             raise Skipped
-        self._wrong_scale |= {name: each.wrong_scale for name, each in outcomes.items()}
-        self._zeroed = len(outcomes) == len(self._fingers)
-        return outcomes
+        self._wrong_scale |= {name: each.wrong_scale for name, each in found.items()}
+        self._zeroed = len(found) == len(self._fingers)
+        return found
 
     def _weigh(self) -> Steps[bool]:
         names = [name for name in self._fingers if self._rig.finger[name].wrench is not None]
@@ -250,10 +254,10 @@ class Commission:
             yield Say("  nothing in the config changes")
             return False
         written = yield Change(found)
-        if not isinstance(written, Written) or written.text is None:
+        if not isinstance(written, Reply) or written.result is None:
             self._unwritten = True
             return False
-        self._rig = config.parse(written.text, "new config")
+        self._rig = config.parse(written.result, "new config")
         self._take_mounts()
         self._zeroed = False
         yield from wait_for_restart(self._rig.config_id, self._restart, RESTART_PATIENCE * self._patience_s)

@@ -7,7 +7,7 @@ changes in the config, and get back what happened. A host is whatever answers: a
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from slipd_client.messages.schema.topics import Message
@@ -66,13 +66,8 @@ class Ask:
     """
 
     method: str
-    fields: Mapping[str, Any]
+    fields: Mapping[str, Any] = field(default_factory=dict)
     lease: bool = False
-
-
-def ask(method: str, *, lease: bool = False, **fields: Any) -> Ask:
-    """Return a request with these fields."""
-    return Ask(method, fields, lease)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +83,7 @@ class Gravity:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Values for the config. The host answers with a Written.
+    """Values for the config. The host answers with a Reply: the text with them, None if it was only shown.
 
     Attributes:
         values: New value of each key, as TOML, by its path.
@@ -106,10 +101,10 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The daemon carried out a request.
+    """A request or a change was carried out.
 
     Attributes:
-        result: What the method of the client returned.
+        result: What the method of the client returned; of a change, the new text of the config or None.
     """
 
     result: Any
@@ -126,21 +121,10 @@ class Refusal:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
-    """A change of the config was written, or only shown.
-
-    Attributes:
-        text: The config with it; None if it was only shown.
-    """
-
-    text: str | None
-
-
 Output = Say | Prompt | Ask | Gravity | Change | None
 """None: the next event, please."""
 
-Event = Message | Choice | Reply | Refusal | Written | None
+Event = Message | Choice | Reply | Refusal | None
 """None: no message came for a while (`slipd.tools.commission.readings.SILENCE_S`), or nothing is to be answered."""
 
 Steps = Generator[Output, Event, T]

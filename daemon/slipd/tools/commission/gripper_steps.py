@@ -12,7 +12,7 @@ from typing import Any
 
 from slipd.config import Finger, Gripper
 from slipd.fusion.assess import SPIN_ARM_M
-from slipd.tools.commission.dialogue import AGAIN, SKIP, Prompt, Refusal, Say, Skipped, Steps, ask, choose
+from slipd.tools.commission.dialogue import AGAIN, SKIP, Ask, Prompt, Refusal, Say, Skipped, Steps, choose
 from slipd.tools.commission.readings import next_message, pause, read_status
 from slipd_client.friction_session import ElapsedTime
 from slipd_client.messages.names import SlipLevel
@@ -47,7 +47,7 @@ def take_zero(finger: str, settings: Finger) -> Steps[bool]:
 def _take(finger: str, stream: str) -> Steps[bool]:
     yield Say(f"Touch nothing: the zero of the {NAMES[stream]} of finger {finger} is taken.")
     for attempt in range(ATTEMPTS):
-        answer = yield ask("tare", finger=finger, seconds=TARE_S, stream=stream, unloaded=True)
+        answer = yield Ask("tare", {"finger": finger, "seconds": TARE_S, "stream": stream, "unloaded": True})
         if not isinstance(answer, Refusal):
             return True
         yield Say(f"  not taken: {answer.reason}")
@@ -178,7 +178,7 @@ def _insist(again: Prompt, done: str, method: str, **fields: Any) -> Steps[None]
 
 def _send(method: str, **fields: Any) -> Steps[str]:
     """Send a request that moves the gripper; return why it was not carried out, or ""."""
-    answer = yield ask(method, lease=True, **fields)
+    answer = yield Ask(method, fields, lease=True)
     if isinstance(answer, Refusal):
         return answer.reason
     yield from pause(POLL_S)

@@ -33,7 +33,6 @@ from slipd.tools.commission.dialogue import (
     Refusal,
     Reply,
     Say,
-    Written,
 )
 from slipd.tools.commission.readings import SILENCE_S
 from slipd_client.errors import ClientError
@@ -146,17 +145,17 @@ class TerminalHost:
         finally:
             self._subscriber.newest()
 
-    def _change(self, change: Change) -> Written:
+    def _change(self, change: Change) -> Reply:
         self.say(f"\n{fragment(change.values)}\n")
         return self._write_change(change)
 
-    def _write_change(self, change: Change) -> Written:
+    def _write_change(self, change: Change) -> Reply:
         file = self._file
         try:
             text = changed_text(self._text, change.values)
             if not self._write:
                 self.say(f"{file}: not changed, as asked")
-                return Written(None)
+                return Reply(None)
             if file.read_bytes().decode() != self._text:
                 raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
             self._kept = replace_config(file, text, keep=self._kept is None)
@@ -164,7 +163,7 @@ class TerminalHost:
             raise SlipdError(f"{file} is left as it was: {error}; put the lines above into it") from error
         self.say(f"{file}: changed; the config before is {self._kept}.")
         self._text = text
-        return Written(text)
+        return Reply(text)
 
 
 def _keys_of(prompt: Prompt) -> str:
@@ -214,13 +213,13 @@ class PageHost(TerminalHost):
         self._expect(prompt.choices)
         _emit("prompt", asdict(prompt))
 
-    def _change(self, change: Change) -> Written:
+    def _change(self, change: Change) -> Reply:
         """Write a change once the person agrees."""
         _emit("change", fragment(change.values))
         prompt = Prompt("write", f"Write these lines into {self._file}?", choices=(WRITE, SKIP))
         if self._chosen(prompt) == SKIP:
             self.say("Not written, as you chose.")
-            return Written(None)
+            return Reply(None)
         return self._write_change(change)
 
     def _chosen(self, prompt: Prompt) -> str:

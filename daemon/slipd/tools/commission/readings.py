@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slipd.errors import SlipdError
-from slipd.tools.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Refusal, Reply, Skipped, Steps, ask, choose
+from slipd.tools.commission.dialogue import AGAIN, SKIP, Ask, Choice, Prompt, Refusal, Reply, Skipped, Steps, choose
 from slipd.tools.commission.touches import Mount, Noise
 from slipd.types.arrays import Array
 from slipd_client.friction_session import ElapsedTime
@@ -154,7 +154,7 @@ def pause(seconds: float) -> Steps[None]:
         Skipped: The person chose it.
         SlipdError: The daemon is silent.
     """
-    answer = yield ask("hello")
+    answer = yield Ask("hello")
     until_ns = answer.result.t_ns + seconds * 1e9 if isinstance(answer, Reply) else math.inf
     longest_ns = (seconds if math.isinf(until_ns) else seconds + SILENCE_S) * 1e9
     began_ns: dict[str, int] = {}
@@ -180,7 +180,7 @@ def _answer(method: str) -> Steps[Any]:
     """Return the answer to a request that changes nothing, which is repeated where it is refused."""
     reason = ""
     for _ in range(ATTEMPTS):
-        answer = yield ask(method)
+        answer = yield Ask(method)
         if isinstance(answer, Reply):
             return answer.result
         reason = answer.reason if isinstance(answer, Refusal) else reason

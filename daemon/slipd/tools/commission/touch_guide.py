@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -61,23 +60,6 @@ OTHER_SHARE = 0.2
 """A finger that feels less than this share of the other one was not the one that was pressed."""
 
 
-@dataclass(frozen=True, slots=True)
-class FingerOutcome:
-    """What the touches of one finger show.
-
-    Attributes:
-        findings: What was found, with notes and problems for people.
-        touches: By step, in the frame of the sensor: they hold whatever the config states.
-        needs_image: Only the image is missing: the daemon shows that of a charge pad once it runs what was found.
-        wrong_scale: The forces cannot be newtons, so nothing was found.
-    """
-
-    findings: Findings
-    touches: Mapping[str, Touch]
-    needs_image: bool
-    wrong_scale: bool = False
-
-
 class TouchGuide:
     """Asks for touches, and reports what they show.
 
@@ -94,7 +76,7 @@ class TouchGuide:
         self._rest: dict[str, FingerReadings] = {}
         self._noise: dict[str, FingerReadings] | None = None
 
-    def run(self, finger: str, pushes: Mapping[str, Touch] | None = None) -> Steps[FingerOutcome]:
+    def run(self, finger: str, pushes: Mapping[str, Touch] | None = None) -> Steps[Findings]:
         """Lead through all touches of one finger.
 
         Args:
@@ -112,10 +94,10 @@ class TouchGuide:
         repeats = 0
         while True:
             yield from self._ask(finger, asked, touches, streams)
-            outcome = self._outcome(finger, streams, touches)
-            asked = [step for step in TEXTS if step in outcome.findings.doubtful]
-            if not asked or repeats == MOST_REPEATS or not (yield from _agree(finger, outcome.findings)):
-                return outcome
+            findings = self._findings(finger, streams, touches)
+            asked = [step for step in TEXTS if step in findings.doubtful]
+            if not asked or repeats == MOST_REPEATS or not (yield from _agree(finger, findings)):
+                return findings
             repeats += 1
 
     def _ask(
@@ -139,20 +121,20 @@ class TouchGuide:
             if step == CENTRE and self._scale_remark(streams["wrench"], touches[step]):
                 return  # the other touches would show nothing
 
-    def _outcome(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> FingerOutcome:
+    def _findings(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> Findings:
         settings = self._rig.finger[finger]
-        swapped = {kind: other for kind, other in streams.items() if other != finger}
         if remark := self._scale_remark(streams["wrench"], touches[CENTRE]):
-            nothing = Findings(streams=streams, problems=[remark])
-            return FingerOutcome(nothing, touches, needs_image=False, wrong_scale=True)
+            return Findings(streams=streams, problems=[remark], wrong_scale=True)
         if settings.wrench is None:
             findings = find_three_axis(touches)
         else:
             findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
-        findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
-        findings.streams, findings.noise = streams, self._noise_of(streams, findings)
-        needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
-        return FingerOutcome(findings, touches, needs_image)
+        findings.notes += [
+            f"the {kind} of finger {other} is on this finger" for kind, other in streams.items() if other != finger
+        ]
+        findings.streams, findings.touches = streams, touches
+        findings.noise = self._noise_of(streams, findings)
+        return findings
 
     def _noise_of(self, streams: Mapping[str, str], findings: Findings) -> Noise | None:
         """Return the noise of a finger before its first touch; add it to the notes."""
@@ -195,10 +177,9 @@ class TouchGuide:
         what = "push" if step in PUSHES else "press"
         tries = 0
         while True:
-            if not (yield from self._listener.wait(touched, self._patience_s)):
+            while not (yield from self._listener.wait(touched, self._patience_s)):
                 yield from _wait_longer(f"No {what} was felt within {self._patience_s:g} s.", prompt.finger)
                 yield prompt
-                continue
             yield from self._listener.collect(SETTLE_S)
             held = yield from self._listener.collect(HOLD_S)
             if not (moved := self._what_moved(held)):

@@ -136,6 +136,8 @@ class Findings:
         axes: Signs of the axes of the taxels, likewise; X, Y, Z of the pad.
         streams: By "wrench" and "pad": name of the finger whose tables the sensors of this finger are in now.
         noise: Noise of its sensors at rest; None where it is not known.
+        touches: By step, in the frame of the sensor: they hold whatever the config states.
+        wrong_scale: The forces cannot be newtons, so nothing was found.
         notes: What was found, for people, with residuals.
         problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
         doubtful: Touches that may be to blame for the problems, and are worth making again.
@@ -146,6 +148,8 @@ class Findings:
     axes: tuple[int, int, int] | None = None
     streams: Mapping[str, str] = field(default_factory=dict)
     noise: Noise | None = None
+    touches: Mapping[str, Touch] = field(default_factory=dict)
+    wrong_scale: bool = False
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     doubtful: tuple[str, ...] = ()

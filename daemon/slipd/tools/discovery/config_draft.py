@@ -25,6 +25,8 @@ SHAPES = {"tsf85": (7, 4), "papillarray": (3, 3)}
 """Rows and columns of pads whose devices do not report them."""
 
 PITCHES_M = {"tsf85": 0.0053, "papillarray": 0.007, "pvdf": 0.0032, "wts": 0.0034, "dsacon32": 0.0034}
+POLLED_HZ = 50.0
+"""Usual rate of a gripper that is polled: its readings are not counted while it is asked."""
 _NOISE = Wrench.model_fields
 
 HEAD = """\
@@ -112,7 +114,7 @@ def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[st
             f'sensor = "{sensor}"            # MEASURE: press this finger; the other sensor is on the other one'
         )
     if set_hz is None:
-        return [*lines, f"rate_hz = {found.rate_hz or 100.0}         # MEASURE: `slipctl status` shows the rate"]
+        return [*lines, f"rate_hz = {found.rate_hz or POLLED_HZ}         # MEASURE: `slipctl status` shows the rate"]
     option = DEVICES[found.device].rate_option
     assert option is not None  # noqa: S101 - it set the rate
     return [*lines, f"rate_hz = {set_hz}         # slipd sets it by options.{option.name}; change both together"]

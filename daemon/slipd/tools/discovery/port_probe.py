@@ -7,7 +7,6 @@ registers only, a Robotous sensor for its name only, and the other sensors by th
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, replace
@@ -103,12 +102,12 @@ async def identify_port(path: str) -> Found | None:
     """
     speeds = {device.baud for device in DEVICES.values() if "serial" in device.transports and device.kind != "gripper"}
     for baud in sorted(speed for speed in speeds if speed):
-        async with _opened(path, baud) as port:
-            pieces = await _read(port, LISTEN_S)
+        with await _opened(path, baud) as port:
+            pieces = [piece async for piece in _pieces(port, LISTEN_S) if piece[1]]
         if (found := recognise(pieces)) is not None:
             return found
     for name in ASKED:
-        async with _opened(path, DEVICES[name].baud or 115_200) as port:
+        with await _opened(path, DEVICES[name].baud or 115_200) as port:
             if (found := await _ask(port, name)) is not None:
                 return found
     return None
@@ -177,21 +176,19 @@ def _pvdf(pieces: Sequence[tuple[int, bytes]]) -> tuple[int, Found] | None:
     return None
 
 
-async def _read(port: serial.Serial, seconds: float) -> list[tuple[int, bytes]]:
-    pieces: list[tuple[int, bytes]] = []
+async def _pieces(port: serial.Serial, seconds: float) -> AsyncIterator[tuple[int, bytes]]:
+    """Yield the time, ns, and what has arrived, which may be nothing, again and again."""
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
-        if data := port.read(READ_BYTES):
-            pieces.append((time.monotonic_ns(), data))
+        yield time.monotonic_ns(), port.read(READ_BYTES)
         await asyncio.sleep(POLL_S)
-    return pieces
 
 
 async def _ask(port: serial.Serial, name: str) -> Found | None:
     """Ask for one device; return it if it answers."""
     if name == "robotous":
         port.write(robotous.encode_command(robotous.PRODUCT_NAME))
-        data = b"".join(piece for _, piece in await _read(port, ASK_S))
+        data = b"".join([piece async for _, piece in _pieces(port, ASK_S)])
         at = data.find(robotous.SYNC)
         if at < 0 or not robotous.is_valid_response(data, at):
             return None
@@ -199,16 +196,12 @@ async def _ask(port: serial.Serial, name: str) -> Found | None:
     session = cast("Callable[..., Session]", DEVICES[name].session)(**question_options(DEVICES[name]))
     samples: list[tuple[int, Any]] = []
     port.write(session.start(time.monotonic_ns()))
-    until_s = time.monotonic() + ASK_S
     try:
-        while time.monotonic() < until_s:
-            now_ns = time.monotonic_ns()
-            if data := port.read(READ_BYTES):
-                samples += [(now_ns, sample) for sample in session.receive(data, now_ns)]
+        async for now_ns, data in _pieces(port, ASK_S):
+            samples += [(now_ns, sample) for sample in session.receive(data, now_ns)]
             due_ns = session.next_deadline()
             if due_ns is not None and due_ns <= now_ns:
                 port.write(session.on_time(now_ns))
-            await asyncio.sleep(POLL_S)
     finally:
         port.write(session.stop())
     if not session.identity and len(samples) < LEAST_READINGS:
@@ -224,13 +217,8 @@ def question_options(device: Device, transport: str = "serial") -> dict[str, Any
     return {"wiring": transport} if device.needs_wiring else {}
 
 
-@contextlib.asynccontextmanager
-async def _opened(path: str, baud: int) -> AsyncIterator[serial.Serial]:
+async def _opened(path: str, baud: int) -> serial.Serial:
     try:
-        port = await asyncio.to_thread(serial.Serial, path, baud, timeout=0, write_timeout=1, exclusive=True)
+        return await asyncio.to_thread(serial.Serial, path, baud, timeout=0, write_timeout=1, exclusive=True)
     except ValueError as error:
         raise OSError(str(error)) from None
-    try:
-        yield port
-    finally:
-        port.close()

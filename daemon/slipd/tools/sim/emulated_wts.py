@@ -54,7 +54,6 @@ class WeissController(EmulatedTactile, ABC):
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
-    rate_hz: float
     clock_ppm: float
 
     def __init__(self, seed: int, cells: int, requests: PacketScanner, noise_counts: float = 0.7) -> None:

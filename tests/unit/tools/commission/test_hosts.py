@@ -17,7 +17,7 @@ from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission import hosts
 from slipd.tools.commission.daemon_link import DaemonLink
-from slipd.tools.commission.dialogue import Change, Choice, Prompt, Refusal, Say, Written, ask
+from slipd.tools.commission.dialogue import Ask, Change, Choice, Prompt, Refusal, Reply, Say
 from slipd.tools.commission.hosts import PageHost, TerminalHost
 
 TEXT = config.shipped("demo.toml").read_text(encoding="utf-8")
@@ -65,7 +65,7 @@ def test_a_question_without_anybody_to_answer_ends_the_guide(hosted: Hosted, per
 
 @pytest.mark.parametrize("lease", [False, True])
 def test_a_request_without_a_daemon_is_a_refusal(hosted: Hosted, lease: bool) -> None:
-    refusal = hosted().respond(ask("gripper_stop", lease=lease))
+    refusal = hosted().respond(Ask("gripper_stop", lease=lease))
     assert isinstance(refusal, Refusal)
     assert "nobody accepts requests at" in refusal.reason
 
@@ -73,7 +73,7 @@ def test_a_request_without_a_daemon_is_a_refusal(hosted: Hosted, lease: bool) ->
 def test_a_config_is_written_once_and_its_first_state_is_kept(hosted: Hosted, file: Path) -> None:
     host = hosted()
     for value in ("0.42", "0.43"):
-        assert host.respond(Change({("finger", "left", "mu"): value})) == Written(file.read_text(encoding="utf-8"))
+        assert host.respond(Change({("finger", "left", "mu"): value})) == Reply(file.read_text(encoding="utf-8"))
     assert file.with_name("rig.toml.previous").read_text(encoding="utf-8") == TEXT
     file.write_text("# another program\n", encoding="utf-8")
     with pytest.raises(SlipdError, match="changed meanwhile and is left as it is"):
@@ -84,7 +84,7 @@ def test_a_config_is_written_once_and_its_first_state_is_kept(hosted: Hosted, fi
 
 
 def test_a_dry_run_writes_nothing(hosted: Hosted, file: Path) -> None:
-    assert hosted(write=False).respond(CHANGE) == Written(None)
+    assert hosted(write=False).respond(CHANGE) == Reply(None)
     assert file.read_text(encoding="utf-8") == TEXT
 
 
@@ -131,7 +131,7 @@ def test_a_change_is_written_only_once_the_person_agrees(
     monkeypatch.setattr("sys.stdout", Page(person, answers))
     written = hosted(PageHost).respond(CHANGE)
     assert tomllib.loads(file.read_text(encoding="utf-8"))["finger"]["left"]["mu"] == mu
-    assert (written.text is not None) == file.with_name("rig.toml.previous").exists() == (mu == 0.42)
+    assert (written.result is not None) == file.with_name("rig.toml.previous").exists() == (mu == 0.42)
     first, second, *_ = said()
     assert "mu = 0.42" in first["change"]
     assert second["prompt"]["choices"] == ["write", "skip"]

@@ -19,7 +19,7 @@ from service_rig import Rig, asked, serving
 from slipd import config
 from slipd.tools.commission import hosts
 from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller
-from slipd.tools.commission.dialogue import Event, Refusal, ask
+from slipd.tools.commission.dialogue import Ask, Event, Refusal
 from slipd.tools.commission.hosts import PageHost, TerminalHost
 from slipd_client.messages.schema.topics import Wrench
 
@@ -114,10 +114,10 @@ async def test_readings_reach_the_guide_and_the_page_as_often_as_stated(
 async def test_a_request_is_carried_out_with_a_lease_where_it_needs_one(tmp_path: Path) -> None:
     def work(host: TerminalHost) -> list[Event]:
         until_s = time.monotonic() + PATIENCE_S
-        answers = [host.respond(ask("friction_set", finger="left", mu_s=0.6))]
+        answers = [host.respond(Ask("friction_set", {"finger": "left", "mu_s": 0.6}))]
         while isinstance(answers[-1], Refusal):
             assert time.monotonic() < until_s, answers
-            answers.append(host.respond(ask("friction_set", lease=True, finger="left", mu_s=0.6)))
+            answers.append(host.respond(Ask("friction_set", {"finger": "left", "mu_s": 0.6}, lease=True)))
         return answers
 
     async with daemon_of_a_heavy_finger(tmp_path) as (rig, daemon):

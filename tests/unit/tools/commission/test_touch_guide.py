@@ -25,8 +25,8 @@ from slipd.tools.commission.commission_guide import Commission
 from slipd.tools.commission.config_update import changed_text, changes
 from slipd.tools.commission.dialogue import Ask, Event, Output, Prompt, Refusal, Skipped, follow
 from slipd.tools.commission.readings import ReadingListener
-from slipd.tools.commission.touch_guide import FingerOutcome, TouchGuide
-from slipd.tools.commission.touches import scan_centroid
+from slipd.tools.commission.touch_guide import TouchGuide
+from slipd.tools.commission.touches import Findings, scan_centroid
 from slipd.tools.sim import touched_devices
 from slipd_client.messages.schema.topics import Tactile
 
@@ -37,7 +37,7 @@ def commission(
     folder: Path,
     touches: Mapping[str, str] = TOUCHES,
     then: Mapping[str, str] | None = None,
-) -> tuple[FingerOutcome, list[str]]:
+) -> tuple[Findings, list[str]]:
     """Return what the guide finds, and what it prints; at its question, the person makes the touches of ``then``."""
     engine = EmulatedEngine(true, read, folder)
     know_zeros(*engine._engine._fingers.values())
@@ -57,9 +57,9 @@ def commission(
     return follow(guide.run("left"), respond), host.printed
 
 
-def corrected(read: config.Config, outcome: FingerOutcome) -> config.Config:
+def corrected(read: config.Config, found: Findings) -> config.Config:
     """Return the config with what was found."""
-    return config.parse(changed_text(read.text, changes(read, {"left": outcome.findings})), "corrected")
+    return config.parse(changed_text(read.text, changes(read, {"left": found})), "corrected")
 
 
 def check_same(found: config.Config, true: config.Config) -> None:
@@ -99,16 +99,16 @@ def test_swapped_fingers_are_found(tmp_path: Path) -> None:
     read = charge_rig(
         left={"wrench": "right-wrench", "pad": "right-pad"}, right={"wrench": "left-wrench", "pad": "left-pad"}
     )
-    outcome, _ = commission(true, read, tmp_path)
-    assert outcome.findings.problems == []
-    check_same(corrected(read, outcome), true)
+    found, _ = commission(true, read, tmp_path)
+    assert found.problems == []
+    check_same(corrected(read, found), true)
 
 
 def test_a_person_who_goes_on_although_a_push_went_the_other_way_changes_nothing(tmp_path: Path) -> None:
     touches = TOUCHES | {"push along +Y": "press {finger} 6 N at 0 0 mm; push {finger} -y 2.5 N"}
-    outcome, _ = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, touches)
-    assert any("on the other side" in problem for problem in outcome.findings.problems)
-    assert changes(charge_rig(left={}), {"left": outcome.findings}) == {}
+    found, _ = commission(charge_rig(left={}), charge_rig(left={}), tmp_path, touches)
+    assert any("on the other side" in problem for problem in found.problems)
+    assert changes(charge_rig(left={}), {"left": found}) == {}
 
 
 WRONG_CORNER = TOUCHES | {"Press the corner": "press {finger} 6 N at 16 -7 mm"}
@@ -119,14 +119,14 @@ def test_only_touches_that_do_not_fit_are_asked_for_again_and_what_is_found_lose
     for key in ("sign = 1", "swap_xy = false"):
         text = text.replace(key, f"{key}  # MEASURE")
     read = config.parse(text.replace("sign =", "force_std_n = 0.2  # MEASURE\nsign =", 1), "marked")
-    outcome, printed = commission(true, read, tmp_path, WRONG_CORNER, then=TOUCHES)
-    assert outcome.findings.problems == []
-    found = corrected(read, outcome)
-    check_same(found, true)
+    found, printed = commission(true, read, tmp_path, WRONG_CORNER, then=TOUCHES)
+    assert found.problems == []
+    right = corrected(read, found)
+    check_same(right, true)
     assert marked_keys(read.text)
-    assert marked_keys(found.text) == {}
-    assert found.finger["left"].wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
-    assert any("noise at rest 0.0" in line for line in (*printed, *outcome.findings.notes))
+    assert marked_keys(right.text) == {}
+    assert right.finger["left"].wrench.force_std_n == pytest.approx(0.02, rel=0.3), "that of the emulated sensor"
+    assert any("noise at rest 0.0" in line for line in (*printed, *found.notes))
     (asked,) = [number for number, line in enumerate(printed) if "do not fit together" in line]
     assert printed[asked].startswith(
         "The touches of finger left do not fit together. Only the press at the +X +Y corner"
@@ -153,8 +153,8 @@ def test_a_slow_person_is_asked_and_loses_nothing(
     slow: Mapping[str, str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(touch_guide, "MOST_TRIES", 2)
-    outcome, printed = commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path, slow, then=TOUCHES)
-    assert outcome.findings.problems == []
+    found, printed = commission(SENSOR_ONLY, SENSOR_ONLY, tmp_path, slow, then=TOUCHES)
+    assert found.problems == []
     (asked,) = [line for line in printed if "what was found of the others is kept" in line]
     assert asked.startswith(words)
 
@@ -166,10 +166,10 @@ def test_a_finger_can_be_left_out_where_nothing_is_felt(tmp_path: Path) -> None:
 
 def test_a_force_in_counts_is_remarked_and_the_presses_are_not_asked_for_again(tmp_path: Path) -> None:
     true, read = (config.parse(SERIAL.format(scale=scale), "serial") for scale in ("[20.0, 20.0, 20.0]", "[1, 1, 1]"))
-    outcome, printed = commission(true, read, tmp_path)
-    assert outcome.wrong_scale
-    assert changes(read, {"left": outcome.findings}) == {}
-    (problem,) = outcome.findings.problems
+    found, printed = commission(true, read, tmp_path)
+    assert found.wrong_scale
+    assert changes(read, {"left": found}) == {}
+    (problem,) = found.problems
     assert "about 5 N and the sensor reads 120 N: options.counts_per_n?" in problem
     assert [line for line in printed if line.startswith("Press")] == [printed[1]], (
         "the other touches would show nothing"
@@ -178,9 +178,9 @@ def test_a_force_in_counts_is_remarked_and_the_presses_are_not_asked_for_again(t
 
 def test_noise_finer_than_a_count_is_not_measured_and_the_person_is_told(tmp_path: Path) -> None:
     rig = config.parse(SERIAL.format(scale="[2.0, 2.0, 2.0]"), "coarse")
-    outcome, _ = commission(rig, rig, tmp_path)
-    assert outcome.findings.noise is None
-    assert "the noise is not measured: the readings moved, or did not change at all" in outcome.findings.notes
+    found, _ = commission(rig, rig, tmp_path)
+    assert found.noise is None
+    assert "the noise is not measured: the readings moved, or did not change at all" in found.notes
 
 
 def test_an_image_without_a_load_has_no_centre() -> None:
