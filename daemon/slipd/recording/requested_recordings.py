@@ -119,8 +119,8 @@ class RecorderWatch:
         Raises:
             RecordingError: The disk failed, now or before.
         """
-        self.recorder.close(within_s)
         recorder = self.recorder
+        recorder.close(within_s)
         if recorder.lost:
             line = "%s: %d entries are missing: the disk was too slow"
             _log.warning(line, recorder.path, recorder.lost, extra={"slipd_recording": recorder.path})
@@ -163,7 +163,7 @@ class RequestedRecordings:
         self._directory = directory
         self._make = make
         self._ended: list[RecorderWatch] = []
-        self._refused: RecordingChanged | None = None
+        self._refused: list[RecordingChanged] = []
         self._running: RecorderWatch | None = None
 
     def handle(self, record: Record, t_ns: int) -> None:
@@ -178,7 +178,7 @@ class RequestedRecordings:
                 recorder = self._start(path)
             except (RecordingError, RuntimeError) as error:  # RuntimeError: the system starts no more threads
                 _log.warning("%s: %s", path, error, extra={"slipd_recording": path, "slipd_fault": "recording-failed"})
-                self._refused = RecordingChanged(record.name, str(path), "failed", f"{path}: {error}")
+                self._refused.append(RecordingChanged(record.name, str(path), "failed", f"{path}: {error}"))
                 return
             self._running = RecorderWatch(record.name, recorder, t_ns)
             for event in record.opened:
@@ -204,11 +204,9 @@ class RequestedRecordings:
         done = [
             watch for watch in self._ended if watch.recorder.finished
         ]  # checked first, so that their last change is final
-        changes = [change for watch in self._ended if (change := watch.poll(t_ns))]
+        changes = [*(change for watch in self._ended if (change := watch.poll(t_ns))), *self._refused]
+        self._refused.clear()
         self._ended = [watch for watch in self._ended if watch not in done]
-        if self._refused is not None:
-            changes.append(self._refused)
-            self._refused = None
         if self._running is not None and (change := self._running.poll(t_ns)):
             changes.append(change)
             if change.state != "running":

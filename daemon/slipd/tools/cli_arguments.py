@@ -103,18 +103,15 @@ def time_s(text: str) -> float:
     return value
 
 
-def page(text: str) -> Path:
-    """Return the path of a page."""
-    if not text.endswith(".html"):
-        raise argparse.ArgumentTypeError(f"must end in .html, got {text!r}; a browser prints the page as a picture")
-    return Path(text)
+def file_in(ending: str, more: str = "") -> Callable[[str], Path]:
+    """Return what returns the path of a file with this ending; its error says more."""
 
+    def path(text: str) -> Path:
+        if not text.endswith(ending):
+            raise argparse.ArgumentTypeError(f"must end in {ending}, got {text!r}{more}")
+        return Path(text)
 
-def table(text: str) -> Path:
-    """Return the path of a Parquet file."""
-    if not text.endswith(".parquet"):
-        raise argparse.ArgumentTypeError(f"must end in .parquet, got {text!r}")
-    return Path(text)
+    return path
 
 
 def speed(text: str) -> float | None:

@@ -14,14 +14,13 @@ from slipd.tools.cli_arguments import (
     argument,
     endpoint,
     export_format,
+    file_in,
     one_of,
-    page,
     positive,
     rate,
     sentence,
     shard,
     speed,
-    table,
     time_s,
 )
 from slipd_client.arguments import add_listen
@@ -101,7 +100,10 @@ RECORDING_COMMANDS = (
         (
             RECORDING,
             argument(
-                "--out", type=page, metavar="FILE", help="the page, .html (default: RECORDING.html in this folder)"
+                "--out",
+                type=file_in(".html", "; a browser prints the page as a picture"),
+                metavar="FILE",
+                help="the page, .html (default: RECORDING.html in this folder)",
             ),
             argument(
                 "--config",
@@ -228,7 +230,7 @@ RECORDING_COMMANDS = (
             one_of(
                 argument(
                     "--out",
-                    type=table,
+                    type=file_in(".parquet"),
                     metavar="FILE",
                     help="write a Parquet file with one row for each recording and config, and print only its totals",
                 ),

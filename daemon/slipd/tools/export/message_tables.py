@@ -116,13 +116,14 @@ def csv_files(folder: Path, _: Config) -> Iterator[Write]:
         yield write
 
 
-def _spread(column: Column, message: Body) -> Iterator[Column]:
-    """Yield a column for each load of a pad; any other column as it is."""
+def _spread(column: Column, message: Body) -> list[Column]:
+    """Return a column for each load of a pad; any other column as it is."""
     if column.kind != "numbers":
-        yield column
-        return
-    for index in range(message["rows"] * message["cols"]):
-        yield Column(f"{column.name}.{index}", (*column.path, index), "number")
+        return [column]
+    return [
+        Column(f"{column.name}.{index}", (*column.path, index), "number")
+        for index in range(message["rows"] * message["cols"])
+    ]
 
 
 def _text(kind: ColumnKind, value: Any) -> str:

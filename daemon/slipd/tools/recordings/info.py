@@ -39,15 +39,14 @@ def info_command(path: Path, *, as_json: bool) -> bool:
 
 def recording_info(recording: Recording) -> dict[str, Any]:
     """Return what a recording holds; lengths are in s, rates in Hz."""
-    gaps = EventGaps()
-    times_ns: tuple[int, int] | None = None
+    begin_ns, _ = next(recording.events(), (0, None))
+    gaps = EventGaps(begin_ns)
     kinds: Counter[str] = Counter()
     topics: Counter[str] = Counter()
     levels: Counter[str] = Counter()
     reads: Counter[str] = Counter()
     received: Counter[str] = Counter()
     for _, t_ns, topic, content in recording.entries():
-        times_ns = t_ns if times_ns is None else times_ns[0], t_ns
         if isinstance(content, bytes):
             topics[topic] += 1
             if topic == WARNING_TOPIC:
@@ -58,8 +57,7 @@ def recording_info(recording: Recording) -> dict[str, Any]:
         if isinstance(content, Bytes):
             reads[content.link] += 1
             received[content.link] += len(content.data)
-    begin_ns, end_ns = times_ns or (0, 0)
-    length_s = (end_ns - begin_ns) * 1e-9
+    length_s = gaps.newest_s or 0.0
 
     def rate(count: int) -> float | None:
         return count / length_s if length_s else None
@@ -72,7 +70,7 @@ def recording_info(recording: Recording) -> dict[str, Any]:
         "fault": recording.gap,
         "begun": begun.isoformat(timespec="milliseconds"),
         "length_s": length_s,
-        "gaps": [[each_s - begin_ns * 1e-9 for each_s in gap] for gap in gaps.found],
+        "gaps": [list(gap) for gap in gaps.found],
         "boot": recording.boot,
         **_rig(recording),
         "links": {

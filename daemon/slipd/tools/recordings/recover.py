@@ -15,7 +15,6 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from io import BytesIO
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -95,10 +94,6 @@ def recover(
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
         salvage = _Salvage(data, recording, found)
-        entries = salvage.entries()
-        first = next(entries, None)
-        if first is None:
-            raise RecordingError(f"{source}: holds no entry that is intact; {'; '.join(found.faults)}")
         new = RecordingFile(
             written,
             config_text=clean(recording.config_text),
@@ -109,9 +104,11 @@ def recover(
         )
         cleaned = None if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
         with closing(new):
-            for entry in chain([first], entries):
+            for entry in salvage.entries():
                 new.add(*(entry if cleaned is None else cleaned(entry)))
                 progress(salvage.read_up_to, len(data))
+            if not found.entries:
+                raise RecordingError(f"{source}: holds no entry that is intact; {'; '.join(found.faults)}")
             new.finish(salvage.end, salvage.stopped)
         entries_read = sum(1 for _ in open_recording(written).entries())  # a disk may keep less than it was given
         if entries_read != found.entries:
