@@ -166,19 +166,15 @@ def run_command(config: Path, record: Path | None) -> None:
         try:
             runner.run(serve_file(config, record, print_endpoints, selector))
         except BaseExceptionGroup as group:
-            raise _first_of(group) from group
+            first: BaseException = group
+            while isinstance(first, BaseExceptionGroup):  # the first failure inside task groups
+                first = first.exceptions[0]
+            raise first from group
 
 
 def print_endpoints(endpoints: Endpoints) -> None:
     """Print the endpoints of the daemon, for people and for programs that start it."""
     print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
-
-
-def _first_of(error: BaseException) -> BaseException:
-    """Return the first failure inside task groups."""
-    while isinstance(error, BaseExceptionGroup):
-        error = error.exceptions[0]
-    return error
 
 
 async def serve_file(

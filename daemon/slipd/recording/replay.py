@@ -88,8 +88,9 @@ def _run(
     for t_ns, event in recording.events():
         if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
             known = ", ".join(sorted(links)) or "none"
-            text = f"{recording.path}: the config must have the link {event.link!r} of an event, got {known}"
-            raise RecordingError(text)
+            raise RecordingError(
+                f"{recording.path}: the config must have the link {event.link!r} of an event, got {known}"
+            )
         on_event(t_ns)
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):

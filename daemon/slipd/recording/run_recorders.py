@@ -78,8 +78,7 @@ class RunRecorders:
             make = partial(self._begin, Recorder, room=Room(most, least), prepare=prepare, place=files.place)
             self._continuous = self._add(ContinuousRecording(self._folder, make, rule, names))
         if limits.incidents.enabled:
-            check = partial(check_room, self._folder, Room(most, least), most)
-            prepare = partial(self._prepare, check)
+            prepare = partial(self._prepare, partial(check_room, self._folder, Room(most, least), most))
             create = partial(self._begin, RecordingFile)
             self._incidents = self._add(Incidents(files, limits.incidents, names, create, prepare))
 

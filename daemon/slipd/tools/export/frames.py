@@ -170,10 +170,7 @@ class FrameSampler:
         if self.begin_ns is None:
             self.begin_ns = t_ns
         self._write_until(t_ns - 1)
-        taps = self._taps.get(topic)
-        if taps is None:
-            return
-        for tap in taps:
+        for tap in self._taps.get(topic, ()):
             value = body[tap.key]
             self._frame[tap.feature][tap.begin : tap.end] = _missing(tap) if value is None else value
         self._acquired_ns[topic] = _acquired_ns(t_ns, body)

@@ -18,10 +18,10 @@ HEADROOM = 0.06
 """Share of an axis beyond the largest value."""
 
 COLOURS = {
-    "finger 0": ("#0072b2", "#56b4e9"),
-    "finger 1": ("#d55e00", "#ff9e4a"),
-    "finger 2": ("#007a55", "#2fd0a0"),
-    "finger 3": ("#a3467f", "#e6a5c9"),
+    "finger0": ("#0072b2", "#56b4e9"),
+    "finger1": ("#d55e00", "#ff9e4a"),
+    "finger2": ("#007a55", "#2fd0a0"),
+    "finger3": ("#a3467f", "#e6a5c9"),
     "now": ("#0072b2", "#56b4e9"),
     "needed": ("#b2182b", "#ff7b7b"),
     "commanded": ("#444444", "#cccccc"),
@@ -88,8 +88,14 @@ class Panel:
     @property
     def span(self) -> Range:
         """Least and largest value of the axis; 0 is on it."""
-        every = (value for curve in self.curves for each in curve.points if known(each.value) for value in each.value)
-        values = [value for value in every if math.isfinite(value)]
+        values = [
+            value
+            for curve in self.curves
+            for each in curve.points
+            if known(each.value)
+            for value in each.value
+            if math.isfinite(value)
+        ]
         values += [limit for limit, _ in self.limits] + [0.0]
         most = max(values) if self.most is None else min(max(values), self.most)
         room = HEADROOM * (most - min(values))
@@ -155,7 +161,7 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         levels: The thresholds in force.
     """
     extent = tracks.extent
-    fingers = [(name, one, f"finger {at % 4}") for at, (name, one) in enumerate(sorted(tracks.fingers.items()))]
+    fingers = [(name, one, f"finger{at % 4}") for at, (name, one) in enumerate(sorted(tracks.fingers.items()))]
     limits = ((levels.caution, "caution"), (levels.warning, "warning"), (1.0, "slips"))
     force, torque = ("N", "N·m") if all(one.in_newtons for _, one, _ in fingers) else ("uncalibrated", "uncalibrated")
     parts: list[Panel | StripGroup] = [

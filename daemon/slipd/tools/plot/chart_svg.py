@@ -58,9 +58,8 @@ def _x(t_s: float, window: Window) -> float:
 def _legend(panel: Panel, y: float) -> Iterator[str]:
     x = LEFT + 12 + LETTER * 1.25 * len(title_of(panel))
     for curve in panel.curves:
-        colour = curve.colour.replace(" ", "")
         sample = "v-4h18v8h-18z" if curve.kind == "band" else "h18"
-        yield f'<path class="{curve.kind} {colour}" d="M{x:.0f} {y + 11:g}{sample}"/>'
+        yield f'<path class="{curve.kind} {curve.colour}" d="M{x:.0f} {y + 11:g}{sample}"/>'
         yield _text("small", x + 23, y + 15, curve.name)
         x += 40 + LETTER * len(curve.name)
 
@@ -100,7 +99,7 @@ def _curve(curve: Curve, window: Window, height_of: Callable[[float], float]) ->
         for stretch in stretches(curve.points)
     )
     if paths:
-        yield f'<path class="{curve.kind} {curve.colour.replace(" ", "")}" d="{paths}"/>'
+        yield f'<path class="{curve.kind} {curve.colour}" d="{paths}"/>'
 
 
 def _until_end(stretch: list[Held[Range]]) -> list[Held[Range]]:

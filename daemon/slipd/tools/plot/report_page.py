@@ -99,11 +99,10 @@ def _changes(log: ChangeLog) -> Iterator[str]:
 
 
 def _curve_styles() -> str:
-    light = "".join(f"--{name.replace(' ', '')}:{on_white};" for name, (on_white, _) in COLOURS.items())
-    dark = "".join(f"--{name.replace(' ', '')}:{on_black};" for name, (_, on_black) in COLOURS.items())
+    light = "".join(f"--{name}:{on_white};" for name, (on_white, _) in COLOURS.items())
+    dark = "".join(f"--{name}:{on_black};" for name, (_, on_black) in COLOURS.items())
     classes = "".join(
-        f".line.{name},.dashed.{name}{{stroke:var(--{name})}}.band.{name}{{fill:var(--{name})}}"
-        for name in (name.replace(" ", "") for name in COLOURS)
+        f".line.{name},.dashed.{name}{{stroke:var(--{name})}}.band.{name}{{fill:var(--{name})}}" for name in COLOURS
     )
     return f":root{{{light}}}@media(prefers-color-scheme:dark){{:root{{{dark}}}}}{classes}"
 

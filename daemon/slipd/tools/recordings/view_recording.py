@@ -83,11 +83,11 @@ class RecordingView:
         try:
             for topic, body in self._messages:
                 self.blocks.add(topic, body)
-            self.blocks.end()
         except Exception as error:
             self._failure = f"the replay ended early: {error}"
-            self.blocks.end()
             raise
+        finally:
+            self.blocks.end()
 
     def answer(self, path: str) -> Response | None:
         """Answer ``/data/recording/N``, what there is and the changes of level from the N-th, or ``/data/block/N``.

@@ -31,7 +31,7 @@ def curve(*points: tuple[float, float, float], kind: str = "line") -> Curve:
     ends = [point[0] for point in points[1:]] + [END_S]
     return Curve(
         "left <now>",
-        "finger 0",
+        "finger0",
         [Held(t, end, (low, high)) for (t, low, high), end in zip(points, ends, strict=True)],
         kind,
     )
