@@ -20,7 +20,7 @@ LONGEST_TEST_S = 10
 """A test that takes longer without a mutant is left out, s."""
 
 ENOUGH_S = 30.0
-"""Tests that are tried on one mutant take at most this long without it, s."""
+"""Tests that are tried on one mutant in a function take at most this long without it, s."""
 
 
 class _Recorder:
@@ -52,22 +52,22 @@ class CoveredRoom:
     lines: dict[str, dict[int, set[str]]]
 
     def tests(self, path: str, source: str, mutation: Mutation) -> list[str]:
-        """Return the tests that a mutant must pass, those of the file of the same name first, then the quickest.
+        """Return the tests that a mutant must pass: first those of the file of the same name, those that run its line,
+        and those that run its file, the quickest first.
 
-        Of what is run on import, these are all tests that run the file, those that run the line itself first; of a
-        kernel, whose lines are not seen, all tests of the room.
+        Of what is run on import, and of a kernel, whose lines are not seen, these are all tests of the room, so that it
+        takes longer.
         """
         lines = self.lines.get(path, {})
-        found = ran = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
-        if "" in ran or not _is_in_function(source, mutation.line):
-            found = {test for tests in lines.values() for test in tests}
-        if is_compiled(source, mutation):
-            found = set(self.seconds)
+        ran = {test for line in _statement(source, mutation.line) for test in lines.get(line, ())}
+        ran_file = {test for tests in lines.values() for test in tests}
+        everywhere = "" in ran or not _is_in_function(source, mutation.line) or is_compiled(source, mutation)
         near = f"test_{Path(path).stem}"
         ordered = sorted(
-            found & self.seconds.keys(), key=lambda test: (near not in test, test not in ran, self.seconds[test], test)
+            (self.seconds.keys() if everywhere else ran & self.seconds.keys()),
+            key=lambda test: (near not in test, test not in ran, test not in ran_file, self.seconds[test], test),
         )
-        return list(_at_most(ordered, self.seconds))
+        return list(_at_most(ordered, self.seconds, 3.0 * ENOUGH_S if everywhere else ENOUGH_S))
 
 
 def covered_room(project: Path, sources: Path, tests: list[str], scratch: Path) -> CoveredRoom:
@@ -147,10 +147,10 @@ def _is_in_function(source: str, line: int) -> bool:
     )
 
 
-def _at_most(tests: list[str], seconds: dict[str, float]) -> Iterator[str]:
+def _at_most(tests: list[str], seconds: dict[str, float], most_s: float) -> Iterator[str]:
     total = 0.0
     for test in tests:
         total += seconds[test]
-        if total > ENOUGH_S:
+        if total > most_s:
             return
         yield test

@@ -136,7 +136,7 @@ def _gripper(state: Mapping[str, Any]) -> Entry:
         level, message = Health.ERROR, fault
     else:
         level, message = Health.OK, ""
-    return entry("gripper", level, message, "", state)
+    return entry("grip", level, message, "", state)  # "gripper" is its stream
 
 
 def entry(name: str, level: Health, message: str, hardware_id: str, values: Mapping[str, Any]) -> Entry:

@@ -54,7 +54,7 @@ class Progress:
             text += f", about {left_s:.0f} s left"
         full, empty = ("█", "·") if sys.stderr.encoding.lower() == "utf-8" else ("#", ".")
         bar = full * round(30 * done / max(of, 1))
-        print(f"{ERASE}{bar:{empty}<30} {text}", end="", file=sys.stderr, flush=True)
+        print(f"{ERASE}{bar:{empty}<30} {text}", end="", file=sys.stderr)
 
     @contextmanager
     def shown(self) -> Iterator[Callable[[int, int], None]]:

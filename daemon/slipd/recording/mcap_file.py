@@ -148,8 +148,8 @@ class RecordingFile:
         self.path = path
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._channels: dict[str, int] = {}
-        check_new(path)
         try:
+            check_new(path)
             self._stream = RecordStream(path)
         except FileExistsError as error:
             raise _exists(path) from error

@@ -107,11 +107,12 @@ def test_what_never_ends_by_itself_ends_with_its_reason_and_goes_on_afterwards(
     with pytest.raises(FrictionNotMeasured, match=why):
         guided.play(trouble(hand))
     assert not_counted in (None, sum("not counted" in line for line in guided.said))
+    said = len(guided.said)
     guided.resume()
     hand.mu_s, hand.mu_d, hand.hz = 0.6, 0.45, Hand.hz
     if "right" not in why:
         guided.play([*hand.once(), *hand.once()])
-        assert guided.done
+        assert (guided.done, guided.said[said].partition(",")[0]) == (True, "Pull slowly along the pads until it slips")
     assert [sample.mu_s for sample in guided.results["left"]][:1] == pytest.approx([0.6], rel=0.02)
 
 

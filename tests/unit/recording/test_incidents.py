@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from recorded_entries import ABOUT_RUN, complete, small_disk
@@ -122,9 +123,11 @@ def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     assert kept.follow(SECOND_NS // 2, tuple) is None, "too soon"
     assert kept.follow(2 * SECOND_NS, tuple) == IncidentsChanged(0, 0, 1, 0, "", "")
     monkeypatch.setattr(module, "QUEUE_LIMIT", 1000)
+    first = Mock(return_value=())
     for n in range(100):
         kept.add("status", os.urandom(40), n * SECOND_NS)
-        kept.follow(n * SECOND_NS, tuple)
+        kept.follow(n * SECOND_NS, first)
+    assert first.call_count == 97, "at 2 s it was asked already; then once a second"
     kept.note_warning(WARNING, SECOND_NS)
     kept.note_grasp({"state": "lost", "state_t_ns": 7}, 2 * SECOND_NS)
     kept.close()

@@ -192,7 +192,11 @@ def test_an_entry_that_cannot_be_written_stops_the_recording_not_the_run(tmp_pat
 
 def test_K3_a_file_that_exists_or_cannot_be_created_is_reported_at_once(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_text("precious")
-    for name, why in (("run.mcap", "exists already"), ("nowhere/run.mcap", "cannot be created: there is no folder")):
+    for name, why in (
+        ("run.mcap", "exists already"),
+        ("nowhere/run.mcap", "cannot be created: there is no folder"),
+        (300 * "x", "cannot be created: File name too long"),
+    ):
         with pytest.raises(RecordingError, match=f"{name}: {why}"):
             Recorder(tmp_path / name, **ABOUT_RUN)
     assert (tmp_path / "run.mcap").read_text() == "precious"

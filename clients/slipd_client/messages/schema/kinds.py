@@ -25,7 +25,6 @@ class Mismatch(ValueError):  # noqa: N818 - it names what happened
         self.code: ErrorCode = code
         self.rule = rule
         self.path = path
-        super().__init__(rule)
 
     def within(self, key: str) -> Mismatch:
         """Return the same fault as seen from the map or list that holds the value."""

@@ -86,9 +86,14 @@ def test_no_warning_is_lost_while_the_router_restarts(publisher: Publisher, rout
         assert [row.missed_warnings for row in listener.state.rows(0.0)] == [0]
 
 
-def test_the_silence_of_its_daemon_is_said(bridge: Any, publisher: Publisher) -> None:
-    publisher.send("status", fingers={}, streams={})
-    assert f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?" in bridge.stderr.readline()
+def test_the_silence_of_its_daemon_is_said_here_and_to_the_fleet(
+    bridge: Any, publisher: Publisher, router: Router
+) -> None:
+    with session(router.endpoint) as here:
+        listener = FleetListener(here, "plant")
+        wait_for_state(listener, "live", publisher)
+        assert f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?" in bridge.stderr.readline()
+        wait_for_state(listener, "silent")
 
 
 @pytest.mark.usefixtures("bridge")
