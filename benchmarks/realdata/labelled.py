@@ -24,7 +24,7 @@ from realdata.score import AHEAD_S, NEAR_S, overlap_s
 from realdata.truth import Span, spans_where
 
 from slipd.errors import SlipdError
-from slipd.recording.reader import open_recording
+from slipd.recording.reader import EventGaps, open_recording
 from slipd.recording.replay import replay
 from slipd.tools.evaluation.config_run import level_spans
 from slipd.tools.recordings.imported_run import START_NS
@@ -38,7 +38,7 @@ def score_trial(trial: TaxelTrial, config_text: str) -> dict[str, np.ndarray]:
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / "trial.mcap"
         import_taxels(trial, path, config_text)
-        reported = [span for spans in level_spans(replay(open_recording(path))).values() for span in spans]
+        reported = [span for spans in level_spans(replay(open_recording(path)), EventGaps()).values() for span in spans]
     slips = spans_where(trial.time_s, trial.slips)
     slip_s = sum(slip.seconds for slip in slips)
     other_s = float(trial.time_s[-1]) - slip_s

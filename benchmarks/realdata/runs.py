@@ -14,7 +14,7 @@ from project import CONFIG, DATA
 from realdata.score import Course, Score, oracle, score, tremor
 from realdata.truth import PUSHED_N, Motion, Span, motion
 
-from slipd.recording.reader import open_recording
+from slipd.recording.reader import EventGaps, open_recording
 from slipd.recording.replay import replay
 from slipd.tools.evaluation.config_run import LevelSpan, level_spans
 from slipd.tools.recordings.imported_run import START_NS
@@ -70,7 +70,7 @@ def _measure(folder: Path, row: dict[str, str], text: str) -> Run:
     pushes = read_pushes(source)
     moved, course = motion(pushes), _course(messages)
     pressed = [_is_pressed(pushes, rest, clear_s) for rest in moved.rests]
-    spans = level_spans(messages)[FINGER]
+    spans = level_spans(messages, EventGaps())[FINGER]
     scores = {name: score(moved, _reports(spans, levels), pressed) for name, levels in LEVELS.items()}
     for name, signal in (("load", course.required), ("tremor of the load", tremor(course))):
         scores[f"oracle: best limit on the {name}"] = oracle(moved, course.time_s, signal, pressed)

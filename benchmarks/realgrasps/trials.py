@@ -11,7 +11,7 @@ from pathlib import Path
 from realgrasps.labels import Label, read_labels
 from realgrasps.score import Trial, score
 
-from slipd.recording.reader import open_recording
+from slipd.recording.reader import EventGaps, open_recording
 from slipd.recording.replay import replay
 from slipd.tools.evaluation.config_run import level_spans
 from slipd.tools.recordings.grips_import import import_trial
@@ -44,4 +44,4 @@ def _play(folder: Path, config_text: str, tare_rows: int, label: Label) -> Trial
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / f"{label.name}.mcap"
         import_trial(folder / label.name, path, config_text, tare_rows)
-        return score(label, level_spans(replay(open_recording(path))))
+        return score(label, level_spans(replay(open_recording(path)), EventGaps()))
