@@ -104,6 +104,12 @@ def set_of(*path: str, **values: Any) -> Change:
     return change
 
 
+def recorded(state: dict[str, Any]) -> None:
+    """A recording begins with this state of its own run, and does not hold the name of the device."""
+    state["boot"] = BOOT
+    set_of("tares", "left.wrench", device="S/N 7")(state)
+
+
 def keeps(**expected: Any) -> Step:
     """Check the grip that a run keeps."""
 
@@ -219,6 +225,9 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     ),
     "a stored zero is not used where its device never reports that it is the one": (
         "held", [restart(*RESUMED, zero(None), change=set_of("tares", "left.wrench", device="S/N 7"))],
+    ),
+    "a recording that began during a run has the zero of a device that told its name before": (
+        "held", [restart(*RESUMED, zero("measured"), change=recorded)],
     ),
     "a stored zero is kept while no device answers, and gives way to one of this run": (
         "held",
