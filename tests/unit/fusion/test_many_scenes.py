@@ -9,8 +9,8 @@ from chart.scenes import FAMILIES
 
 pytestmark = pytest.mark.statistics
 
-SCENES = 9_000
-EVERY = 301
+SCENES = 4_500
+EVERY = 151
 """One round of the families in so many is checked; odd, so that the checked ones are of both senses."""
 
 CHECKED_OF_EACH_FAMILY = 2
