@@ -95,9 +95,8 @@ class RequestProtocol(abc.ABC):
         self._lease: LeaseKeeper | None = None
         self._lease_slot = threading.Lock()
         self._boot: str | None = None  # the daemon's run, once ``hello`` was answered
-        self._lease_asked_ns = (
-            0  # when the newest request for the client's own lease left; no greeting before it counts
-        )
+        # when the newest request for the client's own lease left; no greeting before it counts
+        self._lease_asked_ns = 0
         self._unreadable = ""
         self._prefix = os.urandom(8).hex()
         self._numbers = itertools.count(1)

@@ -104,7 +104,7 @@ def time_s(text: str) -> float:
 
 
 def file_in(ending: str, more: str = "") -> Callable[[str], Path]:
-    """Return what returns the path of a file with this ending; its error says more."""
+    """Return a type of arguments: the path of a file with this ending; ``more`` is appended to its error."""
 
     def path(text: str) -> Path:
         if not text.endswith(ending):

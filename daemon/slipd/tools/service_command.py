@@ -45,7 +45,7 @@ def install(root: Path, program: Path | None = None, *, system: bool) -> None:
         system: For all users; else for this user.
 
     Raises:
-        SlipdError: A file cannot be written, the unit there is none of slipd, or systemd could not start the program.
+        SlipdError: A file cannot be written, the existing unit is not slipd's, or systemd could not start the program.
     """
     program = program or own_program()
     hidden = [program.resolve(), Path(sys.executable).resolve()] if root == Path("/") else []
