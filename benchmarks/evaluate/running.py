@@ -90,12 +90,10 @@ class Tape:
         self.text = text
         self.heard: list[Heard] = []
 
-    def event(self, n: int, t_ns: int, event: Event) -> None:
-        """Keep an event."""
-        self.events.append((t_ns, event))
-
-    def published(self, n: int, t_ns: int, topic: str, payload: bytes) -> None:
-        """Ignore a message."""
+    def add(self, n: int, t_ns: int, topic: str, content: Event | bytes) -> None:
+        """Keep an event; ignore a message."""
+        if not isinstance(content, bytes):
+            self.events.append((t_ns, content))
 
     def play(self, text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
         """Yield when each message of an engine with a config leaves it, ns, its topic and its body."""

@@ -153,9 +153,9 @@ class WrenchStream(Timer):
     def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
         """Yield the time of each reading due by ``t_ns``, and its force and torque, shape (6,)."""
         for taken_ns in self.times(t_ns):
-            yield taken_ns, self._ideal + self._next_noise()
+            yield taken_ns, self._ideal + self.next_noise()
 
-    def _next_noise(self) -> Array:
+    def next_noise(self) -> Array:
         """Return the noise of one reading; drawn in blocks, because a draw costs as much as a block of some hundred."""
         if not self._noise:
             self._noise = [*self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))][::-1]
