@@ -11,12 +11,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from slipd_client.errors import CallError
 from slipd_client.paths import publish_endpoint, requests_endpoint
 
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
 
 DEFAULT_LISTEN = "127.0.0.1:8710"
+
+LARGEST_DOMAIN = 232
+"""The ports of a larger one would exceed 65535."""
+
 
 _LISTEN = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^:\[\]\s]+):(?P<port>\d{1,5})")
 _HOST = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^:\[\]\s/@]+)(:\d{1,5})?")
@@ -139,6 +144,17 @@ def finite(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"must be finite, got {text}")
     return value
+
+
+def check_domain(text: str, name: str) -> int:
+    """Return the id of a domain; ``name`` says where it stands.
+
+    Raises:
+        CallError: It is no such id.
+    """
+    if not (text.isascii() and text.isdigit() and int(text) <= LARGEST_DOMAIN):
+        raise CallError(f"{name} must be an integer from 0 to {LARGEST_DOMAIN}, got {text!r:.40}")
+    return int(text)
 
 
 def matching(pattern: str, rule: str) -> Callable[[str], str]:

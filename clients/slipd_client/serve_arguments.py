@@ -8,12 +8,11 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.arguments import DEFAULT_LISTEN, Add, finite, matching, number_in, parse_listen, rate_hz
+from slipd_client.arguments import DEFAULT_LISTEN, Add, check_domain, finite, matching, number_in, parse_listen, rate_hz
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_keys import check_name
 from slipd_client.messages.schema.topics import TOPICS
 from slipd_client.ros.conversion import NAMESPACE, TRANSFORMS_TOPIC
-from slipd_client.ros2.ros_environment import check_domain
 
 FOXGLOVE_LISTEN = "127.0.0.1:8765"
 """The port that Foxglove proposes."""

@@ -19,8 +19,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from slipd_client.ros2.dds import dds_topic_name, encoded_type
-from slipd_client.ros2.ros_environment import ros_environment
+from slipd_client.ros2.dds import dds_topic_name, encoded_type, ros_environment
 
 
 class Heard(NamedTuple):

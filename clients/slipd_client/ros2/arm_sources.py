@@ -6,19 +6,11 @@ from collections.abc import Iterator
 from typing import Any, Union
 
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.qos import Policy, Qos
-from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
 
 from slipd_client.quaternions import Quaternion, Vector
-from slipd_client.ros.conversion import TYPES
-from slipd_client.ros.ros_types import type_hash
-from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S, ArmReading, ImuMotion, PoseMotion, stamp_of
-from slipd_client.ros2.dds import dds_topic_name, decoded_type
-from slipd_client.ros2.orientation import ImuOrientation, OrientationUnknown, TransformTree
-
-DEPTH = 100
-"""Longest queue of received messages."""
+from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S, ArmReading, ImuMotion, PoseMotion
+from slipd_client.ros2.dds import ros_reader, taken
+from slipd_client.ros2.orientation import ImuOrientation, OrientationUnknown, TransformTree, stamp_of
 
 TOO_SLOW = "{} has too few new stamps within {:g} s to derive the motion: {}"
 
@@ -121,31 +113,3 @@ class Imu:
 
 
 ArmSource = Union[Transforms, Imu]
-
-
-def ros_reader(
-    participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False, reliable: bool = False
-) -> DataReader[Any]:
-    """Return a reader of a topic.
-
-    Args:
-        participant: Of the domain.
-        topic: The topic.
-        kind: Its type, "package/Name".
-        latched: Receive the messages from before too, from publishers that keep them.
-        reliable: Lose none, from publishers that send again what was lost; so does ``latched``.
-    """
-    lossless = Policy.Reliability.Reliable(max_blocking_time=0)
-    qos = Qos(
-        lossless if reliable or latched else Policy.Reliability.BestEffort,
-        Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
-        Policy.History.KeepLast(DEPTH),
-        Policy.DataRepresentation(use_cdrv0_representation=True),
-        Policy.Userdata(f"typehash={type_hash(kind, TYPES)};".encode()),
-    )
-    return DataReader(participant, Topic(participant, dds_topic_name(topic), decoded_type(kind)), qos)
-
-
-def taken(reader: DataReader[Any]) -> list[Any]:
-    """Return the messages that have arrived, without the sample that reports the end of their last publisher."""
-    return [sample for sample in reader.take(DEPTH) if sample.sample_info.valid_data]

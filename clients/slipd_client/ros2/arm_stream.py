@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from slipd_client.quaternions import STANDARD_DOWN, Quaternion, Vector, conjugate, cross, plus, product, rotated
-from slipd_client.ros2.orientation import OrientationUnknown, Pose, vector
+from slipd_client.ros2.orientation import OrientationUnknown, Pose, stamp_of, vector
 
 POSE_SPAN_S = 0.04
 """Span of poses, s. The acceleration has about 0.01 m/s² noise for each micrometre of the positions' at 250 Hz."""
@@ -150,11 +150,6 @@ class ImuMotion:
         turning = cross(velocity, cross(velocity, self._place_m))
         here = plus((-fx, -fy, -fz), plus(cross(acceleration, self._place_m), turning))
         return ArmReading(self._span.middle_ns, here, velocity, acceleration)
-
-
-def stamp_of(message: Any) -> int:
-    """Return the time in the header of a message, ns."""
-    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
 
 
 def clock_offset_ns(arrived_ns: int, wall_ns: int, now_ns: int) -> int:

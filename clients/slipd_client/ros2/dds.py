@@ -1,4 +1,6 @@
-"""ROS 2 topics over Cyclone DDS: names and types as ROS 2 has them in DDS, and a writer for each topic.
+"""ROS 2 over Cyclone DDS: where nodes are looked for, names and types as ROS 2 has them in DDS, writers and readers.
+
+ROS's own environment variables become the same configuration of Cyclone DDS that ``rmw_cyclonedds`` makes of them.
 
 Every topic is reliable, as REP 2003 asks of publishers of sensor data: subscribers may be reliable or best effort. A
 write never waits: a reliable subscriber that is too slow receives the last messages, and delays nobody.
@@ -6,19 +8,114 @@ write never waits: a reliable subscriber that is too slow receives the last mess
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 from cyclonedds.core import DDSException
-from cyclonedds.domain import DomainParticipant
+from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import make_idl_struct, types
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
+from slipd_client.arguments import check_domain
+from slipd_client.errors import CallError
 from slipd_client.ros.conversion import TYPES, RosMessage, encode
 from slipd_client.ros.ros_types import RosField, type_hash
+
+RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+_NO_MULTICAST = "<General><AllowMulticast>false</AllowMulticast></General>"
+_LOOPBACK = '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>'
+
+
+class RosEnvironment(NamedTuple):
+    """Domain and configuration.
+
+    Attributes:
+        domain: Id of the domain.
+        configuration: Fragments of XML, joined by commas, with those of ``CYCLONEDDS_URI`` last; "" for the defaults.
+        warning: What will keep nodes from being found; "" where nothing is known.
+    """
+
+    domain: int
+    configuration: str
+    warning: str
+
+
+def ros_environment(variables: Mapping[str, str], domain: int | None = None) -> RosEnvironment:
+    """Return the domain and its configuration.
+
+    Args:
+        variables: Environment variables.
+        domain: Id of the domain; None: that of ``ROS_DOMAIN_ID``, or 0.
+
+    Raises:
+        CallError: A variable has a value that ROS does not know.
+    """
+    parts = [*_fragments(variables), *filter(None, [variables.get("CYCLONEDDS_URI", "").strip()])]
+    if domain is None:
+        domain = check_domain(variables.get("ROS_DOMAIN_ID", "").strip() or "0", "ROS_DOMAIN_ID")
+    return RosEnvironment(domain, ",".join(parts), _warning(variables))
+
+
+def _fragments(variables: Mapping[str, str]) -> Iterator[str]:
+    reach = variables.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip().upper() or "SUBNET"
+    if reach not in RANGES:
+        raise CallError(f"ROS_AUTOMATIC_DISCOVERY_RANGE must be one of {', '.join(RANGES)}, got {reach!r:.40}")
+    peers = [peer.strip() for peer in variables.get("ROS_STATIC_PEERS", "").split(";") if peer.strip()]
+    if variables.get("ROS_LOCALHOST_ONLY", "").strip() == "1":  # of Humble; it outranks the others in Jazzy
+        yield _within_domain(_LOOPBACK)
+        yield _within_domain(_NO_MULTICAST + _peers(["localhost"]))
+    elif reach == "LOCALHOST":
+        yield _within_domain(_NO_MULTICAST + _peers(["localhost", *peers]))
+    elif reach == "OFF":
+        yield _within_domain(_NO_MULTICAST + "<Discovery><ParticipantIndex>none</ParticipantIndex></Discovery>")
+    elif reach == "SUBNET" and peers:
+        yield _within_domain(_peers(peers))
+
+
+def _peers(addresses: Iterable[str]) -> str:
+    peers = "".join(f"<Peer address={quoteattr(address)}/>" for address in addresses)
+    return (
+        "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+        f"<Peers>{peers}</Peers></Discovery>"
+    )
+
+
+def _within_domain(xml: str) -> str:
+    return f"<CycloneDDS><Domain>{xml}</Domain></CycloneDDS>"
+
+
+def _warning(variables: Mapping[str, str]) -> str:
+    middleware = variables.get("RMW_IMPLEMENTATION", "")
+    if "zenoh" in middleware:
+        return f"RMW_IMPLEMENTATION is {middleware}: its nodes do not speak DDS, and will not see these topics"
+    if variables.get("ROS_SECURITY_ENABLE", "").lower() == "true":
+        return "ROS_SECURITY_ENABLE is true: slipctl has no keys for SROS 2, and nodes that enforce security ignore it"
+    return ""
+
+
+@contextlib.contextmanager
+def joined(environment: RosEnvironment) -> Iterator[DomainParticipant]:
+    """Join the domain while the block runs.
+
+    Raises:
+        CallError: DDS cannot start.
+    """
+    try:
+        domain = Domain(environment.domain, environment.configuration) if environment.configuration else None
+        participant = DomainParticipant(environment.domain)
+    except DDSException as error:
+        raise CallError(
+            f"DDS cannot start in domain {environment.domain}: {error}; check CYCLONEDDS_URI and the network"
+        ) from error
+    yield participant
+    del participant, domain  # the participant first: Cyclone DDS ends a domain with all that is in it
+
 
 _PRIMITIVES: dict[str, Any] = {
     "bool": bool,
@@ -135,3 +232,35 @@ class RosPublisher:
         )
         self._writers[message.topic] = DataWriter(self._participant, topic, qos)
         return self._writers[message.topic]
+
+
+RECEIVED = 100
+"""Longest queue of received messages."""
+
+
+def ros_reader(
+    participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False, reliable: bool = False
+) -> DataReader[Any]:
+    """Return a reader of a topic.
+
+    Args:
+        participant: Of the domain.
+        topic: The topic.
+        kind: Its type, "package/Name".
+        latched: Receive the messages from before too, from publishers that keep them.
+        reliable: Lose none, from publishers that send again what was lost; so does ``latched``.
+    """
+    lossless = Policy.Reliability.Reliable(max_blocking_time=0)
+    qos = Qos(
+        lossless if reliable or latched else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(RECEIVED),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.Userdata(f"typehash={type_hash(kind, TYPES)};".encode()),
+    )
+    return DataReader(participant, Topic(participant, dds_topic_name(topic), decoded_type(kind)), qos)
+
+
+def taken(reader: DataReader[Any]) -> list[Any]:
+    """Return the messages that have arrived, without the sample that reports the end of their last publisher."""
+    return [sample for sample in reader.take(RECEIVED) if sample.sample_info.valid_data]

@@ -25,7 +25,7 @@ class _Link(NamedTuple):
     parent: str
     rotation: Quaternion
     translation_m: Vector
-    stamp: tuple[int, int]
+    stamp_ns: int
     since_s: float
 
 
@@ -65,10 +65,10 @@ class TransformTree:
         child, parent = transform.child_frame_id, transform.header.frame_id
         rotation = unit(transform.transform.rotation, f"the transform from {parent!r} to {child!r}")
         translation_m = vector(transform.transform.translation)
-        stamp = (transform.header.stamp.sec, transform.header.stamp.nanosec)
+        stamp_ns = stamp_of(transform)
         before = self._links.get(child)
-        if static or before is None or before.parent != parent or before.stamp != stamp:
-            self._links[child] = _Link(parent, rotation, translation_m, stamp, math.inf if static else now_s)
+        if static or before is None or before.parent != parent or before.stamp_ns != stamp_ns:
+            self._links[child] = _Link(parent, rotation, translation_m, stamp_ns, math.inf if static else now_s)
 
     def orientation(self, base: str, frame: str, now_s: float) -> Quaternion:
         """Return the orientation of a frame in ``base``, which is above it in the tree.
@@ -93,13 +93,12 @@ class TransformTree:
             position_m = plus(link.translation_m, rotated(link.rotation, position_m))
             rotation = product(link.rotation, rotation)
             if link.since_s != math.inf:
-                stamps.add(link.stamp)
+                stamps.add(link.stamp_ns)
         if len(stamps) != 1:
             raise OrientationUnknown(
                 f"the transforms from {frame!r} up to {base!r} must move and have one stamp, got {len(stamps)}"
             )
-        (sec, nanosec) = stamps.pop()
-        return Pose(sec * 10**9 + nanosec, position_m, rotation)
+        return Pose(stamps.pop(), position_m, rotation)
 
     def _chain(self, base: str, frame: str, now_s: float) -> Iterator[_Link]:
         """Yield the transforms from a frame up to ``base``."""
@@ -135,7 +134,7 @@ class ImuOrientation:
         self._topic = topic
         self._mount = mount
         self._gripper = IDENTITY
-        self._stamp: tuple[int, int] | None = None
+        self._stamp_ns: int | None = None
         self._since_s = -math.inf
 
     def add(self, imu: Any, now_s: float) -> None:
@@ -154,9 +153,8 @@ class ImuOrientation:
                 "estimates it"
             )
         orientation = unit(imu.orientation, f"the orientation of {self._topic}")
-        stamp = (imu.header.stamp.sec, imu.header.stamp.nanosec)
-        if stamp != self._stamp:
-            self._stamp, self._since_s = stamp, now_s
+        if (stamp_ns := stamp_of(imu)) != self._stamp_ns:
+            self._stamp_ns, self._since_s = stamp_ns, now_s
             self._gripper = product(orientation, conjugate(self._mount))
 
     def orientation(self, now_s: float) -> Quaternion:
@@ -165,11 +163,16 @@ class ImuOrientation:
         Raises:
             OrientationUnknown: No orientation has arrived, or the newest is stale.
         """
-        if self._stamp is None:
+        if self._stamp_ns is None:
             raise OrientationUnknown(f"no message has come on {self._topic}")
         if now_s - self._since_s > STALE_S:
             raise OrientationUnknown(f"{self._topic} is silent for more than {STALE_S:g} s, or repeats one stamp")
         return self._gripper
+
+
+def stamp_of(message: Any) -> int:
+    """Return the time in the header of a message, ns."""
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
 
 
 def unit(rotation: Any, what: str) -> Quaternion:

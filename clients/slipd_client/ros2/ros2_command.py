@@ -8,11 +8,10 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from cyclonedds.core import DDSException
-from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.domain import DomainParticipant
 
 from slipd_client.errors import CallError, Silence
 from slipd_client.gravity_feed import UNIT_TOLERANCE
@@ -33,14 +32,11 @@ from slipd_client.ros.conversion import (
     stale_diagnostics,
 )
 from slipd_client.ros.slipd_types import time_of
-from slipd_client.ros2.arm_feed import ArmFeed, arm_port
-from slipd_client.ros2.arm_sources import ArmSource, Imu, Transforms, ros_reader
+from slipd_client.ros2.arm_sources import ArmSource, Imu, Transforms
 from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S
-from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.orientation_feed import OrientationFeed, RosFeed
-from slipd_client.ros2.plan_check import PLAN, PlanCheck
-from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
-from slipd_client.ros2.speed_scaling import SpeedScaling
+from slipd_client.ros2.dds import RosPublisher, joined, ros_environment, ros_reader
+from slipd_client.ros2.feeds import ArmFeed, OrientationFeed, RosFeed, arm_port
+from slipd_client.ros2.motion_advice import PLAN, PlanCheck, SpeedScaling
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
 from slipd_client.topic_limit import TopicLimit
@@ -126,7 +122,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     pads = None if chosen.config is None else pads_of(chosen.config)
     with contextlib.ExitStack() as stack:
         subscriber = stack.enter_context(Subscriber(chosen.publish, ("",), keys=keys))
-        participant = stack.enter_context(_joined(environment))
+        participant = stack.enter_context(joined(environment))
         feed: RosFeed | None = None
         if pads is not None and (chosen.imu or chosen.orientation_from):
             source = _source(participant, chosen)
@@ -203,20 +199,6 @@ def _check(chosen: argparse.Namespace) -> None:
             raise CallError(f"{name} belongs to --imu")
     if chosen.imu_mount is not None and abs((length := math.hypot(*chosen.imu_mount)) - 1.0) > UNIT_TOLERANCE:
         raise CallError(f"--imu-mount must be a unit quaternion x y z w, got one of length {length:.4g}")
-
-
-@contextlib.contextmanager
-def _joined(environment: RosEnvironment) -> Iterator[DomainParticipant]:
-    """Join the domain while the block runs."""
-    try:
-        domain = Domain(environment.domain, environment.configuration) if environment.configuration else None
-        participant = DomainParticipant(environment.domain)
-    except DDSException as error:
-        raise CallError(
-            f"DDS cannot start in domain {environment.domain}: {error}; check CYCLONEDDS_URI and the network"
-        ) from error
-    yield participant
-    del participant, domain  # the participant first: Cyclone DDS ends a domain with all that is in it
 
 
 def _source(participant: DomainParticipant, chosen: argparse.Namespace) -> ArmSource:

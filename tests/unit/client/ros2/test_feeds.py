@@ -29,11 +29,10 @@ from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.quaternions import IDENTITY, Quaternion
 from slipd_client.ros.conversion import RosMessage
-from slipd_client.ros2 import orientation_feed
-from slipd_client.ros2.arm_feed import ArmFeed, ArmPort, arm_port
+from slipd_client.ros2 import feeds
 from slipd_client.ros2.arm_sources import Imu
 from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.orientation_feed import OrientationFeed, RosFeed
+from slipd_client.ros2.feeds import ArmFeed, ArmPort, OrientationFeed, RosFeed, arm_port
 
 PADS = """
 [grasp.pads.left]
@@ -245,7 +244,7 @@ def test_an_imu_that_is_restarted_is_used_again() -> None:
 def test_a_failure_that_lasts_is_told_once_and_so_is_its_end(
     stepped: Callable[[Any], Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    clock, feed = stepped(orientation_feed), RosFeed("motion")
+    clock, feed = stepped(feeds), RosFeed("motion")
     for seconds, level, why in (
         *((0, Health.OK, ""), (3, Health.STALE, "a"), (1, Health.STALE, "a"), (1, Health.STALE, "a")),
         *((1, Health.ERROR, "b"), (1, Health.OK, ""), (1, Health.OK, ""), (2, Health.STALE, "a")),

@@ -16,15 +16,13 @@ from scipy.spatial.transform import Rotation
 from slipd_client.errors import NoAnswer
 from slipd_client.messages.schema.replies import MotionReply, typed_reply
 from slipd_client.ros.conversion import RosMessage
-from slipd_client.ros2.planned_motion import PlanError, points_of
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 
 from ros_graph import free_domain, joined
 
-from slipd_client.ros2.arm_sources import ros_reader, taken
-from slipd_client.ros2.dds import RosPublisher
-from slipd_client.ros2.plan_check import PLAN, PlanCheck
+from slipd_client.ros2.dds import RosPublisher, ros_reader, taken
+from slipd_client.ros2.motion_advice import PLAN, PlanCheck, PlanError, points_of
 
 DOWN_MPS2 = np.array([0.0, 0.0, -9.80665])
 AXIS = np.array([0.6, 0.0, 0.8])

@@ -1,11 +1,16 @@
-"""Pushes the arm's motion that ROS nodes publish to the daemon, as the stream ``[grasp.arm]`` of its config."""
+"""Sends the daemon what ROS nodes report of the arm: its motion, as the stream ``[grasp.arm]``, or its orientation.
+
+A feed is a thread beside the messages of ``slipctl serve ros2``. Its state is an entry of ``/diagnostics``.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
+import sys
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import zmq
@@ -13,13 +18,111 @@ from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.util import duration
 
-from slipd_client.errors import CallError
+from slipd_client.errors import CallError, ClientError
+from slipd_client.gravity_feed import OBSTACLE_S, PERIOD_S, gravity_of
+from slipd_client.grip import GripClient
 from slipd_client.messages.codec import encode
 from slipd_client.messages.names import Health
+from slipd_client.quaternions import product
+from slipd_client.ros.conversion import Entry, entry
 from slipd_client.ros2.arm_sources import ArmSource
 from slipd_client.ros2.arm_stream import ArmReading, clock_offset_ns
 from slipd_client.ros2.orientation import STALE_S, OrientationUnknown
-from slipd_client.ros2.orientation_feed import RosFeed
+
+
+class Background(threading.Thread):
+    """A daemon thread that runs until `stop`.
+
+    Args:
+        name: What it does.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name=name, daemon=True)
+        self._ended = threading.Event()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self.join()
+
+
+class RosFeed(Background):
+    """Sends the daemon what ROS reports of the arm, and reports failures.
+
+    Args:
+        what: What is sent, for people.
+    """
+
+    def __init__(self, what: str) -> None:
+        super().__init__(what)
+        self._what = what
+        self._state = (Health.STALE, f"no {what} yet")
+        self._well_s = time.monotonic()
+        self._told = ""
+
+    @property
+    def entry(self) -> Entry:
+        """State of the feed, as an entry of ``/diagnostics``."""
+        level, why = self._state
+        return entry(f"{self._what} from ROS", level, why, "", {})
+
+    def run(self) -> None:
+        """Send until `stop`."""
+        while not self._wait():
+            try:
+                self._state = self._send()
+            except Exception as error:  # a message that cannot be decoded, for example; the next one may be well
+                self._state = (Health.ERROR, f"{type(error).__name__}: {error}")
+            self._tell(*self._state)
+
+    def _wait(self) -> bool:
+        """Wait until there is something to send; return whether the feed has ended."""
+        return self._ended.wait(PERIOD_S)
+
+    def _send(self) -> tuple[Health, str]:
+        """Send what is new; return the state and the reason for it."""
+        raise NotImplementedError
+
+    def _tell(self, level: Health, why: str) -> None:
+        """Print a failure that has lasted for a while, and its end."""
+        now_s = time.monotonic()
+        if level is Health.OK:
+            self._well_s = now_s
+            if self._told:
+                print(f"slipctl: the {self._what} is sent again", file=sys.stderr, flush=True)
+            self._told = ""
+        elif why != self._told and now_s - self._well_s > OBSTACLE_S:
+            print(f"slipctl: no {self._what} is sent: {why}", file=sys.stderr, flush=True)
+            self._told = why
+
+
+class OrientationFeed(RosFeed):
+    """Sends the orientation while it is known; the daemon forgets it 0.25 s after the last one.
+
+    Args:
+        client: Sends the requests, from this thread alone.
+        source: Where the orientation comes from.
+        pads: Orientation of each pad in the gripper's frame.
+    """
+
+    def __init__(self, client: GripClient, source: ArmSource, pads: Mapping[str, Sequence[float]]) -> None:
+        super().__init__("orientation")
+        self._client, self._source, self._pads = client, source, pads
+
+    def _send(self) -> tuple[Health, str]:
+        try:
+            gripper = self._source.orientation(time.monotonic())
+        except OrientationUnknown as error:
+            return Health.STALE, str(error)
+        refused: ClientError | None = None
+        for finger, pad in self._pads.items():
+            try:
+                self._client.gravity_set(finger, gravity_of(product(gripper, pad)))
+            except ClientError as error:
+                refused = error
+        return (Health.OK, "") if refused is None else (Health.ERROR, str(refused))
+
 
 LOOK_S = 0.05
 """Longest wait for a message before the feed checks whether it has ended, s."""

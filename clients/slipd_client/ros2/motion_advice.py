@@ -1,18 +1,108 @@
-"""Planned motions of the gripper from ROS, as points for ``motion.check``. Pure: no ROS, no DDS, no clock.
+"""What the grip holds, for ROS: a speed scale for controllers, and answers to planned motions of the gripper.
 
-A plan is a ``trajectory_msgs/MultiDOFJointTrajectory``: poses of the gripper in a frame whose Z points up, with or
-without velocities and accelerations.
+The scale is that of trajectory controllers of ``ros2_control``, ``control_msgs/SpeedScalingFactor``. A plan is a
+``trajectory_msgs/MultiDOFJointTrajectory``: poses of the gripper in a frame whose Z points up, with or without
+velocities and accelerations. Its answer says whether the grip holds it, and how far it must slow down.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
+from cyclonedds.sub import DataReader
+
+from slipd_client.errors import SlipdClientError
+from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.request_fields import MOST_POINTS
-from slipd_client.motion import point_of
+from slipd_client.motion import MotionAdvisorBase, point_of
+from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros.slipd_types import CHECKED, motion_check
 from slipd_client.ros2.arm_stream import POSE_SPAN_S, PoseMotion
+from slipd_client.ros2.dds import taken
+from slipd_client.ros2.feeds import Background
 from slipd_client.ros2.orientation import OrientationUnknown, Pose, unit, vector
+
+PERIOD_S = 0.05
+"""Time between two messages, s: half of that between two messages of slipd, so that stale advice ends soon."""
+
+
+class SpeedScaling(Background):
+    """Publishes the scale, and the floor while the scale is not known.
+
+    A controller keeps the last factor that it received. So the end of this thread leaves the floor in force.
+
+    Args:
+        publish: Sends a ROS message.
+        topic: Topic of the controller: its name and ``speed_scaling_input``.
+        advisor: Receives the advice, in this thread alone.
+        floor: 0 to less than 1; 0 pauses the arm while the scale is not known.
+    """
+
+    def __init__(
+        self, publish: Callable[[RosMessage], None], topic: str, advisor: MotionAdvisorBase, floor: float
+    ) -> None:
+        super().__init__("speed scaling")
+        self._publish, self._topic, self._advisor, self._floor = publish, topic, advisor, floor
+
+    def run(self) -> None:
+        """Publish until `stop`."""
+        try:
+            while not self._ended.wait(PERIOD_S):
+                scale = self._advisor.speed_scale(self._floor)
+                self._send(self._floor if scale is None else scale)
+        finally:
+            self._send(self._floor)
+
+    def _send(self, factor: float) -> None:
+        self._publish(RosMessage(self._topic, "control_msgs/SpeedScalingFactor", {"factor": factor}))
+
+
+PLAN = "trajectory_msgs/MultiDOFJointTrajectory"
+LOOK_S = 0.02
+"""Time between two looks for plans, s."""
+
+
+class PlanCheck(Background):
+    """Answers each plan with a `slipd_msgs/MotionCheck` that has the header of the plan.
+
+    Args:
+        reader: Receives the plans.
+        publish: Sends a ROS message.
+        topic: Topic of the answers.
+        check: Asks the daemon about points, from this thread alone.
+        base: Frame of the plans, whose Z points up.
+        hand: Frame of the robot that is the gripper's frame.
+    """
+
+    def __init__(
+        self,
+        reader: DataReader[Any],
+        publish: Callable[[RosMessage], None],
+        topic: str,
+        check: Callable[[list[list[float]]], MotionReply],
+        base: str,
+        hand: str,
+    ) -> None:
+        super().__init__("check of planned motions")
+        self._reader, self._publish, self._topic, self._check = reader, publish, topic, check
+        self._base, self._hand = base, hand
+
+    def run(self) -> None:
+        """Answer until `stop`."""
+        while not self._ended.wait(LOOK_S):
+            for plan in taken(self._reader):
+                stamp = {"sec": plan.header.stamp.sec, "nanosec": plan.header.stamp.nanosec}
+                header = {"stamp": stamp, "frame_id": plan.header.frame_id}
+                self._publish(RosMessage(self._topic, CHECKED, motion_check(header, self._answer(plan))))
+
+    def _answer(self, plan: Any) -> Mapping[str, Any]:
+        try:
+            return self._check(points_of(plan, self._base, self._hand))
+        except (PlanError, SlipdClientError) as error:
+            return {"unknown": str(error)}
+
 
 SPAN_NS = round(POSE_SPAN_S * 1e9)
 LONGEST_STEP_NS = SPAN_NS // 2
