@@ -17,7 +17,7 @@ from slipd.config import parse, shipped
 from slipd.devices.external import encode_reading
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Tick
-from slipd.grasp.object_state import ObjectState
+from slipd.grasp.object_estimate import ObjectState
 from slipd.tools.sim.carry_program import carry_config
 from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, carried_rig
 from slipd.types.arrays import Array

@@ -12,7 +12,7 @@ from slipd.devices import bota
 from slipd.events import RecordingChanged
 from slipd.finger.freshness import Lateness
 from slipd.grasp.grasp_view import NamedObject
-from slipd.gripper.no_gripper import NoGripper
+from slipd.gripper.grip_policy import NoGripper
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.link_health import link_condition
 from slipd.publish.message_sequencer import MessageSequencer

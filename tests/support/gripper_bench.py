@@ -12,8 +12,7 @@ from engine_rig import GRIPPER, LEFT
 from slipd import config
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
-from slipd.types.permit import Permit
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Permit, Refusal
 from slipd.types.samples import GripperSample
 
 MS = 1_000_000

@@ -9,8 +9,7 @@ from typing import Any
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge
-from slipd.types.permit import Permit
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Permit, Refusal
 
 LIMITS = GripLimits(min_n=3.0, max_n=25.0, step_n=2.0, raise_n_per_s=10.0, lower_n_per_s=2.0, budget_n=12.0)
 READY = GripperState(

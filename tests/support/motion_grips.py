@@ -20,7 +20,7 @@ from slipd.fusion.levels import Uncertainty
 from slipd.grasp.grasp_view import Place
 from slipd.grasp.motion_advice import LOOK_NS, MotionAdvice
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
-from slipd.grasp.object_state import ObjectState
+from slipd.grasp.object_estimate import ObjectState
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 

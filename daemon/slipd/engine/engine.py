@@ -37,15 +37,14 @@ from slipd.grasp.arm_motion import make_arm_motion
 from slipd.grasp.grasp_view import GraspView, NamedObject
 from slipd.grasp.held_object import make_held_object
 from slipd.grasp.motion_advice import MotionAdvice
+from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
-from slipd.gripper.no_gripper import NoGripper
 from slipd.gripper.reflex import make_reflex_controller
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
-from slipd.publish.grasp_messages import GraspPublisher, GripperPublisher
+from slipd.publish.grasp_messages import GraspPublisher, GripperPublisher, MotionPublisher
 from slipd.publish.message_sequencer import MessageSequencer, Pace
-from slipd.publish.motion_messages import MotionPublisher
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState

@@ -8,11 +8,10 @@ from slipd.config import Grasp, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
+from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.gripper.no_gripper import NoGripper
 from slipd.motion.evidence import Evidence, MotionRisk
-from slipd.motion.outside_motion import OutsideMotion
-from slipd.motion.width_change import WidthChange
+from slipd.motion.object_motion import OutsideMotion, WidthChange
 from slipd.types.samples import GripperSample, ObjectSample
 
 REPORTED_NS = 300_000_000

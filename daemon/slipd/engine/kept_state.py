@@ -15,8 +15,8 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.grasp.grasp_view import NamedObject
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
+from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.gripper.no_gripper import NoGripper
 from slipd.links.device_link import DeviceLink, Identity
 from slipd.signals.tare import Offset
 from slipd.types.arrays import finite_or_none

@@ -18,14 +18,13 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, in_newtons, stale_after_ns
 from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.contact_motion import ContactMotion
-from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
 from slipd.finger.freshness import PROMPT, Arrival, DelayedRead, Freshness, pop_served
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
-from slipd.finger.trust import Trust
+from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import LATE, PULLED

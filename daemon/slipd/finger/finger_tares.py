@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Refusal
 
 if TYPE_CHECKING:
     from slipd.finger.finger import Finger

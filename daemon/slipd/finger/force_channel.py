@@ -14,12 +14,11 @@ from slipd.finger.freshness import Arrival
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import PENDING, READING, UNTRUSTED, Rows, new_rows
 from slipd.fusion.streaming import move_to_pad
-from slipd.signals.averaging import Average
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FRESH_NS, FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
-from slipd.signals.tare import Tare
+from slipd.signals.tare import Average, Tare
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.types.samples import WrenchSample

@@ -19,10 +19,10 @@ from slipd.finger.pad_zero import PadZero
 from slipd.fusion import Contact, ContactShape, contact_shape
 from slipd.fusion.rows import UNTRUSTED as UNTRUSTED_PHASE
 from slipd.fusion.streaming import new_readings
-from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.pad import PadGeometry, taxel_wrench
+from slipd.signals.tare import LARGEST_READING
 from slipd.signals.taxel_health import FrozenImage, TaxelHealth
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED, TactileSample

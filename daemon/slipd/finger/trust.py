@@ -1,7 +1,7 @@
-"""Decide whether a finger's readings are trusted, and whether a grip may be raised or opened on them.
+"""What may be believed of a finger: whether something presses on its pad, and whether a grip may be raised on it.
 
-No raise on a stale sensor: a stall of the daemon excuses nothing, because a reading that it has not read, or reads
-late, may show something else.
+What is not known is None, never False. No raise on a stale sensor: a stall of the daemon excuses nothing, because a
+reading that it has not read, or reads late, may show something else.
 """
 
 from __future__ import annotations
@@ -12,6 +12,14 @@ from slipd.config import Stream
 from slipd.finger.force_channel import UNTRUSTED_FAULTS
 from slipd.finger.verdict import Verdict
 from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
+
+if TYPE_CHECKING:
+    from slipd.finger.finger import Finger
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, WEIGHT_UNKNOWN
+from slipd.signals.force_image_agreement import CLEAR
 
 if TYPE_CHECKING:
     from slipd.finger.finger import Finger
@@ -77,3 +85,94 @@ class Trust:
 def _oldest_ns(stream: Stream) -> int:
     """Return the greatest age of a reading on which a grip is raised, ns."""
     return round(1e9 * (max(OLDEST_S, OLDEST_PERIODS / stream.rate_hz) + stream.delay_s))
+
+
+class ContactPresence:
+    """Whether something presses on the pad of one finger.
+
+    Args:
+        finger: The finger.
+    """
+
+    def __init__(self, finger: Finger) -> None:
+        self._finger = finger
+        self._clear_n = CLEAR * finger.config.min_normal_n
+
+    def is_pressed(self) -> bool | None:
+        """Return whether something presses; None: unknown.
+
+        A force sensor that was never tared reads its own bias as a contact, so until then only the image counts.
+        """
+        finger, shown = self._finger, self.shown_by_image()
+        if shown or (finger.zero_known and finger.in_contact):
+            return True
+        state = finger.state
+        if not finger.zero_known:
+            return shown if state.verdict == UNTARED else None
+        return None if state.contact is None or state.verdict is WEIGHT_UNKNOWN else False
+
+    def is_pulled(self) -> bool:
+        """Return whether the normal force is clearly negative; the counts of a pad without a tare do not show that."""
+        finger = self._finger
+        return finger.state.verdict is PAD_PULLED and (finger.force is not None or finger.zero_known)
+
+    def is_measured(self) -> bool | None:
+        """Return whether the force sensor alone measures a contact; None also where there is no such sensor.
+
+        It decides while the pad in front of the sensor is tared, because the image has no zero yet.
+        """
+        finger, state = self._finger, self._finger.state
+        if finger.force is None or state.contact is None or state.verdict is WEIGHT_UNKNOWN:
+            return None
+        return finger.in_contact if finger.zero_known else None
+
+    def is_pressed_without(self, streams: Collection[str]) -> bool | None:
+        """Return whether something presses, without the streams that are about to be tared: "wrench", "pad" or both."""
+        finger = self._finger
+        if finger.force is None or "pad" not in streams:
+            return self.is_pressed()
+        measured = self.is_measured()
+        if "wrench" not in streams:
+            return measured
+        shown = self.shown_by_image() if finger.image is not None and finger.image.zero_known else None
+        if measured or shown:
+            return True
+        return None if measured is None and shown is None else False
+
+    def is_untouched(self, *, disagreement: bool) -> bool | None:
+        """Return whether nothing touches the finger, so that its zero may be learned; None: unknown.
+
+        A known image decides together with the force: a force that the image does not show is not taken for a zero.
+        """
+        state = self._finger.state
+        if disagreement or state.contact is None:
+            return None
+        shown = self.shown_by_image()
+        if shown is None:
+            return True if state.verdict is PAD_FREE else None
+        return not shown and state.contact.normal_n < self._clear_n
+
+    def is_free_by_image(self) -> bool:
+        """Return whether a fresh, reliable image of a pad with a known zero shows by itself that nothing presses."""
+        image = self._finger.image
+        if image is None or not image.zero.tared or not image.is_reliable(at_rest=True):
+            return False
+        return self.shown_by_image() is False
+
+    def shown_by_image(self) -> bool | None:
+        """Return whether a fresh image beside a force sensor shows a contact; None: unknown."""
+        image, freshness = self._finger.image, self._finger.freshness
+        if image is None or self._finger.force is None or image.tare.busy:
+            return None
+        return image.shows_contact() if image.is_fresh(freshness.received_ns, freshness.unread_ns) else None
+
+    def contact_force_n(self, t_ns: int) -> float | None:
+        """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.
+
+        An image alone does not count: its noise or drift may look like a contact.
+        """
+        finger = self._finger
+        contact = finger.state.contact
+        if contact is None or not (finger.zero_known and finger.in_contact):
+            return None
+        return contact.normal_n if finger.trust.at_rest(t_ns) else None

@@ -25,7 +25,7 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
-from slipd.grasp.object_state import NOTHING_HELD
+from slipd.grasp.object_estimate import NOTHING_HELD
 from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import SEVERITY
 

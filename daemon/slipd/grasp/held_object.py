@@ -17,8 +17,16 @@ from slipd.fusion.grasp import PadPose, external_wrench
 from slipd.grasp.arm_check import SHIFTS_NS, ArmCheck
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, NamedObject, Place
-from slipd.grasp.object_estimate import NOT_MOVED, SCALE_STD, WAITING, Felt, ObjectEstimate
-from slipd.grasp.object_state import NOTHING_HELD, ObjectState, unknown_object
+from slipd.grasp.object_estimate import (
+    NOT_MOVED,
+    NOTHING_HELD,
+    SCALE_STD,
+    WAITING,
+    Felt,
+    ObjectEstimate,
+    ObjectState,
+    unknown_object,
+)
 from slipd.types.arrays import Array, cross_matrix
 
 PERIOD_NS = 20_000_000

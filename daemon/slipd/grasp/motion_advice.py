@@ -20,7 +20,7 @@ from slipd.finger.verdict import danger_reasons
 from slipd.fusion.held_pad import MOST, HeldPad, pad_use
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
-from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity, felt_at
+from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity, felt_at
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, Place
 from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits

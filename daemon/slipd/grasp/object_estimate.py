@@ -1,4 +1,4 @@
-"""Estimate mass and centre of mass of an object from the load on both pads and what the gripper feels.
+"""The object in a grasp: its mass and where its centre of mass is, as both pads and what the gripper feels show.
 
 Both pads together carry F = m γ + A m c and, about the origin of the gripper frame, M = m c × γ: γ is gravity minus the
 acceleration of the origin, c the centre of mass, and A = −[α]× − [ω]×[ω]× the turn of the gripper. This is linear in m
@@ -15,12 +15,44 @@ Source: Atkeson, An and Hollerbach, "Estimation of Inertial Parameters of Manipu
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from slipd.grasp.object_state import ObjectState, Vector, unknown_object
 from slipd.types.arrays import Array, cross_matrix
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(slots=True, frozen=True)
+class ObjectState:
+    """Mass and centre of mass of the object, as `slipd.grasp.grasp_view.GraspView.object` holds them.
+
+    All in the gripper frame. None is unknown.
+
+    Attributes:
+        mass_kg: Mass, kg.
+        mass_std_kg: Its standard deviation, kg.
+        com_m: Centre of mass from the origin of the gripper frame, m; None also while only a part of it is known.
+        com_std_m: Standard deviation of each component, m.
+        unknown: Why mass or centre of mass is unknown, for people; "" where both are known.
+    """
+
+    mass_kg: float | None
+    mass_std_kg: float | None
+    com_m: Vector | None
+    com_std_m: Vector | None
+    unknown: str
+
+
+def unknown_object(why: str) -> ObjectState:
+    """Return an object of which nothing is known; ``why``: the reason for people."""
+    return ObjectState(None, None, None, None, why)
+
+
+NOTHING_HELD = unknown_object("nothing is held")
+
 
 SCALE_STD = 0.01
 """Error of scale and axes of a force sensor, as a part of its load."""

@@ -1,15 +1,19 @@
 """State behind the grip rules: the lease, the force in force, the slew and budget spent, and the latched fault.
 
 The policy only keeps the state. `slipd.gripper.motion_gate` decides about motions, on the snapshot that
-`GripPolicy.state` returns.
+`GripPolicy.state` returns. A rig without a gripper has a policy too, for its lease (`NoGripper`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.lease import Lease
+from slipd.types.samples import GripperSample
+from slipd_client.messages import Health
 
 ROUNDING_N = 1e-9
 """Tolerance of force comparisons, N: 5.1 N - 3.1 N is not exactly 2 N. Far below the resolution of any gripper."""
@@ -232,3 +236,54 @@ class _Allowance:
     def spend(self, amount_n: float, t_ns: int) -> None:
         """Spend an amount; overspending, by the rounding of a gripper, leaves zero and no debt."""
         self._left_n = max(self.left_n(t_ns) - amount_n, 0.0)
+
+
+LONGEST_LEASE_MS = 200
+"""Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``."""
+
+
+class NoGripper:
+    """Stands in for a `GripperControl`; its lease still decides who may make verdicts more lenient.
+
+    Attributes:
+        policy: Keeps the lease; permits no force.
+        width_m: Not known.
+    """
+
+    width_m: float | None = None
+
+    def __init__(self) -> None:
+        self.policy = GripPolicy(GripLimits(0.0, None, 0.0, 0.0, 0.0, 0.0), LONGEST_LEASE_MS)
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `on_time` may find a change, unless something else comes before."""
+        return self.policy.lease.deadline_ns
+
+    def on_time(self, t_ns: int) -> bool:
+        """Update with the time; return True if a lease expired."""
+        return self.policy.lease.lapsed(t_ns)
+
+    def wake(self) -> None:
+        """Handle the end of a suspend: the lease ends."""
+        self.policy.lease.end()
+
+    def drop_after_pause(self, pause_ns: int) -> None:
+        """Do nothing."""
+
+    def update(self, sample: GripperSample) -> None:
+        """Do nothing."""
+
+    def lose(self) -> None:
+        """Do nothing."""
+
+    def restore(self, grip: StoredGrip, confirmed: Callable[[], None]) -> None:
+        """Do nothing."""
+
+    def kept(self) -> StoredGrip | None:
+        """Return no grip."""
+        return None
+
+    def conditions(self) -> list[tuple[Health, str]]:
+        """Return nothing."""
+        return []

@@ -20,8 +20,7 @@ from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge, why_not_sent
 from slipd.gripper.motion_rules import PUT_DOWN
 from slipd.types.arrays import finite_or_none
-from slipd.types.permit import Permit
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Permit, Refusal
 from slipd.types.samples import GripperSample
 from slipd_client.messages.names import GRIP_UNKNOWN, Health
 

@@ -11,8 +11,7 @@ from collections.abc import Callable
 
 from slipd.gripper import motion_rules as rules
 from slipd.gripper.intent import Intent, IntentKind, Situation
-from slipd.types.permit import Permit
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Permit, Refusal
 
 Rule = Callable[[Intent, Situation], Refusal | None]
 

@@ -10,7 +10,7 @@ import math
 from slipd.gripper.grip_policy import ROUNDING_N
 from slipd.gripper.intent import Intent, Situation
 from slipd.gripper.lease import NO_LEASE
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Refusal
 
 ACTIVATING = Refusal("activating", "the gripper is still activating")
 NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")

@@ -13,9 +13,8 @@ from slipd.config import Config
 from slipd.config import Reflex as ReflexConfig
 from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
-from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
+from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy, NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.gripper.no_gripper import NoGripper
 from slipd.types.arrays import finite_or_none
 
 PERIOD_NS = 20_000_000

@@ -105,7 +105,7 @@ class MotionRisk:
 
         Args:
             evidence: Of a kind in use; it replaces the one before of its kind.
-            belief: What else is known of the odds of motion, in nats; 0: nothing. See `slipd.motion.pad_looks`.
+            belief: What else is known of the odds of motion, in nats; 0: nothing. See `slipd.grasp.pad_motion`.
 
         Returns:
             The kinds that together show motion, in the order of EVIDENCE; empty where they do not.

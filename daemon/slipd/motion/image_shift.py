@@ -1,9 +1,13 @@
-"""Evidence "image_change" of a pad that measures normal force: the contact moves in the image at unchanged load.
+"""Evidence "image_change" of a pad in front of a force sensor: the contact moves at unchanged load.
 
 Images are averaged over short blocks. Each block is compared with an earlier one of the same load, which is kept for
 some seconds: a shaken object comes back to a load, and a soft pad then to its place. The motion is fitted together with
 what load, tilt and growth do to an image (`slipd.motion.image_fit`). Where the force sensor measures the contact
-centroid, only the turn of that fit counts: `slipd.motion.centroid_shift` follows the shift.
+centroid, only the turn of that fit counts: `CentroidShift` follows the shift.
+
+The force sensor measures the centroid to micrometres, also where the edges of a contact lie between electrodes. What
+else may move it is listed in `slipd.motion.image_fit`, and needs the image to be told from a motion. Under a load that
+grows, and after one that was larger, a contact has moved by partial slip: the load rests from first to last.
 
 The path of the motion is tested against a random walk, whose steps are as large as the path's own are irregular. White
 noise strays less than that, and so does the noise of a drifting pad.
@@ -15,7 +19,6 @@ import math
 
 import numpy as np
 
-from slipd.motion.centroid_shift import CentroidShift
 from slipd.motion.evidence import Evidence, f_surprise
 from slipd.motion.image_blocks import BLOCK_S, Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import MOTIONS, ImageComparison, ImageFit
@@ -186,3 +189,79 @@ def _pattern_surprise(fit: ImageFit, shift_m: Array) -> float:
     """Return −ln of the probability that taxels change like a motion by chance, by what the fit leaves over."""
     squares = min(float(fit.shift_m @ fit.precision @ fit.shift_m), float(shift_m @ fit.precision @ shift_m))
     return f_surprise(squares / MOTIONS / max(fit.scale, 1.0), MOTIONS, fit.freedom)
+
+
+GAP_NS = round(2.5e9 * BLOCK_S)
+"""Blocks further apart have another load between them."""
+LEAST_SCATTER = 4
+"""From as many images on, their scatter shows the noise of the contact centroid."""
+
+_HERE = np.zeros(2)
+
+
+class CentroidShift:
+    """Follows the contact centroid over the blocks of one contact.
+
+    False alarms: as those of `ImageShift`.
+
+    Args:
+        images: Comparison of the images of the pad.
+        noise: Of the force sensor.
+
+    Attributes:
+        motion: What was found, as ``shift_m`` along the load, shape (1,). Once it is confirmed, only a further motion
+            is evidence, until the contact has rested.
+    """
+
+    def __init__(self, images: ImageComparison, noise: LoadNoise) -> None:
+        self._images, self._torque_nm = images, noise.torque_nm
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the contact ended, or the images did."""
+        self._noise: PathNoise | None = None
+        self._path: ShiftPath | None = None
+        self._last_ns, self._beyond_before = 0, False
+        self.motion = KnownMotion()
+
+    def update(self, block: Block) -> Evidence | None:
+        """Update with a block whose centroid is measured; return evidence where the contact moves."""
+        if self.motion.rests(block.t_ns):
+            self._path = None
+        path, rested = self._path, block.t_ns - self._last_ns <= GAP_NS
+        self._last_ns = block.t_ns
+        lasts = path is not None and rested and block.t_ns - path.reference.t_ns <= KEPT_NS
+        if path is None or not lasts or not path.reference.same_load(block, _HERE):
+            self._begin(block)
+            return None
+        shift = block.load[4:] - path.reference.load[4:]
+        path.add(np.append(shift, 0.0))
+        direction = block.load[:2] / max(math.hypot(*block.load[:2].tolist()), 1e-300)
+        along_m, length_m = float(direction @ shift), math.hypot(*shift.tolist())
+        known, known_m = self.motion.known, self.motion.shift_m(path)
+        least_m = LEAST_M if known is None else AGAIN_M + (0.0 if known_m is None else known_m.item())
+        beyond = along_m > max(least_m, ALONG * length_m)
+        lasts, self._beyond_before = beyond and (self._beyond_before or known is not None), beyond
+        goes_on = known is not None and length_m < LEAST_M  # too little for the image since the path began anew
+        if not lasts or not (goes_on or self._images.shows_shift(path.reference, block, shift)):
+            return None
+        surprise = path.surprise(np.append(direction, 0.0), along_m)
+        surprise = surprise if known is None else max(surprise, known.surprise)
+        if surprise < EACH_SURPRISE:
+            return None
+        self.motion.found = Motion(block.t_ns, np.array((along_m,)), surprise, path)
+        return Evidence("image_change", block.t_ns, surprise)
+
+    def _begin(self, block: Block) -> None:
+        """Begin a path at a block."""
+        if self._noise is None:
+            self._noise = PathNoise(np.append(self._centroid_std_m(block), 0.0))
+        self._path, self._beyond_before = ShiftPath(block, self._noise), False
+
+    def _centroid_std_m(self, block: Block) -> Array:
+        """Return the noise of the mean centroid of a block, shape (2,): by its scatter, or as stated by few images."""
+        wrenches = block.wrenches
+        if len(wrenches) < LEAST_SCATTER:
+            return np.full(2, self._torque_nm / (float(block.load[2]) * math.sqrt(len(wrenches))))
+        centroids = wrenches[:, (4, 3)] / wrenches[:, 2:3]
+        return np.asarray(centroids.std(axis=0) / math.sqrt(len(wrenches) - 1))

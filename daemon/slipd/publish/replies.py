@@ -14,7 +14,7 @@ from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.finger_messages import friction_body, friction_setter_body
 from slipd.publish.message_sequencer import Body, finite
 from slipd.types.arrays import finite_or_none
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
 

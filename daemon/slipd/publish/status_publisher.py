@@ -15,8 +15,8 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.finger.stream_health import finger_conditions
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import NamedObject
+from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.gripper.no_gripper import NoGripper
 from slipd.links.device_link import DeviceLink
 from slipd.links.link_health import Condition, link_condition
 from slipd.links.stream_meter import StreamMeter

@@ -16,9 +16,9 @@ from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.lease import Lease
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
-from slipd.requests.grip_handlers import Handler
+from slipd.requests.motion_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
-from slipd.types.refusal import Refusal, RefusalError, require
+from slipd.types.permit import Refusal, RefusalError, require
 from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"

@@ -10,17 +10,15 @@ from slipd.finger.finger import Finger
 from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import NamedObject
 from slipd.grasp.motion_advice import MotionAdvice
+from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.gripper.no_gripper import NoGripper
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
-from slipd.requests.grip_handlers import Handler, grip_handlers
-from slipd.requests.idempotency import IdempotencyCache
-from slipd.requests.motion_handlers import MotionHandlers
+from slipd.requests.motion_handlers import Handler, MotionHandlers, grip_handlers
 from slipd.requests.recording_state import RecordingState
-from slipd.requests.request_check import check_request
-from slipd.types.refusal import RefusalError, require
+from slipd.requests.request_check import IdempotencyCache, check_request
+from slipd.types.permit import RefusalError, require
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
 
 _FREED_BY = {

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.types.clocks import WallClock
-from slipd.types.refusal import Refusal, RefusalError
+from slipd.types.permit import Refusal, RefusalError
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11

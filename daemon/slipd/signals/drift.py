@@ -12,8 +12,8 @@ from collections import deque
 
 import numpy as np
 
-from slipd.signals.averaging import LARGEST_READING, flushed
-from slipd.types.arrays import Array
+from slipd.signals.tare import LARGEST_READING
+from slipd.types.arrays import Array, flushed
 
 BLOCK_NS = 100_000_000
 """Readings are averaged over blocks before they are learned: whole periods of 50, 60 and 100 Hz cancel mains hum."""

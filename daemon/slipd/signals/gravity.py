@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.signals.averaging import flushed
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, flushed
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 MOST_GRAVITY_MPS2 = 5.0 * STANDARD_GRAVITY_MPS2

@@ -1,7 +1,8 @@
-"""Permission for one motion: a gripper session carries out a permit and nothing else.
+"""Permission for one motion, or the refusal of a request.
 
-Only the motion gate (`slipd.gripper.motion_gate`) issues permits, after it has judged an intent against every rule in
-docs/grip_rules.md. This module is a leaf, so that sessions depend on the permit and not on the gate.
+A gripper session carries out a permit and nothing else. Only the motion gate (`slipd.gripper.motion_gate`) issues
+permits, after it has judged an intent against every rule in docs/grip_rules.md. This module is a leaf, so that sessions
+depend on the permit and not on the gate, and every room can refuse.
 """
 
 from __future__ import annotations
@@ -28,3 +29,36 @@ class Permit:
     width_m: float | None = None
     speed_mps: float | None = None
     force_n: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a request is refused.
+
+    Attributes:
+        code: Error code of the message API.
+        message: The rule, and what was found.
+        field: Field of the request at fault; "" if none is.
+    """
+
+    code: str
+    message: str
+    field: str = ""
+
+
+class RefusalError(Exception):
+    """Ends the handling of a request that is refused."""
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.message)
+        self.refusal = refusal
+
+
+def require(refusal: Refusal | None) -> None:
+    """Go on unless there is a refusal.
+
+    Raises:
+        RefusalError: There is one.
+    """
+    if refusal is not None:
+        raise RefusalError(refusal)

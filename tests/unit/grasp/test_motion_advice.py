@@ -14,10 +14,10 @@ from motion_grips import COLS, GRAVITY_MPS2, ROWS, Advised, Grip, random_grip, t
 from slipd.finger.verdict import PAD_FREE, STREAM_STALE, Verdict
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion.contact import contact_of
-from slipd.grasp.arm_gravity import ERROR_MPS2, ArmGravity
+from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity
 from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
-from slipd.grasp.object_state import NOTHING_HELD, ObjectState
+from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slipd.grasp import object_estimate
-from slipd.grasp.motion_history import KEPT_NS, MOST_GAP_NS, MotionHistory
-from slipd.grasp.object_estimate import Felt, ObjectEstimate
-from slipd.grasp.object_state import ObjectState
+from slipd.grasp.arm_history import KEPT_NS, MOST_GAP_NS, MotionHistory
+from slipd.grasp.object_estimate import Felt, ObjectEstimate, ObjectState
 from slipd.types.samples import ArmSample
 
 NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)

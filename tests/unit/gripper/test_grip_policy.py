@@ -12,8 +12,7 @@ from judging import LIMITS, ask, code
 
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
-from slipd.types.permit import Permit
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Permit, Refusal
 
 MS = 1_000_000
 T0 = 50_000_000_000

@@ -14,12 +14,10 @@ import pytest
 from judging import LIMITS, READY
 
 import slipd
-from slipd.gripper.grip_policy import GripLimits, GripState
+from slipd.gripper.grip_policy import GripLimits, GripState, NoGripper
 from slipd.gripper.intent import Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import KINDS, judge, why_not_sent
-from slipd.gripper.no_gripper import NoGripper
-from slipd.types.permit import Permit
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Permit, Refusal
 
 FREE = GripState(
     holder=b"ann",

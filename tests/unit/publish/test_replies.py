@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from slipd.publish.replies import error_body, granted, refused
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Refusal
 from slipd_client.messages import decode, encode
 
 REFUSAL = Refusal("malformed", "a request is one msgpack map", "")

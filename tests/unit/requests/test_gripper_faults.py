@@ -28,7 +28,7 @@ from run_courses import (
     wrote,
 )
 
-from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT
+from slipd.requests.request_check import MOST_CLIENTS, PER_CLIENT
 
 MS = 1_000_000
 RIG = LEFT + RIGHT + GRIPPER

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
-from slipd.types.refusal import RefusalError
+from slipd.requests.request_check import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
+from slipd.types.permit import RefusalError
 
 MS = 1_000_000
 T0 = 50_000_000_000

@@ -20,7 +20,7 @@ from slipd.io.zmtp.loop_time_accounts import SHARE
 from slipd.io.zmtp.peer import Peer
 from slipd.io.zmtp.wire import ProtocolError
 from slipd.publish.replies import error_body
-from slipd.types.refusal import Refusal
+from slipd.types.permit import Refusal
 from slipd_client.messages import CHECK_LIMITS, MessageError, decode, encode, request_limits
 from slipd_client.messages.schema.ops import URGENT_OPS
 

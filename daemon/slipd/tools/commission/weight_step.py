@@ -9,8 +9,8 @@ import numpy as np
 
 from slipd.config import Config, Wrench
 from slipd.errors import SlipdError
-from slipd.signals.averaging import most_std
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
+from slipd.signals.tare import most_std
 from slipd.tools.commission.dialogue import AGAIN, GO_ON, SKIP, Prompt, Say, Steps, choose
 from slipd.tools.commission.readings import ReadingListener, read_status
 from slipd.tools.commission.touches import Mount, mount_of

@@ -22,10 +22,9 @@ from slipd.devices import DEVICES
 from slipd.errors import RecordingError
 from slipd.events import Bytes, LinkDown, LinkUp, Request
 from slipd.recording.reader import Recording, open_recording
-from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.signals.mounting import Mounting
-from slipd.signals.tare import MIN_READINGS
+from slipd.signals.tare import MIN_READINGS, Average, most_std
 from slipd.tools.commission.weight_identification import Identification, identify
 from slipd.types.arrays import Array
 from slipd.types.samples import UNTRUSTED, WrenchSample

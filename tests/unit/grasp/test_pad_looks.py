@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from slipd.motion.pad_looks import (
+from slipd.grasp.pad_motion import (
     AHEAD,
     BACKGROUND,
     BELIEF_AT_LIMIT,
