@@ -14,10 +14,10 @@ import pkgutil
 import sys
 from typing import NoReturn
 
+from slipd import __version__
 from slipd.errors import ConfigError, SlipdError, UsageError
 from slipd.io.log_lines import log_uncaught, open_log
-from slipd.tools.cli_commands import COMMANDS
-from slipd.tools.cli_parser import parser
+from slipd.tools.cli_commands import COMMANDS, parser
 from slipd.types.device_text import printable_lines
 
 DONE, NO, WRONG, INTERRUPTED = 0, 1, 2, 130
@@ -39,8 +39,32 @@ SLIPCTL = {
 }
 """Commands of ``slipctl`` alone, to which ``slipd`` points those who mistake one for the other."""
 
-RENAMED = {("evaluate", "--table"): "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet"}
+RENAMED = {
+    ("evaluate", "--table"): "slipd evaluate --table FILE is now: slipd evaluate --out FILE.parquet",
+    ("export", "json-mcap"): "json-mcap is gone: --to ros2 opens in the same viewers, with the same values",
+}
 """Options of earlier versions, and what to type instead."""
+
+FIRST_STEPS = f"""\
+slipd {__version__} warns a robot that its gripper is about to drop something.
+
+Without hardware:
+    slipd demo                       run the daemon on a virtual gripper
+
+With your rig:
+    slipd init my_rig.toml           find the devices on the serial ports, and write a first config
+    slipd check my_rig.toml          report every fault in it
+    slipd run my_rig.toml            run the daemon
+    slipd commission my_rig.toml     find mounting, weight and friction, in another terminal
+    slipctl status                   show the health of every sensor
+
+For devices on a network:
+    slipd config list                list the shipped configs: choose the nearest
+    slipd config show NAME           print one: adapt the values marked MEASURE
+
+To read on:
+    slipd docs                       list the pages; slipd docs NAME prints one
+    slipd --help                     list all commands"""
 
 _INTERRUPTED = {
     "evaluate": "; the same command goes on from here",
@@ -118,7 +142,5 @@ def _end_process(code: int) -> NoReturn:
 
 def first_steps() -> None:
     """Print what to type first, where no command is given."""
-    from slipd.tools.shipped_command import FIRST_STEPS
-
     print(FIRST_STEPS)
     raise UsageError("a command is missing; slipd --help lists all")

@@ -14,7 +14,7 @@ from project import CONFIG, DOCS, TRIAL
 from replays import RECORDINGS
 
 from slipd.cli import SLIPCTL, main
-from slipd.tools.cli_parser import parser
+from slipd.tools.cli_commands import parser
 from slipd_client import slipctl_parser
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))

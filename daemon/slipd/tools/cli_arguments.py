@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd.errors import UsageError
+from slipd_client.arguments import matching, number_in
 
 MOST_HZ = 1000
 """Largest rate of frames; messages are published at 250 Hz unless the config states more."""
@@ -84,23 +85,20 @@ def one_of(*arguments: Add, required: bool = False) -> Add:
 JSON = argument("--json", dest="as_json", action="store_true", help="print one JSON document")
 
 
-def positive(text: str) -> float:
-    """Return a positive number."""
-    value = time_s(text)
-    if value == 0.0:
-        raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
-    return value
+positive = number_in("a positive number", lambda value: value > 0.0)
+"""Type of arguments that are above 0."""
 
+time_s = number_in("0 or a positive number", lambda value: value >= 0.0)
+"""Type of arguments that are times, s."""
 
-def time_s(text: str) -> float:
-    """Return a time that is not negative, s."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be 0 or a positive number, got {text}")
-    return value
+endpoint = matching(r"(.*://.*)?", "be an endpoint such as tcp://127.0.0.1:5555")
+"""Type of arguments that are endpoints of ZeroMQ."""
+
+export_format = matching("|".join(EXPORTS), f"be one of {', '.join(EXPORTS)}")
+"""Type of arguments that are formats of an export."""
+
+sentence = matching(r"(?s).*\S.*", "be a sentence")
+"""Type of arguments that are texts, not empty."""
 
 
 def file_in(ending: str, more: str = "") -> Callable[[str], Path]:
@@ -119,34 +117,11 @@ def speed(text: str) -> float | None:
     return None if text == "max" else positive(text)
 
 
-def endpoint(text: str) -> str:
-    """Return an endpoint of ZeroMQ."""
-    if text and "://" not in text:
-        raise argparse.ArgumentTypeError(f"must be an endpoint such as tcp://127.0.0.1:5555, got {text!r}")
-    return text
-
-
-def export_format(text: str) -> str:
-    """Return a format of an export."""
-    if text == "json-mcap":
-        raise argparse.ArgumentTypeError("json-mcap is gone: --to ros2 opens in the same viewers, with the same values")
-    if text not in EXPORTS:
-        raise argparse.ArgumentTypeError(f"must be one of {', '.join(EXPORTS)}, got {text!r}")
-    return text
-
-
 def rate(text: str) -> int:
     """Return a number of frames per second."""
     if not (text.isdecimal() and 1 <= int(text) <= MOST_HZ):
         raise argparse.ArgumentTypeError(f"must be an integer from 1 to {MOST_HZ}, got {text!r}")
     return int(text)
-
-
-def sentence(text: str) -> str:
-    """Return a text that is not empty."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("must be a sentence, got an empty text")
-    return text
 
 
 def shard(text: str) -> tuple[int, int]:

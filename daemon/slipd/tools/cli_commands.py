@@ -1,4 +1,4 @@
-"""The commands of ``slipd`` with their arguments, in the order of the help.
+"""The commands of ``slipd`` with their arguments, in the order of the help, and their parser.
 
 What a command cannot do without is a positional argument, and what it writes is the last of them; what it writes
 only on demand is ``--out``.
@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from slipd import __version__
 from slipd.tools.cli_arguments import JSON, Command, argument, one_of, positive
 from slipd.tools.recording_commands import RECORDING_COMMANDS
 
@@ -78,19 +79,19 @@ COMMANDS = (
     Command("service", "", "install or uninstall slipd as a systemd service", below="install|uninstall|show"),
     Command(
         "service install",
-        "slipd.tools.service_command:install",
+        "slipd.tools.shipped_files:install",
         "write the systemd unit that starts this program, and print the next steps",
         SERVICE,
     ),
     Command(
         "service uninstall",
-        "slipd.tools.service_command:uninstall",
+        "slipd.tools.shipped_files:uninstall",
         "remove what install wrote; configs, keys and recordings stay",
         SERVICE,
     ),
     Command(
         "service show",
-        "slipd.tools.shipped_command:shipped_command",
+        "slipd.tools.shipped_files:shipped_command",
         "list the files for systemd and udev, or print one",
         (NAME_OR_ALL, JSON),
         given={"kind": "service show"},
@@ -98,21 +99,21 @@ COMMANDS = (
     Command("config", "", "list or print the shipped configs", below="list|show"),
     Command(
         "config list",
-        "slipd.tools.shipped_command:shipped_command",
+        "slipd.tools.shipped_files:shipped_command",
         "list the shipped configs",
         (JSON,),
         given={"kind": "config show"},
     ),
     Command(
         "config show",
-        "slipd.tools.shipped_command:shipped_command",
+        "slipd.tools.shipped_files:shipped_command",
         "print a shipped config: slipd config show demo > my_rig.toml",
         (NAME,),
         given={"kind": "config show"},
     ),
     Command(
         "docs",
-        "slipd.tools.shipped_command:shipped_command",
+        "slipd.tools.shipped_files:shipped_command",
         "list the pages of the documentation, or print one",
         (NAME_OR_ALL, JSON),
         given={"kind": "docs"},
@@ -270,3 +271,27 @@ COMMANDS = (
         ),
     ),
 )
+
+EXIT = "Exit code: 0 done, 1 the answer is no, 2 wrong use, 130 Ctrl-C (slipd docs commands)."
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser; ``command`` of the parsed arguments is the command, e.g. "replay" or "import grips"."""
+    top = argparse.ArgumentParser(
+        prog="slipd", description="Warn a robot that its gripper is about to drop something.", epilog=EXIT
+    )
+    top.add_argument("--version", action="version", version=f"slipd {__version__}")
+    top.set_defaults(command="", run="slipd.cli:first_steps")
+    lists: dict[str, Any] = {"": top.add_subparsers(metavar="COMMAND")}
+    for each in COMMANDS:
+        above, _, word = each.name.rpartition(" ")
+        purpose = each.purpose
+        command = lists[above].add_parser(
+            word, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.", epilog=each.more
+        )
+        command.set_defaults(command=each.name, run=each.run, **each.given)
+        for add in each.arguments:
+            add(command)
+        if each.below:
+            lists[each.name] = command.add_subparsers(required=True, metavar=each.below)
+    return top

@@ -16,7 +16,7 @@ from documented_commands import OTHERS, PAGES, PROGRAMS, Command, commands, ment
 from project import CONFIG, DOCS, ROOT
 
 from slipd import cli, config
-from slipd.tools import cli_parser
+from slipd.tools import cli_commands
 from slipd_client import slipctl_parser
 
 ALL = [command for page in PAGES for command in commands(page)]
@@ -29,7 +29,7 @@ TARGETS = set(re.findall(r"^([a-z_]+):", (ROOT / "Makefile").read_text(encoding=
 
 
 def parser_of(program: str) -> argparse.ArgumentParser:
-    return cli_parser.parser() if program == "slipd" else slipctl_parser.parser()
+    return cli_commands.parser() if program == "slipd" else slipctl_parser.parser()
 
 
 def ours(*programs: str) -> list[Command]:

@@ -15,7 +15,7 @@ from project import DATA, TRIAL
 from replays import RECORDINGS
 
 from slipd.cli import WRONG, main
-from slipd.tools.cli_parser import parser
+from slipd.tools.cli_commands import parser
 
 pytest.importorskip("pyarrow")
 

@@ -10,7 +10,7 @@ import pytest
 from slipd import config
 from slipd.cli import carry_out
 from slipd.errors import ConfigError, SlipdError
-from slipd.tools.cli_parser import parser
+from slipd.tools.cli_commands import parser
 from slipd.tools.commission import hosts, readings
 from slipd.tools.commission.hosts import PageHost
 

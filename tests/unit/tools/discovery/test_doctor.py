@@ -21,7 +21,7 @@ from slipd.devices import DEVICES, external, gauges
 from slipd.devices.gauges import encode_frame
 from slipd.errors import SlipdError
 from slipd.events import HostNotice
-from slipd.tools.cli_parser import parser
+from slipd.tools.cli_commands import parser
 from slipd.tools.discovery import doctor_command as command
 from slipd.tools.discovery.capture import Capture, Piece
 from slipd.tools.discovery.examination import Finding, examine
