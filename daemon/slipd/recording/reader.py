@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from mcap.records import Attachment, Header, McapRecord, Metadata
 
+from slipd.config import Config, parse
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording import mcap_file
@@ -105,6 +106,14 @@ class Recording:
             return ""
         lost = f"{self.lost} entries were lost while recording" if self.lost else "the end is missing"
         return self.fault or f"{self.path}: {lost}"
+
+    def settings(self) -> Config:
+        """Return the config of the recorded run.
+
+        Raises:
+            ConfigError: It has faults (for this version of slipd).
+        """
+        return parse(self.config_text, f"{self.path}: config")
 
     def events(self) -> Iterator[tuple[int, Event]]:
         """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from slipd import config
 from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
@@ -76,7 +75,7 @@ def replay_dated(
     ``t_ns`` is when the message was published, CLOCK_MONOTONIC of the recorded run.
     """
     if settings is None:
-        settings = config.parse(recording.config_text, f"{recording.path}: config")
+        settings = recording.settings()
     engine = Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
     return _run(engine, recording, on_event)
 

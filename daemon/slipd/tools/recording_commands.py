@@ -53,7 +53,7 @@ RECORDING_COMMANDS = (
     ),
     Command(
         "replay",
-        "slipd.tools.replay_command:replay_command",
+        "slipd.tools.recordings.replay_commands:replay_command",
         "run a recording through the engine again",
         (
             RECORDING,
@@ -89,7 +89,7 @@ RECORDING_COMMANDS = (
     ),
     Command(
         "view",
-        "slipd.tools.recordings.view_recording:view_recording",
+        "slipd.tools.recordings.replay_commands:view_recording",
         "show a recording in a browser; prints the address of the page",
         (RECORDING, add_listen),
     ),
@@ -146,7 +146,7 @@ RECORDING_COMMANDS = (
     Command("import", "", "convert other data to a recording", below="FORMAT"),
     Command(
         "import grips",
-        "slipd.tools.recordings.import_command:import_command",
+        "slipd.tools.recordings.imported_run:import_command",
         "import a gripper trial with two XELA pads",
         (
             _source("folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"),
@@ -160,11 +160,11 @@ RECORDING_COMMANDS = (
                 "config's)",
             ),
         ),
-        given={"form": "grips"},
+        given={"form": "grips", "importer": "slipd.tools.recordings.grips_import:import_trial"},
     ),
     Command(
         "import arq",
-        "slipd.tools.recordings.import_command:import_command",
+        "slipd.tools.recordings.imported_run:import_command",
         "import an experiment of slip_detection_dataset_2021 (needs h5py)",
         (
             _source("HDF5 file of an object"),
@@ -172,18 +172,18 @@ RECORDING_COMMANDS = (
             NEW_RECORDING,
             _import_config("arq"),
         ),
-        given={"form": "arq"},
+        given={"form": "arq", "importer": "slipd.tools.recordings.taxels_import:import_arq"},
     ),
     Command(
         "import papillarray",
-        "slipd.tools.recordings.import_command:import_command",
+        "slipd.tools.recordings.imported_run:import_command",
         "import a trial of Incipient-Slip-Detection-PapillArray",
         (_source("CSV file"), NEW_RECORDING, _import_config("papillarray")),
-        given={"form": "papillarray"},
+        given={"form": "papillarray", "importer": "slipd.tools.recordings.taxels_import:import_papillarray"},
     ),
     Command(
         "import pushes",
-        "slipd.tools.recordings.import_command:import_command",
+        "slipd.tools.recordings.imported_run:import_command",
         "import measured pushes of an object over a board",
         (
             _source("ROS 1 bag of MLab_EXP (needs the extra bags), or its compact form, NPZ"),
@@ -205,7 +205,7 @@ RECORDING_COMMANDS = (
                 help="time in which the pusher is clear of the object: the zero of the sensor (default: 0 to 0.4 s)",
             ),
         ),
-        given={"form": "pushes"},
+        given={"form": "pushes", "importer": "slipd.tools.recordings.pushes_import:import_pushes"},
     ),
     Command(
         "evaluate",

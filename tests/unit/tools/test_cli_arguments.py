@@ -13,7 +13,7 @@ import pytest
 from slipd.errors import SlipdError, UsageError
 from slipd.tools.cli_arguments import Add, Command, chosen, shard
 from slipd.tools.cli_commands import COMMANDS
-from slipd.tools.parquet_library import parquet_library
+from slipd.tools.outputs import parquet_library
 
 
 def test_a_folder_stands_for_its_recordings_and_each_counts_once(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.errors import SlipdError
-from slipd.tools.draft import RECORDING as RECORDING_KIND
-from slipd.tools.draft import Kind, draft
-from slipd.tools.evaluation.run_table import TABLE
+from slipd.tools.evaluation.run_figures import TABLE
 from slipd.tools.export.export_command import EXPORT
+from slipd.tools.outputs import RECORDING as RECORDING_KIND
+from slipd.tools.outputs import Kind, draft
 from slipd.tools.plot.plot_command import PLOT
 
 EXPORTED = "published_ns,v\n"

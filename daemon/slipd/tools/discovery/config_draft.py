@@ -14,8 +14,8 @@ from slipd.config.check_hints import OPTIONS, default_rate_hz
 from slipd.devices import DEVICES, SLIPD, find_device
 from slipd.errors import SlipdError
 from slipd.tools.discovery.port_probe import BY_ID, BY_PATH, DEV, Found, SerialPort, identify_port, list_ports
-from slipd.tools.draft import Kind
-from slipd.tools.draft import draft as whole_file
+from slipd.tools.outputs import Kind
+from slipd.tools.outputs import draft as whole_file
 from slipd.types.device_text import one_line
 
 FINGERS = ("left", "right")

@@ -17,9 +17,15 @@ from typing import Any
 from slipd.io.progress import Progress
 from slipd.tools.cli_arguments import chosen
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
-from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
+from slipd.tools.evaluation.evaluate import (
+    Evaluation,
+    ResultCache,
+    cache_folder,
+    evaluations,
+    finished_runs,
+    short_names,
+)
 from slipd.tools.evaluation.executors import Finished, NamedConfig, Run, on_dask
-from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 from slipd.tools.evaluation.run_figures import (
     BY_SEVERITY,
     Interval,
@@ -27,6 +33,7 @@ from slipd.tools.evaluation.run_figures import (
     differences,
     figures,
     worst_spans,
+    write_table,
 )
 from slipd.types.device_text import printable
 
@@ -200,8 +207,6 @@ def evaluate_command(
             found = evaluations(counted, paths, named)
             faults = list(dict.fromkeys(fault for one in found for fault in one.faults))
         else:
-            from slipd.tools.evaluation.run_table import write_table  # here: only a table needs pyarrow
-
             write_table(out, counted, [*paths, *config])
             faults = list(totals.faults)
     if out is not None:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from slipd.errors import SlipdError, UsageError
-from slipd.tools.evaluation.config_run import ConfigRun
+from slipd.tools.evaluation.config_run import ConfigRun, run_config
 from slipd.types.source_stamp import source_stamp
 
 Run = ConfigRun | str
@@ -64,7 +64,7 @@ AHEAD = 2
 CONNECT_S = 10
 """How long a Dask scheduler may take to answer, s."""
 
-ENGINE = "slipd.tools.evaluation.config_replay"
+ENGINE = "slipd.recording.replay"
 """The module that loads the engine: once for all processes of a pool, and never in this one."""
 
 
@@ -75,8 +75,6 @@ def own_stamp() -> str:
 
 def replay_job(job: Job) -> Run:
     """Replay a recording, in whatever process this is; whatever goes wrong with one recording is its result."""
-    from slipd.tools.evaluation.config_replay import run_config  # here: where all results are kept, no engine is loaded
-
     try:
         return run_config(job.path, job.config.text, job.config.name)
     except SlipdError as error:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
 from slipd.errors import RecordingError, SlipdError, UsageError
@@ -15,12 +14,11 @@ from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, is_recording, open_recording
 from slipd.recording.replay import replay_dated
 from slipd.tools.cli_arguments import chosen
-from slipd.tools.draft import Kind, draft, first_bytes
 from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
 from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
 from slipd.tools.export.ros2_bag import ros2_bag
-from slipd.tools.parquet_library import MARK, storable, stored_schema
+from slipd.tools.outputs import MARK, Kind, draft, first_bytes, storable, stored_schema
 from slipd.types.device_text import printable
 
 FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
@@ -101,7 +99,7 @@ def _messages(
     recording: Recording, out: Path, create: Callable[[Path, Config], AbstractContextManager[Write]], show: Show
 ) -> int:
     """Write every message of a recording; return their number."""
-    settings = _settings(recording)
+    settings = recording.settings()
     count = 0
     with create(out, settings) as write:
         for t_ns, topic, body in replay_dated(recording, settings):
@@ -140,7 +138,7 @@ def _silent(recording: Recording) -> SlipdError:
 
 def _common_layout(recordings: Sequence[Recording]) -> FrameLayout:
     """Return the layout of the first recording, after a look at every other."""
-    first, *others = [(recording.path, frame_layout(_settings(recording))) for recording in recordings]
+    first, *others = [(recording.path, frame_layout(recording.settings())) for recording in recordings]
     for path, layout in others:
         if layout != first[1]:
             raise UsageError(
@@ -156,10 +154,6 @@ def _difference(first: FrameLayout, other: FrameLayout) -> str:
     )
     parts = [f"{word} {min(found)}" for word, found in (("lacks", wanted - got), ("adds", got - wanted)) if found]
     return " and ".join(parts) or "has them in another order"
-
-
-def _settings(recording: Recording) -> Config:
-    return config.parse(recording.config_text, f"{recording.path}: config")
 
 
 def is_exported(path: Path) -> bool:

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.tools.export.feature_stats import QUANTILES, FeatureStats
-from slipd.tools.export.frames import Feature, Frame, FrameLayout
-from slipd.tools.parquet_library import parquet_file, parquet_library, parquet_rows
+from slipd.tools.export.frames import QUANTILES, Feature, FeatureStats, Frame, FrameLayout
+from slipd.tools.outputs import parquet_file, parquet_library, parquet_rows
 
 ROBOT = "slipd"
 """``robot_type`` of a data set, and the first key of its ``meta/info.json``."""

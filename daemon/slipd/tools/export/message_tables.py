@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from slipd.config import Config
-from slipd.tools.parquet_library import parquet_library, parquet_rows
+from slipd.tools.outputs import parquet_library, parquet_rows
 from slipd_client.messages.schema.fields import fields_of
 from slipd_client.messages.schema.kinds import FLAG, HEALTH, INTEGER, NUMBER, PAIR, SEXTUPLE, TEXT, TRIPLE, Kind
 from slipd_client.messages.schema.topics import TOPICS

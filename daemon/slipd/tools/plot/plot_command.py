@@ -18,7 +18,8 @@ from slipd import config
 from slipd.errors import RecordingError, UsageError
 from slipd.io.progress import Progress
 from slipd.recording.reader import Recording, open_recording
-from slipd.tools.draft import Kind, draft, first_bytes
+from slipd.tools.evaluation.config_run import with_recorded_tares
+from slipd.tools.outputs import Kind, draft, first_bytes
 from slipd.tools.plot.binned_track import Window
 from slipd.tools.plot.report_page import GENERATOR, page
 from slipd.tools.plot.run_tracks import FingerTracks, RunTracks
@@ -86,12 +87,9 @@ def make_page(
         ConfigError: The config cannot be read or has faults.
         RecordingError: The recording has no messages in this window, or does not fit the config.
     """
-    if config_file is None:
-        settings = config.parse(recording.config_text, f"{recording.path}: config")
-    else:
-        from slipd.tools.evaluation.config_replay import with_recorded_tares  # here: only a replay loads the engine
-
-        settings = with_recorded_tares(config.load(config_file), recording)
+    settings = recording.settings()
+    if config_file is not None:
+        settings = with_recorded_tares(config.load(config_file), settings)
     first = next(recording.events(), None)
     if first is None:
         raise RecordingError(recording.fault or f"{recording.path}: no events in it, so there is nothing to draw")

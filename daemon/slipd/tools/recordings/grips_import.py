@@ -65,7 +65,7 @@ def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | Non
             the pads are not at rest in the rows of the tare, or ``out`` cannot be written.
     """
     file_name = f"config for {out.name}"
-    _, link = source_of(config.parse(config_text, file_name), "xela", SENSORS, file_name)
+    _, link = source_of(config_text, file_name, "xela", SENSORS)
     times_ns = _times_ns(source / TIMES)
     pads = {sensor: _counts(source / name) for sensor, name in SENSORS.items()}
     for sensor, pad in pads.items():

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from slipd import config
 from slipd.config import Config, Wrench, device_options
 from slipd.devices import DEVICES
 from slipd.errors import RecordingError
@@ -64,7 +63,7 @@ def identify_recording(path: Path, finger: str) -> Identification:
         RecordingError: The file cannot be read, has no such sensor, or its poses do not determine the mass.
     """
     recording = open_recording(path)
-    settings = config.parse(recording.config_text, f"{path}: config")
+    settings = recording.settings()
     wanted = settings.finger.get(finger)
     if wanted is None or wanted.wrench is None:
         known = ", ".join(name for name, other in settings.finger.items() if other.wrench is not None) or "none"

@@ -1,18 +1,21 @@
-"""Write measurements from elsewhere as the recording of a live run: the frame that all importers share."""
+"""``slipd import``: writes measurements from elsewhere as the recording of a live run; what all importers share."""
 
 from __future__ import annotations
 
 import contextlib
 import heapq
+import pkgutil
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import Any
 
-from slipd.config.model import Config
+from slipd import config
 from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
 from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
-from slipd.tools.draft import RECORDING, draft
+from slipd.tools.cli_arguments import IMPORTED
+from slipd.tools.outputs import RECORDING, draft
 
 START_NS = 1_000_000_000
 """Time of the first row, ns; the wall-clock time too, because it is not known."""
@@ -24,18 +27,41 @@ AFTER_NS = 500_000_000
 BOOT = "imported"
 
 
-def source_of(settings: Config, device: str, sensors: Collection[str], file_name: str) -> tuple[str, LinkSpec]:
+def import_command(form: str, importer: str, source: Path, out: Path, config_file: Path | None, **more: Any) -> None:
+    """Import data, and print what follows.
+
+    Args:
+        form: Their format, one of `IMPORTED`.
+        importer: What imports them, "module:function": it takes source, recording and text of the config, and may
+            return what it found, for people.
+        source: The data.
+        out: New recording.
+        config_file: Config; None: the shipped one of the format.
+        more: What this format alone needs.
+
+    Raises:
+        SlipdError: The source or the config has faults, or the recording cannot be written.
+    """
+    rig = config.load(config_file or config.shipped(IMPORTED[form]))
+    for finding in pkgutil.resolve_name(importer)(source, out, rig.text, **more) or ():
+        print(finding)
+    print(f"{out}: written; replay it with: slipd replay {out} --speed max")
+
+
+def source_of(config_text: str, file_name: str, device: str, sensors: Collection[str]) -> tuple[str, LinkSpec]:
     """Return the finger with the sensors of a source, and the link over which a run with this config reads them.
 
     Args:
-        settings: The config.
+        config_text: The config, TOML.
+        file_name: Its name, for errors.
         device: Device that the source becomes.
         sensors: Its sensors; the config may leave out some of them.
-        file_name: Name of the config, for errors.
 
     Raises:
+        ConfigError: The config has faults.
         RecordingError: The config has other sensors of this device, or at several addresses.
     """
+    settings = config.parse(config_text, file_name)
     streams = {name: stream for name, stream in settings.streams().items() if stream.device == device}
     ports = {stream.port for stream in streams.values()}
     found = {stream.sensor for stream in streams.values()}

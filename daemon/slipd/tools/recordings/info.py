@@ -10,7 +10,6 @@ from typing import Any
 
 import msgpack
 
-from slipd import config
 from slipd.errors import ConfigError
 from slipd.events import Bytes
 from slipd.recording.reader import EventGaps, Recording, open_recording
@@ -87,7 +86,7 @@ def recording_info(recording: Recording) -> dict[str, Any]:
 def _rig(recording: Recording) -> dict[str, Any]:
     """Return what the recorded config says; of one with faults for this version of slipd, nothing but these."""
     try:
-        rig = config.parse(recording.config_text, f"{recording.path}: config")
+        rig = recording.settings()
     except ConfigError as error:
         return {"config_id": None, "streams": {}, "config_fault": str(error)}
     streams = {name: {"device": stream.device, "rate_hz": stream.rate_hz} for name, stream in rig.streams().items()}

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from slipd import config
 from slipd.devices import external
 from slipd.errors import RecordingError, UsageError
 from slipd.events import Bytes, Event, LinkSpec
@@ -230,8 +229,7 @@ def import_pushes(source: Path, out: Path, config_text: str, mass_kg: float, cle
         RecordingError: The source is not such a run, or the config has no such streams.
         SlipdError: ``out`` cannot be written.
     """
-    file_name = f"config for {out.name}"
-    finger, link = source_of(config.parse(config_text, file_name), "external", STREAMS, file_name)
+    finger, link = source_of(config_text, f"config for {out.name}", "external", STREAMS)
     pushes = read_pushes(source)
     force, torque = board_wrench(pushes, mass_kg, clear_s)
     since_s = pushes.wrench[:, 0] - pushes.wrench[0, 0]

@@ -31,7 +31,7 @@ from slipd.recording.entry_walk import Entry, EntryWalk
 from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
 from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
-from slipd.tools.draft import RECORDING, draft
+from slipd.tools.outputs import RECORDING, draft
 from slipd_client.health.bundle import without_secrets as without_secrets_of
 
 _HEAD = struct.Struct("<BQ")

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd import config
 from slipd.devices import external
 from slipd.errors import RecordingError, UsageError
 from slipd.events import Bytes
@@ -98,6 +97,16 @@ def read_papillarray(source: Path) -> TaxelTrial:
     return _checked(source, np.arange(len(table)) / PILLAR_HZ, pillars[:, :, 5:], np.all(slipped, axis=1))
 
 
+def import_arq(source: Path, out: Path, config_text: str, experiment: str) -> None:
+    """Import one experiment of a file; see `read_arq` and `import_taxels`."""
+    import_taxels(read_arq(source, experiment), out, config_text)
+
+
+def import_papillarray(source: Path, out: Path, config_text: str) -> None:
+    """Import one trial; see `read_papillarray` and `import_taxels`."""
+    import_taxels(read_papillarray(source), out, config_text)
+
+
 def import_taxels(trial: TaxelTrial, out: Path, config_text: str) -> None:
     """Write one trial as the recording of a live run with this config, which tares the pad at its begin.
 
@@ -111,8 +120,7 @@ def import_taxels(trial: TaxelTrial, out: Path, config_text: str) -> None:
         RecordingError: The config has no such pad.
         SlipdError: ``out`` cannot be written.
     """
-    file_name = f"config for {out.name}"
-    finger, link = source_of(config.parse(config_text, file_name), "external", [STREAM], file_name)
+    finger, link = source_of(config_text, f"config for {out.name}", "external", [STREAM])
     times_ns = [START_NS + round(1e9 * time_s) for time_s in trial.time_s.tolist()]
     readings = (
         (t_ns, Bytes(link.name, external.encode_reading(STREAM, t_ns, values=values)))

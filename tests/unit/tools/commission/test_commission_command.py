@@ -12,7 +12,7 @@ from slipd.cli import carry_out
 from slipd.errors import ConfigError, SlipdError
 from slipd.tools.cli_commands import parser
 from slipd.tools.commission import hosts, readings
-from slipd.tools.commission.hosts import PageHost
+from slipd.tools.commission.commission_command import PageHost
 
 
 @pytest.fixture

@@ -16,9 +16,9 @@ import pytest
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission import hosts
+from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink
 from slipd.tools.commission.dialogue import Ask, Change, Choice, Prompt, Refusal, Reply, Say
-from slipd.tools.commission.hosts import PageHost, TerminalHost
 
 TEXT = config.shipped("demo.toml").read_text(encoding="utf-8")
 CHANGE = Change({("finger", "left", "mu"): "0.42"})

@@ -18,9 +18,9 @@ from service_rig import Rig, asked, serving
 
 from slipd import config
 from slipd.tools.commission import hosts
+from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller
 from slipd.tools.commission.dialogue import Ask, Event, Refusal
-from slipd.tools.commission.hosts import PageHost, TerminalHost
 from slipd_client.messages.schema.topics import Wrench
 
 pytestmark = pytest.mark.usefixtures("person")

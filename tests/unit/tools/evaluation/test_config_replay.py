@@ -14,8 +14,7 @@ from replays import RECORDINGS
 
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.evaluation.config_replay import run_config
-from slipd.tools.evaluation.config_run import NOT_RECORDED, RECORDED, ConfigRun, StreamHealth, with_status
+from slipd.tools.evaluation.config_run import NOT_RECORDED, RECORDED, ConfigRun, StreamHealth, run_config, with_status
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]

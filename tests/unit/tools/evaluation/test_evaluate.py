@@ -9,11 +9,9 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.tools.evaluation import evaluate as module
-from slipd.tools.evaluation.config_replay import run_config
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
-from slipd.tools.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, run_config
+from slipd.tools.evaluation.evaluate import Evaluation, ResultCache, evaluations, finished_runs, short_names
 from slipd.tools.evaluation.executors import Finished, LastingFault, NamedConfig, Work, here
-from slipd.tools.evaluation.result_cache import ResultCache
 
 Write = Callable[..., Path]
 XELA, GAUGES = RECORDINGS / "xela.mcap", RECORDINGS / "gauges.mcap"

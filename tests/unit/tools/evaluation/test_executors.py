@@ -18,9 +18,8 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.errors import SlipdError
-from slipd.tools.evaluation import config_replay, executors
-from slipd.tools.evaluation.config_replay import run_config
-from slipd.tools.evaluation.config_run import RECORDED
+from slipd.tools.evaluation import executors
+from slipd.tools.evaluation.config_run import RECORDED, run_config
 from slipd.tools.evaluation.executors import Finished, Job, NamedConfig, here, in_processes, on_dask
 
 OWN = NamedConfig(RECORDED, None)
@@ -72,7 +71,7 @@ def test_an_error_of_slipd_is_the_result_of_its_recording(monkeypatch: pytest.Mo
     def broken(*arguments: object) -> None:
         raise KeyError("left")
 
-    monkeypatch.setattr(config_replay, "run_config", broken)
+    monkeypatch.setattr(executors, "run_config", broken)
     (found,) = here(iter([JOB]))
     assert isinstance(found.run, str)
     assert found.run.startswith(f"{XELA}: an error of slipd, please report it: KeyError: 'left' (test_executors.py:")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from slipd.tools.evaluation import result_cache
+from slipd.tools.evaluation import evaluate
 from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, Largest, LevelSpan
+from slipd.tools.evaluation.evaluate import ResultCache, cache_folder
 from slipd.tools.evaluation.executors import Job, LastingFault, NamedConfig
-from slipd.tools.evaluation.result_cache import ResultCache, cache_folder
 
 RUN = ConfigRun(
     {"left": [LevelSpan("warning", ("rotation",), ("load_drop",), 0.0, 1.5)]}, Largest(0.9, "left", 1.0), 2.0
@@ -53,7 +53,7 @@ def test_a_key_changes_with_recording_config_and_code(
     keys = {*cache.keys(one, [None, "mu = 1", "mu = 2"]), *cache.keys(other, [None])}
     assert len(keys) == 4
     assert cache.keys(one, ["mu = 1"])[0] in keys
-    monkeypatch.setattr(result_cache, "own_stamp", lambda: "newer")
+    monkeypatch.setattr(evaluate, "own_stamp", lambda: "newer")
     assert cache.keys(one, [None])[0] not in keys
 
 
@@ -72,7 +72,7 @@ def test_a_damaged_result_is_none(cache: ResultCache, text: str) -> None:
 def test_the_oldest_results_make_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, needed: int, pruned: bool, left: str
 ) -> None:
-    monkeypatch.setattr(result_cache, "MOST_RESULTS", most)
+    monkeypatch.setattr(evaluate, "MOST_RESULTS", most)
     cache = ResultCache(tmp_path, pruned=pruned)
     for age, name in ((0, "a"), (9, "b"), (2, "c")):
         cache.put(job(name), RUN)

@@ -8,12 +8,9 @@ import pytest
 from replays import RECORDINGS
 
 from slipd import __version__
-from slipd.tools.evaluation.config_replay import run_config
-from slipd.tools.evaluation.config_run import RECORDED
-from slipd.tools.evaluation.evaluate import finished_runs
-from slipd.tools.evaluation.result_cache import ResultCache
-from slipd.tools.evaluation.run_figures import figures
-from slipd.tools.evaluation.run_table import write_table
+from slipd.tools.evaluation.config_run import RECORDED, run_config
+from slipd.tools.evaluation.evaluate import ResultCache, finished_runs
+from slipd.tools.evaluation.run_figures import figures, write_table
 
 parquet = pytest.importorskip("pyarrow.parquet")
 

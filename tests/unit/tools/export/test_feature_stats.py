@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slipd.tools.export import feature_stats
-from slipd.tools.export.feature_stats import QUANTILES, FeatureStats
+from slipd.tools.export.frames import QUANTILES, FeatureStats
 
 
 def blocks(sizes: list[int], missing: float) -> list[np.ndarray]:
@@ -42,7 +41,7 @@ def test_a_number_that_is_never_known_is_0_and_disturbs_no_other() -> None:
 
 
 def test_quantiles_of_long_runs_come_from_evenly_spaced_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_stats, "MOST_SAMPLES", 100)
+    monkeypatch.setattr("slipd.tools.export.frames.MOST_SAMPLES", 100)
     stats = FeatureStats(1)
     frames = np.arange(10_000.0)[:, None]
     for begin in range(0, 10_000, 77):

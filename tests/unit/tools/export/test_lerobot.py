@@ -16,11 +16,11 @@ from slipd import cli
 from slipd.errors import SlipdError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay_dated
-from slipd.tools.draft import draft
 from slipd.tools.export import lerobot_dataset as module
 from slipd.tools.export.export_command import EXPORT
 from slipd.tools.export.frames import ACTION, LEVEL, STATE, Feature, FrameLayout
 from slipd.tools.export.lerobot_dataset import lerobot_dataset
+from slipd.tools.outputs import draft
 
 parquet = pytest.importorskip("pyarrow.parquet")
 

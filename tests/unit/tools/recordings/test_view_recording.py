@@ -17,7 +17,7 @@ from project import DATA
 from slipd import cli
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.tools.recordings.view_recording import FRAME_NS, RecordedBlocks, RecordingView
+from slipd.tools.recordings.replay_commands import FRAME_NS, RecordedBlocks, RecordingView
 
 DEMO = DATA / "replays" / "demo.mcap"
 

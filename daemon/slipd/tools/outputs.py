@@ -1,7 +1,7 @@
-"""Write a result beside its place, and put it there only when it is whole.
+"""Write a result beside its place, and put it there only when it is whole; also as a Parquet file.
 
 Every command that writes a file or folder of its own writes it here: what the command reads is never its output, and
-nothing but an earlier result of the same kind is ever replaced.
+nothing but an earlier result of the same kind is ever replaced. pyarrow is loaded by the commands that need it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from slipd.errors import SlipdError, UsageError
 
@@ -136,3 +138,89 @@ def _umask() -> int:
 
 def _unwritable(out: Path, error: OSError) -> SlipdError:
     return SlipdError(f"{out}: cannot be written: {error.strerror or error}")
+
+
+MARK = "slipd_export"
+"""Key in the metadata that marks a file as part of an export of slipd."""
+
+
+def parquet_library(option: str, extra: str = "parquet") -> tuple[ModuleType, ModuleType]:
+    """Return ``pyarrow`` and ``pyarrow.parquet``.
+
+    Args:
+        option: What needs them, for the error.
+        extra: Extra of the package slipd that installs them, for the error.
+
+    Raises:
+        UsageError: pyarrow is not installed.
+    """
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise UsageError(f"{option} needs the package pyarrow: pip install 'slipd[{extra}]'") from error
+    return pyarrow, parquet
+
+
+def storable(text: str) -> str:
+    r"""Return a text that Arrow can store: an undecodable byte of a file name becomes an escape such as ``\xff``."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+@contextlib.contextmanager
+def parquet_file(path: Path, schema: Any) -> Iterator[Callable[[Any], None]]:
+    """Create a file, and yield what writes an Arrow table of this schema as one row group.
+
+    Raises:
+        SlipdError: pyarrow is not installed.
+        OSError: The file cannot be written.
+    """
+    _, parquet = parquet_library("--to parquet")
+    marked = schema.with_metadata({**(schema.metadata or {}), MARK: "1"})
+    with path.open("xb") as file:
+        writer = parquet.ParquetWriter(file, marked, compression="zstd")
+        try:
+            yield writer.write_table
+            writer.close()
+        finally:
+            writer.is_open = False  # after a failure its destructor would try again
+
+
+@contextlib.contextmanager
+def parquet_rows(path: Path, schema: Any, at_once: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Create a file, and yield what writes a row, a value for each column that is known; errors are as above.
+
+    Args:
+        path: File to create.
+        schema: Its Arrow schema.
+        at_once: Rows that are kept in memory until they are written as one row group.
+    """
+    arrow, _ = parquet_library("--to parquet")
+    rows: list[dict[str, Any]] = []
+    with parquet_file(path, schema) as put:
+
+        def flush() -> None:
+            put(arrow.Table.from_pylist(rows, schema=schema))
+            rows.clear()
+
+        def add(row: dict[str, Any]) -> None:
+            rows.append(row)
+            if len(rows) == at_once:
+                flush()
+
+        yield add
+        if rows:
+            flush()
+
+
+def stored_schema(path: Path, option: str, extra: str = "parquet") -> Any:
+    """Return the schema of a file; None if it is no Parquet file. The other arguments are those of `parquet_library`.
+
+    Raises:
+        UsageError: pyarrow is not installed.
+    """
+    arrow, parquet = parquet_library(option, extra)
+    try:
+        return parquet.read_schema(path)
+    except (OSError, arrow.ArrowInvalid):
+        return None
