@@ -26,7 +26,7 @@ from slipd.io.bus.runtime_directory import RuntimeDirectory
 from slipd.io.log_lines import log_kept
 from slipd.io.transport import Links
 from slipd.io.zmtp.endpoint import check_free
-from slipd.recording.requested_recordings import state_dir
+from slipd.recording.run_files import state_dir
 from slipd.recording.run_recorders import RunRecorders
 from slipd.recording.state_file import StateFile
 from slipd_client.health.repairs import summary

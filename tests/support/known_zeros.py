@@ -9,7 +9,7 @@ from slipd.config import Config, Levels, axes_of
 from slipd.config import Finger as FingerConfig
 from slipd.finger.finger import Finger
 from slipd.grasp.stored_state import StoredState, StoredTare, basis_of, rig_of, seal
-from slipd.recording.requested_recordings import state_dir
+from slipd.recording.run_files import state_dir
 from slipd.recording.state_file import StateFile
 
 

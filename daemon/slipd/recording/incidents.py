@@ -7,18 +7,24 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgpack
+import zstandard
 
 from slipd.config import Incidents as IncidentLimits
 from slipd.errors import RecordingError
 from slipd.events import Event, FirstEvents, IncidentsChanged
-from slipd.recording.entry_ring import EntryRing
-from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.event_codec import encode_event
+from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_records import trimmed
 from slipd.recording.run_files import RunFiles
 from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT
 
@@ -36,25 +42,109 @@ BLOCK_NS = 1_000_000_000
 REPORT_PERIOD_NS = 1_000_000_000
 """Least time between two reports of what was saved and lost."""
 
+MOST_BYTES = 256 * 1024 * 1024
+"""Most compressed bytes that are kept; a flood of incompressible bytes shortens the time."""
+
+_REST_ENTRIES, _REST_S = 50, 0.001
+"""While a file is written, the thread rests after so many entries, so that the live path waits for none of them."""
+
 _log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Block:
+    """Entries that are dropped together.
+
+    Attributes:
+        first: What precedes a file that begins with it.
+        begin_ns: When it begins, CLOCK_MONOTONIC.
+        pieces: Its entries; of all blocks but the newest they are one piece, compressed.
+        entries: Their number.
+    """
+
+    first: FirstEvents
+    begin_ns: int
+    pieces: list[bytes] = field(default_factory=list)
+    entries: int = 0
+
+
+class EntryRing:
+    """Keeps entries of the last seconds, compressed. Not safe for threads: one thread adds and writes.
+
+    Args:
+        before_ns: Time that is kept, ns.
+
+    Attributes:
+        next_n: Index of the next entry.
+        dropped_early: Number of entries dropped before their time, because the memory was full.
+    """
+
+    def __init__(self, before_ns: int) -> None:
+        self.next_n = self.dropped_early = 0
+        self._before_ns = before_ns
+        self._blocks = deque([_Block((), 0)])
+        self._bytes = 0
+        self._packer = msgpack.Packer()
+        self._compressor = zstandard.ZstdCompressor(level=1)
+
+    def begin_block(self, first: FirstEvents, t_ns: int) -> None:
+        """Begin a block, with which a file may begin, and drop those that are older than the time that is kept.
+
+        Args:
+            first: The events that precede a file that begins now.
+            t_ns: Now, CLOCK_MONOTONIC.
+        """
+        if self.next_n < len(first):  # the run has just begun: no entry would leave them an index
+            return
+        blocks = self._blocks
+        blocks[-1].pieces = [trimmed(self._compressor.compress(b"".join(blocks[-1].pieces)))]
+        self._bytes += len(blocks[-1].pieces[0])
+        blocks.append(_Block(first, t_ns))
+        while len(blocks) > 2 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):
+            in_time = blocks[1].begin_ns <= t_ns - self._before_ns
+            dropped = blocks.popleft()
+            self.dropped_early += 0 if in_time else dropped.entries
+            self._bytes -= len(dropped.pieces[0])
+
+    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
+        """Keep an event that entered the engine at ``t_ns``, or the bytes that were published because of it."""
+        payload = content if isinstance(content, bytes) else encode_event(self.next_n, t_ns, content)
+        block = self._blocks[-1]
+        block.pieces.append(self._packer.pack((self.next_n, t_ns, topic, payload)))
+        block.entries += 1
+        self.next_n += 1
+
+    @property
+    def first(self) -> int:
+        """Index of the first entry of a file."""
+        return self.next_n - sum(block.entries for block in self._blocks) - len(self._blocks[0].first)
+
+    def write(self, file: RecordingFile) -> None:
+        """Write all entries to a file that begins at the index `first`, and finish it.
+
+        Raises:
+            OSError: The disk failed.
+        """
+        oldest = self._blocks[0]
+        for n, event in enumerate(oldest.first, start=self.first):
+            file.add(n, oldest.begin_ns, EVENTS, event)
+        for number, entry in enumerate(self._entries()):
+            file.add(*entry)
+            if number % _REST_ENTRIES == 0:
+                time.sleep(_REST_S)
+        file.finish(self.next_n)
+
+    def _entries(self) -> Iterator[tuple[int, int, str, bytes]]:
+        unpacker = msgpack.Unpacker()
+        for block in list(self._blocks)[:-1]:
+            unpacker.feed(zstandard.decompress(block.pieces[0]))
+            yield from unpacker
+        unpacker.feed(b"".join(self._blocks[-1].pieces))
+        yield from unpacker
+
 
 _Entry = tuple[str, Event | bytes, int]
 """Topic, content and time of an entry."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Save:
-    """Order to write a file once the entries up to a time are there."""
-
-    path: Path
-    until_ns: int
-
-
-class _Begin(NamedTuple):
-    """Order to begin a block of the ring; its arguments."""
-
-    first: FirstEvents
-    t_ns: int
 
 
 class Incidents:
@@ -88,7 +178,8 @@ class Incidents:
         self._reported: IncidentsChanged | None = None
         self._report_due_ns = self._block_due_ns = 0
         self._ring = EntryRing(round(limits.before_s * 1e9))
-        self._queue: SimpleQueue[_Entry | _Save | _Begin | None] = SimpleQueue()
+        self._due: list[tuple[Path, int]] = []  # files to be written once the entries up to a time are there
+        self._queue: SimpleQueue[_Entry | Callable[[], None] | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="incidents", daemon=True)
         self._thread.start()
 
@@ -125,7 +216,7 @@ class Incidents:
             _log.info("%d incidents within %g s of the last saved one", self._ignored, self._limits.pause_s)
         self._ignored, self._next_ns[kind] = 0, t_ns + round(self._limits.pause_s * 1e9)
         path = self._files.folder / f"{KIND}-{self._name(t_ns)}-{what}.mcap"
-        self._queue.put(_Save(path, t_ns + round(self._limits.after_s * 1e9)))
+        self._queue.put(partial(self._due.append, (path, t_ns + round(self._limits.after_s * 1e9))))
 
     def follow(self, t_ns: int, first: Callable[[], FirstEvents]) -> IncidentsChanged | None:
         """Note what precedes a file that begins now if it is time; return what was saved and lost so far.
@@ -139,7 +230,7 @@ class Incidents:
         """
         if t_ns >= self._block_due_ns:
             self._block_due_ns = t_ns + BLOCK_NS
-            self._queue.put(_Begin(first(), t_ns))
+            self._queue.put(partial(self._ring.begin_block, first(), t_ns))
         now = replace(self._outcome, lost=self._lost, dropped=self._ring.dropped_early)
         if now == self._reported or t_ns < self._report_due_ns:
             return None
@@ -152,7 +243,6 @@ class Incidents:
         self._thread.join(CLOSE_LIMIT_S)
 
     def _run(self) -> None:
-        due: list[_Save] = []
         while True:
             try:
                 item = self._queue.get_nowait()
@@ -161,37 +251,30 @@ class Incidents:
                 continue
             if item is None:
                 break
-            if isinstance(item, _Save):
-                due.append(item)
+            if callable(item):
+                item()
                 continue
-            if isinstance(item, _Begin):
-                self._ring.begin_block(*item)
-                continue
-            while due and item[-1] > due[0].until_ns:
-                self._save(due.pop(0))
+            while self._due and item[-1] > self._due[0][1]:
+                self._save(self._due.pop(0)[0])
             self._ring.add(*item)
-        for order in due:
-            self._save(order)
+        for path, _ in self._due:
+            self._save(path)
 
-    def _save(self, order: _Save) -> None:
+    def _save(self, path: Path) -> None:
         """Write the file; a disk that fails costs this file only."""
+        file: RecordingFile | None = None
         try:
             self._prepare()
             self._files.delete_oldest(KIND, self._limits.keep_files - 1)
-            file = self._create(self._files.place(order.path), first=self._ring.first)
-        except (RecordingError, OSError) as error:
-            self._note_failure(order.path, str(error))
-            return
-        try:
+            path = self._files.place(path)
+            file = self._create(path, first=self._ring.first)
             self._ring.write(file)
-        except OSError as error:
-            file.remove()
-            self._note_failure(file.path, str(error.strerror))
+        except (RecordingError, OSError) as error:
+            if file is not None:
+                file.remove()
+            why = f"{path}: not saved: {getattr(error, 'strerror', None) or error}"
+            self._outcome = replace(self._outcome, failed=self._outcome.failed + 1, reason=why)
+            _log.error("%s", why, extra={"slipd_recording": path, "slipd_fault": "incident-failed"})
             return
-        self._outcome = replace(self._outcome, saved=self._outcome.saved + 1, path=str(file.path), reason="")
-        _log.warning("%s: saved, with what happened before", file.path, extra={"slipd_recording": file.path})
-
-    def _note_failure(self, path: Path, reason: str) -> None:
-        why = f"{path}: not saved: {reason}"
-        self._outcome = replace(self._outcome, failed=self._outcome.failed + 1, reason=why)
-        _log.error("%s", why, extra={"slipd_recording": path, "slipd_fault": "incident-failed"})
+        self._outcome = replace(self._outcome, saved=self._outcome.saved + 1, path=str(path), reason="")
+        _log.warning("%s: saved, with what happened before", path, extra={"slipd_recording": path})

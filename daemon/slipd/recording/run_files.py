@@ -10,16 +10,15 @@ import fcntl
 import logging
 import os
 import re
+import stat
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock, Thread
 
-from slipd.config import Continuous
-from slipd.events import FirstEvents, Record, RecordingChanged
-from slipd.recording.requested_recordings import RequestedRecordings
-from slipd.recording.writer import Recorder
+from slipd.errors import RecordingError
+from slipd.recording.mcap_file import RecordingFile
 from slipd.requests.recording_state import utc_stamp
 from slipd.types.clocks import WallClock
 
@@ -31,12 +30,94 @@ _LOCK = re.compile(r"\.run-(?P<boot>\w+)\.lock")
 CLOSE_LIMIT_S = 1.0
 """Longest wait for the disk when the lock file is removed; the next run removes one that was left."""
 
-RETRY_NS = 60_000_000_000
-"""Time from the failure of a file to the next attempt, ns."""
-
 KIND = "run"
 
 _log = logging.getLogger(__name__)
+
+
+def state_dir() -> Path:
+    """Return the directory of requested recordings; it need not exist yet.
+
+    ``$SLIPD_STATE_DIR`` if set, else ``$XDG_STATE_HOME/slipd``, else ``~/.local/state/slipd``.
+    """
+    if chosen := os.environ.get("SLIPD_STATE_DIR"):
+        return Path(chosen)
+    state = os.environ.get("XDG_STATE_HOME")
+    return (Path(state) if state else Path.home() / ".local" / "state") / "slipd"
+
+
+def private_directory(path: Path) -> None:
+    """Create a directory to which only this user can write, or check that an existing one is such a directory.
+
+    Raises:
+        RecordingError: It cannot be created, or other users could replace its files.
+    """
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = path.lstat()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o022:
+        raise RecordingError(f"{path}: must be a directory of user {os.geteuid()} to which nobody else can write")
+
+
+class RecordingLimitError(RecordingError):
+    """A limit of the config forbids a recording to start or to continue."""
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Limits on the disk space of a recording; reaching one ends the recording in good order.
+
+    Attributes:
+        max_bytes: Size of the file, bytes.
+        min_free_bytes: Least free space of its disk, bytes.
+    """
+
+    max_bytes: int
+    min_free_bytes: int
+
+    def check(self, file: RecordingFile) -> None:
+        """Check a file against the limits.
+
+        Raises:
+            RecordingLimitError: A limit is reached.
+        """
+        if file.size_bytes >= self.max_bytes:
+            raise RecordingLimitError(f"the recording reached recording.max_bytes, {self.max_bytes}")
+        self.check_disk(file.path)
+
+    def check_disk(self, place: Path) -> None:
+        """Check the free space of the disk of a file or folder.
+
+        Raises:
+            RecordingLimitError: There is too little.
+            OSError: The disk cannot tell.
+        """
+        disk = os.statvfs(place)
+        free_bytes = disk.f_bavail * disk.f_frsize
+        if free_bytes < self.min_free_bytes:
+            raise RecordingLimitError(
+                f"the disk has {free_bytes} free bytes, less than recording.min_free_bytes, {self.min_free_bytes}"
+            )
+
+
+def check_room(directory: Path, room: Room, max_files: int) -> None:
+    """Check the number of recordings in a directory and the free space of its disk.
+
+    Raises:
+        RecordingLimitError: A limit forbids another recording; the text says how to make room.
+        RecordingError: The directory cannot be read.
+    """
+    try:
+        files = sum(entry.name.startswith("slipd-") and entry.name.endswith(".mcap") for entry in os.scandir(directory))
+        room.check_disk(directory)
+    except OSError as error:
+        raise RecordingError(f"{directory}: cannot be read: {error.strerror}") from error
+    if files >= max_files:
+        raise RecordingLimitError(
+            f"{directory} holds {files} recordings, and recording.max_files is {max_files}: move or delete some"
+        )
 
 
 class RunFiles:
@@ -137,49 +218,6 @@ def _locked(path: Path, flags: int = 0) -> int:
             os.close(lock_fd)
             raise
         os.close(lock_fd)  # another run took it for a left one, and removed it
-
-
-class ContinuousRecording(RequestedRecordings):
-    """Records the whole run in files that follow each other, each complete by itself; nothing is lost in between.
-
-    A new file begins when the present one is old or large enough.
-
-    Args:
-        directory: Folder of the files.
-        make: Returns the recorder of a file that its thread creates.
-        limits: ``[recording.continuous]``.
-        name: Returns the name of a file that begins at a time, without kind, number and suffix.
-    """
-
-    def __init__(
-        self,
-        directory: Path,
-        make: Callable[[Path], Recorder],
-        limits: Continuous,
-        name: Callable[[int], str],
-    ) -> None:
-        super().__init__(directory, make)
-        self._limits, self._name_at = limits, name
-        self._name = ""
-        self._count = 0
-        self._due_ns: int | None = None
-
-    def follow(self, t_ns: int, first: Callable[[], FirstEvents]) -> list[RecordingChanged]:
-        """Begin a new file if it is time; return the changes that the engine must know, each once.
-
-        Args:
-            t_ns: Now, CLOCK_MONOTONIC.
-            first: Returns the events that precede a file that begins now.
-        """
-        changes = [change for change in self.changes(t_ns) if change.name == self._name]
-        if any(change.state != "running" for change in changes):
-            self._due_ns = t_ns + RETRY_NS
-        elif self._due_ns is None or t_ns >= self._due_ns or self.size_bytes >= self._limits.file_bytes:
-            self._count += 1
-            self._name = f"{KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
-            self._due_ns = t_ns + round(self._limits.file_s * 1e9)
-            self.handle(Record(self._name, first()), t_ns)
-        return [replace(change, name="") for change in changes]
 
 
 def run_name(boot: str, wall: WallClock) -> Callable[[int], str]:

@@ -1,31 +1,155 @@
-"""All recordings of one run: those on request, that of the whole run, and the last seconds before an incident."""
+"""All recordings of one run: those on request, that of the whole run, and the last seconds before an incident.
+
+Even the file is created on the thread of the recorder: a client must not be able to make the live path wait for a disk.
+"""
 
 from __future__ import annotations
 
+import logging
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from slipd.config import Config
-from slipd.events import Event, FirstEvents, Publish, Record
+from slipd.config import Config, Continuous
+from slipd.errors import RecordingError
+from slipd.events import Event, FirstEvents, Publish, Record, RecordingChanged
 from slipd.recording.incidents import Incidents
 from slipd.recording.mcap_file import EVENTS, RecordingFile, check_new
-from slipd.recording.requested_recordings import (
-    RecorderWatch,
-    RequestedRecordings,
-    check_room,
-    private_directory,
-    state_dir,
-)
-from slipd.recording.run_files import KIND, ContinuousRecording, RunFiles, run_name
-from slipd.recording.writer import Recorder, Room
+from slipd.recording.run_files import KIND, Room, RunFiles, check_room, private_directory, run_name, state_dir
+from slipd.recording.writer import CLOSE_LIMIT_S, Recorder
 from slipd.types.clocks import WallClock
 from slipd_client.messages import GRASP_TOPIC, WARNING_TOPIC
 
 T = TypeVar("T")
+
+MOST_UNFINISHED = 2
+"""Ended recordings that may still be written when another starts; each holds a thread and up to 30 MB."""
+
+RETRY_NS = 60_000_000_000
+"""Time from the failure of a file to the next attempt, ns."""
+
+_log = logging.getLogger(__name__)
+
+
+class RequestedRecordings:
+    """Start and end recordings as the engine orders, one at a time.
+
+    No method raises because of a disk, and only `close` waits for one.
+
+    Args:
+        directory: Folder of the files.
+        make: Returns the recorder of a file that its thread creates, given its path and the time.
+    """
+
+    def __init__(self, directory: Path, make: Callable[[Path, int], Recorder]) -> None:
+        self._directory = directory
+        self._make = make
+        self._ended: list[Recorder] = []
+        self._refused: list[RecordingChanged] = []
+        self._running: Recorder | None = None
+
+    def handle(self, record: Record, t_ns: int) -> None:
+        """Start a recording, or end the running one; `changes` returns the outcome."""
+        if self._running is not None:
+            self._running.end()
+            self._ended.append(self._running)
+            self._running = None
+        if record.name:
+            path = self._directory / record.name
+            try:
+                self._running = self._start(path, t_ns)
+            except (RecordingError, RuntimeError) as error:  # RuntimeError: the system starts no more threads
+                _log.warning("%s: %s", path, error, extra={"slipd_recording": path, "slipd_fault": "recording-failed"})
+                self._refused.append(RecordingChanged(record.name, str(path), "failed", f"{path}: {error}"))
+                return
+            for event in record.opened:
+                self._running.add(EVENTS, event, t_ns)
+
+    def _start(self, path: Path, t_ns: int) -> Recorder:
+        if sum(not recorder.finished for recorder in self._ended) > MOST_UNFINISHED:
+            raise RecordingError("the disk is still writing earlier recordings; try again later")
+        return self._make(path, t_ns)
+
+    def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
+        """Record an event that enters the engine at ``t_ns``, or the bytes that were published because of it."""
+        if self._running is not None:
+            self._running.add(topic, content, t_ns)
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the running recording, bytes; 0 where none runs."""
+        return 0 if self._running is None else self._running.size_bytes
+
+    def changes(self, t_ns: int) -> list[RecordingChanged]:
+        """Return the changes that the engine must know, each once."""
+        done = [each for each in self._ended if each.finished]  # checked first, so that their last change is final
+        changes = [*(change for recorder in self._ended if (change := recorder.poll(t_ns))), *self._refused]
+        self._refused.clear()
+        self._ended = [recorder for recorder in self._ended if recorder not in done]
+        if self._running is not None and (change := self._running.poll(t_ns)):
+            changes.append(change)
+            if change.state != "running":
+                self.handle(Record(""), t_ns)
+        return changes
+
+    def close(self) -> None:
+        """Finish every file; wait at most `CLOSE_LIMIT_S` in total for a disk that hangs."""
+        self.handle(Record(""), 0)
+        end_s = time.monotonic() + CLOSE_LIMIT_S
+        for recorder in self._ended:
+            try:
+                recorder.close(max(0.0, end_s - time.monotonic()))
+            except RecordingError as error:
+                if not recorder.over:
+                    _log.error("%s", error)
+
+
+class ContinuousRecording(RequestedRecordings):
+    """Records the whole run in files that follow each other, each complete by itself; nothing is lost in between.
+
+    A new file begins when the present one is old or large enough.
+
+    Args:
+        directory: Folder of the files.
+        make: Returns the recorder of a file that its thread creates, given its path and the time.
+        limits: ``[recording.continuous]``.
+        name: Returns the name of a file that begins at a time, without kind, number and suffix.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        make: Callable[[Path, int], Recorder],
+        limits: Continuous,
+        name: Callable[[int], str],
+    ) -> None:
+        super().__init__(directory, make)
+        self._limits, self._name_at = limits, name
+        self._name = ""
+        self._count = 0
+        self._due_ns: int | None = None
+
+    def follow(self, t_ns: int, first: Callable[[], FirstEvents]) -> list[RecordingChanged]:
+        """Begin a new file if it is time; return the changes that the engine must know, each once.
+
+        Args:
+            t_ns: Now, CLOCK_MONOTONIC.
+            first: Returns the events that precede a file that begins now.
+        """
+        changes = [change for change in self.changes(t_ns) if change.name == self._name]
+        if any(change.state != "running" for change in changes):
+            self._due_ns = t_ns + RETRY_NS
+        elif self._due_ns is None or t_ns >= self._due_ns or self.size_bytes >= self._limits.file_bytes:
+            self._count += 1
+            self._name = f"{KIND}-{self._name_at(t_ns)}-{self._count:04}.mcap"
+            self._due_ns = t_ns + round(self._limits.file_s * 1e9)
+            self.handle(Record(self._name, first()), t_ns)
+        return [replace(change, name="") for change in changes]
 
 
 class RunRecorders:
@@ -48,7 +172,7 @@ class RunRecorders:
         self._config, self._boot, self._wall, self._record = config, boot, wall, record
         self._folder = Path(config.recording.directory or state_dir())
         self._all: list[Recorder | RequestedRecordings | Incidents] = []
-        self._whole: RecorderWatch | None = None
+        self._whole: Recorder | None = None
         self._continuous: ContinuousRecording | None = None
         self._incidents: Incidents | None = None
         self._stack = ExitStack()
@@ -67,9 +191,8 @@ class RunRecorders:
         files = self._stack.enter_context(closing(RunFiles(self._folder, self._boot)))
         names = run_name(self._boot, self._wall)
         if self._record is not None:
-            recorder = self._begin(Recorder, self._record)
-            self._whole = RecorderWatch("", recorder, t_ns)
-            self._all.append(recorder)
+            self._whole = self._begin(Recorder, self._record, t_ns)
+            self._all.append(self._whole)
             self._stack.callback(self._close_whole, self._whole)
         elif limits.continuous.enabled:
             rule = limits.continuous
@@ -91,14 +214,15 @@ class RunRecorders:
         private_directory(self._folder)
         then()
 
-    def _begin(self, kind: Callable[..., T], path: Path, **options: Any) -> T:
+    def _begin(self, kind: Callable[..., T], path: Path, *now: int, **options: Any) -> T:
         """Return a recorder or file that begins now, with what its head says of the run."""
         wall_ns = self._wall.minus_monotonic_ns
-        return kind(path, config_text=self._config.text, boot=self._boot, wall_minus_monotonic_ns=wall_ns, **options)
+        about = {"config_text": self._config.text, "boot": self._boot, "wall_minus_monotonic_ns": wall_ns}
+        return kind(path, *now, **about, **options)
 
-    def _close_whole(self, whole: RecorderWatch) -> None:
+    def _close_whole(self, whole: Recorder) -> None:
         if not self.kept:
-            whole.recorder.discard()
+            whole.discard()
         whole.close()
 
     def close(self) -> None:
@@ -131,7 +255,7 @@ class RunRecorders:
             first: Returns the events that precede a file that begins now.
         """
         if self._whole is not None and (change := self._whole.poll(t_ns)):
-            yield change
+            yield replace(change, name="")
         if self._continuous is not None:
             yield from self._continuous.follow(t_ns, first)
         if self._incidents is not None and (saved := self._incidents.follow(t_ns, first)):

@@ -11,7 +11,7 @@ from pathlib import Path
 from slipd.errors import RecordingError
 from slipd.events import StateRestored
 from slipd.io.replaced_file import replace_file
-from slipd.recording.requested_recordings import private_directory
+from slipd.recording.run_files import private_directory
 
 MOST_BYTES = 1_000_000
 """Largest file that is read: a state of two pads of 1,000 taxels has a tenth of it."""

@@ -6,19 +6,19 @@ slow, full or gone harms the recording, never the run.
 
 from __future__ import annotations
 
-import os
+import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 
 from slipd.errors import RecordingError
-from slipd.events import Event
+from slipd.events import Event, RecordingChanged
 from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.run_files import RecordingLimitError, Room
 
 QUEUE_LIMIT = 65_536
 """Most entries in the queue, about 30 MB: a disk may stall for 5 s at 10,000 entries/s, from two fingers at 4 kHz."""
@@ -30,56 +30,23 @@ this and the time of one sync: at most 18 ms on a virtual disk with ext4."""
 CLOSE_LIMIT_S = 30.0
 """Longest wait for the disk at the end, s: a lost network mount must not delay the exit any longer."""
 
+LOSSES_PERIOD_NS = 1_000_000_000
+"""Shortest time between two reports of lost entries."""
+
+START_LIMIT_NS = 500_000_000
+"""How long the disk may take to create a file before its recording is given up."""
+
+_log = logging.getLogger(__name__)
+
 _Entry = tuple[int, int, str, Event | bytes]
 """Arguments of `RecordingFile.add`."""
-
-
-class RecordingLimitError(RecordingError):
-    """A limit of the config forbids a recording to start or to continue."""
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """Limits on the disk space of a recording; reaching one ends the recording in good order.
-
-    Attributes:
-        max_bytes: Size of the file, bytes.
-        min_free_bytes: Least free space of its disk, bytes.
-    """
-
-    max_bytes: int
-    min_free_bytes: int
-
-    def check(self, file: RecordingFile) -> None:
-        """Check a file against the limits.
-
-        Raises:
-            RecordingLimitError: A limit is reached.
-        """
-        if file.size_bytes >= self.max_bytes:
-            raise RecordingLimitError(f"the recording reached recording.max_bytes, {self.max_bytes}")
-        self.check_disk(file.path)
-
-    def check_disk(self, place: Path) -> None:
-        """Check the free space of the disk of a file or folder.
-
-        Raises:
-            RecordingLimitError: There is too little.
-            OSError: The disk cannot tell.
-        """
-        disk = os.statvfs(place)
-        free_bytes = disk.f_bavail * disk.f_frsize
-        if free_bytes < self.min_free_bytes:
-            raise RecordingLimitError(
-                f"the disk has {free_bytes} free bytes, less than recording.min_free_bytes, {self.min_free_bytes}"
-            )
 
 
 class Recorder:
     """Write the events that enter the engine, and the messages that it publishes, in one total order.
 
     Call ``add`` from one thread, in the order in which things happen: an event, then the messages that it caused. It
-    never blocks, and never raises because of a disk.
+    never blocks, and never raises because of a disk. Each change is logged, and `poll` returns it once.
 
     Attributes:
         path: The file.
@@ -88,6 +55,7 @@ class Recorder:
 
     Args:
         path: File to write; an existing one is never overwritten.
+        t_ns: Now, CLOCK_MONOTONIC.
         config_text: The config of the run, TOML.
         boot: Id of the run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
@@ -103,6 +71,7 @@ class Recorder:
     def __init__(
         self,
         path: Path,
+        t_ns: int = 0,
         *,
         config_text: str,
         boot: str,
@@ -112,6 +81,7 @@ class Recorder:
         room: Room | None = None,
     ) -> None:
         self.path = path
+        self._name = path.name
         self._prepare, self._place = prepare, place
         self._room = room
         self._create = partial(
@@ -125,6 +95,8 @@ class Recorder:
         self._refused = 0  # entries lost to a full queue; counted by the thread of the caller
         self._unwritten = 0  # taken from the queue but not yet known to be in the file; counted by the writer thread
         self._closed = self._finished = self._discarded = False
+        self._started_ns = self._losses_due_ns = t_ns
+        self._reported: RecordingChanged | None = None
         self._thread = Thread(target=self._run, name=f"recorder {path.name}", daemon=True)
         self._thread.start()
 
@@ -142,6 +114,36 @@ class Recorder:
     def lost(self) -> int:
         """Number of entries known to be missing from the file, because the queue overflowed or the disk failed."""
         return self._refused + (self._unwritten if self.outcome[0] == "failed" else 0)
+
+    @property
+    def over(self) -> bool:
+        """Whether the end of a recording that ended by itself has been reported."""
+        return self._reported is not None and self._reported.state != "running"
+
+    def poll(self, t_ns: int) -> RecordingChanged | None:
+        """Return what changed since the last report; None if nothing did.
+
+        A file that the disk does not create in time is given up; the thread removes it as soon as it can.
+        """
+        change, before = self._change(t_ns), self._reported
+        if change is None or change == before or self.over:  # `close` reports what is lost after the end
+            return None
+        if before is not None and change.state == before.state and t_ns < self._losses_due_ns:
+            return None
+        self._reported = change
+        self._losses_due_ns = t_ns + LOSSES_PERIOD_NS
+        _log_change(change)
+        return change
+
+    def _change(self, t_ns: int) -> RecordingChanged | None:
+        path, (state, reason) = str(self.path), self.outcome
+        if state != "starting":
+            return RecordingChanged(self._name, path, state, reason, self.lost)
+        if t_ns - self._started_ns < START_LIMIT_NS:
+            return None
+        self.discard()
+        reason = f"{path}: the disk did not create the file within {START_LIMIT_NS * 1e-9:g} s"
+        return RecordingChanged(self._name, path, "failed", reason)
 
     def add(self, topic: str, content: Event | bytes, t_ns: int) -> None:
         """Record an event that enters the engine at ``t_ns``, or the bytes that were published because of it.
@@ -172,7 +174,7 @@ class Recorder:
         self.end()
 
     def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
-        """Write the queued entries and finish the file. A second call does nothing.
+        """Write the queued entries and finish the file, and log what was lost. A second call does nothing.
 
         Args:
             within_s: Longest wait for the disk, s.
@@ -190,6 +192,9 @@ class Recorder:
         state, reason = self.outcome
         if state == "failed":
             raise RecordingError(f"{reason}; {self.lost} entries are missing" if self.lost else reason)
+        if self.lost:
+            line = "%s: %d entries are missing: the disk was too slow"
+            _log.warning(line, self.path, self.lost, extra={"slipd_recording": self.path})
 
     def _run(self) -> None:
         file = self._file
@@ -258,3 +263,15 @@ class Recorder:
             return
         while self._queue.get() is not None:
             self._unwritten += 1
+
+
+def _log_change(change: RecordingChanged) -> None:
+    fields = {"slipd_recording": change.path}
+    if change.state == "failed":
+        _log.error("%s", change.reason, extra=fields | {"slipd_fault": "recording-failed"})
+    elif change.state == "limited":
+        _log.warning("%s", change.reason, extra=fields | {"slipd_fault": "recording-limited"})
+    elif change.lost:
+        _log.warning("%s: %d entries lost so far: the disk is too slow", change.path, change.lost, extra=fields)
+    else:
+        _log.info("%s: recording", change.path, extra=fields)

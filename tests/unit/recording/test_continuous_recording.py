@@ -13,8 +13,9 @@ from slipd.config import Continuous
 from slipd.events import LinkUp, RecordingChanged, Tick
 from slipd.recording.mcap_file import EVENTS
 from slipd.recording.reader import open_recording
-from slipd.recording.run_files import RETRY_NS, ContinuousRecording, run_name
-from slipd.recording.writer import Recorder, RecordingLimitError
+from slipd.recording.run_files import RecordingLimitError, run_name
+from slipd.recording.run_recorders import RETRY_NS, ContinuousRecording
+from slipd.recording.writer import Recorder
 from slipd.types.clocks import WallClock
 
 SECOND_NS = 1_000_000_000
@@ -28,7 +29,7 @@ class Run:
         self.folder, self.prepare = folder, prepare
         self.recording = ContinuousRecording(
             folder,
-            lambda path: Recorder(path, prepare=lambda: self.prepare(), **ABOUT_RUN),
+            lambda path, t_ns: Recorder(path, t_ns, prepare=lambda: self.prepare(), **ABOUT_RUN),
             Continuous(**limits),
             run_name("b00t", WallClock(0)),
         )
@@ -45,7 +46,7 @@ def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves
     run = Run(tmp_path, file_s=1.0)
     for n in range(30):
         run.poll(n * SECOND_NS // 10)
-        until(lambda: run.recording._running.recorder.outcome[0] == "running")
+        until(lambda: run.recording._running.outcome[0] == "running")
         run.recording.add(EVENTS, Tick(n), n * SECOND_NS // 10)
         run.recording.add("status", b"\x80", n * SECOND_NS // 10)
     run.recording.close()

@@ -12,8 +12,8 @@ from recorded_entries import ABOUT_RUN, complete
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, StateRestored
-from slipd.recording.entry_ring import EntryRing
 from slipd.recording.entry_walk import Entry
+from slipd.recording.incidents import EntryRing
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay

@@ -15,7 +15,6 @@ from slipd import config
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
 from slipd.events import Bytes, IncidentsChanged, Publish, Record, Tick
-from slipd.recording import entry_ring
 from slipd.recording import incidents as module
 from slipd.recording.entry_walk import Entry
 from slipd.recording.incidents import Incidents
@@ -113,7 +112,7 @@ def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_
 def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(entry_ring, "MOST_BYTES", 300)
+    monkeypatch.setattr(module, "MOST_BYTES", 300)
     prepare = iter([full, nothing])
     kept = incidents(tmp_path, lambda: next(prepare)(), pause_s=1.0)
     assert kept.follow(0, tuple) == IncidentsChanged(0, 0, 0, 0, "", "")

@@ -13,24 +13,18 @@ from recorded_entries import complete, small_disk
 
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
-from slipd.recording import requested_recordings, writer
+from slipd.recording import run_recorders, writer
 from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import EVENTS
-from slipd.recording.requested_recordings import (
-    MOST_UNFINISHED,
-    START_LIMIT_NS,
-    RequestedRecordings,
-    check_room,
-    private_directory,
-    state_dir,
-)
-from slipd.recording.writer import Recorder, Room
+from slipd.recording.run_files import Room, check_room, private_directory, state_dir
+from slipd.recording.run_recorders import MOST_UNFINISHED, RequestedRecordings
+from slipd.recording.writer import START_LIMIT_NS, Recorder
 
 ROOM = Room(max_bytes=10**9, min_free_bytes=0)
 
 
-def make(path: Path, prepare: Callable[[], None], room: Room = ROOM) -> Recorder:
-    return Recorder(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, room=room)
+def make(path: Path, t_ns: int, prepare: Callable[[], None], room: Room = ROOM) -> Recorder:
+    return Recorder(path, t_ns, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, room=room)
 
 
 def held(disk: threading.Event, state: Path) -> Callable[[], None]:
@@ -88,7 +82,7 @@ def test_K3_a_recording_begins_with_the_links_that_are_open_and_the_next_one_end
 def test_K1_a_disk_that_fails_is_reported_and_nothing_else(recordings: RequestedRecordings, state: Path) -> None:
     recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
-    recorder = recordings._running.recorder
+    recorder = recordings._running
     size = recorder.path.stat().st_size
     reason = f"{recorder.path}: the recording stopped: File too large"
     with small_disk(size + 10):
@@ -186,7 +180,7 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
         recordings.add(EVENTS, Tick(n), n)
         refused += [change.name for change in recordings.changes(0) if "still writing" in change.reason]
         recordings.handle(Record(""), 0)
-    made = [watch.recorder for watch in recordings._ended]
+    made = list(recordings._ended)
     assert len(made) == MOST_UNFINISHED + 1
     assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
     disk.set()
@@ -215,7 +209,7 @@ def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
     recordings = RequestedRecordings(state, partial(make, prepare=held(disk, state)))
     for name in ("a.mcap", "b.mcap"):
         recordings.handle(Record(name), 0)
-    monkeypatch.setattr(requested_recordings, "CLOSE_LIMIT_S", 0.05)
+    monkeypatch.setattr(run_recorders, "CLOSE_LIMIT_S", 0.05)
     recordings.close()
     assert waits[0] <= 0.05
     assert waits[1:] == [0.0], "the first took all the time there was"

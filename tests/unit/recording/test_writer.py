@@ -18,7 +18,8 @@ from slipd.events import Bytes, Tick
 from slipd.recording import writer
 from slipd.recording.entry_walk import Entry
 from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES, EVENTS
-from slipd.recording.writer import Recorder, Room
+from slipd.recording.run_files import Room
+from slipd.recording.writer import Recorder
 
 WRITE_UNTIL_KILLED = """
 import sys, time
