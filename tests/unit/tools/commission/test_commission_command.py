@@ -11,7 +11,7 @@ from slipd import config
 from slipd.cli import carry_out
 from slipd.errors import ConfigError, SlipdError
 from slipd.tools.cli_commands import parser
-from slipd.tools.commission import hosts, readings
+from slipd.tools.commission import commission_command, readings
 from slipd.tools.commission.commission_command import PageHost
 
 
@@ -19,7 +19,7 @@ from slipd.tools.commission.commission_command import PageHost
 def rig(tmp_path: Path, person: IO[str], monkeypatch: pytest.MonkeyPatch) -> Path:
     """A config without a daemon, and a standard input on which nobody types."""
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
-    monkeypatch.setattr(hosts, "SILENCE_S", 0.2)
+    monkeypatch.setattr(commission_command, "SILENCE_S", 0.2)
     monkeypatch.setattr(readings, "PAUSE_S", 0.0)
     file = tmp_path / "rig.toml"
     file.write_text(config.shipped("demo.toml").read_text(encoding="utf-8"), encoding="utf-8")

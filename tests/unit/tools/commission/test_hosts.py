@@ -15,7 +15,7 @@ import pytest
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.commission import hosts
+from slipd.tools.commission import commission_command
 from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink
 from slipd.tools.commission.dialogue import Ask, Change, Choice, Prompt, Refusal, Reply, Say
@@ -35,7 +35,7 @@ def file(tmp_path: Path) -> Path:
 @pytest.fixture
 def hosted(file: Path, person: IO[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Hosted]:
     """Hosts of a config, without a daemon."""
-    monkeypatch.setattr(hosts, "SILENCE_S", 0.3)
+    monkeypatch.setattr(commission_command, "SILENCE_S", 0.3)
     link = DaemonLink(f"ipc://{file.parent}/publish", f"ipc://{file.parent}/requests", None, None)
     with ExitStack() as stack:
         yield lambda kind=TerminalHost, *, write=True: stack.enter_context(kind(file, TEXT, link, write=write))
@@ -91,7 +91,7 @@ def test_a_dry_run_writes_nothing(hosted: Hosted, file: Path) -> None:
 def test_a_program_that_types_without_end_does_not_hold_the_guide_up(
     hosted: Hosted, person: IO[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hosts, "MOST_EARLY", 3)
+    monkeypatch.setattr(commission_command, "MOST_EARLY", 3)
     host = hosted()
     person.write("ready\n" * 5)
     host.respond(QUESTION)

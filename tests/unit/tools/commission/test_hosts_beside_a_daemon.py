@@ -17,7 +17,7 @@ from rig_parts import PATIENCE_S
 from service_rig import Rig, asked, serving
 
 from slipd import config
-from slipd.tools.commission import hosts
+from slipd.tools.commission import commission_command
 from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink, GravityTeller
 from slipd.tools.commission.dialogue import Ask, Event, Refusal
@@ -93,7 +93,7 @@ async def hosted(
 async def test_readings_reach_the_guide_and_the_page_as_often_as_stated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], least_s: float
 ) -> None:
-    monkeypatch.setattr(hosts, "LIVE_S", least_s)
+    monkeypatch.setattr(commission_command, "LIVE_S", least_s)
 
     def listen(host: TerminalHost) -> list[Event]:
         """Return some readings."""
