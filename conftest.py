@@ -43,6 +43,16 @@ COVERED = tuple(
 """Tests of the rooms that are covered to the last branch. Tracing doubles the time of a test, so others go without."""
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Let `no_cover` work in a process of pytest-xdist: pytest-cov starts two measurements there and pauses only one.
+
+    The first one, which is ended here, is never saved.
+    """
+    controller = getattr(config.pluginmanager.getplugin("_cov"), "cov_controller", None)
+    if controller is not None and hasattr(config, "workerinput"):
+        controller.cov.stop()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let every asynchronous test end without a pending task; the others need no event loop, and get none."""
     for item in items:
