@@ -25,7 +25,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 from slipd.errors import RecordingError
 from slipd.recording import mcap_file
 
-_HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
+HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
 _INDEX_HEAD = struct.Struct("<HI")  # channel, and length of the offsets
 _READ: dict[int, type[Header | Metadata | Attachment | Chunk]] = {
     Opcode.HEADER: Header,
@@ -80,10 +80,10 @@ def data_records(file: BinaryIO) -> Iterator[McapRecord]:
     """
     while True:
         place = file.tell()
-        head = _read(file, _HEAD.size, place, may_end=True)
+        head = _read(file, HEAD.size, place, may_end=True)
         if not head:
             return
-        opcode, length = _HEAD.unpack(head)
+        opcode, length = HEAD.unpack(head)
         if opcode == Opcode.DATA_END:
             return
         if length > mcap_file.RECORD_LIMIT_BYTES:
@@ -146,12 +146,12 @@ def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
     """
     whole, size, at = memoryview(data), len(data), 0
     while at < size:
-        if size - at < _HEAD.size:
+        if size - at < HEAD.size:
             raise DamageError("has a chunk that ends within a record")
-        opcode, length = _HEAD.unpack_from(data, at)
+        opcode, length = HEAD.unpack_from(data, at)
         if opcode not in _INNER:
             raise DamageError(f"has a chunk with a record of kind {opcode}, which slipd cannot have written")
-        begin = at + _HEAD.size
+        begin = at + HEAD.size
         at = begin + length
         if at > size:
             raise DamageError("has a chunk that ends within a record")

@@ -37,8 +37,8 @@ class Kind:
     replaceable: bool = True
 
 
-RECORDING = Kind("a recording", lambda _: False, replaceable=False)
-"""A new recording: it replaces nothing."""
+NEW = Kind("new", lambda _: False, replaceable=False)
+"""What replaces nothing, such as a recording or a config."""
 
 
 def first_bytes(path: Path, most: int) -> bytes:
@@ -119,7 +119,6 @@ def _belongs(path: Path, kind: Kind) -> bool:
 
 def _place(written: Path, out: Path, aside: Path) -> None:
     """Move the result to its place; an earlier one is moved away first, because a folder cannot replace another."""
-    written.chmod(0o777 & ~_umask() if written.is_dir() else 0o666 & ~_umask())
     if os.path.lexists(out):
         out.rename(aside)
     try:
@@ -128,12 +127,6 @@ def _place(written: Path, out: Path, aside: Path) -> None:
         if os.path.lexists(aside):
             aside.rename(out)
         raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _unwritable(out: Path, error: OSError) -> SlipdError:

@@ -10,8 +10,7 @@ from replays import RECORDINGS
 from slipd.errors import SlipdError
 from slipd.tools.evaluation.run_figures import TABLE
 from slipd.tools.export.export_command import EXPORT
-from slipd.tools.outputs import RECORDING as RECORDING_KIND
-from slipd.tools.outputs import Kind, draft
+from slipd.tools.outputs import NEW, Kind, draft
 from slipd.tools.plot.plot_command import PLOT
 
 EXPORTED = "published_ns,v\n"
@@ -122,9 +121,7 @@ def test_an_earlier_result_returns_where_the_new_one_is_gone(earlier: Path) -> N
     assert sorted(names(earlier)) == ["metadata.yaml", "old.csv"]
 
 
-@pytest.mark.parametrize(
-    ("kind", "remedy"), [(EXPORT, "give a new name, or --overwrite"), (RECORDING_KIND, "give a new name")]
-)
+@pytest.mark.parametrize(("kind", "remedy"), [(EXPORT, "give a new name, or --overwrite"), (NEW, "give a new name")])
 def test_what_came_meanwhile_stays_and_the_remedy_is_one_that_the_command_has(
     tmp_path: Path, kind: Kind, remedy: str
 ) -> None:

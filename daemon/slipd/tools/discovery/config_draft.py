@@ -14,7 +14,7 @@ from slipd.config.check_hints import OPTIONS, default_rate_hz
 from slipd.devices import DEVICES, SLIPD, find_device
 from slipd.errors import SlipdError
 from slipd.tools.discovery.port_probe import BY_ID, BY_PATH, DEV, Found, SerialPort, identify_port, list_ports
-from slipd.tools.outputs import Kind
+from slipd.tools.outputs import NEW
 from slipd.tools.outputs import draft as whole_file
 from slipd.types.device_text import one_line
 
@@ -51,7 +51,6 @@ INCIDENTS = """
 [recording.incidents]   # the last minute is kept in memory, and saved when a finger warns: slipd view shows it
 enabled = true
 """
-CONFIG = Kind("a config", lambda _: False, replaceable=False)
 
 
 def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> str:
@@ -197,7 +196,7 @@ def init_command(file: Path, by_id: Path | None, *, only_list: bool) -> None:
     except ValueError as error:
         raise SlipdError(f"{error}; nothing is written. `slipd config list` lists configs to start from") from None
     config.parse(text, str(file))
-    with whole_file(file, CONFIG, overwrite=False) as out:
+    with whole_file(file, NEW, overwrite=False) as out:
         out.write_text(text, encoding="utf-8")
     print(f"{file}: written. Fill in what is marked MEASURE and no touch shows (slipd docs first_day); then:")
     print(f"  slipd check {file}\n  slipd run {file}\n  slipd commission {file}     # in another terminal")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from slipd.errors import RecordingError
 from slipd_client.messages import GRASP_TOPIC, STATUS_TOPIC, slip_topic
@@ -23,6 +23,8 @@ NOT_RECORDED = "not_recorded"
 """Reason of "unknown" from the begin of a gap to the first message after it."""
 
 _SLIP = slip_topic("")
+
+T = TypeVar("T")
 
 
 class LevelSpan(NamedTuple):
@@ -46,6 +48,16 @@ class LevelSpan(NamedTuple):
     def seconds(self) -> float:
         """Its length, s."""
         return self.end_s - self.begin_s
+
+
+def joined(parts: Iterable[tuple[float, float, T]]) -> list[tuple[float, float, T]]:
+    """Return begin, end and value of each part; parts of equal value that follow each other are one."""
+    found: list[tuple[float, float, T]] = []
+    for begin_s, end_s, value in parts:
+        if found and found[-1][1:] == (begin_s, value):
+            begin_s = found.pop()[0]
+        found.append((begin_s, end_s, value))
+    return found
 
 
 def level_spans(messages: Iterable[tuple[str, dict[str, Any]]], events: EventGaps) -> dict[str, list[LevelSpan]]:

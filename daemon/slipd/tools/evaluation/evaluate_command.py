@@ -16,7 +16,7 @@ from typing import Any
 
 from slipd.io.progress import Progress
 from slipd.tools.cli_arguments import chosen
-from slipd.tools.evaluation.config_run import RECORDED, ConfigRun
+from slipd.tools.evaluation.config_run import RECORDED, ConfigRun, joined
 from slipd.tools.evaluation.evaluate import (
     Evaluation,
     ResultCache,
@@ -262,11 +262,8 @@ class _Totals:
 
 def _levels(run: ConfigRun) -> int:
     """Return a number that is the same for runs of the same levels at the same times."""
-    changes: list[tuple[str, float]] = []
-    for span in worst_spans(run.spans):
-        if not changes or changes[-1][0] != span.level:
-            changes.append((span.level, span.begin_s))
-    return hash(tuple(changes))
+    levels = joined((span.begin_s, span.end_s, span.level) for span in worst_spans(run.spans))
+    return hash(tuple((level, begin_s) for begin_s, _, level in levels))
 
 
 def _named(paths: list[Path]) -> list[NamedConfig]:

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from slipd import __version__
-from slipd.tools.evaluation.config_run import ConfigRun, Largest, LevelSpan, StreamHealth
+from slipd.tools.evaluation.config_run import ConfigRun, Largest, LevelSpan, StreamHealth, joined
 from slipd.tools.evaluation.executors import Finished
 from slipd.tools.outputs import Kind, draft, parquet_library, storable, stored_schema
 from slipd_client.messages import GRASP_TOPIC, SEVERITY
@@ -88,40 +88,31 @@ def figures(run: ConfigRun) -> RunFigures:
 
 def intervals(spans: Iterable[LevelSpan], levels: tuple[str, ...]) -> list[Interval]:
     """Return the times at any of some levels; spans that follow each other are one."""
-    found: list[Interval] = []
-    for span in spans:
-        if span.level not in levels:
-            continue
-        begin_s = found.pop()[0] if found and found[-1][1] == span.begin_s else span.begin_s
-        found.append((begin_s, span.end_s))
-    return found
+    at = joined((span.begin_s, span.end_s, None) for span in spans if span.level in levels)
+    return [(begin_s, end_s) for begin_s, end_s, _ in at]
 
 
 def worst_spans(spans: Mapping[str, list[LevelSpan]]) -> list[LevelSpan]:
     """Return the level of the worse finger over time, with the reasons of every finger at that level."""
-    found: list[LevelSpan] = []
-    for begin_s, end_s, now in _together([row for source, row in spans.items() if source != GRASP_TOPIC]):
-        level = max((span.level for span in now), key=SEVERITY.__getitem__)
-        worse = [span for span in now if span.level == level]
-        reasons = tuple(dict.fromkeys(reason for span in worse for reason in span.reasons))
-        evidence = tuple(dict.fromkeys(kind for span in worse for kind in span.evidence))
-        if found and found[-1][:3] == (level, reasons, evidence) and found[-1].end_s == begin_s:
-            begin_s = found.pop().begin_s
-        found.append(LevelSpan(level, reasons, evidence, begin_s, end_s))
-    return found
+    fingers = [row for source, row in spans.items() if source != GRASP_TOPIC]
+    states = joined((begin_s, end_s, _worst(now)) for begin_s, end_s, now in _together(fingers))
+    return [LevelSpan(*state, begin_s, end_s) for begin_s, end_s, state in states]
+
+
+def _worst(now: list[LevelSpan]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return the worst of some levels, with the reasons and the evidence of all that are at it."""
+    level = max((span.level for span in now), key=SEVERITY.__getitem__)
+    worse = [span for span in now if span.level == level]
+    reasons = dict.fromkeys(reason for span in worse for reason in span.reasons)
+    evidence = dict.fromkeys(kind for span in worse for kind in span.evidence)
+    return level, tuple(reasons), tuple(evidence)
 
 
 def differences(before: list[LevelSpan], after: list[LevelSpan]) -> list[tuple[float, float, str, str]]:
     """Return when the levels of two runs differ: begin and end, s, and both levels."""
-    found: list[tuple[float, float, str, str]] = []
-    for begin_s, end_s, now in _together([before, after]):
-        if len(now) < 2 or now[0].level == now[1].level:
-            continue
-        levels = now[0].level, now[1].level
-        if found and found[-1][1] == begin_s and found[-1][2:] == levels:
-            begin_s = found.pop()[0]
-        found.append((begin_s, end_s, *levels))
-    return found
+    both = _together([before, after])
+    levels = joined((begin_s, end_s, (now[0].level, now[-1].level)) for begin_s, end_s, now in both)
+    return [(begin_s, end_s, was, now) for begin_s, end_s, (was, now) in levels if was != now]
 
 
 def _together(rows: list[list[LevelSpan]]) -> Iterator[tuple[float, float, list[LevelSpan]]]:

@@ -45,17 +45,12 @@ class Feature:
     Attributes:
         name: Its key.
         names: Name of each number.
-        whole: They are integers, not 32-bit floats.
+        dtype: Name of their NumPy type, "float32" or "int64".
     """
 
     name: str
     names: tuple[str, ...]
-    whole: bool = False
-
-    @property
-    def dtype(self) -> str:
-        """Name of their NumPy type."""
-        return "int64" if self.whole else "float32"
+    dtype: str = "float32"
 
 
 class Tap(NamedTuple):
@@ -63,14 +58,12 @@ class Tap(NamedTuple):
 
     Attributes:
         feature: Name of the feature.
-        begin: Place of the first number in it.
-        end: Place after the last one.
+        place: Their places in it.
         key: Key in the message.
     """
 
     feature: str
-    begin: int
-    end: int
+    place: slice
     key: str
 
 
@@ -97,7 +90,7 @@ def frame_layout(settings: Config) -> FrameLayout:
 
     def add(topic: str, feature: str, key: str, *of_numbers: str) -> None:
         found = names.setdefault(feature, [])
-        tap = Tap(feature, len(found), len(found) + len(of_numbers), key)
+        tap = Tap(feature, slice(len(found), len(found) + len(of_numbers)), key)
         taps[topic] = (*taps.get(topic, ()), tap)
         found.extend(of_numbers)
 
@@ -117,7 +110,9 @@ def frame_layout(settings: Config) -> FrameLayout:
             add(GRIPPER_TOPIC, STATE, key, f"gripper.{key}")
         add(GRIPPER_TOPIC, ACTION, "force_command_n", "grip_force_n")
     names[AGE] = list(taps)
-    features = tuple(Feature(name, tuple(found), name == LEVEL) for name, found in names.items())
+    features = tuple(
+        Feature(name, tuple(found), "int64" if name == LEVEL else "float32") for name, found in names.items()
+    )
     return FrameLayout(features, taps, pads)
 
 
@@ -172,7 +167,7 @@ class FrameSampler:
         self._write_until(t_ns - 1)
         for tap in self._taps.get(topic, ()):
             value = body[tap.key]
-            self._frame[tap.feature][tap.begin : tap.end] = _missing(tap) if value is None else value
+            self._frame[tap.feature][tap.place] = _missing(tap) if value is None else value
         self._acquired_ns[topic] = _acquired_ns(t_ns, body)
 
     def finish(self) -> None:
@@ -192,7 +187,7 @@ class FrameSampler:
         self._acquired_ns.clear()
         for taps in self._taps.values():
             for tap in taps:
-                self._frame[tap.feature][tap.begin : tap.end] = _missing(tap)
+                self._frame[tap.feature][tap.place] = _missing(tap)
 
 
 def _missing(tap: Tap) -> float:

@@ -29,7 +29,7 @@ FILES_OF_CHUNK = 1000
 BLOCK = 4096
 """Frames that are written at once: some megabytes with the taxels of two pads."""
 
-COUNTERS = tuple(Feature(name, (name,), whole=True) for name in ("frame_index", "episode_index", "index", "task_index"))
+COUNTERS = tuple(Feature(name, (name,), "int64") for name in ("frame_index", "episode_index", "index", "task_index"))
 TIMESTAMP = Feature("timestamp", ("timestamp",))
 STATS = ("min", "max", "mean", "std", "count", *QUANTILES)
 

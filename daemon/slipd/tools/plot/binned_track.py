@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 from slipd.recording.reader import Gap
+from slipd.tools.evaluation.config_run import joined
 
 T = TypeVar("T")
 
@@ -93,12 +94,7 @@ class BinnedTrack(Generic[T]):
 
     def runs(self, extent: Extent) -> list[Held[T]]:
         """Return the same, with equal values that follow each other without a gap as one."""
-        found: list[Held[T]] = []
-        for begin_s, end_s, value in self.held(extent):
-            if found and found[-1].value == value and found[-1].end_s >= begin_s:
-                begin_s = found.pop().begin_s
-            found.append(Held(begin_s, end_s, value))
-        return found
+        return [Held(*each) for each in joined(self.held(extent))]
 
     def _halve(self) -> None:
         old = self._bins

@@ -15,7 +15,7 @@ from slipd.errors import RecordingError
 from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.cli_arguments import IMPORTED
-from slipd.tools.outputs import RECORDING, draft
+from slipd.tools.outputs import NEW, draft
 
 START_NS = 1_000_000_000
 """Time of the first row, ns; the wall-clock time too, because it is not known."""
@@ -96,7 +96,7 @@ def write_run(out: Path, config_text: str, link: LinkSpec, last_ns: int, *events
     """
     up = [(START_NS, LinkUp(link.name, link.address))]
     ticks = ((t_ns, Tick()) for t_ns in range(START_NS, last_ns + AFTER_NS + 1, TICK_NS))
-    with draft(out, RECORDING) as path:
+    with draft(out, NEW) as path:
         file = RecordingFile(path, config_text=config_text, boot=BOOT, wall_minus_monotonic_ns=0)
         with contextlib.closing(file):
             count = 0

@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -29,32 +29,16 @@ from slipd.events import Bytes
 from slipd.io.progress import Progress
 from slipd.recording.entry_walk import Entry, EntryWalk
 from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
-from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
+from slipd.recording.mcap_records import BAD_RECORD, HEAD, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
-from slipd.tools.outputs import RECORDING, draft
+from slipd.tools.outputs import NEW, draft
 from slipd_client.health.bundle import without_secrets as without_secrets_of
 
-_HEAD = struct.Struct("<BQ")
 _MARK = re.compile(rb"\x06.{36}\x04\0\0\0zstd|\x0c.{8}\x09\0\0\0slipd/end", re.DOTALL)
 """What every chunk and every end record of slipd begins with: its kind, some numbers, and a text with its length."""
 
 _FOOTER = struct.Struct("<BQQQI")  # kind, length, place of the summary, of its offsets, CRC-32 of both
 _CRC_BYTES = 4
-
-
-@dataclass
-class Recovered:
-    """What was recovered.
-
-    Attributes:
-        entries: Number of entries written.
-        lost: Number of entries known to be missing.
-        faults: What is missing or damaged, and where in the file; one line each.
-    """
-
-    entries: int = 0
-    lost: int = 0
-    faults: list[str] = field(default_factory=list)
 
 
 def recover_command(source: Path, out: Path, *, without_secrets: bool) -> None:
@@ -87,13 +71,12 @@ def recover(
         SlipdError: ``out`` exists or cannot be written; nothing is written then.
     """
     recording = open_recording(source)
-    found = Recovered()
     with (
-        draft(out, RECORDING, [source]) as written,
+        draft(out, NEW, [source]) as written,
         source.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
-        salvage = _Salvage(data, recording, found)
+        found = Recovered(data, recording)
         new = RecordingFile(
             written,
             config_text=clean(recording.config_text),
@@ -104,12 +87,12 @@ def recover(
         )
         cleaned = None if clean is str else _cleaning(lru_cache(maxsize=10_000)(clean))
         with closing(new):
-            for entry in salvage.entries():
+            for entry in found.read():
                 new.add(*(entry if cleaned is None else cleaned(entry)))
-                progress(salvage.read_up_to, len(data))
+                progress(found.read_up_to, len(data))
             if not found.entries:
                 raise RecordingError(f"{source}: holds no entry that is intact; {'; '.join(found.faults)}")
-            new.finish(salvage.end, salvage.stopped)
+            new.finish(found.end, found.stopped)
         entries_read = sum(1 for _ in open_recording(written).entries())  # a disk may keep less than it was given
         if entries_read != found.entries:
             raise RecordingError(
@@ -142,33 +125,36 @@ def _cleaning(clean: Callable[[str], str]) -> Callable[[Entry], Entry]:
     return cleaned_entry
 
 
-class _Salvage:
-    """One pass over the intact records of a file.
+class Recovered:
+    """What is recovered of a file, by one pass over its intact records.
 
     Args:
         data: The file.
         recording: Its start.
-        found: Gets what is found and what is missing.
 
     Attributes:
+        entries: Number of intact entries so far.
+        lost: Number of entries known to be missing.
+        faults: What is missing or damaged, and where in the file; one line each.
         end: Index behind the last entry, missing ones included.
         stopped: Why entries are missing at the end; "" where none is.
         read_up_to: Place behind the newest intact record.
     """
 
-    def __init__(self, data: mmap.mmap, recording: Recording, found: Recovered) -> None:
+    def __init__(self, data: mmap.mmap, recording: Recording) -> None:
+        self.entries = self.lost = self.read_up_to = 0
+        self.faults: list[str] = []
         self.end, self.stopped = recording.first, ""
-        self._data, self._found = data, found
+        self._data = data
         self._walk = EntryWalk(recording.wall_minus_monotonic_ns, recording.first)
         self._walk.file_bytes = len(data)
         self._begin_ns = self._last_ns = 0
-        self.read_up_to = 0
 
-    def entries(self) -> Iterator[Entry]:
+    def read(self) -> Iterator[Entry]:
         """Yield every intact entry, in order."""
         for body in _summary_channels(self._data):
             self._walk.announce(body)
-        for place, end, record in _intact_records(self._data, self._found.faults):
+        for place, end, record in _intact_records(self._data, self.faults):
             if isinstance(record, Metadata):
                 if self._end(place, record):
                     return
@@ -178,48 +164,48 @@ class _Salvage:
         size = len(self._data)
         self.stopped = f"recovered from a file of {size} bytes without an end record"
         text = f"from byte {self.read_up_to} of {size}: the end is missing; how many entries it held is not known"
-        self._found.faults.append(text)
+        self.faults.append(text)
 
     def _chunk(self, place: int, chunk: Chunk) -> Iterator[Entry]:
         try:
             for entry in self._walk.entries(chunk):
-                if self._found.entries == 0:
+                if self.entries == 0:
                     self._begin_ns = self._last_ns = entry.t_ns
                 if entry.n > self.end:
                     self._report_gap(place, entry.n, f" up to {(entry.t_ns - self._begin_ns) * 1e-9:.3f} s")
                 self.end, self._last_ns = entry.n + 1, entry.t_ns
-                self._found.entries += 1
+                self.entries += 1
                 yield entry
         except DamageError as error:
-            self._found.faults.append(f"chunk at byte {place}: the file {error}")
+            self.faults.append(f"chunk at byte {place}: the file {error}")
 
     def _end(self, place: int, record: Metadata) -> bool:
         """Read the end record; return whether it is intact."""
         try:
             list(self._walk.entries(record))
         except DamageError as error:
-            self._found.faults.append(f"at byte {place}: {error}")
+            self.faults.append(f"at byte {place}: {error}")
             return False
         count = self._walk.entry_count or 0
         if count > self.end:
             self._report_gap(place, count, "")
         self.end, self.stopped = count, record.metadata.get(STOPPED, "")
         if self.stopped:
-            self._found.faults.append(f"at byte {place}: the recording stopped before the run did ({self.stopped})")
+            self.faults.append(f"at byte {place}: the recording stopped before the run did ({self.stopped})")
         return True
 
     def _report_gap(self, place: int, n: int, until: str) -> None:
         missing = n - self.end
-        self._found.lost += missing
+        self.lost += missing
         where = "lost while recording" if self._adjoin(place) else f"bytes {self.read_up_to} to {place} are damaged"
         since = f"from {(self._last_ns - self._begin_ns) * 1e-9:.3f} s{until}"
-        self._found.faults.append(f"{missing} entries are missing, {since}: {where}")
+        self.faults.append(f"{missing} entries are missing, {since}: {where}")
 
     def _adjoin(self, place: int) -> bool:
         """Return whether nothing but indexes is between the last intact chunk and this one."""
         at = self.read_up_to
-        while at + _HEAD.size <= place and self._data[at] == Opcode.MESSAGE_INDEX:
-            at += _HEAD.size + _HEAD.unpack_from(self._data, at)[1]
+        while at + HEAD.size <= place and self._data[at] == Opcode.MESSAGE_INDEX:
+            at += HEAD.size + HEAD.unpack_from(self._data, at)[1]
         return at == place
 
 
@@ -228,7 +214,7 @@ def _intact_records(data: mmap.mmap, faults: list[str]) -> Iterator[tuple[int, i
     place = 0
     while (mark := _MARK.search(data, place)) is not None:
         place, kind = mark.start(), Opcode(mark[0][0])
-        end = place + _HEAD.size + _HEAD.unpack_from(data, place)[1]
+        end = place + HEAD.size + HEAD.unpack_from(data, place)[1]
         record = _record(data, place, end, kind)
         if record is not None:
             yield place, end, record
@@ -241,9 +227,9 @@ def _intact_records(data: mmap.mmap, faults: list[str]) -> Iterator[tuple[int, i
 
 def _record(data: mmap.mmap, place: int, end: int, kind: Opcode) -> Chunk | Metadata | None:
     """Return a record; None where it is damaged or cut off."""
-    if end > min(len(data), place + _HEAD.size + RECORD_LIMIT_BYTES):
+    if end > min(len(data), place + HEAD.size + RECORD_LIMIT_BYTES):
         return None
-    body = ReadDataStream(BytesIO(data[place + _HEAD.size : end]))
+    body = ReadDataStream(BytesIO(data[place + HEAD.size : end]))
     try:
         if kind == Opcode.METADATA:
             metadata: Metadata = Metadata.read(body)

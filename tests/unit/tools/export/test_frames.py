@@ -23,12 +23,12 @@ from slipd.tools.export.frames import (
 LAYOUT = FrameLayout(
     (
         Feature(STATE, ("x", "y", "z", "utilisation")),
-        Feature(LEVEL, ("left",), whole=True),
+        Feature(LEVEL, ("left",), "int64"),
         Feature(AGE, ("wrench.left", "slip.left")),
     ),
     {
-        "wrench.left": (Tap(STATE, 0, 3, "force_n"),),
-        "slip.left": (Tap(STATE, 3, 4, "utilisation"), Tap(LEVEL, 0, 1, "level_code")),
+        "wrench.left": (Tap(STATE, slice(0, 3), "force_n"),),
+        "slip.left": (Tap(STATE, slice(3, 4), "utilisation"), Tap(LEVEL, slice(0, 1), "level_code")),
     },
     {},
 )

@@ -75,9 +75,7 @@ def test_recordings_of_another_rig_are_refused(tmp_path: Path, capsys: pytest.Ca
     assert list(tmp_path.iterdir()) == []
 
 
-LAYOUT = FrameLayout(
-    (Feature(STATE, ("x", "y")), Feature(LEVEL, ("left",), whole=True), Feature(ACTION, ("n",))), {}, {}
-)
+LAYOUT = FrameLayout((Feature(STATE, ("x", "y")), Feature(LEVEL, ("left",), "int64"), Feature(ACTION, ("n",))), {}, {})
 
 
 def write(folder: Path, lengths: list[int]) -> Path:
