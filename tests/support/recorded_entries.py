@@ -91,7 +91,7 @@ def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
         file.add(*item)
         end = item.n + 1
         if end % chunk == 0:
-            file.flush()
+            file.end_chunk()
     file.finish(end)
 
 

@@ -117,7 +117,7 @@ def _exists(path: Path) -> RecordingError:
     return RecordingError(f"{path}: exists already; give the name of a new file")
 
 
-class RecordingFile:
+class RecordingFile(RecordStream):
     """Write a recording, entry by entry, on the thread of the caller.
 
     Args:
@@ -127,9 +127,6 @@ class RecordingFile:
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
         versions: Versions of Python, slipd and its libraries in the recorded run; None: those of this process.
         first: Index of the first entry.
-
-    Attributes:
-        path: The file.
 
     Raises:
         RecordingError: The file cannot be created. Every other method raises OSError when the disk fails.
@@ -145,17 +142,16 @@ class RecordingFile:
         versions: dict[str, str] | None = None,
         first: int = 0,
     ) -> None:
-        self.path = path
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._channels: dict[str, int] = {}
         try:
             check_new(path)
-            self._stream = RecordStream(path)
+            super().__init__(path)
         except FileExistsError as error:
             raise _exists(path) from error
         except OSError as error:
             raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
-        output = cast("IO[bytes]", self._stream)  # the writer uses only write, tell and flush
+        output = cast("IO[bytes]", self)  # the writer uses only write, tell and flush
         self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         keep_index_packed(self._writer)
         try:
@@ -163,15 +159,10 @@ class RecordingFile:
             metadata = start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first)
             self._writer.add_metadata(START, metadata)
             self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
-            self.flush()
+            self.end_chunk()
         except OSError as error:
             self.remove()
             raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
-
-    @property
-    def size_bytes(self) -> int:
-        """Size of the file, bytes, up to the last flush."""
-        return self._stream.tell()
 
     def add(self, n: int, t_ns: int, topic: str, content: Event | bytes) -> None:
         """Write an entry.
@@ -189,21 +180,17 @@ class RecordingFile:
         channel = self._channels.get(topic) or self._register(topic)
         self._writer.add_message(channel, wall_ns, payload, wall_ns, n & SEQUENCE_MASK)
 
-    def flush(self) -> None:
+    def end_chunk(self) -> None:
         """Pass all entries to the kernel, so that they survive the end of the process."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
-    def sync(self) -> None:
-        """Pass all flushed entries to the disk, so that they survive a power cut."""
-        self._stream.sync()
-
     def finish(self, entries: int, stopped: str = "") -> None:
         """Close the file in good order; arguments as for `end_metadata`."""
-        self.flush()  # metadata would precede a chunk that is still open
+        self.end_chunk()  # metadata would precede a chunk that is still open
         self._writer.add_metadata(END, end_metadata(entries, stopped))
         self._writer.finish()  # type: ignore[no-untyped-call]
-        self._stream.sync()
-        self._stream.close()
+        self.sync()
+        self.close()
 
     def stop(self, entries: int, reason: str) -> None:
         """Write an end record after the last entry that reached the file, if the disk still takes these few bytes.
@@ -218,21 +205,12 @@ class RecordingFile:
         Metadata(name=END, metadata=end_metadata(entries, reason)).write(builder)
         DataEnd(data_section_crc=0).write(builder)
         Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-        self._stream.cut_back()
+        self.cut_back()
         try:
-            self._stream.write(bytes(builder.end()) + MCAP0_MAGIC)  # type: ignore[no-untyped-call]
-            self._stream.sync()
+            self.write(bytes(builder.end()) + MCAP0_MAGIC)  # type: ignore[no-untyped-call]
+            self.sync()
         except OSError:
-            self._stream.cut_back()
-
-    def close(self) -> None:
-        """Close the file as it is; everything flushed stays readable."""
-        self._stream.close()
-
-    def remove(self) -> None:
-        """Close the file and remove it."""
-        self._stream.remove()
-        self._stream.close()
+            self.cut_back()
 
     def _register(self, topic: str) -> int:
         # msgpack needs no schema, but MCAP readers fail if a channel has none.

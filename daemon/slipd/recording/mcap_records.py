@@ -166,6 +166,9 @@ class RecordStream:
     Args:
         path: File to create; an existing one is never overwritten.
 
+    Attributes:
+        path: The file.
+
     Raises:
         OSError: The file exists or cannot be created. All methods except `cut_back`, `remove` and `close` raise it when
             the disk fails.
@@ -174,7 +177,7 @@ class RecordStream:
     def __init__(self, path: Path) -> None:
         # A device file exists already, and holds nothing that could be lost.
         self._file = path.open("wb" if path.is_char_device() else "xb", buffering=0)
-        self._path = path
+        self.path = path
         self._written = self._whole = 0
 
     def write(self, data: bytes) -> int:
@@ -208,10 +211,11 @@ class RecordStream:
         self._written = self._whole
 
     def remove(self) -> None:
-        """Remove the file from its folder."""
+        """Close the file, and remove it from its folder."""
         with suppress(OSError):
-            if not self._path.is_char_device():
-                self._path.unlink()
+            if not self.path.is_char_device():
+                self.path.unlink()
+        self.close()
 
     def close(self) -> None:
         """Close the file."""

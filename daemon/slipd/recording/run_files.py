@@ -83,7 +83,7 @@ class Room:
         Raises:
             RecordingLimitError: A limit is reached.
         """
-        if file.size_bytes >= self.max_bytes:
+        if file.tell() >= self.max_bytes:
             raise RecordingLimitError(f"the recording reached recording.max_bytes, {self.max_bytes}")
         self.check_disk(file.path)
 

@@ -94,7 +94,7 @@ class Recorder:
         self._next_entry = 0  # the one after the last entry taken from the queue
         self._refused = 0  # entries lost to a full queue; counted by the thread of the caller
         self._unwritten = 0  # taken from the queue but not yet known to be in the file; counted by the writer thread
-        self._closed = self._finished = self._discarded = False
+        self._closed = self._discarded = False
         self._started_ns = self._losses_due_ns = t_ns
         self._reported: RecordingChanged | None = None
         self._thread = Thread(target=self._run, name=f"recorder {path.name}", daemon=True)
@@ -108,7 +108,7 @@ class Recorder:
     @property
     def size_bytes(self) -> int:
         """Size of the file, bytes, up to the last flush; 0 before it is created."""
-        return 0 if self._file is None else self._file.size_bytes
+        return 0 if self._file is None else self._file.tell()
 
     @property
     def lost(self) -> int:
@@ -174,7 +174,7 @@ class Recorder:
         self.end()
 
     def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
-        """Write the queued entries and finish the file, and log what was lost. A second call does nothing.
+        """Write the queued entries and finish the file, and log what was lost.
 
         Args:
             within_s: Longest wait for the disk, s.
@@ -182,9 +182,6 @@ class Recorder:
         Raises:
             RecordingError: The disk failed, now or before; everything flushed before is readable.
         """
-        if self._finished:
-            return
-        self._finished = True
         self.end()
         self._thread.join(within_s)
         if self._thread.is_alive():
@@ -251,7 +248,7 @@ class Recorder:
                 self._next_entry = entry[0] + 1
             now_s = time.monotonic()
             if now_s >= next_flush_s:
-                file.flush()
+                file.end_chunk()
                 file.sync()
                 self._unwritten = 0
                 if self._room is not None:

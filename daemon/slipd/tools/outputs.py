@@ -100,7 +100,8 @@ def _obstacle(out: Path, kind: Kind) -> str | None:
     if out.is_dir():
         if not kind.folders:
             return "is a folder"
-        others = (path.name for path in sorted(out.iterdir()) if not _belongs(path, kind))
+        there = sorted(out.iterdir())  # a pipe or a device never belongs to a result
+        others = (path.name for path in there if not ((path.is_file() or path.is_dir()) and kind.is_one(path)))
         other = next(others, None)
         return None if other is None else f"is a folder that also holds {other!r}"
     if not out.is_file():
@@ -110,11 +111,6 @@ def _obstacle(out: Path, kind: Kind) -> str | None:
     if is_recording(out):
         return "is a recording of slipd"
     return None if kind.is_one(out) else f"is not {kind.name}"
-
-
-def _belongs(path: Path, kind: Kind) -> bool:
-    """Return whether something in a folder is part of a result; a pipe or a device never is."""
-    return (path.is_file() or path.is_dir()) and kind.is_one(path)
 
 
 def _place(written: Path, out: Path, aside: Path) -> None:
@@ -165,10 +161,10 @@ def parquet_file(path: Path, schema: Any) -> Iterator[Callable[[Any], None]]:
     """Create a file, and yield what writes an Arrow table of this schema as one row group.
 
     Raises:
-        SlipdError: pyarrow is not installed.
         OSError: The file cannot be written.
     """
-    _, parquet = parquet_library("--to parquet")
+    from pyarrow import parquet
+
     marked = schema.with_metadata({**(schema.metadata or {}), MARK: "1"})
     with path.open("xb") as file:
         writer = parquet.ParquetWriter(file, marked, compression="zstd")
@@ -188,7 +184,8 @@ def parquet_rows(path: Path, schema: Any, at_once: int) -> Iterator[Callable[[di
         schema: Its Arrow schema.
         at_once: Rows that are kept in memory until they are written as one row group.
     """
-    arrow, _ = parquet_library("--to parquet")
+    import pyarrow as arrow
+
     rows: list[dict[str, Any]] = []
     with parquet_file(path, schema) as put:
 

@@ -165,7 +165,8 @@ class LerobotDataset:
         self._put = self._files.enter_context(parquet_file(self._file, self._schema))
 
     def _flush(self) -> None:
-        arrow, _ = parquet_library("--to lerobot")
+        import pyarrow as arrow
+
         if not self._used or self._put is None:
             return
         arrays = []
@@ -186,7 +187,8 @@ def _stats(features: tuple[Feature, ...]) -> dict[str, FeatureStats]:
 
 def _frame_schema(features: tuple[Feature, ...]) -> Any:
     """Return the Arrow schema of the frames: a list of fixed length for each feature, a scalar for a single number."""
-    arrow, _ = parquet_library("--to lerobot")
+    import pyarrow as arrow
+
     types = {"float32": arrow.float32(), "int64": arrow.int64()}
     sized = [(each.name, types[each.dtype], len(each.names)) for each in features]
     return arrow.schema([(name, kind if size == 1 else arrow.list_(kind, size)) for name, kind, size in sized])
@@ -216,7 +218,8 @@ def _episode_schema(features: tuple[Feature, ...]) -> Any:
 
 def _task_schema() -> Any:
     """Return the schema of the tasks: pandas, with which LeRobot reads them, gets the tasks as the index."""
-    arrow, _ = parquet_library("--to lerobot")
+    import pyarrow as arrow
+
     columns = [("task_index", "int64", "int64"), ("task", "unicode", "object")]
     described = [
         {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}

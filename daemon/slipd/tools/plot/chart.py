@@ -256,9 +256,9 @@ def _health(tracks: RunTracks) -> StripGroup:
     strips, notes = [], []
     for name, stream in sorted(tracks.streams.items()):
         spans = []
-        for begin_s, until_s, state in stream.health.runs(tracks.extent):
-            word = HEALTH[state.code]
-            whole = f"{word}: {state.message}" if state.message else word
+        for begin_s, until_s, (code, message) in stream.health.runs(tracks.extent):
+            word = HEALTH[code]
+            whole = f"{word}: {message}" if message else word
             spans.append(Span(begin_s, until_s, word, (whole, word), whole))
         strips.append(Strip(name, spans))
         counted = [f"{count} {what}" for what, count in stream.counters.items() if count]

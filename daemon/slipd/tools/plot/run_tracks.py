@@ -59,13 +59,6 @@ def worse(one: LevelState, other: LevelState) -> LevelState:
     return LevelState(one.level, tuple(dict.fromkeys(one.reasons + other.reasons)))
 
 
-class HealthState(NamedTuple):
-    """Health of a stream, a code of `slipd_client.messages.Health`, and why."""
-
-    code: int
-    message: str
-
-
 @dataclass(slots=True)
 class FingerTracks:
     """What one finger reported.
@@ -114,18 +107,18 @@ class StreamTracks:
     """How healthy one stream was.
 
     Attributes:
-        health: Its health and why; the worse of two.
+        health: Its health, a code of `slipd_client.messages.Health`, and why; the worse of two.
         counters: The newest of each counter that reports a fault.
         masked: Largest number of taxels that were not used; None for a stream without taxels.
     """
 
-    health: BinnedTrack[HealthState] = field(default_factory=lambda: BinnedTrack(max))
+    health: BinnedTrack[tuple[int, str]] = field(default_factory=lambda: BinnedTrack(max))
     counters: dict[str, int] = field(default_factory=dict)
     masked: int | None = None
 
     def add(self, t_s: float, body: Mapping[str, Any]) -> None:
         """Add an entry of ``status``."""
-        self.health.add(t_s, HealthState(body["health"], body["message"]))
+        self.health.add(t_s, (body["health"], body["message"]))
         self.counters = {name: body[name] for name in COUNTERS}
         if "masked" in body:
             self.masked = max(self.masked or 0, len(body["masked"]))
