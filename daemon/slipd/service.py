@@ -19,10 +19,9 @@ from slipd.compile_kernels import compile_kernels, interruptible
 from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
 from slipd.events import HostNotice
-from slipd.io.host.run_signals import ConfigReload, EndSignals, kept_text, reload_requests
-from slipd.io.host.scheduling import PollingSelector, realtime_priority
-from slipd.io.host.systemd import SystemdNotifier, stage_checks, watch_stages
-from slipd.io.ticker import Ticker
+from slipd.io.event_loop import PollingSelector, Ticker, realtime_priority
+from slipd.io.run_signals import ConfigReload, EndSignals, kept_text, reload_requests
+from slipd.io.systemd import SystemdNotifier, stage_checks, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import raise_descriptor_limit
 from slipd.service_run import Endpoints, ServiceRun

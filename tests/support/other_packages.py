@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from slipd import devices
-from slipd.devices.shared import other_packages
 
 Install = Callable[..., None]
 
@@ -19,7 +18,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
     """Install a package: its name, its device's name, what the entry point names, and the text of its module."""
 
     def clear() -> None:
-        for cached in (devices.installed, devices._other, other_packages.providers):
+        for cached in (devices.installed, devices._other, devices.providers):
             cached.cache_clear()
 
     def install(package: str, device: str, names: str, module: str = "", folder: str = "site") -> None:

@@ -15,7 +15,7 @@ import pytest
 from project import CONFIG, ROOT
 
 from slipd.cli import main
-from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT
+from slipd.io.systemd import ANSWER_S, FEEDS_PER_TIMEOUT
 
 UNIT, USER_UNIT = CONFIG / "slipd.service", CONFIG / "slipd-user.service"
 RULES, USERS = CONFIG / "70-slipd.rules", CONFIG / "slipd.sysusers"

@@ -1,7 +1,7 @@
 """The config of a rig: its keys with units and defaults, the checks, and the file that it is read from.
 
 The keys of a table and their defaults are in ``stream_tables`` ([finger.X] with wrench, pad and slip, and the keys of
-every device), ``gripper_tables`` ([gripper], [grasp], [reflex]) and ``service_tables`` (all others). ``value_bounds``
+every device), ``model`` ([gripper], [grasp], [reflex]) and ``service_tables`` (all others). ``value_bounds``
 has the range of each quantity.
 """
 
@@ -9,8 +9,21 @@ from slipd.config.check_hints import hints
 from slipd.config.checks import missing_keys
 from slipd.config.config_file import config_file as shipped
 from slipd.config.config_file import load, parse
-from slipd.config.gripper_tables import Arm, Grasp, GraspMotion, Gripper, ObservedObject, PadPlace, Reflex
-from slipd.config.model import Config, axes_of, device_options, in_newtons, stale_after_ns, transport_of
+from slipd.config.model import (
+    Arm,
+    Config,
+    Grasp,
+    GraspMotion,
+    Gripper,
+    ObservedObject,
+    PadPlace,
+    Reflex,
+    axes_of,
+    device_options,
+    in_newtons,
+    stale_after_ns,
+    transport_of,
+)
 from slipd.config.service_tables import (
     Bus,
     Continuous,

@@ -9,8 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from slipd.config.gripper_tables import Grasp, Gripper
-from slipd.config.model import Config, key_path
+from slipd.config.model import Config, Grasp, Gripper, key_path
 from slipd.config.service_tables import Bus
 from slipd.config.stream_checks import finger_faults, stream_faults
 from slipd.config.stream_tables import Stream, Table

@@ -8,8 +8,17 @@ from urllib.parse import urlsplit
 from slipd.config.model import axes_of, device_options, stale_after_ns, transport_of
 from slipd.config.stream_tables import Finger, Pad, Stream
 from slipd.config.value_bounds import LONGEST_PAD_M, MARGIN, MOST_MIN_NORMAL_N, Fault
-from slipd.devices import DEVICES, SLIPD, Decoder, Device, GripperSession, Session, find_device
-from slipd.devices.shared.other_packages import is_installed, normalized
+from slipd.devices import (
+    DEVICES,
+    SLIPD,
+    Decoder,
+    Device,
+    GripperSession,
+    Session,
+    find_device,
+    is_installed,
+    normalized,
+)
 
 _KINDS = {
     "wrench": ("wrench",),

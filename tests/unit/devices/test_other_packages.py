@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from other_packages import Install, install
 
-from slipd.devices import DEVICES, INTERFACE, find_device, installed
-from slipd.devices.shared.other_packages import is_installed, normalized
+from slipd.devices import DEVICES, INTERFACE, find_device, installed, is_installed, normalized
 
 __all__ = ["install"]
 

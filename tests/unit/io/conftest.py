@@ -13,7 +13,7 @@ PATIENT = (
     "transport.network.INQUIRY_TIMEOUT_S",
     "transport.websocket.OPEN_TIMEOUT_S",
     "zmtp.listener.HANDSHAKE_S",
-    "host.run_signals.READ_LIMIT_S",
+    "run_signals.READ_LIMIT_S",
 )
 
 

@@ -14,7 +14,7 @@ from loop_waits import eventually
 
 from slipd.events import Tick
 from slipd.finger.freshness import LATE_NS
-from slipd.io.ticker import Ticker
+from slipd.io.event_loop import Ticker
 
 WAITING = 200
 

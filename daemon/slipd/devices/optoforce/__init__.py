@@ -10,7 +10,7 @@ from typing import Any
 
 from slipd.devices import Device, Need, RateOption
 from slipd.devices.optoforce import optoforce_frames as frames
-from slipd.devices.optoforce.optoforce_decoder import Decoder
+from slipd.devices.optoforce.optoforce_frames import Decoder
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step, strip_padding
 from slipd.types.samples import WrenchSample

@@ -17,8 +17,17 @@ from slipd.devices.robotiq_2f.robotiq_commands import (
     WriteQueue,
 )
 from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS, RobotiqLine
-from slipd.devices.robotiq_2f.robotiq_registers import UNIT, Decoder, is_activating, parse_status
-from slipd.devices.robotiq_2f.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, Table, Units
+from slipd.devices.robotiq_2f.robotiq_registers import (
+    FORCE_TABLE,
+    SPEED_TABLE,
+    UNIT,
+    WIDTH_TABLE,
+    Decoder,
+    Table,
+    Units,
+    is_activating,
+    parse_status,
+)
 from slipd.devices.shared import modbus
 from slipd.devices.shared.device_interface import DecoderHealth, check_integer
 from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine

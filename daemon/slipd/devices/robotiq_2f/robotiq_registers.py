@@ -1,17 +1,25 @@
-"""Registers of the Robotiq 2F grippers: bit layout and parsers.
+"""Registers of the Robotiq 2F grippers: bit layout and parsers, and what their bytes are in SI units.
 
 Three output registers (from 1000) command the gripper, three input registers (from 2000) report its status. Both are
 six bytes, high byte of each register first: action or status flags, reserved or fault, position request or its echo,
 then speed and force, or position and current. Source: Robotiq 2F instruction manual, gripper register mapping.
+
+The manufacturer publishes only the ends of the scales of position, speed and force, and they are not linear. So a site
+measures its own tables, which are linear between their points.
 """
 
 from __future__ import annotations
 
+import bisect
+import itertools
+import math
+import operator
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from slipd.devices.shared import checksums, modbus
+from slipd.devices.shared import modbus
 from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
+from slipd.devices.shared.gripper_session import check_range
 from slipd.types.samples import GripperSample
 
 UNIT = 9
@@ -113,5 +121,110 @@ class Decoder(FrameDecoder):
 def _is_status(buffer: bytes, at: int) -> bool:
     if buffer[at + 1] not in (modbus.READ_HOLDING, modbus.READ_INPUT) or buffer[at + 2] != _STATUS.size:
         return False
-    frame = buffer[at : at + _STATUS_LENGTH]
-    return checksums.modbus(frame[:-2]) == int.from_bytes(frame[-2:], "little")
+    return modbus.checksum_matches(buffer[at : at + _STATUS_LENGTH])
+
+
+Table = Sequence[tuple[float, float]]
+
+FULL = 255
+"""Largest byte of position, speed and force."""
+
+OPEN, CLOSED = 3, 230
+"""Position bytes that a 2F-85 reports when it is fully open and fully closed.
+
+Source: PickNikRobotics/ros2_robotiq_gripper at 3b6cf8f, ``robotiq_driver/src/hardware_interface.cpp``, lines 45 and 46.
+The ROS 1 driver has 13 and 230 (ros-industrial-attic/robotiq at 1e744f1, ``robotiq_2f_gripper_ctrl.py``, ``get_pos``).
+They depend on the fingertips, so a site measures its own.
+"""
+
+FORCE_TABLE: Table = ((0, 20.0), (FULL, 235.0))
+WIDTH_TABLE: Table = ((OPEN / FULL, 0.085), (CLOSED / FULL, 0.0))
+SPEED_TABLE: Table = ((0, 0.020), (FULL, 0.150))
+"""Ends of the scales from the data sheet of the 2F-85, with straight lines between them."""
+
+MIDDLE_SPEED = 128
+"""Speed byte if no speed is requested."""
+
+_ROUNDING = 1e-6
+"""Rounding error allowed at the ends of the range, m or m/s; a position byte is 300 times as much."""
+_EXACT = 1e-9
+"""Rounding error allowed of an exact force byte."""
+
+
+class Units:
+    """Convert between SI units and the gripper's bytes.
+
+    Args:
+        force_table: (force byte, N on one pad), both rising.
+        width_table: (position byte / 255, m between the pads), the first rising and the second falling.
+        speed_table: (speed byte, m/s), both rising; None if the speed cannot be set.
+
+    Attributes:
+        force_range_n: Smallest and largest force, N on one pad.
+        width_range_m: Smallest and largest width.
+        width_step_m: Largest difference of the widths of two neighbouring position bytes.
+        speed_range_mps: Smallest and largest speed; None if the speed cannot be set.
+    """
+
+    def __init__(self, force_table: Table, width_table: Table, speed_table: Table | None) -> None:
+        self._forces = force_table
+        self._settings = [(newtons, byte) for byte, newtons in force_table]
+        self._widths = width_table
+        self._closures = [(width, closure) for closure, width in reversed(self._widths)]
+        slopes = [(wide - narrow) / (b - a) for (a, wide), (b, narrow) in itertools.pairwise(self._widths)]
+        self.width_step_m = max(slopes) / FULL
+        self._speeds = [(speed, byte) for byte, speed in speed_table or ()]
+        self.force_range_n = (float(force_table[0][1]), float(force_table[-1][1]))
+        self.width_range_m = (self._closures[0][0], self._closures[-1][0])
+        self.speed_range_mps = (self._speeds[0][0], self._speeds[-1][0]) if self._speeds else None
+
+    def force(self, force_n: float) -> int:
+        """Return the largest force byte that gives at most ``force_n``, or the smallest byte if all give more.
+
+        Raises:
+            ValueError: The force is not finite.
+        """
+        if not math.isfinite(force_n):
+            raise ValueError(f"a force must be finite, got {force_n} N")
+        return max(int(interpolate(self._settings, force_n) + _EXACT), int(self._forces[0][0]))
+
+    def newtons(self, byte: int) -> float:
+        """Return the force of a force byte, N on one pad."""
+        return interpolate(self._forces, byte)
+
+    def position(self, width_m: float) -> int:
+        """Return the position byte nearest to a width.
+
+        Raises:
+            ValueError: The width is out of range.
+        """
+        check_range("width", width_m, self.width_range_m, "m", _ROUNDING)
+        return round(FULL * interpolate(self._closures, width_m))
+
+    def width_m(self, position: int) -> float:
+        """Return the width between the pads at a position byte."""
+        return interpolate(self._widths, position / FULL)
+
+    def speed(self, speed_mps: float | None) -> int:
+        """Return the speed byte nearest to a speed, or the middle one for None.
+
+        Raises:
+            ValueError: The speed is out of range, or cannot be set.
+        """
+        if speed_mps is None:
+            return MIDDLE_SPEED
+        if self.speed_range_mps is None:
+            raise ValueError("the speed must be left out, because there is no speed_table")
+        check_range("speed", speed_mps, self.speed_range_mps, "m/s", _ROUNDING)
+        return round(interpolate(self._speeds, speed_mps))
+
+
+def interpolate(table: Table, value: float) -> float:
+    """Return the second column of a table at ``value`` of its rising first column, constant beyond its ends."""
+    if value <= table[0][0]:
+        return table[0][1]
+    if value >= table[-1][0]:
+        return table[-1][1]
+    after = bisect.bisect_right(table, value, key=operator.itemgetter(0))
+    (x0, y0), (x1, y1) = table[after - 1], table[after]
+    return y0 + (value - x0) / (x1 - x0) * (y1 - y0)

@@ -12,12 +12,11 @@ import time
 from collections.abc import Callable, Container
 from typing import Any
 
-from slipd.io.bus.rate_limit import RateLimit
 from slipd.io.zmtp.connection import PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access
 from slipd.io.zmtp.listener import Listener
-from slipd.io.zmtp.loop_time_accounts import SHARE
 from slipd.io.zmtp.peer import Peer
+from slipd.io.zmtp.peer_limits import SHARE, RateLimit
 from slipd.io.zmtp.wire import ProtocolError
 from slipd.publish.replies import error_body
 from slipd.types.permit import Refusal

@@ -13,9 +13,9 @@ from typing import Self
 
 from slipd.io.zmtp.connection import Connection, PeerRules
 from slipd.io.zmtp.endpoint import USER_ALONE, Access, bind, greets, is_ready, release, set_tcp_options
-from slipd.io.zmtp.loop_time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.io.zmtp.mechanisms import Curve, Null
 from slipd.io.zmtp.peer import Peer
+from slipd.io.zmtp.peer_limits import SHARE, TimeAccount, TimeAccounts
 from slipd.io.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256

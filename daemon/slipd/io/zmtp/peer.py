@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from slipd.io.zmtp.connection import Connection, Event, Message
-from slipd.io.zmtp.loop_time_accounts import TimeAccount
+from slipd.io.zmtp.peer_limits import TimeAccount
 from slipd.io.zmtp.wire import ProtocolError
 
 READ_BYTES = 32 * 1024

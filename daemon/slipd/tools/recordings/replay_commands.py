@@ -81,8 +81,8 @@ async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], endpoint: str
         endpoint: Where to publish; "": where a daemon of this user publishes.
         as_json: Print every message too.
     """
+    from slipd.io.bus.access import RuntimeDirectory
     from slipd.io.bus.publisher import Publisher
-    from slipd.io.bus.runtime_directory import RuntimeDirectory
     from slipd_client.messages import encode
     from slipd_client.paths import publish_endpoint, runtime_dir
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from slipd.devices.optoforce import UDP_PERIOD
 from slipd.devices.optoforce import optoforce_frames as frames
-from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
+from slipd.devices.optoforce.optoforce_frames import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
 from slipd.devices.shared import rdt_records as rdt
 from slipd.tools.sim.emulated_netft import NetftSensor
 from slipd.tools.sim.emulators import EmulatedWrench, WrenchStream, whole

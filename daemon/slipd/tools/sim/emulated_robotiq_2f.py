@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slipd.devices.robotiq_2f import robotiq_registers
-from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Table, Units
+from slipd.devices.robotiq_2f.robotiq_registers import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
 from slipd.tools.sim import modbus_device
 from slipd.tools.sim.emulators import EmulatedDevice

@@ -8,8 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.devices.robotiq_2f.robotiq_registers import is_activating, parse_status
-from slipd.devices.robotiq_2f.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, ForceMap, interpolate
+from slipd.devices.robotiq_2f.robotiq_registers import (
+    FORCE_TABLE,
+    SPEED_TABLE,
+    WIDTH_TABLE,
+    Units,
+    interpolate,
+    is_activating,
+    parse_status,
+)
 from slipd.tools.sim.emulated_robotiq_2f import Output, status_registers
 
 TABLE = [(0.0, 3.0), (60.0, 7.5), (120.0, 13.0), (255.0, 30.0)]
@@ -33,20 +40,20 @@ def test_the_tables_of_a_config_without_any_end_where_data_sheet_and_driver_do()
     [*((force_n, units) for units, force_n in TABLE), (5.25, 30), (5.26, 30), (5.24, 29), (1, 0), (1e6, 255)],
 )
 def test_a_force_is_rounded_down_to_an_integer_setting_within_the_table(force_n: float, units: int) -> None:
-    assert ForceMap(TABLE).units(force_n) == units
+    assert Units(TABLE, WIDTH_TABLE, None).force(force_n) == units
 
 
 @pytest.mark.parametrize(("units", "force_n"), [*TABLE, (30, 5.25), (-10, 3.0), (300, 30.0)])
 def test_a_setting_has_the_force_on_the_line_between_two_points(units: float, force_n: float) -> None:
-    assert ForceMap(TABLE).newtons(units) == pytest.approx(force_n)
+    assert Units(TABLE, WIDTH_TABLE, None).newtons(units) == pytest.approx(force_n)
 
 
 @given(table=tables(), share=st.floats(0.0, 1.0))
 def test_the_applied_force_never_exceeds_the_requested_one(table: list[tuple[float, float]], share: float) -> None:
     least, most = table[0][1], table[-1][1]
     asked = least + share * (most - least)
-    forces = ForceMap(table)
-    setting = forces.units(asked)
+    forces = Units(table, WIDTH_TABLE, None)
+    setting = forces.force(asked)
     assert table[0][0] <= setting <= table[-1][0]
     assert forces.newtons(setting) <= asked * (1.0 + 1e-6)
     if setting < table[-1][0]:

@@ -16,7 +16,7 @@ from zmq.utils import z85
 
 from slipd.config import Bus
 from slipd.errors import LinkError
-from slipd.io.bus.authentication import AllowList, guard
+from slipd.io.bus.access import AllowList, guard
 from slipd.io.bus.publisher import Publisher
 from slipd.io.bus.request_server import RequestServer
 from slipd.io.zmtp.endpoint import Access

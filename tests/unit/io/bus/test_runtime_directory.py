@@ -14,7 +14,7 @@ import pytest
 from loop_waits import open_files
 
 from slipd.errors import LinkError
-from slipd.io.bus.runtime_directory import RuntimeDirectory
+from slipd.io.bus.access import RuntimeDirectory
 
 GROUP = "daemon"
 """Root may give files to any group; one that every machine has."""
@@ -23,7 +23,7 @@ root_only = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files 
 
 HOLD = """
 import sys, pathlib
-from slipd.io.bus.runtime_directory import RuntimeDirectory
+from slipd.io.bus.access import RuntimeDirectory
 with RuntimeDirectory(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

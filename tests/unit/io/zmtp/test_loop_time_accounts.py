@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from loop_waits import eventually
 
-from slipd.io.zmtp.loop_time_accounts import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
+from slipd.io.zmtp.peer_limits import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
 
 SHARE = 0.25
 

@@ -4,7 +4,7 @@ import pytest
 from driving import drive
 
 from slipd.devices.robotiq_2f import Session, robotiq_registers
-from slipd.devices.robotiq_2f.robotiq_units import WIDTH_TABLE, Units
+from slipd.devices.robotiq_2f.robotiq_registers import WIDTH_TABLE, Units
 from slipd.devices.shared import modbus
 from slipd.tools.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, Gripper2F, make
 from slipd.tools.sim.scene import GripCommand

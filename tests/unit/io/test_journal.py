@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 from project import DAEMON, DOCS
 
-from slipd.io.host.journal import JournalHandler, PriorityFormatter, is_journal
-from slipd.io.log_lines import BURST, open_log
+from slipd.io.log_lines import BURST, JournalHandler, PriorityFormatter, is_journal, open_log
 
 FORMATTER = PriorityFormatter(logging.Formatter("%(message)s"))
 

@@ -18,7 +18,7 @@ from project import CONFIG
 from slipd.events import Event, LinkSpec
 from slipd.io.bus.publisher import Publisher
 from slipd.io.bus.request_server import RequestServer
-from slipd.io.host.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, stage_checks, watch_stages
+from slipd.io.systemd import ANSWER_S, FEEDS_PER_TIMEOUT, SystemdNotifier, stage_checks, watch_stages
 from slipd.io.transport import Links
 from slipd.io.zmtp.listener import Listener
 

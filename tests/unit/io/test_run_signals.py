@@ -13,8 +13,8 @@ from loop_waits import PATIENCE_S, eventually
 
 from slipd import config
 from slipd.events import Event, HostNotice
-from slipd.io.host import run_signals
-from slipd.io.host.run_signals import ConfigReload, EndSignals
+from slipd.io import run_signals
+from slipd.io.run_signals import ConfigReload, EndSignals
 
 
 async def test_a_signal_that_comes_before_the_loop_runs_again_is_remembered() -> None:

@@ -1,8 +1,9 @@
-"""Limit the time of the event loop that one peer gets, over all its connections and across reconnects.
+"""Limit the requests of each peer, and the time of the event loop that it gets.
 
-An account is identified by what a peer cannot choose: its key, its process (ipc) or its IP address (TCP without keys).
-All work for the peer is charged to its account. When an account has used up its share, its connections wait: their data
-stays in the kernel, so the senders wait too.
+The time counts over all connections of a peer and across reconnects. An account is identified by what a peer cannot
+choose: its key, its process (ipc) or its IP address (TCP without keys). All work for the peer is charged to its
+account. When an account has used up its share, its connections wait: their data stays in the kernel, so the senders
+wait too.
 """
 
 from __future__ import annotations
@@ -104,3 +105,30 @@ class TimeAccounts:
             if gone is not None:
                 del self._accounts[gone]
         return account
+
+
+MAX_CLIENTS = 1024
+"""Clients remembered; the one that was silent for longest is forgotten first, when its bucket is full again."""
+
+
+class RateLimit:
+    """A token bucket for each client.
+
+    Args:
+        per_second: Requests per second of one client; it may send as many at once.
+    """
+
+    def __init__(self, per_second: float) -> None:
+        self._per_s = per_second
+        self._most = max(per_second, 1.0)
+        self._buckets: OrderedDict[bytes, tuple[float, int]] = OrderedDict()  # tokens, and the time of their count
+
+    def allows(self, client: bytes, t_ns: int) -> bool:
+        """Return whether a client may send a request now; if so, count it."""
+        tokens, counted_ns = self._buckets.pop(client, (self._most, t_ns))
+        tokens = min(self._most, tokens + (t_ns - counted_ns) * 1e-9 * self._per_s)
+        allowed = tokens >= 1.0
+        self._buckets[client] = (tokens - allowed, t_ns)
+        if len(self._buckets) > MAX_CLIENTS:
+            self._buckets.popitem(last=False)
+        return allowed

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.io.bus.rate_limit import MAX_CLIENTS, RateLimit
+from slipd.io.zmtp.peer_limits import MAX_CLIENTS, RateLimit
 
 SECOND = 1_000_000_000
 PERIOD = SECOND // 50

@@ -13,11 +13,11 @@ from selectors import EVENT_READ
 
 import pytest
 
-from slipd.io.host.scheduling import PollingSelector, realtime_priority
+from slipd.io.event_loop import PollingSelector, realtime_priority
 
 SHOW = """
 import os, resource, sys
-from slipd.io.host.scheduling import realtime_priority
+from slipd.io.event_loop import realtime_priority
 if os.geteuid() == 0:
     os.setgroups([]); os.setgid(65534); os.setuid(65534)
 with realtime_priority(10) as refused:
@@ -27,7 +27,7 @@ print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)
 
 GIVEN = """
 import os, sys, threading
-from slipd.io.host.scheduling import realtime_priority
+from slipd.io.event_loop import realtime_priority
 show = lambda: print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority)
 with realtime_priority(10) as refused:
     if refused:
