@@ -19,7 +19,7 @@ import numpy as np
 from advice.safe_speed import holds_scale
 from stepped_demo import PAD_HZ, SteppedDemo, slow_config
 
-from slipd import config
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim import carry_program
 from slipd.tools.sim.carry import Move
 from slipd.tools.sim.carry_program import CARRY_PLAN, CarryProgram, carry_config
@@ -111,7 +111,7 @@ def carried(grasp: Grasp, scales: list[float]) -> VirtualRig:
 def advised(grasp: Grasp) -> tuple[VirtualRig, CarryProgram]:
     """Carry the glass as slipd advises."""
     changes = (("mu = 0.58", f"mu = {grasp.stated_mu:.4f}"), ("max_force_n = 5.0", "max_force_n = 20.0"))
-    text = slow_config(carry_config(config.shipped("demo.toml").read_text(encoding="utf-8")), *changes)
+    text = slow_config(carry_config(shipped_config("demo.toml").read_text(encoding="utf-8")), *changes)
     rig = rig_of(grasp)
     arm, scene = rig.arm, rig.scene
     assert arm is not None

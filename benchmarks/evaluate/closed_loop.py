@@ -18,6 +18,7 @@ from simulation.bed import NEVER_S, Bed
 from simulation.watch import Watch
 
 from slipd import config
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2, Script
 from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw
@@ -110,7 +111,7 @@ def _bed(seed: int, scene: Scene, mode: Mode, mu: float) -> Bed:
 
 def settings_text(mode: Mode, mu: float) -> str:
     """Return the demo's config with the μ and the reflex of a mode."""
-    text = config.shipped("demo.toml").read_text(encoding="utf-8")
+    text = shipped_config("demo.toml").read_text(encoding="utf-8")
     line = "" if mode.factor is None else f"mu = {mode.factor * mu:.4f}"
     text = text.replace("mu = 0.55 ", f"{line} ").replace("mu = 0.55\n", f"{line}\n")
     if mode.reflex:

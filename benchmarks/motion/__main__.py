@@ -13,11 +13,12 @@ import numpy as np
 from motion.simulated import compare
 from motion_grips import GRAVITY_MPS2, Advised, Grip, random_grip, true_room, true_use
 
-from slipd.config import parse, shipped
+from slipd.config import parse
 from slipd.devices.external import encode_reading
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Tick
 from slipd.grasp.object_estimate import ObjectState
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim.carry_program import carry_config
 from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, carried_rig
 from slipd.types.arrays import Array
@@ -142,7 +143,7 @@ def measure_latency(count: int) -> None:
     """
     for round_ in range(4):
         rig = carried_rig(round_)
-        with_arm = carry_config(shipped("demo.toml").read_text(encoding="utf-8")).replace("250.0", "500.0")
+        with_arm = carry_config(shipped_config("demo.toml").read_text(encoding="utf-8")).replace("250.0", "500.0")
         engines = [Fed(with_arm), Fed(with_arm[: with_arm.index("[grasp.arm]")])]
         for line in LINES:
             rig.devices[line].opened(0)

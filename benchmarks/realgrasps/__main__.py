@@ -53,6 +53,7 @@ from realgrasps.trials import measure
 
 from slipd import config
 from slipd.errors import SlipdError
+from slipd.tools.shipped_paths import shipped_config
 
 TARE_ROWS = 30
 """Rows with open fingers at the begin of every trial."""
@@ -75,7 +76,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print all of it as one JSON object")
     options = parser.parse_args(argv)
     try:
-        rig = config.load(options.config or config.shipped("grips.toml"))
+        rig = config.load(options.config or shipped_config("grips.toml"))
         trials = measure(options.folder, rig.text, options.tare_rows)
     except (LabelError, SlipdError) as error:
         print(f"realgrasps: {error}", file=sys.stderr)

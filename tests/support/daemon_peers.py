@@ -11,8 +11,9 @@ import link_ends
 import numpy as np
 import zmq
 
-from slipd.devices import bota, pvdf
+from slipd.devices import bota
 from slipd.service_run import Endpoints
+from slipd.tools.sim.emulated_pvdf import encode_scan
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
 
@@ -36,7 +37,7 @@ class Device(link_ends.Device):
 
     def send_image(self) -> None:
         self._sent += 1
-        self.send(pvdf.encode_scan(np.full((4, 4), 100), self._sent, 10_000.0 * self._sent, 5.0))
+        self.send(encode_scan(np.full((4, 4), 100), self._sent, 10_000.0 * self._sent, 5.0))
 
 
 class Client:

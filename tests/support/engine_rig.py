@@ -11,7 +11,7 @@ from known_zeros import know_zeros
 from wire_check import faults_of
 
 from slipd import config
-from slipd.devices import bota, pvdf, xela
+from slipd.devices import bota
 from slipd.engine.engine import Engine
 from slipd.events import (
     Bytes,
@@ -27,6 +27,8 @@ from slipd.events import (
     Tick,
     Write,
 )
+from slipd.tools.sim.emulated_pvdf import encode_scan
+from slipd.tools.sim.emulated_xela import encode_message
 from slipd_client import messages
 
 MS = 1_000_000
@@ -244,7 +246,7 @@ class Run(EngineRun):
     def image(self, counts: np.ndarray = FULL_IMAGE) -> list[Output]:
         """Send a scan of the left pad now."""
         self._scan += 1
-        return self.feed(Bytes("left.pad", pvdf.encode_scan(counts, self._scan, self.t_ns / 1000, 5.0)))
+        return self.feed(Bytes("left.pad", encode_scan(counts, self._scan, self.t_ns / 1000, 5.0)))
 
     def skin(self, *contact: Any, ms: float = 10.0, **more: Any) -> list[Output]:
         """Send a message of the right pad: the contact's force in equal parts on its four taxels."""
@@ -254,7 +256,7 @@ class Run(EngineRun):
         counts = np.tile(1000 + np.round(force * (1000, 1000, -1000) / 4), (4, 1)).astype(int)
         if self._message % 2 == 0 and not self.exact:
             counts[:, 2] += (1, -1, 1, -1)  # with the same sum: a repeated image is suspect
-        return self.feed(Bytes("right.pad", xela.encode_message(self._message, {"2": counts}, 1.7e9)))
+        return self.feed(Bytes("right.pad", encode_message(self._message, {"2": counts}, 1.7e9)))
 
     def request(self, client: bytes, body: dict[str, Any]) -> list[Output]:
         """Send a request; if it begins a recording, also the answer of the disk."""

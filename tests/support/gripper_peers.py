@@ -16,7 +16,6 @@ import msgpack
 import numpy as np
 
 from slipd.devices.external_gripper import Session as ExternalSession
-from slipd.devices.external_gripper.external_gripper_message import encode_registration, encode_report
 from slipd.devices.robotiq_2f import Session as RobotiqSession
 from slipd.devices.robotiq_2f import robotiq_registers as registers
 from slipd.devices.shared import modbus
@@ -26,7 +25,7 @@ from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.tools.sim import emulated_wsg as wsg_sim
 from slipd.tools.sim import modbus_device as modbus_device_sim
-from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver
+from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, encode_registration, encode_report
 from slipd.tools.sim.emulated_robotiq_2f import FORCE_TABLE, GripperLine
 
 

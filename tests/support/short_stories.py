@@ -14,7 +14,7 @@ from pathlib import Path
 
 from stepped_demo import PAD_HZ, SteppedDemo, recording_of, slow_config
 
-from slipd import config
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.robot_program import Plan, RobotProgram
 from slipd.tools.sim.scene import Scene
@@ -49,7 +49,7 @@ STORIES = {
 def record(name: str, path: Path, *, with_messages: bool) -> tuple[SteppedDemo, RobotProgram]:
     """Play a story into a recording."""
     script, plan, changes = STORIES[name]
-    text = slow_config(config.shipped("demo.toml").read_text(encoding="utf-8"), *changes)
+    text = slow_config(shipped_config("demo.toml").read_text(encoding="utf-8"), *changes)
     rig = VirtualRig(Scene(script), SEED, PvdfElectronics(rate_hz=PAD_HZ))
     demo, program = SteppedDemo(rig, text, recording_of(path, text), with_messages), RobotProgram("", "", plan)
     demo.play(program)

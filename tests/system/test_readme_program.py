@@ -11,7 +11,7 @@ import pytest
 from project import ROOT
 from rig_parts import endpoints_of, first_line, part, wait_for
 
-from slipd import config
+from slipd.tools.shipped_paths import shipped_config
 from slipd_client.grip import GripClient
 
 (PROGRAM,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
@@ -33,7 +33,7 @@ def steered() -> bool:
 @pytest.mark.process
 def test_the_program_of_readme_outlives_the_daemon_that_it_steers(tmp_path: Path, runtime: Path) -> None:
     rig = tmp_path / "demo.toml"
-    text = config.shipped("demo.toml").read_text("utf-8").replace('"virtual/', f'"{tmp_path}/')
+    text = shipped_config("demo.toml").read_text("utf-8").replace('"virtual/', f'"{tmp_path}/')
     rig.write_text(text.replace("[finger.left.wrench]", "[finger.left.wrench]\nmass_kg = 0.02"))
     (tmp_path / "steers.py").write_text(PROGRAM)
     serve = (tmp_path, "slipd", "run", str(rig))

@@ -7,7 +7,6 @@ has the range of each quantity.
 
 from slipd.config.check_hints import hints
 from slipd.config.checks import missing_keys
-from slipd.config.config_file import config_file as shipped
 from slipd.config.config_file import load, parse
 from slipd.config.model import (
     Arm,
@@ -68,7 +67,6 @@ __all__ = [
     "load",
     "missing_keys",
     "parse",
-    "shipped",
     "stale_after_ns",
     "transport_of",
 ]

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from slipd.config.checks import missing_keys
+from slipd.config.config_file import key_lines, line_of, marked_keys
 from slipd.config.model import Config, axes_of, device_options, key_path, transport_of
 from slipd.config.stream_tables import Finger, Pad, Stream, Wrench
-from slipd.config.toml_text import key_lines, line_of, marked_keys
 from slipd.config.value_bounds import MARGIN, USUAL_FRICTION, meant_friction
 from slipd.devices import DEVICES, Device, Need
 

@@ -1,7 +1,8 @@
 """Read the config of a rig from its file, and report every fault with its line.
 
 A file of ``config/`` describes one rig. An unknown key, a wrong type or a value out of range refuses the whole file,
-and all faults are reported at once. A missing limit means that nothing is moved, never that there is no limit.
+and all faults are reported at once, each with its line, which tomllib does not report. A missing limit means that
+nothing is moved, never that there is no limit.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import contextlib
 import difflib
 import os
+import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,7 @@ from pydantic import ValidationError
 
 from slipd.config.checks import semantic_faults
 from slipd.config.model import Config, table_model
-from slipd.config.toml_text import key_lines, line_of, syntax_fault
-from slipd.errors import ConfigError, ConfigFault, UsageError
+from slipd.errors import ConfigError, ConfigFault
 from slipd_client.path_trust import trust_faults, user_name
 
 _TYPE_RULES = {
@@ -41,10 +42,14 @@ _BOUND_RULES = {
     "too_long": ("have at most", "max_length", " values"),
 }
 """Type of a fault that pydantic finds → relation, name of the bound, unit."""
-_PACKAGE = Path(__file__).parents[1] / "shipped"
-ROOT = _PACKAGE if _PACKAGE.is_dir() else Path(__file__).parents[3]
-"""The folder of README.md, ``config/`` and ``docs/``."""
-CONFIGS, DOCS = ROOT / "config", ROOT / "docs"
+
+_PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
+_DOTTED = rf"((?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*)"
+_TABLE = re.compile(rf"^\s*\[\[?\s*{_DOTTED}\s*\]\]?\s*(#.*)?$")  # a row of numbers in a list does not match
+_KEY = re.compile(rf"^\s*{_DOTTED}\s*=")
+_MARKED = re.compile(r"=.*#.*\bMEASURE\b")
+
+_DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$")
 
 
 def load(path: Path) -> Config:
@@ -151,60 +156,62 @@ def _keys_beside(path: tuple[str, ...]) -> list[str]:
     return sorted((table_model(path[:-1]) or Config).model_fields)
 
 
-def config_file(name: str) -> Path:
-    """Return a config of ``config/``; ``.toml`` may be left out.
-
-    Raises:
-        UsageError: There is no such config; the text names the nearest one.
-    """
-    if name in {path.name for path in system_files()}:
-        raise UsageError(f"{name} is no config of a rig; print it with: slipd service show {name}")
-    return _named("config", name, {path.name: path for path in config_files()}, ".toml")
+def lines_of(text: str) -> list[str]:
+    """Return the lines as TOML divides them, at LF alone. A CR stays at the end; a final LF begins an empty line."""
+    return text.split("\n")
 
 
-def config_files() -> list[Path]:
-    """Return the configs of ``config/``."""
-    return sorted(CONFIGS.rglob("*.toml"))
+def key_lines(text: str) -> dict[tuple[str, ...], int]:
+    """Return the line, 1-based, of every table and key that starts a line."""
+    lines: dict[tuple[str, ...], int] = {}
+    for path, number in _headed(text):
+        lines.setdefault(path, number)
+    return lines
 
 
-def system_file(name: str) -> Path:
-    """Return a file for systemd or udev.
-
-    Raises:
-        UsageError: There is no such file; the text names the nearest one.
-    """
-    return _named("file", name, {path.name: path for path in system_files()}, ".service")
+def marked_keys(text: str) -> dict[tuple[str, ...], int]:
+    """Return the line of every key whose comment holds the word MEASURE: its value is still an example."""
+    lines = lines_of(text)
+    return {path: number for path, number in key_lines(text).items() if _MARKED.search(lines[number - 1])}
 
 
-def system_files() -> list[Path]:
-    """Return the files of ``config/`` for systemd and udev."""
-    return sorted(path for path in CONFIGS.rglob("*") if path.is_file() and path.suffix != ".toml")
+def syntax_fault(text: str, error: Exception) -> tuple[int | None, str]:
+    """Return the line of an error of tomllib, and what is wrong there in words for the author of a config."""
+    where = re.search(r"\(at line (\d+)", str(error))
+    if where is None:
+        return None, f"not TOML: {error}"
+    at = int(where[1])
+    if match := _DECIMAL_COMMA.match(lines_of(text)[at - 1]):
+        key, whole, part = match.groups()
+        return at, f"{key} must be written with a decimal point, got {whole},{part}: write {key} = {whole}.{part}"
+    if str(error).startswith(("Cannot overwrite", "Cannot declare")):
+        seen: dict[tuple[str, ...], int] = {}
+        for path, number in _headed(text):
+            if path in seen and number <= at:
+                return number, f"{'.'.join(path)} is written twice, first in line {seen[path]}; keep one of them"
+            seen.setdefault(path, number)
+    return at, f"not TOML: {error}"
 
 
-def page_file(name: str) -> Path:
-    """Return a page of the docs by its name in `pages`; ``.md`` may be left out.
-
-    Raises:
-        UsageError: There is no such page; the text names the nearest one.
-    """
-    return _named("page", name.removeprefix("docs/"), pages(), ".md")
-
-
-def pages() -> dict[str, Path]:
-    """Return the pages of the docs by name, such as "physics" or "measured/peers"; README comes first."""
-    found = [path.relative_to(DOCS) for path in DOCS.rglob("*.md")]
-    ordered = sorted(found, key=lambda path: (len(path.parts), path))
-    return {"README": ROOT / "README.md"} | {path.with_suffix("").as_posix(): DOCS / path for path in ordered}
+def _headed(text: str) -> Iterator[tuple[tuple[str, ...], int]]:
+    """Yield the path and the line of every table and key that starts a line."""
+    table: tuple[str, ...] = ()
+    for number, line in enumerate(lines_of(text), start=1):
+        if match := _TABLE.match(line):
+            table = _parts(match[1])
+            yield table, number
+        elif match := _KEY.match(line):
+            yield table + _parts(match[1]), number
 
 
-def _named(kind: str, name: str, files: dict[str, Path], suffix: str) -> Path:
-    for known in (name, name + suffix, name.removesuffix(suffix)):
-        if known in files:
-            return files[known]
-    raise UsageError(f"there is no {kind} {name!r}; {_nearest(name, [key.removesuffix(suffix) for key in files])}")
+def line_of(lines: dict[tuple[str, ...], int], path: tuple[str, ...]) -> int | None:
+    """Return the line of a key, or of the innermost enclosing table that is in the file; None if there is none."""
+    while path:
+        if path in lines:
+            return lines[path]
+        path = path[:-1]
+    return None
 
 
-def _nearest(name: str, known: Iterable[str]) -> str:
-    names = list(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
+def _parts(dotted: str) -> tuple[str, ...]:
+    return tuple(part.strip("\"'") for part in _PART.findall(dotted))

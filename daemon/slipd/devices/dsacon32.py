@@ -69,8 +69,7 @@ BOOT_TEXT = b"\x1b[5n"
 """Sent three times while the controller boots."""
 
 _TYPICAL_BYTES = 300
-_RUN_SHIFT = 12
-_LONGEST_RUN = 15
+RUN_SHIFT = 12
 
 
 class Decoder(TactileDecoder):
@@ -105,13 +104,13 @@ class Decoder(TactileDecoder):
         if not rle:
             return cells in (None, count) and not (words > FULL_SCALE).any()
         most = cells or MAX_CELLS
-        expanded = int((words >> _RUN_SHIFT).sum())
+        expanded = int((words >> RUN_SHIFT).sum())
         if len(words) < count:
             return count <= most and expanded <= most
         return expanded == cells if cells else 0 < expanded <= MAX_CELLS
 
     def _samples(self, rle: bool, words: Words, t_ns: int, device_time_ns: int) -> list[TactileSample]:
-        cells = np.repeat(words & FULL_SCALE, words >> _RUN_SHIFT) if rle else words
+        cells = np.repeat(words & FULL_SCALE, words >> RUN_SHIFT) if rle else words
         return [
             tactile.matrix_sample(cells[begin:end], t_ns, device_time_ns, FULL_SCALE, str(index))
             for index, (begin, end) in enumerate(pairwise((0, *(self._ends or (len(cells),)))))
@@ -127,28 +126,6 @@ def matrices_problem(matrices: Sequence[Sequence[float]]) -> str:
             return f"matrix {index} must be columns and rows, integers of at least 1, got {list(sides)}"
     cells = sum(cols * rows for cols, rows in matrices)
     return "" if cells <= MAX_CELLS else f"the matrices must have at most {MAX_CELLS} cells, got {cells}"
-
-
-def encode_frame(cells: Sequence[int] | Words, device_time_ms: int, *, rle: bool = False) -> bytes:
-    """Return one image as the controller sends it.
-
-    Args:
-        cells: Counts of all matrices in order, integers from 0 to 4095, shape (cells,).
-        device_time_ms: Device time, ms; sent modulo 2^32.
-        rle: Whether to encode runs.
-    """
-    words = np.asarray(cells, dtype=np.uint16)
-    return tactile.encode_frame(_runs(words) if rle else words, device_time_ms, SEED_AFTER_PREAMBLE, flags=RLE * rle)
-
-
-def _runs(cells: Words) -> Words:
-    starts = np.flatnonzero(np.diff(cells, prepend=cells[:1] ^ 1))
-    words: list[int] = []
-    for start, end in zip(starts, [*starts[1:], len(cells)], strict=True):
-        whole, rest = divmod(int(end - start), _LONGEST_RUN)
-        lengths = [_LONGEST_RUN] * whole + [rest] * (rest > 0)
-        words += [length << _RUN_SHIFT | int(cells[start]) for length in lengths]
-    return np.array(words, dtype=np.uint16)
 
 
 MAX_RATE_HZ = 30

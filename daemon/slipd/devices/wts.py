@@ -8,10 +8,7 @@ the table of contents of the command set manual.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from slipd.devices import Device, RateOption
 from slipd.devices.shared import weiss_tactile as tactile
@@ -77,16 +74,6 @@ class Decoder(TactileDecoder):
 
     def _samples(self, rle: bool, words: Words, t_ns: int, device_time_ns: int) -> list[TactileSample]:
         return [tactile.matrix_sample(words, t_ns, device_time_ns, self._full_scale)]
-
-
-def encode_frame(cells: Sequence[int] | Words, device_time_ms: int) -> bytes:
-    """Return one plain image as the module sends it.
-
-    Args:
-        cells: Counts, integers from 0 to 65,535, shape (cells,).
-        device_time_ms: Device time, ms; sent modulo 2^32.
-    """
-    return tactile.encode_frame(np.asarray(cells, dtype=np.uint16), device_time_ms, SEED_WITH_PREAMBLE)
 
 
 def encode_query(packet_id: int) -> bytes:

@@ -14,12 +14,11 @@ from __future__ import annotations
 import json
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from json import JSONDecodeError
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slipd.devices import Device
 from slipd.devices.shared.device_interface import DecoderHealth
@@ -41,7 +40,7 @@ REPEATED = "sensor {}: the server repeats its last values and time: does the pad
 DEEPEST = 16
 """Number of open braces that are kept; a message has at most two open at a time."""
 
-_AXES = 3
+AXES = 3
 _KEY = '"message"'
 _MESSAGE = re.compile(r"\{[ \t\r\n]*" + _KEY)
 _BEFORE_A_NUMBER = "[,:- \t\r\n"
@@ -190,9 +189,9 @@ class Decoder:
     def _values(self, sensor: dict[str, Any]) -> Array | None:
         numbers = _numbers(sensor.get("calibrated")) if self._calibrated else _words(sensor.get("data"))
         taxels = sensor.get("taxels")
-        if not numbers or type(taxels) is not int or len(numbers) != _AXES * taxels:
+        if not numbers or type(taxels) is not int or len(numbers) != AXES * taxels:
             return None
-        return np.array(numbers, dtype=np.float64).reshape(taxels, _AXES)
+        return np.array(numbers, dtype=np.float64).reshape(taxels, AXES)
 
 
 def _braces(text: str, at: int) -> Iterator[tuple[int, bool]]:
@@ -245,39 +244,6 @@ def _time_ns(time_s: object) -> int | None:
         whole_s, part_s = divmod(time_s, 1)
         return int(whole_s) * 1_000_000_000 + round(part_s * 1e9)
     return None
-
-
-def encode_message(
-    number: int,
-    sensors: Mapping[str, ArrayLike],
-    time_s: float,
-    calibrated: Mapping[str, ArrayLike] | None = None,
-    *,
-    model: str = "uSPa44",
-) -> bytes:
-    """Return one message as the server sends it.
-
-    Args:
-        number: The server's sequence number.
-        sensors: Raw readings per sensor key ("1", "2", …), integers of 16 bits, shape (taxels, 3).
-        time_s: Unix time, s.
-        calibrated: Calibrated forces per sensor key, same shape; optional.
-        model: Model name of all sensors.
-    """
-    message: dict[str, Any] = {"message": number, "type": "routine"}
-    for key, values in sensors.items():
-        raw = np.asarray(values, dtype=np.uint16).reshape(-1, _AXES)
-        message[key] = {
-            "sensor": key,
-            "model": model,
-            "taxels": len(raw),
-            "time": time_s,
-            "data": ",".join(f"{word:04X}" for word in raw.ravel().tolist()),
-        }
-        if calibrated and key in calibrated:
-            forces = np.asarray(calibrated[key], dtype=np.float64)
-            message[key]["calibrated"] = forces.ravel().tolist()
-    return json.dumps(message, separators=(",", ":")).encode()
 
 
 DEVICE = Device(

@@ -24,9 +24,9 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, Any, cast
 
-from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.demo_summary import Tally, print_summary
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim.carry_program import CarryProgram, carry_config
 from slipd.tools.sim.robot_program import LISTEN_S, RobotProgram
 from slipd_client.page.page_server import redirect_file
@@ -177,7 +177,7 @@ def _compile_kernels() -> None:
 
 def _rig_file(ports: Path, *, carry: bool) -> Path:
     """Write the config of the scene with the ports of this run, and return its path."""
-    text = config.shipped("demo.toml").read_text(encoding="utf-8")
+    text = shipped_config("demo.toml").read_text(encoding="utf-8")
     text = carry_config(text) if carry else text
     rig = ports / "demo.toml"
     rig.write_text(text.replace('"virtual/', f'"{ports}/').replace("//virtual/", f"//{ports}/"), encoding="utf-8")

@@ -13,18 +13,18 @@ import sys
 import textwrap
 from pathlib import Path
 
-from slipd.config.config_file import (
+from slipd.errors import SlipdError
+from slipd.io.replaced_file import replace_file
+from slipd.tools.shipped_paths import (
     CONFIGS,
     DOCS,
-    config_file,
     config_files,
     page_file,
     pages,
+    shipped_config,
     system_file,
     system_files,
 )
-from slipd.errors import SlipdError
-from slipd.io.replaced_file import replace_file
 
 DESCRIPTION = "Description=Slip warnings for a gripper"
 """The line by which a unit of slipd is known."""
@@ -172,7 +172,7 @@ def shipped_command(kind: str, name: str | None = None, *, as_json: bool = False
     if name is None:
         _list_files(kind, as_json=as_json)
         return
-    path = {"config show": config_file, "docs": page_file, "service show": system_file}[kind](name)
+    path = {"config show": shipped_config, "docs": page_file, "service show": system_file}[kind](name)
     text = path.read_text(encoding="utf-8")
     print(with_program(text, own_program()) if path.suffix == ".service" else text, end="")
 

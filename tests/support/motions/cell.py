@@ -13,8 +13,10 @@ from grasp_table import grasp_table
 from gripper_peers import Peer, SentCommand
 
 from slipd import config
-from slipd.devices import bota, pvdf, xela
+from slipd.devices import bota
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, StateRestored, Write
+from slipd.tools.sim.emulated_pvdf import encode_scan
+from slipd.tools.sim.emulated_xela import encode_message
 
 STEP_NS, READING_NS = 5 * MS, 20 * MS
 MOST_N, STEP_N, RAISE_N_PER_S, BUDGET_N, CEILING_N = 25.0, 2.0, 10.0, 12.0, 15.0
@@ -193,14 +195,14 @@ class Cell(EngineRun):
             self.feed(Bytes("left.wrench", frame))
             self._scan += 1
             counts = np.full((4, 4), 100 + self._scan % 7) if normal_n else np.zeros((4, 4), dtype=int)
-            self.feed(Bytes("left.pad", pvdf.encode_scan(counts, self._scan, self.t_ns / 1000, 5.0)))
+            self.feed(Bytes("left.pad", encode_scan(counts, self._scan, self.t_ns / 1000, 5.0)))
         if self.state["right"] != "silent":
             self._message += 1
             self.felt["right"] = self.t_ns, True
             counts = np.full((4, 3), 1000)
             counts[:, 2] += round(normal_n * 250)
             counts += self._message * JITTER % 3 - 1
-            self.feed(Bytes("right.pad", xela.encode_message(self._message, {"2": counts}, 1.7e9)))
+            self.feed(Bytes("right.pad", encode_message(self._message, {"2": counts}, 1.7e9)))
 
     def bring_up(self) -> None:
         """Free fingers, tared, an active gripper, and the lease with the client."""

@@ -20,6 +20,7 @@ from slipd import config
 from slipd.devices import DEVICES, Decoder
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Write
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import Script
@@ -67,7 +68,7 @@ def settings(*, charge: bool = False, streams: dict[str, str] | None = None) -> 
         charge: Its pads leak their charge; else they read force.
         streams: Lines added to the tables of streams, such as ``left.wrench``.
     """
-    text = config.shipped("demo.toml").read_text(encoding="utf-8")
+    text = shipped_config("demo.toml").read_text(encoding="utf-8")
     if not charge:
         text = text.replace("charge_tau_s = 2.0", "").replace("threshold = 0.005", "threshold = 0.04")
     for slow, fast in LIMITS.items():

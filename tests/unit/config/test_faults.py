@@ -8,6 +8,7 @@ import pytest
 from config_faults import GOOD, broken, faults, line
 
 from slipd import config
+from slipd.tools.shipped_paths import shipped_config
 
 BELOW = "rate_hz = 800\n"
 """The line below which keys of the left force sensor are written."""
@@ -403,7 +404,7 @@ def test_a_finger_has_a_stream_and_a_pad_that_measures_no_shear_needs_a_force_se
 
 
 def test_pad_positions_in_millimetres_are_refused() -> None:
-    text = config.shipped("demo").read_text(encoding="utf-8").replace("[0.085, 0.0, 0.0425, 0.0]", "[85, 0, 42, 0]")
+    text = shipped_config("demo").read_text(encoding="utf-8").replace("[0.085, 0.0, 0.0425, 0.0]", "[85, 0, 42, 0]")
     at = next(n for n, row in enumerate(text.splitlines(), start=1) if "85, 0, 42, 0" in row)
     fault = "must be from 0 to 1 m, got 85: did you mean 85 mm? write 0.085"
     assert faults(text) == [("grasp.pads.left.positions", at, fault)]

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.config.toml_text import key_lines, line_of, with_numbers, with_value
+from slipd.config.config_file import key_lines, line_of
+from slipd.tools.config_edit import with_numbers, with_value
 
 TEXT = """\
 # a comment = with an equals sign

@@ -12,6 +12,7 @@ from readings import Case, documented, fields
 
 from slipd.devices import pvdf
 from slipd.devices.shared import checksums
+from slipd.tools.sim.emulated_pvdf import encode_scan
 
 FRAME = 46
 PERIOD_US = 5000
@@ -24,7 +25,7 @@ def counts(number: int, rows: int = 8, cols: int = 16) -> np.ndarray:
 
 def rows_of(number: int) -> list[bytes]:
     """Return the frames of scan ``number``; its readings depend on the number."""
-    scan = pvdf.encode_scan(counts(number), number, PERIOD_US * number, 39.06)
+    scan = encode_scan(counts(number), number, PERIOD_US * number, 39.06)
     return [scan[at : at + FRAME] for at in range(0, len(scan), FRAME)]
 
 
@@ -45,13 +46,13 @@ def of_version(number: int) -> list[bytes]:
 ZERO = rows_of(0)
 CASES = {
     "a scan comes out in scan order with its times": Case(
-        pvdf.encode_scan(np.array([[1, -2, 3], [-32768, 32767, 0]]), 9, 1000, 39.06),
+        encode_scan(np.array([[1, -2, 3], [-32768, 32767, 0]]), 9, 1000, 39.06),
         [{"values": [1, -2, 3, -32768, 32767, 0], "device_time_ns": 1_000_000, "dwell_ns": 39_060}],
         options={"rows": 2, "cols": 3},
     ),
     **{
         f"a pad of {rows} x {cols} is read": Case(
-            pvdf.encode_scan(counts(0, rows, cols), 0, 0, 0.01),
+            encode_scan(counts(0, rows, cols), 0, 0, 0.01),
             fields("values", [counts(0, rows, cols).ravel()]),
             options={"rows": rows, "cols": cols},
         )
@@ -83,14 +84,16 @@ CASES = {
         stream(500, rows_of(501)[:4], 0, 1), scans(500, 0, 1), {"lost": 1, "restarts": 1}
     ),
     "a restart under the same scan number is not mixed with what came before": Case(
-        pvdf.encode_scan(counts(7), 7, 123, 39.06)[: 4 * FRAME] + stream(7), scans(7), {"lost": 1, "restarts": 1}
+        encode_scan(counts(7), 7, 123, 39.06)[: 4 * FRAME] + stream(7),
+        scans(7),
+        {"lost": 1, "restarts": 1},
     ),
     "a repeated first row is skipped": Case(stream(ZERO[:1], 0), scans(0), {"duplicates": 1}),
     "a whole scan again is skipped": Case(stream(0, 0, 1), scans(0, 1), {"duplicates": 1}),
     "another repeated row drops the scan": Case(stream(ZERO[:4], ZERO[3:], 1), scans(1), {"lost": 1}),
     "rows in backward order give no scan": Case(stream(rows_of(7)[::-1], 8), scans(8), {"lost": 1, "restarts": 1}),
     "a row beyond the pad is bad and drops no scan": Case(
-        pvdf.encode_scan(counts(0, 9), 3, 0, 39.06), fields("values", [counts(0, 9)[:8].ravel()]), {"bad": 1}
+        encode_scan(counts(0, 9), 3, 0, 39.06), fields("values", [counts(0, 9)[:8].ravel()]), {"bad": 1}
     ),
     "another format version is refused": Case(
         stream(of_version(2), of_version(1)), scans(0), {"bad": 8, "bad_bytes": 8 * FRAME}
@@ -123,7 +126,7 @@ def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     decoder = pvdf.Decoder()
     decoder.receive(stream(258), 0)
     monkeypatch.setattr(decoder, "_decode_rows", None)
-    slower = b"".join(pvdf.encode_scan(counts(n), n, PERIOD_US * n, 40.0) for n in (259, 260))
+    slower = b"".join(encode_scan(counts(n), n, PERIOD_US * n, 40.0) for n in (259, 260))
     found = [(sample.values.tolist(), sample.dwell_ns) for sample in decoder.receive(slower, 0)]
     assert found == [(counts(n).ravel().tolist(), 40_000) for n in (259, 260)]
 
@@ -131,12 +134,12 @@ def test_whole_scans_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_documented_frame_is_encoded() -> None:
     readings = np.zeros((8, 16), dtype=np.int64)
     readings[3] = np.arange(-8, 8) * 100
-    scan = pvdf.encode_scan(readings, 258, 1_000_000, 39.06)
+    scan = encode_scan(readings, 258, 1_000_000, 39.06)
     assert scan[3 * FRAME : 4 * FRAME] == documented("pvdf")
 
 
 def test_each_row_carries_the_time_of_its_first_taxel() -> None:
-    scan = pvdf.encode_scan(counts(0), 0, (1 << 32) - 1000, 39.06)
+    scan = encode_scan(counts(0), 0, (1 << 32) - 1000, 39.06)
     times = [int.from_bytes(scan[at + 6 : at + 10], "little") for at in range(0, len(scan), FRAME)]
     assert times == [((1 << 32) - 1000 + round(row * 16 * 39.06)) % (1 << 32) for row in range(8)]
 
@@ -155,4 +158,4 @@ def test_each_row_carries_the_time_of_its_first_taxel() -> None:
 )
 def test_a_scan_that_cannot_be_sent_is_refused(bad: np.ndarray, dwell_us: float, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        pvdf.encode_scan(bad, 0, 0, dwell_us)
+        encode_scan(bad, 0, 0, dwell_us)

@@ -7,6 +7,7 @@ from readings import Case, dropped, fields
 
 from slipd.devices import wts
 from slipd.devices.shared import weiss_packets as weiss
+from slipd.tools.sim import emulated_wts
 
 WTS_FT = wts.Matrix()
 SMALL = wts.Matrix(1, 1, 1000)
@@ -21,7 +22,7 @@ def decoder(matrix: wts.Matrix | None = None) -> wts.Decoder:
 
 
 def image(cell: int, cells: int = 1) -> bytes:
-    return wts.encode_frame([cell] * cells, 0)
+    return emulated_wts.encode_frame([cell] * cells, 0)
 
 
 CASES = {

@@ -11,6 +11,7 @@ import pytest
 from readings import Case, fields
 
 from slipd.devices import xela
+from slipd.tools.sim.emulated_xela import encode_message
 
 HUGE = 10**400
 CALIBRATED = {"calibrated": True}
@@ -22,12 +23,12 @@ def pad(number: int, taxels: int = 16) -> np.ndarray:
 
 
 def message(number: int, time_s: float = 1_700_000_000.25, **sensors: Any) -> bytes:
-    return xela.encode_message(number, {"1": pad(number)} | sensors, time_s)
+    return encode_message(number, {"1": pad(number)} | sensors, time_s)
 
 
 def changed(**others: Any) -> bytes:
     """Return a good message with two sensors, with changed fields of the first; None removes a field."""
-    body = json.loads(xela.encode_message(1, {"1": pad(1), "2": pad(2)}, 1.0, {"1": pad(1), "2": pad(2)}))
+    body = json.loads(encode_message(1, {"1": pad(1), "2": pad(2)}, 1.0, {"1": pad(1), "2": pad(2)}))
     body["1"] = {key: value for key, value in (body["1"] | others).items() if value is not None}
     return json.dumps(body).encode()
 
@@ -68,18 +69,18 @@ WRONG_RAW: list[dict[str, Any]] = [
 WRONG_FORCES = [[1.0] * 47, [1.0] * 49, 5, *([each] * 48 for each in ("1", True, None, math.nan, math.inf, 1e12, HUGE))]
 CASES = {
     "what is encoded is decoded for every sensor": Case(
-        xela.encode_message(3, {"1": pad(1), "12": pad(2, 24)}, 1_700_000_000.25, {"12": FORCES, "1": -FORCES}),
+        encode_message(3, {"1": pad(1), "12": pad(2, 24)}, 1_700_000_000.25, {"12": FORCES, "1": -FORCES}),
         [
             {"source": "1", "values": pad(1), "device_time_ns": 1_700_000_000_250_000_000},
             {"source": "12", "values": pad(2, 24)},
         ],
     ),
     "a whole hand is read": Case(
-        xela.encode_message(7, {str(n): pad(n, 368) for n in range(1, 17)}, 1_700_000_000.25),
+        encode_message(7, {str(n): pad(n, 368) for n in range(1, 17)}, 1_700_000_000.25),
         fields("values", [pad(n, 368) for n in range(1, 17)]),
     ),
     "calibrated values are used if configured, and the server calibrates only the first": Case(
-        xela.encode_message(3, {"1": pad(1), "2": pad(2)}, 1.0, {"1": FORCES}),
+        encode_message(3, {"1": pad(1), "2": pad(2)}, 1.0, {"1": FORCES}),
         fields("values", [FORCES]),
         {"bad": 1},
         CALIBRATED,

@@ -34,11 +34,12 @@ from run_courses import (
     wrote,
 )
 
-from slipd.devices import bota, xela
+from slipd.devices import bota
 from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
 from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, Write
 from slipd.requests.recording_state import utc_stamp
+from slipd.tools.sim.emulated_xela import encode_message
 from slipd_client.messages import Health
 
 RIG = LEFT + RIGHT + GRIPPER
@@ -100,7 +101,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     "a lost server makes every finger on it unknown": (
         TWINS,
         [
-            told(Bytes("right.pad", xela.encode_message(1, dict.fromkeys("12", np.full((4, 3), 1000)), 1.7e9))),
+            told(Bytes("right.pad", encode_message(1, dict.fromkeys("12", np.full((4, 3), 1000)), 1.7e9))),
             level("no_contact", finger="right"),
             level("no_contact", finger="third"),
             down("right.pad"),

@@ -29,8 +29,8 @@ from run_courses import (
     wrench,
 )
 
-from slipd.devices import xela
 from slipd.events import Bytes
+from slipd.tools.sim.emulated_xela import encode_message
 
 RIG = LEFT + RIGHT + GRIPPER
 RAW_PAD = RIGHT.partition("tare =")[0]
@@ -77,7 +77,7 @@ def raw(times: int = 3, press: int = 0, counts: np.ndarray = RAW) -> Step:
             run.wait(10)
             run._message += 1
             shown = counts + np.array((0, 0, press + k % 2))
-            run.feed(Bytes("right.pad", xela.encode_message(run._message, {"2": shown}, 1.7e9)))
+            run.feed(Bytes("right.pad", encode_message(run._message, {"2": shown}, 1.7e9)))
 
     return step
 

@@ -17,6 +17,7 @@ from slipd.config import Config, Levels
 from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_messages import grasp_body
+from slipd.tools.shipped_paths import shipped_config
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
@@ -180,7 +181,7 @@ def test_pads_move_with_the_width(hand: Hand) -> None:
 
 def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None:
     """On the pads as the demo's config places them: the left pad's X, Y and spin are Z, −X and −Y of its gripper."""
-    grasp = config.load(config.shipped("demo.toml")).grasp
+    grasp = config.load(shipped_config("demo.toml")).grasp
     load, normal_n, at = (2.5, 0.7, 0.03), 12.0, (0.002, -0.001)
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
         force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)

@@ -11,9 +11,9 @@ import pytest
 from project import CONFIG
 
 from slipd import config
-from slipd.devices import xela
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, Tick
+from slipd.tools.sim.emulated_xela import encode_message
 from slipd.tools.sim.unkind import SensorClock, UnkindPad
 from slipd.types.arrays import Array
 
@@ -104,7 +104,7 @@ def run(
                 else sorted(((at_ns + clock(image, s), {s: pads[s]}) for s in "12"), key=itemgetter(0))
             )
             for at, (t_ns, sent) in enumerate(messages):
-                message = xela.encode_message(2 * image + at, sent, t_ns / 1e9)
+                message = encode_message(2 * image + at, sent, t_ns / 1e9)
                 outputs += engine.handle(Bytes(link.name, message), t_ns)
             outputs += engine.handle(Tick(), at_ns + PERIOD_NS // 5)
         for output in outputs:

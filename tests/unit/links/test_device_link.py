@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 from device_links import MS, T0, Parse, S, frame, health, status
 
-from slipd.devices import bota, pvdf, xela
+from slipd.devices import bota
 from slipd.events import LinkSpec
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.tools.sim import emulated_bota as sim
+from slipd.tools.sim.emulated_pvdf import encode_scan
+from slipd.tools.sim.emulated_xela import encode_message
 from slipd.types.clocks import NEVER_NS
 from slipd_client.messages import Health
 
 
 def scan(rows: int = 4, cols: int = 4, number: int = 1) -> bytes:
-    return pvdf.encode_scan(np.ones((rows, cols), dtype=int), number, 0.0, 5.0)
+    return encode_scan(np.ones((rows, cols), dtype=int), number, 0.0, 5.0)
 
 
 def skin(number: int, sensors: str) -> bytes:
-    return xela.encode_message(number, {sensor: np.full((4, 3), 1000) for sensor in sensors}, 1.7e9)
+    return encode_message(number, {sensor: np.full((4, 3), 1000) for sensor in sensors}, 1.7e9)
 
 
 def test_streams_that_share_an_address_share_one_link_named_after_the_first(links: dict[str, DeviceLink]) -> None:

@@ -9,10 +9,11 @@ import pytest
 from device_links import health
 
 from slipd.config import Config, transport_of
-from slipd.devices import DEVICES, xela
+from slipd.devices import DEVICES
 from slipd.events import LinkSpec
 from slipd.links.device_link import make_links
 from slipd.links.link_health import why_silent
+from slipd.tools.sim.emulated_xela import encode_message
 from slipd_client.messages import Health
 
 T0 = 100_000_000_000
@@ -50,7 +51,7 @@ Parse = Callable[[str], Config]
         (
             "right.pad",
             "2",
-            xela.encode_message(1, {"1": np.full((4, 3), 1000)}, 1.7e9),
+            encode_message(1, {"1": np.full((4, 3), 1000)}, 1.7e9),
             "readings arrive, none of sensor '2': is it plugged in? is `sensor` right?",
         ),
     ],

@@ -13,10 +13,10 @@ import pytest
 from advice.safe_speed import holds_scale
 from stepped_demo import PAD_HZ, SteppedDemo, recording_of, slow_config
 
-from slipd import config
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.demo_summary import print_summary
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim import carry
 from slipd.tools.sim.carry import GLASS_KG, HANDOVER_S, PATH, Arm, Move
 from slipd.tools.sim.carry_program import CARRY_PLAN, FLOOR, GRIP_N, CarryProgram, carry_config
@@ -103,7 +103,7 @@ def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(
 ) -> None:
     path = (PATH[0], PATH[1], PATH[2], PATH[4])
     monkeypatch.setattr("slipd.tools.sim.carry_program.PATH", path)
-    text = slow_config(carry_config(config.shipped("demo.toml").read_text(encoding="utf-8")))
+    text = slow_config(carry_config(shipped_config("demo.toml").read_text(encoding="utf-8")))
     rig = carried_rig(3, PvdfElectronics(rate_hz=PAD_HZ))
     arm, scene = rig.arm, rig.scene
     arm.path = path

@@ -80,7 +80,7 @@ _CHECKED = ConfigDict(extra="forbid")
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Name of a driver and ranges of its gripper; see `encode_registration`."""
+    """Name of a driver and ranges of its gripper."""
 
     __pydantic_config__: ClassVar = _CHECKED
 
@@ -92,7 +92,7 @@ class Registration:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """State of the gripper, sent regularly and as the answer to a set-point; see `encode_report`."""
+    """State of the gripper, sent regularly and as the answer to a set-point."""
 
     __pydantic_config__: ClassVar = _CHECKED
 
@@ -166,45 +166,6 @@ def parse(data: bytes) -> Message | None:
         return _REPORTS.validate_python({"object": "moving" if body.get("moving") else "none"} | body)
     except ValidationError:
         return None
-
-
-def encode_registration(registration: Registration) -> bytes:
-    """Return the registration of a driver.
-
-    Args:
-        registration: Name (letters, digits, spaces and ``_./-``; the connection keeps it), and smallest and largest
-            width between the pads, m, force on one pad, N, and speed, m/s (None if the speed cannot be set).
-
-    Raises:
-        ValueError: The daemon would reject it.
-    """
-    body: dict[str, Any] = {"v": VERSION, "name": registration.name}
-    body |= {"width_range_m": registration.width_range_m, "force_range_n": registration.force_range_n}
-    if registration.speed_range_mps is not None:
-        body["speed_range_mps"] = registration.speed_range_mps
-    return _checked(body)
-
-
-def encode_report(report: Report) -> bytes:
-    """Return a report of a driver, or its answer to a set-point.
-
-    Raises:
-        ValueError: The daemon would reject it.
-    """
-    body: dict[str, Any] = {"v": VERSION, "width_m": report.width_m, "active": report.active, "moving": report.moving}
-    body |= {"object": report.object, "fault": report.fault, "force_n": report.force_n}
-    if report.id is not None:
-        body |= {"id": report.id, "applied_n": report.applied_n}
-    if report.error:
-        body["error"] = report.error
-    return _checked(body)
-
-
-def _checked(body: dict[str, Any]) -> bytes:
-    data: bytes = msgpack.packb(body)
-    if measure(data, 0) != len(data) or parse(data) is None:
-        raise ValueError(f"a driver's message must have finite numbers within their bounds, got {body}")
-    return data
 
 
 def encode_setpoint(setpoint_id: int, operation: str, **values: float | None) -> bytes:

@@ -35,7 +35,6 @@ FULL_SCALE = 4095
 _FRAME_HEAD = struct.Struct("<IB")  # device time in ms, flags
 _HEADS = re.compile(PREAMBLE[:1] + b"(?=" + PREAMBLE[1:] + b"(.)(..))", re.DOTALL)  # id and size, overlapping matches
 _WORD_BYTES = 2
-_MS_SPAN = 1 << 32
 _STATUS_BYTES = 2
 
 PAUSE_NS = 300_000_000
@@ -43,19 +42,6 @@ PAUSE_NS = 300_000_000
 
 Words = NDArray[np.uint16]
 """Cells of an image, or runs of cells."""
-
-
-def encode_frame(words: Words, device_time_ms: int, seed: int, *, flags: int = 0) -> bytes:
-    """Return a packet that contains an image.
-
-    Args:
-        words: Cells, or runs of cells, integers of 16 bits, shape (any,).
-        device_time_ms: Device time, ms; sent modulo 2^32.
-        seed: Seed of the checksum, as in `weiss_packets.encode`.
-        flags: Flags of the image.
-    """
-    head = _FRAME_HEAD.pack(device_time_ms % _MS_SPAN, flags)
-    return encode(FRAME, head + np.asarray(words).astype("<u2").tobytes(), seed)
 
 
 class TactileDecoder(ABC):

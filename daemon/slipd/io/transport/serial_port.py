@@ -103,8 +103,9 @@ class SerialConnection(FileConnection):
 
     def _release(self) -> None:
         """Close the port; what the device has not read is discarded, or the kernel would wait until it has."""
-        with contextlib.suppress(termios.error):  # unplugged
-            self._opened.reset_output_buffer()
+        with contextlib.suppress(OSError, termios.error):  # unplugged
+            if self._opened.out_waiting:
+                self._opened.reset_output_buffer()
         super()._release()
 
     def _fail(self, error: object) -> None:

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from slipd import config
 from slipd.config import Finger, Pad, Wrench
-from slipd.config.toml_text import marked_keys, with_value
+from slipd.config.config_file import marked_keys
 from slipd.io.replaced_file import replace_file
 from slipd.tools.commission.touches import Findings
+from slipd.tools.config_edit import with_value
 
 PREVIOUS = ".previous"
 """Ending of the name of the config before the last change."""

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd import config
-from slipd.config.toml_text import with_numbers
-from slipd.devices import xela
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkSpec
+from slipd.tools.config_edit import with_numbers
 from slipd.tools.recordings.imported_run import START_NS, source_of, write_run
+from slipd.tools.sim.emulated_xela import encode_message
 from slipd.types.arrays import Array
 
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
@@ -86,7 +86,7 @@ def _server_events(link: LinkSpec, times_ns: list[int], pads: dict[str, Counts])
     yield START_NS, Bytes(link.name, WELCOME)
     for row, t_ns in enumerate(times_ns):
         counts = {sensor: pad[row] for sensor, pad in pads.items()}
-        yield t_ns, Bytes(link.name, xela.encode_message(row, counts, t_ns / 1e9))
+        yield t_ns, Bytes(link.name, encode_message(row, counts, t_ns / 1e9))
 
 
 def _columns(path: Path, names: list[str]) -> Array:

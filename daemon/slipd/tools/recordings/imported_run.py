@@ -16,6 +16,7 @@ from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.cli_arguments import IMPORTED
 from slipd.tools.outputs import NEW, draft
+from slipd.tools.shipped_paths import shipped_config
 
 START_NS = 1_000_000_000
 """Time of the first row, ns; the wall-clock time too, because it is not known."""
@@ -42,7 +43,7 @@ def import_command(form: str, importer: str, source: Path, out: Path, config_fil
     Raises:
         SlipdError: The source or the config has faults, or the recording cannot be written.
     """
-    rig = config.load(config_file or config.shipped(IMPORTED[form]))
+    rig = config.load(config_file or shipped_config(IMPORTED[form]))
     for finding in pkgutil.resolve_name(importer)(source, out, rig.text, **more) or ():
         print(finding)
     print(f"{out}: written; replay it with: slipd replay {out} --speed max")

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from slipd import config
-from slipd.config.config_file import config_file
 from slipd.errors import SlipdError
+from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim.emulate import (
     LONGEST_LINE,
     emulated,
@@ -53,7 +53,7 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
         SlipdError: A line cannot be served, or a line of the script is wrong.
     """
     if not file.exists() and file.name == str(file) and not file.suffix:
-        file = config_file(str(file))
+        file = shipped_config(str(file))
     rig = config.load(file)
     lines = _script_lines(script, rig)
     with contextlib.ExitStack() as stack:

@@ -14,8 +14,8 @@ from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import MAX_RATE_HZ
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner, encode
-from slipd.devices.shared.weiss_tactile import RLE
-from slipd.tools.sim.emulated_wts import WeissController
+from slipd.devices.shared.weiss_tactile import RLE, Words
+from slipd.tools.sim.emulated_wts import WeissController, encode_image
 from slipd.types.arrays import Array
 
 FINGER = ((6, 14), (6, 13))
@@ -75,6 +75,31 @@ def encode_matrix(cols: int, rows: int) -> bytes:
     return encode(dsacon32.MATRIX, payload, SEED_AFTER_PREAMBLE)
 
 
+_LONGEST_RUN = 15
+
+
+def encode_frame(cells: Sequence[int] | Words, device_time_ms: int, *, rle: bool = False) -> bytes:
+    """Return one image as the controller sends it.
+
+    Args:
+        cells: Counts of all matrices in order, integers from 0 to 4095, shape (cells,).
+        device_time_ms: Device time, ms; sent modulo 2^32.
+        rle: Whether to encode runs.
+    """
+    words = np.asarray(cells, dtype=np.uint16)
+    return encode_image(_runs(words) if rle else words, device_time_ms, SEED_AFTER_PREAMBLE, flags=RLE * rle)
+
+
+def _runs(cells: Words) -> Words:
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[:1] ^ 1))
+    words: list[int] = []
+    for start, end in zip(starts, [*starts[1:], len(cells)], strict=True):
+        whole, rest = divmod(int(end - start), _LONGEST_RUN)
+        lengths = [_LONGEST_RUN] * whole + [rest] * (rest > 0)
+        words += [length << dsacon32.RUN_SHIFT | int(cells[start]) for length in lengths]
+    return np.array(words, dtype=np.uint16)
+
+
 class Dsacon32(WeissController):
     """The controller on its line, powered long before time 0; its caller passes the time.
 
@@ -132,7 +157,7 @@ class Dsacon32(WeissController):
         return encode_error(dsacon32.ACQUIRE)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
-        return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
+        return encode_frame(cells, time_ms, rle=self._rle)
 
 
 make = Dsacon32

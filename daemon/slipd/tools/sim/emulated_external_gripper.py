@@ -10,18 +10,58 @@ from typing import Any
 
 import msgpack
 
-from slipd.devices.external_gripper.external_gripper_message import (
-    Registration,
-    Report,
-    encode_registration,
-    encode_report,
-)
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import Registration, Report
 from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.tools.sim.jaws import moved_jaws
 
 DRIVER = Registration("emulated driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 RATE_HZ = 50.0
 SPEED_MPS = 0.1
+
+
+def encode_registration(registration: Registration) -> bytes:
+    """Return the registration of a driver.
+
+    Args:
+        registration: Name (letters, digits, spaces and ``_./-``; the connection keeps it), and smallest and largest
+            width between the pads, m, force on one pad, N, and speed, m/s (None if the speed cannot be set).
+
+    Raises:
+        ValueError: The daemon would reject it.
+    """
+    body: dict[str, Any] = {"v": wire.VERSION, "name": registration.name}
+    body |= {"width_range_m": registration.width_range_m, "force_range_n": registration.force_range_n}
+    if registration.speed_range_mps is not None:
+        body["speed_range_mps"] = registration.speed_range_mps
+    return _checked(body)
+
+
+def encode_report(report: Report) -> bytes:
+    """Return a report of a driver, or its answer to a set-point.
+
+    Raises:
+        ValueError: The daemon would reject it.
+    """
+    body: dict[str, Any] = {
+        "v": wire.VERSION,
+        "width_m": report.width_m,
+        "active": report.active,
+        "moving": report.moving,
+    }
+    body |= {"object": report.object, "fault": report.fault, "force_n": report.force_n}
+    if report.id is not None:
+        body |= {"id": report.id, "applied_n": report.applied_n}
+    if report.error:
+        body["error"] = report.error
+    return _checked(body)
+
+
+def _checked(body: dict[str, Any]) -> bytes:
+    data: bytes = msgpack.packb(body)
+    if wire.measure(data, 0) != len(data) or wire.parse(data) is None:
+        raise ValueError(f"a driver's message must have finite numbers within their bounds, got {body}")
+    return data
 
 
 class Driver(EmulatedDevice):

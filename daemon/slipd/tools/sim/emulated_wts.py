@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from slipd.devices import wts
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner, encode
-from slipd.devices.shared.weiss_tactile import FULL_SCALE
+from slipd.devices.shared.weiss_tactile import FRAME, FULL_SCALE, Words
 from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
 
 SINGLE = 0x20
@@ -25,6 +26,7 @@ _FIRMWARE = 0x1000  # 1.0.0
 _PITCH = 340  # 10 µm
 
 _IMAGE_HEAD = struct.Struct("<IB")  # device time in ms, flags
+_MS_SPAN = 1 << 32
 
 REQUEST_SIZES = {SINGLE: 1, wts.START: wts.START_FIELDS.size, wts.STOP: 0, wts.MATRIX: 0, wts.SYSTEM: 0}
 
@@ -38,6 +40,29 @@ def encode_matrix(matrix: wts.Matrix) -> bytes:
     """Return the answer about the module's matrix."""
     form = (matrix.cols, matrix.rows, _PITCH, _PITCH, matrix.full_scale)
     return encode(wts.MATRIX, wts.MATRIX_FIELDS.pack(0, *form), SEED_WITH_PREAMBLE)
+
+
+def encode_image(words: Sequence[int] | Words, device_time_ms: int, seed: int, *, flags: int = 0) -> bytes:
+    """Return a packet that contains an image.
+
+    Args:
+        words: Cells, or runs of cells, integers of 16 bits, shape (any,).
+        device_time_ms: Device time, ms; sent modulo 2^32.
+        seed: Seed of the checksum, as in `weiss_packets.encode`.
+        flags: Flags of the image.
+    """
+    head = _IMAGE_HEAD.pack(device_time_ms % _MS_SPAN, flags)
+    return encode(FRAME, head + np.asarray(words).astype("<u2").tobytes(), seed)
+
+
+def encode_frame(cells: Sequence[int] | Words, device_time_ms: int) -> bytes:
+    """Return one plain image as the module sends it.
+
+    Args:
+        cells: Counts, integers from 0 to 65,535, shape (cells,).
+        device_time_ms: Device time, ms; sent modulo 2^32.
+    """
+    return encode_image(cells, device_time_ms, SEED_WITH_PREAMBLE)
 
 
 class WeissController(EmulatedTactile, ABC):
@@ -128,7 +153,7 @@ class WtsModule(WeissController):
         return encode_status(request.id)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
-        return wts.encode_frame(cells, time_ms)
+        return encode_frame(cells, time_ms)
 
 
 make = WtsModule

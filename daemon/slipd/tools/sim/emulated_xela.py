@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from slipd.devices import xela
 from slipd.tools.sim.emulators import EmulatedTactile, TactileStream
@@ -21,6 +24,39 @@ BEGAN_S = 1_700_000_000.0
 """Unix time of the server at its start, s."""
 
 _FULL_SCALE = (1 << 16) - 1
+
+
+def encode_message(
+    number: int,
+    sensors: Mapping[str, ArrayLike],
+    time_s: float,
+    calibrated: Mapping[str, ArrayLike] | None = None,
+    *,
+    model: str = "uSPa44",
+) -> bytes:
+    """Return one message as the server sends it.
+
+    Args:
+        number: The server's sequence number.
+        sensors: Raw readings per sensor key ("1", "2", …), integers of 16 bits, shape (taxels, 3).
+        time_s: Unix time, s.
+        calibrated: Calibrated forces per sensor key, same shape; optional.
+        model: Model name of all sensors.
+    """
+    message: dict[str, Any] = {"message": number, "type": "routine"}
+    for key, values in sensors.items():
+        raw = np.asarray(values, dtype=np.uint16).reshape(-1, xela.AXES)
+        message[key] = {
+            "sensor": key,
+            "model": model,
+            "taxels": len(raw),
+            "time": time_s,
+            "data": ",".join(f"{word:04X}" for word in raw.ravel().tolist()),
+        }
+        if calibrated and key in calibrated:
+            forces = np.asarray(calibrated[key], dtype=np.float64)
+            message[key]["calibrated"] = forces.ravel().tolist()
+    return json.dumps(message, separators=(",", ":")).encode()
 
 
 class Server(EmulatedTactile):
@@ -51,7 +87,7 @@ class Server(EmulatedTactile):
         pads = {key: self._stream.image(key) for key in SENSORS}
         raw = {key: np.clip(np.rint(pad + REST_COUNTS), 0, _FULL_SCALE) for key, pad in pads.items()}
         forces = {key: np.round(N_PER_COUNT * pad, 4) for key, pad in pads.items()}
-        return xela.encode_message(self._number, raw, BEGAN_S + taken_ns * 1e-9, forces)
+        return encode_message(self._number, raw, BEGAN_S + taken_ns * 1e-9, forces)
 
 
 make = Server

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from slipd import config
-from slipd.config.toml_text import key_lines, lines_of
+from slipd.config.config_file import key_lines, lines_of
 from slipd.devices import DEVICES
 from slipd.errors import ConfigError, ConfigFault
 from slipd.grasp.grasp_view import Place

@@ -15,10 +15,8 @@ from slipd.devices.external_gripper import SILENCE_NS, Session
 from slipd.devices.external_gripper.external_gripper_message import (
     Registration,
     Report,
-    encode_registration,
-    encode_report,
 )
-from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver
+from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, encode_registration, encode_report
 
 
 @dataclass

@@ -14,6 +14,7 @@ from session_bench import Bench, bench_of, nothing
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
+from slipd.tools.sim import emulated_dsacon32
 from slipd.tools.sim import emulated_dsacon32 as dsacon32_sim
 from slipd.tools.sim import emulated_wts as wts_sim
 from slipd.tools.sim.emulated_dsacon32 import Dsacon32
@@ -47,7 +48,7 @@ def test_the_reported_matrices_split_the_images_and_another_controller_has_its_o
         ("0", list(range(8))),
         ("1", list(range(8, 12))),
     ]
-    bench.deliver(dsacon32.encode_frame([1] * 11, 0))
+    bench.deliver(emulated_dsacon32.encode_frame([1] * 11, 0))
     assert bench.samples[-1].values.tolist() == [8, 9, 10, 11]
     assert bench.session.health.bad_bytes > 0
     bench.device = Dsacon32(0, [(3, 3)])
@@ -61,7 +62,7 @@ def test_matrices_take_effect_when_all_are_known() -> None:
     bench.start(0.1)
     bench.deliver(dsacon32_sim.encode_error(dsacon32.ACQUIRE))
     assert bench.written == ASKED, "the answer to something else"
-    bench.deliver(dsacon32.encode_frame(range(12), 0))
+    bench.deliver(emulated_dsacon32.encode_frame(range(12), 0))
     assert sizes(bench) == [("0", 12)]
 
 

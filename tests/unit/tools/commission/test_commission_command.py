@@ -7,12 +7,12 @@ from typing import IO
 
 import pytest
 
-from slipd import config
 from slipd.cli import carry_out
 from slipd.errors import ConfigError, SlipdError
 from slipd.tools.cli_commands import parser
 from slipd.tools.commission import commission_command, readings
 from slipd.tools.commission.commission_command import PageHost
+from slipd.tools.shipped_paths import shipped_config
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def rig(tmp_path: Path, person: IO[str], monkeypatch: pytest.MonkeyPatch) -> Pat
     monkeypatch.setattr(commission_command, "SILENCE_S", 0.2)
     monkeypatch.setattr(readings, "PAUSE_S", 0.0)
     file = tmp_path / "rig.toml"
-    file.write_text(config.shipped("demo.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    file.write_text(shipped_config("demo.toml").read_text(encoding="utf-8"), encoding="utf-8")
     return file
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from commission_rig import TAXELS
 
-from slipd.config import parse, shipped
+from slipd.config import parse
 from slipd.tools.commission.config_update import changes, fragment
 from slipd.tools.commission.readings import FingerReadings, noise_at_rest
 from slipd.tools.commission.touches import Findings, Mount, Noise
+from slipd.tools.shipped_paths import shipped_config
 
 MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 FORCE_STD_N, TORQUE_STD_NM, TAXEL_STD = 0.03, 0.0008, 2.0
@@ -31,7 +32,7 @@ def test_noise_is_that_of_the_sensors_without_their_drift() -> None:
 
 @pytest.mark.parametrize(("stated", "written"), [("threshold = 0.0", True), ("threshold = 1.0", False)])
 def test_a_threshold_is_found_only_where_none_hides_the_noise(stated: str, written: bool) -> None:
-    text = shipped("gauges_pvdf.toml").read_text(encoding="utf-8").replace("MEASURE", "")
+    text = shipped_config("gauges_pvdf.toml").read_text(encoding="utf-8").replace("MEASURE", "")
     rig = parse(text.replace("threshold = 0.005", stated), "rig")
     found = changes(rig, {"left": Findings(noise=Noise(0.01, 0.0001, 20.0))})
     assert found == ({("finger", "left", "pad", "threshold"): "20.0"} if written else {})

@@ -13,14 +13,14 @@ from typing import IO, Any
 
 import pytest
 
-from slipd import config
 from slipd.errors import SlipdError
 from slipd.tools.commission import commission_command
 from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink
 from slipd.tools.commission.dialogue import Ask, Change, Choice, Prompt, Refusal, Reply, Say
+from slipd.tools.shipped_paths import shipped_config
 
-TEXT = config.shipped("demo.toml").read_text(encoding="utf-8")
+TEXT = shipped_config("demo.toml").read_text(encoding="utf-8")
 CHANGE = Change({("finger", "left", "mu"): "0.42"})
 QUESTION = Prompt("tips_down", "Turn it.", "left", ("ready", "skip"), "gravity (x y z)")
 Hosted = Callable[..., Any]

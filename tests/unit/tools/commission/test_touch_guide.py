@@ -18,7 +18,7 @@ from known_zeros import know_zeros
 from scipy.spatial.transform import Rotation
 
 from slipd import config
-from slipd.config.toml_text import marked_keys
+from slipd.config.config_file import marked_keys
 from slipd.errors import SlipdError
 from slipd.tools.commission import gripper_steps, touch_guide
 from slipd.tools.commission.commission_guide import Commission

@@ -6,7 +6,7 @@ import pytest
 from other_packages import Install, install
 
 from slipd import config
-from slipd.config.toml_text import marked_keys
+from slipd.config.config_file import marked_keys
 from slipd.devices import DEVICES
 from slipd.tools.discovery.config_draft import draft
 from slipd.tools.discovery.port_probe import NUMBER, Found, SerialPort

@@ -10,10 +10,9 @@ from slipd.devices.external_gripper import Session
 from slipd.devices.external_gripper.external_gripper_message import (
     REFUSED,
     encode_notice,
-    encode_registration,
     encode_setpoint,
 )
-from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, make
+from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, encode_registration, make
 
 MS = 1_000_000
 

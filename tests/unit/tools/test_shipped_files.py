@@ -7,9 +7,8 @@ import re
 import pytest
 from project import CONFIG, DOCS, ROOT
 
-from slipd import config
-from slipd.config.config_file import config_file, config_files, page_file, pages, system_file, system_files
 from slipd.errors import SlipdError
+from slipd.tools.shipped_paths import config_files, page_file, pages, shipped_config, system_file, system_files
 
 
 def test_every_file_is_listed_configs_apart_from_those_of_the_system() -> None:
@@ -20,14 +19,13 @@ def test_every_file_is_listed_configs_apart_from_those_of_the_system() -> None:
 
 @pytest.mark.parametrize("name", ["demo", "demo.toml"])
 def test_a_config_is_found_with_and_without_its_suffix(name: str) -> None:
-    assert config_file(name).samefile(CONFIG / "demo.toml")
-    assert config.shipped(name) == config_file(name)
+    assert shipped_config(name).samefile(CONFIG / "demo.toml")
 
 
 def test_a_file_of_the_system_is_no_config_and_found_as_what_it_is() -> None:
     assert system_file("slipd.service") == system_file("slipd") == next(CONFIG.rglob("slipd.service"))
     with pytest.raises(SlipdError, match=r"slipd service show slipd\.service"):
-        config_file("slipd.service")
+        shipped_config("slipd.service")
 
 
 def test_every_page_is_listed_readme_first() -> None:
@@ -44,9 +42,9 @@ def test_a_page_is_found_by_every_way_to_write_it(name: str) -> None:
 @pytest.mark.parametrize("name", ["", "../../etc/passwd", "/etc/passwd", "zzzzzz", "\0"])
 def test_an_unknown_name_is_refused_with_the_known_ones_and_a_misspelt_one_with_the_nearest(name: str) -> None:
     for find, wrong, told in (
-        (config_file, name, f"there is no config {name!r}; known: bota_xela, demo, "),
+        (shipped_config, name, f"there is no config {name!r}; known: bota_xela, demo, "),
         (page_file, name, f"there is no page {name!r}; known: README, "),
-        (config_file, "netft_wst", "there is no config 'netft_wst'; did you mean 'netft_wts'?"),
+        (shipped_config, "netft_wst", "there is no config 'netft_wst'; did you mean 'netft_wts'?"),
     ):
         with pytest.raises(SlipdError, match=re.escape(told)):
             find(wrong)
