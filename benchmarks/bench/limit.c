@@ -16,11 +16,10 @@
 #include <stdlib.h>
 
 enum { INTERIOR, HINGE, TRANSLATING, NONE };
-enum { OPEN, MET, MET_AT_KINK };
 enum { MAX_PASSES = 120, PATIENCE = 14, MAX_STOOD = 8, ROWS = 11 }; /* rows: of working memory, see `contact_in` */
 
 static const double U = 0x1p-53, FAR = 1e9, GOAL = 2e-13, GOAL_SLACKS = 30.0, RESOLUTION = 1e-13, TINY = 1e-150;
-static const double SMALLEST = 1e-130, LARGEST = 1e130, RIDGE = 1e-28, FLAT = 1e-9, STIFF = 1e-12, LONGEST = 8.0;
+static const double SMALLEST = 1e-130, LARGEST = 1e130, RIDGE = 1e-28, FLAT = 1e-9, STIFF = 1e-12;
 static const double OVERSHOOT = 0.5, KINK = 0.1, FELT = 0.25, UNSURE = 4e-3, SOFTEST = 0.1, FOLLOW = 0.1;
 static const double ARMIJO = 1e-4, STANDS = 1e-12, BESIDE = 1e-9, RULING = 0.5, NEAR_TRANSLATION = 0.02, ASKEW = 20.0;
 static const double SPLIT = 134217729.0;
@@ -53,7 +52,7 @@ typedef struct {
 
 typedef struct {
     double lower, upper, value, turn; /* turn: angular velocity about a hinge */
-    int state;
+    int met;
     long hinge;
 } Found;
 
@@ -199,7 +198,7 @@ static Step norm_step(const Model *m, double power, double pull) {
     double k1 = m->h22 * pull * s.inverse, k2 = -m->h12 * pull * s.inverse;
     double bb = pull * k1 / power, be = -pull * s.s1 / power, ee = -(m->g1 * s.s1 + m->g2 * s.s2) / power;
     double square = (1.0 + be) * (1.0 + be) + (1.0 - bb) * ee;
-    if (square > 0.0 && be > -1.0) {
+    if (square > 0.0) {
         double z = ee / ((1.0 + be) + sqrt(square)), shorten = 1.0 + be + ee - (bb + be) * z;
         if (shorten > 0.0) {
             s.s1 = (s.s1 + z * k1) / shorten;
@@ -253,7 +252,7 @@ static Found descend(const Contact *t, Twist *q, const Plane *p, double goal, in
     long n = t->n;
     const double *x = t->xs, *y = t->ys, *w = t->w;
     double h = p->h, ax = p->ax, am = p->am, slack = (double)(n + 16) * U, last_fall = INFINITY;
-    Found found = {.lower = -INFINITY, .upper = INFINITY, .state = OPEN, .hinge = -1};
+    Found found = {.lower = -INFINITY, .upper = INFINITY, .hinge = -1};
     Sweep r = sweep(n, x, y, w, x, y, q->x, q->y, q->m);
     for (*done = 1;;) {
         Field f = {r.gx, r.gy, r.gm, r.gross};
@@ -262,7 +261,7 @@ static Found descend(const Contact *t, Twist *q, const Plane *p, double goal, in
         found.value = now.value;
         double curvature = r.hxx + r.hyy;
         if (found.upper - found.lower <= goal * (p->gauge ? found.upper : 1.0)) {
-            found.state = r.bend > RULING * curvature * curvature ? MET_AT_KINK : MET;
+            found.met = 1;
             return found;
         }
         if (*done >= passes) return found;
@@ -274,11 +273,6 @@ static Found descend(const Contact *t, Twist *q, const Plane *p, double goal, in
             double near = fabs(q->x - q->m * y[j]) + fabs(q->y + q->m * x[j]);
             double change = fabs((ax - am * y[j]) * s.s1) + fabs(am * x[j] * s.s1 + s.s2);
             if (!s.bends || change > FELT * near || near < UNSURE * w[j] * size) return found;
-        }
-        double length = fabs(s.s1) + fabs(s.s2);
-        if (length > LONGEST * size) {
-            s.s1 *= LONGEST * size / length;
-            s.s2 *= LONGEST * size / length;
         }
         double value = r.value + h * q->x, slope = m.g1 * s.s1 + m.g2 * s.s2, shrink = 1.0;
         int resolved = -slope > RESOLUTION * fabs(value);
@@ -346,6 +340,7 @@ static Found follow_path(Contact *t, Twist *q, const Plane *p, double goal, Foun
     long origin = -1;
     double cx = 0.0, cy = 0.0, ox = q->x, oy = q->y, om = q->m, last_gap = INFINITY, scale = 1.0;
     double soft = SOFTEST * (fabs(ox) + fabs(oy) + fabs(om));
+    update_field(t, ox, oy, om, soft * soft, 0.0, 0.0, 0.0);
     found.value = NAN;
     for (int step = 0, stood = 0; step < steps; step++) {
         long j = sharpest(t->n, t->px, t->py, t->w, ox, oy, om);
@@ -354,7 +349,6 @@ static Found follow_path(Contact *t, Twist *q, const Plane *p, double goal, Foun
             ox = vx, oy = vy, cx = -t->xs[j], cy = -t->ys[j], origin = j;
             place_about(t, j);
         }
-        if (step == 0) update_field(t, ox, oy, om, soft * soft, 0.0, 0.0, 0.0);
         Field f;
         Sweep r = path_sweep(t, ox, oy, om, soft * soft, &f);
         double vx = ox - om * cy, vy = oy + om * cx;
@@ -413,11 +407,11 @@ static Found minimise(Contact *t, Twist *q, const Plane *p) {
     double goal = larger(GOAL, GOAL_SLACKS * (double)(t->n + 16) * U);
     int done;
     Found found = descend(t, q, p, goal, MAX_PASSES, &done);
-    if (found.state == MET_AT_KINK) {
+    if (found.met) {
         long j = sharpest(t->n, t->xs, t->ys, t->w, q->x, q->y, q->m);
         double near = fabs(q->x - q->m * t->ys[j]) + fabs(q->y + q->m * t->xs[j]);
         if (near <= BESIDE * (fabs(q->x) + fabs(q->y) + fabs(q->m))) found.hinge = j;
-    } else if (found.state == OPEN && done < MAX_PASSES) {
+    } else if (done < MAX_PASSES) {
         found = follow_path(t, q, p, goal, found, MAX_PASSES - done);
     }
     found.value = smaller(larger(found.value, found.lower), found.upper);

@@ -14,6 +14,7 @@ import pytest
 
 import slipd
 import slipd.fusion
+from slipd.fusion import compiled
 from slipd.types.source_stamp import source_stamp
 
 ROOT = Path(slipd.__file__).parent
@@ -73,9 +74,11 @@ def ask(package: Path, cache: Path, field: str = "Field") -> tuple[float, int]:
 def test_the_cache_of_a_kernel_is_used_until_any_file_of_its_folder_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shutil.copy(FUSION / "compiled.py", tmp_path / "dated.py")
-    (tmp_path / "kernel.py").write_text("from dated import compiled\ntwice = compiled(lambda x: 2 * x)\ntwice(1.0)\n")
-    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    monkeypatch.setattr(compiled, "KERNELS", [])
+    (tmp_path / "kernel.py").write_text(
+        "from slipd.fusion.compiled import compiled\ntwice = compiled(lambda x: 2 * x)\ntwice(1.0)\n"
+    )
     hits = []
     for other in ("1", "1", "2"):
         (tmp_path / "other.py").write_text(other)
