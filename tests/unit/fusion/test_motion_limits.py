@@ -69,6 +69,8 @@ def held(right: bool) -> HeldPad:
 
 
 PADS = held(right=False), held(right=True)
+TIPS = PADS[1]._replace(lever=np.array((0.003, -0.002, 0.06)), edges=PADS[1].edges[:, 4::5])
+"""Hangs far below the fingers, and tips over slanting edges of the contact."""
 STILL, TURNING = np.zeros(6), np.array((1.0, -2.0, 0.5, 0.01, -0.02, 0.015))
 
 
@@ -88,7 +90,11 @@ def test_the_worst_acceleration_keeps_its_digits(pad: HeldPad, rest: Array, expe
 
 @pytest.mark.parametrize(
     ("pad", "expected"),
-    [(PADS[0], (1.247432, 3.84874, -0.2132141, 9.020967)), (PADS[1], (1.429579, -5.193964, -4.062605, 7.2632))],
+    [
+        (PADS[0], (1.247432, 3.84874, -0.2132141, 9.020967)),
+        (PADS[1], (1.429579, -5.193964, -4.062605, 7.2632)),
+        (TIPS, (2.254398, -5.302236, -5.128812, 6.466659)),
+    ],
 )
 def test_the_worst_orientation_keeps_its_digits(pad: HeldPad, expected: tuple[float, ...]) -> None:
     gravity = np.empty(3)
