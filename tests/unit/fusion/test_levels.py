@@ -99,7 +99,10 @@ def test_a_load_that_jumps_and_stays_does_not_grow(from_used: float) -> None:
     assert rows["assessment"]["friction_step"].max() == CAUTION
 
 
-@pytest.mark.parametrize(("begins", "step", "period_s", "warned"), [(0.3, 0.02, 0.12, 0.85), (0.63, 1e-3, 1e-3, 0.825)])
+@pytest.mark.parametrize(
+    ("begins", "step", "period_s", "warned"),
+    [(0.3, 0.02, 0.12, 0.85), (0.63, 1e-3, 1e-3, 0.835), (0.6, 1.5e-3, 1e-3, 0.85)],
+)
 def test_readings_too_far_apart_or_too_few_show_no_growth(
     begins: float, step: float, period_s: float, warned: float
 ) -> None:

@@ -149,6 +149,13 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             *(has(lies=1.0), move(2.0), lambda run: says_of_arm(run, ""), WEIGHED),
         ],
     ),
+    "D6 what was learned before a fault of the stream is not believed after it": (
+        RIG_OF_GRIPPER,
+        [
+            *(REST, move(1.0), WEIGHED, has(lies=-1.0), move(1.2), arm(health=Health.ERROR)),
+            *(has(lies=1.0), move(0.66), lambda run: says_of_arm(run, ""), unknown(object_estimate.NOT_MOVED)),
+        ],
+    ),
     "gravity of requests is the slow form": (
         RIG_OF_GRIPPER.replace(ARM.replace("250.0", "50.0"), ""),
         [hold(2), unknown(held_object.NO_MOTION), turned, WEIGHED],

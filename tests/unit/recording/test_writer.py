@@ -101,6 +101,12 @@ def test_a_disk_that_fails_at_the_start_is_reported_at_once_and_keeps_no_file(tm
     assert Path("/dev/full").is_char_device()
 
 
+def test_a_disk_that_fails_after_the_last_entry_loses_none(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
+    with small_disk(1), pytest.raises(RecordingError, match="the recording stopped: File too large$"):
+        recorder.close()
+
+
 @pytest.mark.parametrize("size", [5000, 100_000, 299_999])
 def test_K1_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginning(tmp_path: Path, size: int) -> None:
     path, random = tmp_path / "run.mcap", Random(1)
