@@ -117,7 +117,7 @@ class FileConnection(Connection):
         super().__init__(address, on_bytes)
         self._address, self._opened, self._fd = address, opened, opened.fileno()
         self._rest = b""  # of a partial write
-        self._loop.add_reader(self._fd, self._read)
+        self._start_reading()
 
     def write(self, data: bytes) -> bool:
         """Send at once or not at all, but complete a partial write; return False while the device does not read."""
@@ -135,7 +135,7 @@ class FileConnection(Connection):
 
     async def close(self) -> None:
         """Wait at most DRAIN_TIMEOUT_S for unsent bytes, then release the port or socket."""
-        self._loop.remove_reader(self._fd)
+        self._stop_reading()
         until_s = self._loop.time() + DRAIN_TIMEOUT_S
         try:
             while not self.ended and self._unsent() and self._loop.time() < until_s:  # noqa: ASYNC110 - there is no event
@@ -143,6 +143,12 @@ class FileConnection(Connection):
         finally:
             self._stop()
             self._release()
+
+    def _start_reading(self) -> None:
+        self._loop.add_reader(self._fd, self._read)
+
+    def _stop_reading(self) -> None:
+        self._loop.remove_reader(self._fd)
 
     def _unsent(self) -> bool:
         return bool(self._rest)
@@ -188,6 +194,6 @@ class FileConnection(Connection):
 
     def _stop(self) -> None:
         """Stop before the descriptor is closed, because its number may be reused."""
-        self._loop.remove_reader(self._fd)
+        self._stop_reading()
         self._loop.remove_writer(self._fd)
         self._rest = b""

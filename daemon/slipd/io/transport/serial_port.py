@@ -1,6 +1,7 @@
-"""A serial port as a connection: pyserial opens and sets it, `FileConnection` reads and writes it.
+"""A serial port as a connection. pyserial-asyncio reads and closes it.
 
-No call in the event loop ever waits for the device.
+Writing is that of `FileConnection`: the library's writer spins while the port is full, and queues commands, which would
+arrive late. No call here ever waits for the device.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import termios
 from pathlib import Path
 
 import serial
+import serial_asyncio
 from serial.tools.list_ports_linux import SysFS
 
 from slipd.errors import LinkError
@@ -60,7 +62,11 @@ async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
         raise
     except (OSError, ValueError, termios.error) as error:
         raise LinkError(why_not_opened(spec.address, error)) from error
-    connection = SerialConnection(spec.address, port, on_bytes)
+    try:
+        connection = SerialConnection(spec.address, port, on_bytes)
+    except (OSError, termios.error) as error:  # the library configures the port again, which may be unplugged by now
+        port.close()
+        raise LinkError(why_not_opened(spec.address, error)) from error
     connection.identity, connection.latency = identity, latency
     return connection
 
@@ -91,10 +97,31 @@ def probe(path: str) -> object:
     return found.st_dev, found.st_ino, found.st_rdev, found.st_ctime_ns
 
 
-class SerialConnection(FileConnection):
+class SerialConnection(FileConnection, asyncio.Protocol):
     """An open port."""
 
-    _opened: serial.Serial
+    _opened: Port
+
+    async def close(self) -> None:
+        """Wait at most DRAIN_TIMEOUT_S for unsent bytes, then release the port."""
+        await super().close()
+        await self._closed.wait()
+
+    def data_received(self, data: bytes) -> None:
+        """Deliver bytes; called by the library."""
+        self.deliver(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End the connection; called by the library, which closes the port after this returns."""
+        self._fail(exc)
+        self._closed.set()
+
+    def _start_reading(self) -> None:
+        self._closed = asyncio.Event()
+        self._transport = serial_asyncio.SerialTransport(self._loop, self, self._opened)
+
+    def _stop_reading(self) -> None:
+        self._transport.pause_reading()
 
     def _unsent(self) -> bool:
         with contextlib.suppress(OSError):  # unplugged by now
@@ -102,19 +129,45 @@ class SerialConnection(FileConnection):
         return False
 
     def _release(self) -> None:
-        """Close the port; what the device has not read is discarded, or the kernel would wait until it has."""
-        with contextlib.suppress(OSError, termios.error):  # unplugged
-            if self._opened.out_waiting:
-                self._opened.reset_output_buffer()
-        super()._release()
+        self._transport.close()
 
     def _fail(self, error: object) -> None:
         self.lose(f"{self._address}: the port is gone ({error}); it is opened again when it is back")
 
 
-def _open_port(path: str, baud: int) -> tuple[serial.Serial, str, str]:
+class Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
+    """A port that never blocks: ``flush`` discards unsent bytes, ``read`` returns the bytes that are there.
+
+    The library flushes before it closes, and the flush of pyserial waits until the device has read everything, which
+    may be for ever. The library reads when the loop reports bytes; pyserial would check again before each read.
+    """
+
+    def read(self, size: int = 1) -> bytes:
+        """Return what has arrived, at most ``size`` bytes.
+
+        Raises:
+            SerialException: The device is gone.
+        """
+        try:
+            data = os.read(self.fd, size)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise serial.SerialException(str(error)) from error
+        if not data:
+            raise serial.SerialException("it is readable but empty")
+        return data
+
+    def flush(self) -> None:
+        """Discard what the device has not read."""
+        with contextlib.suppress(OSError, termios.error):  # unplugged
+            if self.out_waiting:
+                self.reset_output_buffer()
+
+
+def _open_port(path: str, baud: int) -> tuple[Port, str, str]:
     """Return a port, its identity, and what `shorten_latency` returned."""
-    port = serial.Serial(path, baud, exclusive=True, timeout=0)
+    port = Port(path, baud, exclusive=True, timeout=0)
     with contextlib.suppress(
         ValueError, OSError, NotImplementedError
     ):  # pseudo-terminals and some drivers have no such mode
@@ -164,7 +217,7 @@ def _warn_of_number(path: str) -> None:
         _log.warning("%s: belongs to whichever device is plugged in first; use a path below /dev/serial/by-id", path)
 
 
-def _close_unclaimed(opening: asyncio.Future[tuple[serial.Serial, str, str]]) -> None:
+def _close_unclaimed(opening: asyncio.Future[tuple[Port, str, str]]) -> None:
     """Close a port whose opening was cancelled before the driver finished."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result()[0].close()
