@@ -17,6 +17,7 @@ from slipd.friction.friction_state import FrictionState
 from slipd.fusion import tipping_margin, utilisation
 from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import Uncertainty
+from slipd.grasp.arm_history import ArmGravity
 from slipd.grasp.grasp_view import Place
 from slipd.grasp.motion_advice import LOOK_NS, MotionAdvice
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
@@ -155,7 +156,7 @@ class Advised:
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
         self._config = Grasp.model_validate({"pads": PLACES, "motion": {"wanted_acceleration_mps2": wanted_mps2}})
-        self.arm: Any = SimpleNamespace(is_used=lambda t_ns: True)
+        self.arm: Any = SimpleNamespace(is_used=lambda t_ns: True, gravity=ArmGravity())
         self.advice = MotionAdvice(self._config, self.fingers, self.view, self.arm)  # type: ignore[arg-type]
         self.t_ns = 10_000_000_000
         for _ in range(27):
@@ -166,9 +167,8 @@ class Advised:
     def move(self, gravity: Array, turning: Array) -> None:
         """Let 40 ms pass in which the arm reports this."""
         self.t_ns += LOOK_NS
-        self.advice.follow_arm(
-            ArmSample(self.t_ns, None, tuple(gravity), tuple(turning[:3]), tuple(turning[3:])), self.t_ns
-        )
+        sample = ArmSample(self.t_ns, None, tuple(gravity), tuple(turning[:3]), tuple(turning[3:]))
+        self.arm.gravity.update(sample, self.t_ns)
 
     def limits(self) -> MotionLimits:
         """Return the advice now."""

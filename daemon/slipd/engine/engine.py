@@ -35,11 +35,11 @@ from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Lateness
 from slipd.grasp.arm_motion import make_arm_motion
 from slipd.grasp.grasp_view import GraspView, NamedObject
-from slipd.grasp.held_object import make_held_object
+from slipd.grasp.held_object import HeldObject, make_held_object
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
-from slipd.gripper.reflex import make_reflex_controller
+from slipd.gripper.reflex import ReflexController, make_reflex_controller
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
@@ -70,6 +70,15 @@ class Deadline:
     run: Callable[[int, list[Output]], int]
     due_ns: int = 0
 
+    def run_now(self, t_ns: int, out: list[Output]) -> None:
+        """Run it, due or not."""
+        self.due_ns = self.run(t_ns, out)
+
+
+def _never(_: int, __: list[Output]) -> int:
+    """Stand in for what the rig does not have."""
+    return NEVER_NS
+
 
 class Engine:
     """Turn events into messages, replies and bytes for the devices.
@@ -91,9 +100,10 @@ class Engine:
         self.wall = WallClock(wall_minus_monotonic_ns)
         sequencer, named = MessageSequencer(boot, config.config_id, self.wall), NamedObject()
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
-        judged = {f"{name}.{finger.main_stream}": finger.freshness for name, finger in self._fingers.items()}
-        judged |= {
-            f"{name}.pad": each.image.freshness for name, each in self._fingers.items() if each.image is not None
+        judged = {
+            f"{name}.{kind}": channel.freshness
+            for name, finger in self._fingers.items()
+            for kind, channel in finger.channels.items()
         }
         self._links = make_links(config, judged)
         self._clocks = [stream.clock for link in self._links.values() for stream in link.streams.values()]
@@ -103,18 +113,16 @@ class Engine:
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
         self._arm = make_arm_motion(config.grasp, self._fingers)
-        self._held = make_held_object(config.grasp, view, self._fingers, self._arm, named)
+        held = make_held_object(config.grasp, view, self._fingers, self._arm, named)
         advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view, self._arm)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
-        self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
+        reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
         self._lateness = Lateness()
         self._recordings = RecordingState(boot, self.wall)
         self.kept = KeptState(config, boot, self.wall, self._links, self._fingers, self._gripper, named)
         self._publishers = {
             name: FingerPublisher(each, sequencer, config.rates) for name, each in self._fingers.items()
         }
-        self._grasp = None if view is None else GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz)
-        self._advice = None if advice is None else MotionPublisher(advice, self._gripper, sequencer)
         self._gripper_publisher = GripperPublisher(self._gripper, sequencer)
         self._status = StatusPublisher(
             self._links,
@@ -136,26 +144,29 @@ class Engine:
             self._arm,
             advice,
             config.requests,
-            self._reflex is not None,
+            reflex is not None,
             self._recordings,
             self._status.body,
         )
         self._suspended_ns: int | None = None
         self._released = False  # as of the last reading of the gripper
-        self._level_lapsed = False  # of a finger, since the reflex decided
         self._silence = {name: Deadline(partial(self._check_silence, name)) for name in self._fingers}
         self._gripper_check = Deadline(self._check_gripper)
-        self._reflex_check = Deadline(self._check_reflex)
+        self._reflex_due = Deadline(_never if reflex is None else partial(self._run_reflex, reflex))
         self._writes = {
             name: Deadline(partial(self._write_due, link))
             for name, link in self._links.items()
             if link.session is not None
         }
-        self._grasp_due, self._advice_due = Deadline(self._publish_grasp), Deadline(self._publish_advice)
+        self._grasp_due = self._advice_due = Deadline(_never)
+        if view is not None and advice is not None:
+            self._grasp_due = Deadline(GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz).publish)
+            self._advice_due = Deadline(MotionPublisher(advice, view, self._gripper, sequencer).publish)
+        weigh = Deadline(_never if held is None else partial(self._weigh, held))
         self._time_checks = [*self._silence.values(), self._gripper_check]
         self._deadlines = [
-            *self._time_checks, self._reflex_check, *self._writes.values(), Deadline(self._weigh),
-            self._grasp_due, self._advice_due, Deadline(self._pace_status),
+            *self._time_checks, self._reflex_due, *self._writes.values(), weigh, self._grasp_due, self._advice_due,
+            Deadline(self._pace_status),
         ]  # fmt: skip
 
     @property
@@ -219,14 +230,12 @@ class Engine:
                 self._handle_finger(owner, kind, read, t_ns, out)
             elif self._arm is not None and owner == "arm":
                 self._arm.update(cast("Sequence[Any]", read.samples), read.times_ns, self._gripper.width_m)
-                if self._advice is not None:  # pragma: no branch - an arm is a part of [grasp]
-                    self._advice.advice.follow_arm(cast("Any", read.samples[-1]), read.times_ns[-1])
             else:
                 self._handle_grasp_samples(read, out)
         if link.session is not None:
             self._write_due(link, t_ns, out)
         if link.spec.name == GRIPPER_LINK:
-            self._gripper_check.due_ns = self._check_gripper(t_ns, out)
+            self._gripper_check.run_now(t_ns, out)
             self._follow_release()
         elif GRIPPER_LINK in self._writes and t_ns >= self._writes[GRIPPER_LINK].due_ns:
             self._write_due(self._links[GRIPPER_LINK], t_ns, out)  # a command may wait for its own pause, no longer
@@ -245,7 +254,7 @@ class Engine:
         if publisher.level != before:
             self._advice_due.due_ns = 0
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
-            self._grasp_due.due_ns = self._publish_grasp(t_ns, out)
+            self._grasp_due.run_now(t_ns, out)
 
     def _handle_images(self, finger: Finger, read: Read, t_ns: int, out: list[Output]) -> None:
         publisher, arrival, samples = self._publishers[finger.name], read.arrival, cast("Sequence[Any]", read.samples)
@@ -273,7 +282,7 @@ class Engine:
     def _report_motion(self, found: Found, t_ns: int, out: list[Output]) -> None:
         """Publish at once that fingers report motion."""
         if found:
-            self._run_reflex(t_ns, out)
+            self._reflex_due.run_now(t_ns, out)
             self._grasp_due.due_ns = 0
         for finger, state in found:
             self._publishers[finger.name].publish_state(state, out)
@@ -281,20 +290,17 @@ class Engine:
     def _publish_batches(self, finger: Finger, batches: Iterable[VerdictBatch], t_ns: int, out: list[Output]) -> None:
         publisher = self._publishers[finger.name]
         for batch in batches:
-            if t_ns >= self._reflex_check.due_ns or finger.level != publisher.level:
-                self._run_reflex(t_ns, out)
+            if t_ns >= self._reflex_due.due_ns or finger.level != publisher.level:
+                self._reflex_due.run_now(t_ns, out)
             publisher.publish_batch(batch, out)
 
-    def _run_reflex(self, t_ns: int, out: list[Output]) -> None:
+    def _run_reflex(self, reflex: ReflexController, t_ns: int, out: list[Output]) -> int:
         """Let the reflex act: its command is sent before the verdict that called for it is published."""
-        if self._reflex is None:
-            self._reflex_check.due_ns = NEVER_NS
-            return
-        act = self._reflex.react(t_ns)
-        self._level_lapsed, self._reflex_check.due_ns = False, self._reflex.due_ns
+        act = reflex.react(t_ns)
         if act is not None:
             self._write_due(self._links[GRIPPER_LINK], t_ns, out)
             self._gripper_publisher.publish(t_ns, out, act)
+        return reflex.due_ns
 
     # Requests
 
@@ -346,8 +352,7 @@ class Engine:
         state = finger.check_silence(t_ns, unread_ns)
         if state is not None:
             publisher.publish_state(state, out)
-            self._level_lapsed, self._reflex_check.due_ns, self._grasp_due.due_ns = True, 0, 0
-            self._advice_due.due_ns = 0
+            self._reflex_due.due_ns = self._grasp_due.due_ns = self._advice_due.due_ns = 0
         if finger.expire_image(t_ns, unread_ns):
             publisher.publish_image(t_ns, out)
         return 0
@@ -360,31 +365,13 @@ class Engine:
             self._make_all_due()
         return self._gripper.deadline_ns
 
-    def _check_reflex(self, t_ns: int, out: list[Output]) -> int:
-        if self._reflex is not None and (self._level_lapsed or t_ns >= self._reflex.due_ns):
-            self._run_reflex(t_ns, out)
-        return NEVER_NS if self._reflex is None else self._reflex.due_ns
-
-    def _weigh(self, t_ns: int, out: list[Output]) -> int:
+    def _weigh(self, held: HeldObject, t_ns: int, out: list[Output]) -> int:
         """Estimate the object; publish `status` when the arm stream begins or ceases to contradict the load."""
-        if self._held is None:
-            return NEVER_NS
         misfit = "" if self._arm is None else self._arm.misfit
-        due_ns = self._held.update(t_ns, self._gripper.width_m)
+        due_ns = held.update(t_ns, self._gripper.width_m)
         if self._arm is not None and self._arm.misfit != misfit:
             self._status.publish(t_ns, out)
         return due_ns
-
-    def _publish_grasp(self, t_ns: int, out: list[Output]) -> int:
-        if self._grasp is None:
-            return NEVER_NS
-        self._grasp.publish(t_ns, out)
-        return self._grasp.pace.due_ns
-
-    def _publish_advice(self, t_ns: int, out: list[Output]) -> int:
-        if self._advice is None:
-            return NEVER_NS
-        return self._advice.publish(t_ns, out)
 
     def _pace_status(self, t_ns: int, out: list[Output]) -> int:
         if self._status_pace.passes(t_ns):
@@ -436,4 +423,4 @@ class Engine:
             publisher.publish_image(t_ns, out)
         if kind == finger.main_stream:
             publisher.publish_state(finger.disconnect(t_ns), out)
-            self._level_lapsed = True
+            self._reflex_due.due_ns = 0

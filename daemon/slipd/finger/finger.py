@@ -15,14 +15,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Levels, in_newtons, stale_after_ns
+from slipd.config import Levels, in_newtons
 from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.finger_tares import TareGuard
 from slipd.finger.force_channel import ForceChannel, WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceImageCheck
-from slipd.finger.freshness import PROMPT, Arrival, DelayedRead, Freshness, pop_served
+from slipd.finger.freshness import PROMPT, Arrival, DelayedRead, pop_served
 from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
@@ -66,19 +66,16 @@ class Finger:
 
     def __init__(self, name: str, config: FingerConfig, levels: Levels) -> None:
         wrench, pad = config.wrench, config.pad
-        stream = wrench or pad
-        if stream is None:
-            raise ValueError(f"finger {name} has no stream")
         self.name, self.config = name, config
         self._estimator = ContactEstimator(config, levels)
         self.friction, conditions = self._estimator.friction, self._estimator.watch.conditions
-        self.force = ForceChannel(wrench, stale_after_ns(wrench), conditions) if wrench is not None else None
+        self.force = ForceChannel(wrench, conditions) if wrench is not None else None
         self.image = ImageChannel(pad, config) if pad is not None else None
         self.main, self.main_stream = self.channel(None), "pad" if wrench is None else "wrench"
         self.tare = self.main.tare
         self.image_in_newtons = pad is not None and in_newtons(pad)
         self.in_newtons = wrench is not None or self.image_in_newtons
-        self.freshness = Freshness(stale_after_ns(stream)) if self.image is None or wrench else self.image.freshness
+        self.freshness = self.main.freshness
         self._uncertainty = Uncertainty() if self.force is None else self.force.noise
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._check: ForceImageCheck | None = None
@@ -385,10 +382,6 @@ class Finger:
         """The channels by stream, "wrench" first."""
         found = {"wrench": self.force, "pad": self.image}
         return {stream: channel for stream, channel in found.items() if channel is not None}
-
-    def age_s(self, t_ns: int) -> float | None:
-        """Return the age of the newest force reading at ``t_ns``, s; None before the first."""
-        return self.freshness.age_s(t_ns)
 
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""

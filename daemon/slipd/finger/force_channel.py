@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.config import Wrench
-from slipd.finger.freshness import Arrival
+from slipd.config import Wrench, stale_after_ns
+from slipd.finger.freshness import Arrival, Freshness
 from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import PENDING, READING, UNTRUSTED, Rows, new_rows
 from slipd.fusion.streaming import move_to_pad
@@ -57,10 +57,10 @@ class ForceChannel:
 
     Args:
         wrench: ``[finger.X.wrench]``.
-        stale_ns: Longest silence of a stream that did not fail.
         conditions: One row of CONDITIONS, in which mounting, offset and weight are kept up to date.
 
     Attributes:
+        freshness: Of the readings.
         tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m.
         gravity: Weight of the finger beyond the sensor.
         drift: Drift of the zero that is subtracted; None where it is not followed.
@@ -72,7 +72,8 @@ class ForceChannel:
         fault: Fault of the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
-    def __init__(self, wrench: Wrench, stale_ns: int, conditions: Rows) -> None:
+    def __init__(self, wrench: Wrench, conditions: Rows) -> None:
+        self.freshness = Freshness(stale_after_ns(wrench))
         noise = wrench.force_std_n, wrench.torque_std_nm
         self.tare = Tare(np.zeros(6), np.repeat(noise, 3))
         self.tare.on_change.append(self._follow_tare)
@@ -90,7 +91,10 @@ class ForceChannel:
             self.drift = DriftCompensation(wrench.drift_tau_s, limit)
         self._offset = self.tare.current
         self.watch = WrenchWatch(
-            wrench.range_n or MOST, wrench.range_nm or MOST, repeats=wrench.stuck_after, gap_ns=max(stale_ns, 1)
+            wrench.range_n or MOST,
+            wrench.range_nm or MOST,
+            repeats=wrench.stuck_after,
+            gap_ns=max(self.freshness.stale_ns, 1),
         )
         self.fault = ""
         self.status: tuple[str, ...] = ()

@@ -12,7 +12,7 @@ from slipd.config import Arm as ArmConfig
 from slipd.config import Grasp, stale_after_ns
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
-from slipd.grasp.arm_history import MotionHistory
+from slipd.grasp.arm_history import ArmGravity, MotionHistory
 from slipd.grasp.grasp_view import Place
 from slipd.signals.gravity import FRESH_NS, MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, gravity_at, gravity_fault
 from slipd.types.arrays import Array
@@ -43,12 +43,13 @@ class ArmMotion:
 
     Attributes:
         history: Its newest readings that can be right.
+        gravity: Direction of gravity, by all readings without a status.
         misfit: How it contradicts the load, see `slipd.grasp.arm_check`; "" where it does not. It is not used then.
     """
 
     def __init__(self, grasp: Grasp, arm: ArmConfig, fingers: dict[str, Finger]) -> None:
         self._stale_ns = stale_after_ns(arm)
-        self.history, self.misfit = MotionHistory(), ""
+        self.history, self.gravity, self.misfit = MotionHistory(), ArmGravity(), ""
         self._fingers = {
             name: _WeighedFinger(force, Place(place), wrench.com_m)
             for name, place in grasp.pads.items()
@@ -84,6 +85,7 @@ class ArmMotion:
             for name, gravity in felt.items():
                 self._fingers[name].force.set_motion(gravity, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
+        self.gravity.update(samples[-1], times_ns[-1])
 
     def bridge_stall(self, since_ns: int) -> None:
         """Let a stream that was fresh as the daemon stalled count for as long as ``gravity.set``.

@@ -143,7 +143,7 @@ class GraspView:
         first, second = self._sides
         poses = [place.pose(self.state.width_m) for place in self._places]
         world = external_wrench([side.wrench(t_ns) for side in self._sides], poses)
-        ages = [side.finger.age_s(t_ns) for side in self._sides]
+        ages = [side.finger.freshness.age_s(t_ns) for side in self._sides]
         return GraspLoad(
             world.force_n,
             world.torque_nm,

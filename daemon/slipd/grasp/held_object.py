@@ -44,9 +44,11 @@ SAME_WEIGHT = 0.03
 SAME_READINGS = 10
 """… in so many readings in a row, 0.2 s: then no table carries a part of it."""
 
-NO_SENSOR = "a force sensor is needed in both fingers"
-NOT_TARED = "a finger is not tared"
-NO_MOTION = "what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
+NO_SENSOR = unknown_object("a force sensor is needed in both fingers")
+NOT_TARED = unknown_object("a finger is not tared")
+NO_MOTION = unknown_object(
+    "what the gripper feels is unknown: no arm stream ([grasp.arm]), and no gravity (gravity.set)"
+)
 
 
 class _Geometry(NamedTuple):
@@ -117,7 +119,8 @@ class HeldObject:
         if t_ns < self._next_ns:
             return self._next_ns
         self._next_ns = t_ns + PERIOD_NS
-        touching = tuple(side.finger.in_contact for side in self._sides)
+        first, second = self._sides
+        touching = first.finger.in_contact, second.finger.in_contact
         if touching != self._touching:
             self._touching, self._same = touching, 0
             self._waiting.clear()
@@ -135,11 +138,12 @@ class HeldObject:
         return self._next_ns
 
     def _state(self, *, moves: bool) -> ObjectState:
-        if not all(side.finger.zero_known for side in self._sides):
-            return unknown_object(NOT_TARED)
+        first, second = self._sides
+        if not (first.finger.zero_known and second.finger.zero_known):
+            return NOT_TARED
         if not all(self._touching):
             return NOTHING_HELD
-        return self._estimate.state if moves else unknown_object(NO_MOTION)
+        return self._estimate.state if moves else NO_MOTION
 
     def _follow_arm(self, arm: ArmMotion, load: _Load | None, t_ns: int) -> None:
         """Compare loads with the arm's readings of their time, and learn from them."""
@@ -271,7 +275,7 @@ def make_held_object(
     sides = []
     for name, place in grasp.pads.items():
         if (force := fingers[name].force) is None:
-            view.object = unknown_object(NO_SENSOR)
+            view.object = NO_SENSOR
             return None
         sides.append(Side(fingers[name], force, Place(place)))
     return HeldObject(view, sides, arm, named)

@@ -27,7 +27,6 @@ from slipd.grasp.motion_answers import Mode, MotionCheck, MotionLimits
 from slipd.grasp.pad_load import PadLoad, shares_of
 from slipd.signals.gravity import MOST_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2
 from slipd.types.arrays import Array
-from slipd.types.samples import ArmSample
 
 LOOK_NS = 40_000_000
 """The loads are read this often."""
@@ -86,19 +85,11 @@ class MotionAdvice:
     def __init__(self, grasp: Grasp, fingers: dict[str, Finger], view: GraspView, arm: ArmMotion | None) -> None:
         self.safety = max(fingers[name].config.grip_safety for name in grasp.pads)
         self.wanted_mps2 = grasp.motion.wanted_acceleration_mps2
-        self._view, self._arm, self._gravity = view, arm, ArmGravity()
+        self._view, self._arm = view, arm
+        self._gravity = ArmGravity() if arm is None else arm.gravity
         self._loads = [PadLoad(fingers[name], Place(place)) for name, place in grasp.pads.items()]
         self._felt = np.zeros(3)
         self._looked_ns = -LOOK_NS
-
-    @property
-    def level(self) -> str:
-        """Level of the worse finger."""
-        return self._view.level()
-
-    def follow_arm(self, sample: ArmSample, t_ns: int) -> None:
-        """Follow a reading of the arm of ``t_ns``."""
-        self._gravity.update(sample, t_ns)
 
     def follow(self, t_ns: int) -> int:
         """Look at the loads where that is due; return when it is due again."""

@@ -26,8 +26,6 @@ class GraspPublisher:
         sequencer: Numbers and dates the messages.
         rate_hz: ``rates.grasp_hz``.
 
-    Attributes:
-        pace: Limits the rate of messages without a change.
     """
 
     def __init__(
@@ -36,20 +34,21 @@ class GraspPublisher:
         self._view = view
         self._gripper = gripper
         self._sequencer = sequencer
-        self.pace = Pace(rate_hz)
+        self._pace = Pace(rate_hz)
         self._level = "unknown"
         self._hold = HoldState()
 
-    def publish(self, t_ns: int, out: list[Output]) -> None:
-        """Append the message at ``t_ns`` where it is due."""
+    def publish(self, t_ns: int, out: list[Output]) -> int:
+        """Append the message at ``t_ns`` where it is due; return when the next one is."""
         level = self._view.level()
         releasing = self._gripper.policy.releasing
         changed = self._hold.update(self._view.levels(), releasing=releasing, t_ns=t_ns) or level != self._level
-        if not self.pace.passes(t_ns, now=changed):
-            return
-        self._level = level
-        self._view.update(self._gripper.width_m)
-        out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, self._hold, t_ns)))
+        if self._pace.passes(t_ns, now=changed):
+            self._level = level
+            self._view.update(self._gripper.width_m)
+            body = grasp_body(self._view, self._hold, t_ns)
+            out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, body))
+        return self._pace.due_ns
 
 
 def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
@@ -145,24 +144,24 @@ class MotionPublisher:
 
     Args:
         advice: The advice.
+        view: The two fingers as one grasp.
         gripper: Measures the width between the pads.
         sequencer: Numbers and dates the messages.
-
-    Attributes:
-        advice: As given.
     """
 
-    def __init__(self, advice: MotionAdvice, gripper: GripperControl | NoGripper, sequencer: MessageSequencer) -> None:
-        self.advice, self._gripper, self._sequencer = advice, gripper, sequencer
+    def __init__(
+        self, advice: MotionAdvice, view: GraspView, gripper: GripperControl | NoGripper, sequencer: MessageSequencer
+    ) -> None:
+        self._advice, self._view, self._gripper, self._sequencer = advice, view, gripper, sequencer
         self._pace = Pace(MOST_HZ)
         self._level = "unknown"
 
     def publish(self, t_ns: int, out: list[Output]) -> int:
         """Follow the loads, append the message at ``t_ns`` where it is due, and return when to call this again."""
-        looks_ns, level = self.advice.follow(t_ns), self.advice.level
+        looks_ns, level = self._advice.follow(t_ns), self._view.level()
         if self._pace.passes(t_ns, now=level != self._level):
             self._level = level
-            body = motion_body(self.advice, self.advice.limits(t_ns, self._gripper.width_m))
+            body = motion_body(self._advice, self._advice.limits(t_ns, self._gripper.width_m))
             out.append(self._sequencer.message(MOTION_TOPIC, t_ns, GRASP_FRAME, body))
         return min(looks_ns, self._pace.due_ns)
 

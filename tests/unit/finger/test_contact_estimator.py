@@ -69,7 +69,9 @@ class Split:
                 self.publisher.publish_batch(batch, self.out)
             at += size
         self.reported.append(
-            repr((self.finger.presence.is_pressed(), self.finger.trust.newest, self.finger.age_s(times_ns[-1])))
+            repr(
+                (self.finger.presence.is_pressed(), self.finger.trust.newest, self.finger.freshness.age_s(times_ns[-1]))
+            )
         )
 
 

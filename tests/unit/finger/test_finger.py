@@ -43,13 +43,15 @@ def test_stream_is_stale_after_three_periods_but_not_within_20_ms(
 ) -> None:
     text = left.replace('"bota"', '"robotous"').replace("rate_hz = 1000.0", f"rate_hz = {rate_hz}\nbaud = 921600")
     finger = make_finger(text, parse)
-    assert (verdict(finger.state), finger.check_silence(T0), finger.age_s(T0)) == (STALE, None, None), "nothing changed"
+    assert (verdict(finger.state), finger.check_silence(T0), finger.freshness.age_s(T0)) == (STALE, None, None), (
+        "nothing changed"
+    )
     read_force(finger, wrench(T0, 10.0))
     assert finger.check_silence(T0 + stale_ns) is None
     state = finger.check_silence(T0 + stale_ns + 1)
     assert (verdict(state), state.wrench) == (STALE, None)
     assert finger.check_silence(T0 + stale_ns + 2) is None, "it is reported once"
-    assert finger.age_s(T0 + stale_ns + 1) == pytest.approx(stale_ns * 1e-9)
+    assert finger.freshness.age_s(T0 + stale_ns + 1) == pytest.approx(stale_ns * 1e-9)
     assert read_force(finger, wrench(T0 + stale_ns + 3, 10.0)).contact is not None
 
 

@@ -41,7 +41,7 @@ def heavy(left: str, parse: Parse) -> str:
 
 def side(text: str, parse: Parse) -> ForceChannel:
     wrench = parse(text).finger["left"].wrench
-    force = ForceChannel(wrench, 20 * MS, new_rows(CONDITIONS, 1))
+    force = ForceChannel(wrench, new_rows(CONDITIONS, 1))
     force.tare.observe(T0)
     return force
 

@@ -14,10 +14,11 @@ from grasp_table import grasp_table
 from run_courses import Step, ask, follow, newest, tick
 from scipy.spatial.transform import Rotation
 
+from slipd import config
 from slipd.devices import bota
 from slipd.events import Bytes
 from slipd.grasp import held_object, object_estimate
-from slipd.grasp.grasp_view import NamedObject
+from slipd.grasp.grasp_view import GraspView, NamedObject
 from slipd_client.messages import Health
 
 STEP_MS = 20
@@ -144,7 +145,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     "D6 a stream of the wrong sign is named at once, not used, and used again when mended": (
         RIG_OF_GRIPPER,
         [
-            *(REST, has(lies=-1.0), move(1.2), arm(health=Health.ERROR), unknown(held_object.NO_MOTION)),
+            *(REST, has(lies=-1.0), move(1.2), arm(health=Health.ERROR), unknown(held_object.NO_MOTION.unknown)),
             lambda run: says_of_arm(run, "its sign is wrong"),
             *(has(lies=1.0), move(2.0), lambda run: says_of_arm(run, ""), WEIGHED),
         ],
@@ -158,16 +159,16 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     ),
     "gravity of requests is the slow form": (
         RIG_OF_GRIPPER.replace(ARM.replace("250.0", "50.0"), ""),
-        [hold(2), unknown(held_object.NO_MOTION), turned, WEIGHED],
+        [hold(2), unknown(held_object.NO_MOTION.unknown), turned, WEIGHED],
     ),
     "without a width only the mass is known": (
         RIG, [REST, move(1.0), WEIGHED, held(com_m=None, unknown=object_estimate.NO_WIDTH)],
     ),
     "loads do not wait for a stream that fell silent": (
-        RIG_OF_GRIPPER, [REST, move(1.0), has(carries=False), hold(20), unknown(held_object.NO_MOTION)],
+        RIG_OF_GRIPPER, [REST, move(1.0), has(carries=False), hold(20), unknown(held_object.NO_MOTION.unknown)],
     ),
     "an object is unknown while a finger is not tared": (
-        RIG_OF_GRIPPER, [not_tared, move(0.1), unknown(held_object.NOT_TARED)],
+        RIG_OF_GRIPPER, [not_tared, move(0.1), unknown(held_object.NOT_TARED.unknown)],
     ),
 }  # fmt: skip
 
@@ -185,7 +186,8 @@ def test_D6_a_course_of_an_object(name: str) -> None:
 
 def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp() -> None:
     run, blind = HeldRun(), ArmRun(ONE_SENSOR)
-    held, t_ns = run.engine._held, run.t_ns + 1_000_000_000
+    grasp, fingers, t_ns = config.parse(RIG, "test").grasp, run.engine._fingers, run.t_ns + 1_000_000_000
+    held = held_object.make_held_object(grasp, GraspView(grasp, fingers), fingers, None, NamedObject())
     assert held.update(t_ns, None) == held.update(t_ns + 1, None) == t_ns + held_object.PERIOD_NS
     assert held_object.make_held_object(None, None, {}, None, NamedObject()) is None
-    follow(blind, [tick, unknown(held_object.NO_SENSOR)])
+    follow(blind, [tick, unknown(held_object.NO_SENSOR.unknown)])
