@@ -24,7 +24,7 @@ def know_zeros(*fingers: Finger) -> None:
     """Let the zeros of these fingers count as right: a tare would take readings, time and a number."""
     for finger in fingers:
         for channel in (finger.force, finger.image):
-            if channel is not None and not channel.zero_known:
+            if channel is not None and not channel.zero.known:
                 channel.tare.put(replace(channel.tare.current, origin="observed"))
 
 

@@ -249,7 +249,7 @@ class Finger:
     def _follow_tares(self) -> None:
         """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
         self._taring = any(tare.busy for tare in self._tares)
-        self.zero_known = self.main.zero_known
+        self.zero_known = self.main.zero.known
         zeros, before = [tare.current for tare in self._tares], self._zeros
         if any(now is not then for now, then in zip(zeros, before, strict=True)):
             self._zeros = zeros

@@ -88,7 +88,7 @@ def distribute(rule: str, x: Array, y: Array, pressure: Array, contact: Contact)
 
 
 class ForceReading(NamedTuple):
-    """One reading of the force, as far as it is known without an image.
+    """One reading of the force, as far as it is known without an image; a `FingerState` holds the same.
 
     Attributes:
         wrench: Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers, NaN
@@ -148,11 +148,6 @@ class FingerState:
         """What shows that the object moves, words of `slipd.motion.evidence.EVIDENCE`; empty where nothing does."""
         return () if self.assessment is None else evidence_names(self.assessment.evidence)
 
-    @property
-    def required_friction(self) -> float:
-        """q, the coefficient of friction at which the load would just slip; NaN where unknown."""
-        return math.nan if self.assessment is None else self.assessment.required_friction
-
     def torque_limit_nm(self) -> float | None:
         """Return the torque in the sense of the spin that friction carries together with the tangential force, N·m.
 
@@ -193,11 +188,6 @@ class FingerState:
             safety * (contact.spin_nm * friction.spin_scale), contact.cx_m, contact.cy_m, config.contact_growth,
         )  # fmt: skip
         return finite_or_none(factor * float(loads_n.sum()))
-
-    @property
-    def force_reading(self) -> ForceReading:
-        """The force alone."""
-        return ForceReading(self.wrench, self.status, self.age_s)
 
 
 @dataclass(slots=True, eq=False)

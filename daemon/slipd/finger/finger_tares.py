@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
-from slipd.types.permit import Refusal
+from slipd.types.permit import Refusal, RefusalError
 
 if TYPE_CHECKING:
     from slipd.finger.finger import Finger
@@ -33,19 +33,23 @@ class Tares:
     channels: dict[str, ForceChannel | ImageChannel]
 
     @classmethod
-    def of(cls, finger: Finger, stream: str | None) -> Tares | Refusal:
-        """Find the streams of a request; refuse one that the finger does not have.
+    def of(cls, finger: Finger, stream: str | None) -> Tares:
+        """Find the streams of a request.
 
         Args:
             finger: The finger.
             stream: "wrench", "pad" or "all"; None: the stream that measures the force.
+
+        Raises:
+            RefusalError: The finger does not have it.
         """
         channels = finger.channels
         if stream == "all":
             return cls(finger, channels)
         name = finger.main_stream if stream is None else stream
         if name not in channels:
-            return Refusal("not_ready", f"finger {finger.name} has no {name}, only a {finger.main_stream}", "stream")
+            rule = f"finger {finger.name} has no {name}, only a {finger.main_stream}"
+            raise RefusalError("not_ready", rule, "stream")
         return cls(finger, {name: channels[name]})
 
     def refuse(self, t_ns: int, *, unloaded: bool) -> Refusal | None:

@@ -61,7 +61,8 @@ class ForceChannel:
 
     Attributes:
         freshness: Of the readings.
-        tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m.
+        tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m; ``zero``: the same, as only a tare
+            of this run or an earlier one shows the zero, and without one the bias may be any.
         gravity: Weight of the finger beyond the sensor.
         drift: Drift of the zero that is subtracted; None where it is not followed.
         noise: Of the readings, without what the weight may add.
@@ -75,7 +76,7 @@ class ForceChannel:
     def __init__(self, wrench: Wrench, conditions: Rows) -> None:
         self.freshness = Freshness(stale_after_ns(wrench))
         noise = wrench.force_std_n, wrench.torque_std_nm
-        self.tare = Tare(np.zeros(6), np.repeat(noise, 3))
+        self.zero = self.tare = Tare(np.zeros(6), np.repeat(noise, 3))
         self.tare.on_change.append(self._follow_tare)
         self.mass_kg = wrench.mass_kg
         self.noise = Uncertainty(*noise)
@@ -100,16 +101,6 @@ class ForceChannel:
         self.status: tuple[str, ...] = ()
         self.waited_undated = False
         self._set_conditions()
-
-    @property
-    def zero_origin(self) -> str | None:
-        """Where the zero comes from: "measured" or "stored"; None: it is not known, because no tare was taken."""
-        return self.tare.current.origin if self.tare.known else None
-
-    @property
-    def zero_known(self) -> bool:
-        """A tare of this run or an earlier one is in force; without one the bias may be any."""
-        return self.tare.known
 
     def condition(
         self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: Callable[[], bool | None]

@@ -167,16 +167,6 @@ class ImageChannel:
         self.tare.begin(t_ns, seconds, by)
 
     @property
-    def zero_known(self) -> bool:
-        """The zero is known; see `PadZero.known`."""
-        return self.zero.known
-
-    @property
-    def zero_origin(self) -> str | None:
-        """Where the zero comes from; see `PadZero.origin`."""
-        return self.zero.origin
-
-    @property
     def fault(self) -> str:
         """Reason why no image can be used now: "stuck", "not_tared", or "" where it is neither."""
         if self.is_frozen:
@@ -284,7 +274,7 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
         t_ns: When it was acquired, CLOCK_MONOTONIC.
     """
     reasons = tuple(sorted(UNTRUSTED.intersection(sample.status)))
-    if not image.zero_known:
+    if not image.zero.known:
         reasons = ("not_tared", *reasons)
     wrench = image.wrench()
     if wrench is None:

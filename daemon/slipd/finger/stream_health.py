@@ -63,7 +63,7 @@ def _pulled(finger: Finger) -> Condition:
 def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
     """Return what people should know of the readings of a force sensor at ``t_ns``."""
     found = [_FORCE_FAULTS[force.fault]] if force.fault else []
-    if not force.zero_known:
+    if not force.zero.known:
         found.append((Health.OK, _UNTARED))
     found += _device_status(force.status)
     if force.gravity.state(t_ns) == "unknown_orientation":
@@ -81,7 +81,7 @@ def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
 def image_conditions(image: ImageChannel) -> list[Condition]:
     """Return what people should know of the images of a pad."""
     found = _device_status(image.status)
-    if not image.zero_known:
+    if not image.zero.known:
         found.append((Health.OK, _UNTARED))
     if image.is_frozen:
         found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))

@@ -134,7 +134,7 @@ class ContactPresence:
         measured = self.is_measured()
         if "wrench" not in streams:
             return measured
-        shown = self.shown_by_image() if finger.image is not None and finger.image.zero_known else None
+        shown = self.shown_by_image() if finger.image is not None and finger.image.zero.known else None
         if measured or shown:
             return True
         return None if measured is None and shown is None else False

@@ -74,7 +74,7 @@ def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
     return finite(body)
 
 
-def wrench_body(finger: Finger, reading: ForceReading) -> Body:
+def wrench_body(finger: Finger, reading: ForceReading | FingerState) -> Body:
     """Return ``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
     wrench = reading.wrench
     body = {
@@ -124,7 +124,7 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
 def tare_body(channel: ForceChannel | ImageChannel, t_ns: int | None) -> Body:
     """Return where the zero of a channel comes from, and its age at ``t_ns``; nil where it is not known."""
     age_s = None if t_ns is None else channel.tare.current.age_s(t_ns)
-    return {"tare_origin": channel.zero_origin, "tare_age_s": age_s}
+    return {"tare_origin": channel.zero.origin, "tare_age_s": age_s}
 
 
 def friction_body(friction: FrictionState) -> Body:
@@ -146,11 +146,12 @@ def friction_setter_body(finger: Finger) -> Body:
 
 def _required_friction(state: FingerState) -> Body:
     """Return what friction the load requires, beside what this grasp has carried."""
-    required, carried = state.required_friction, None if state.friction is None else state.friction.carried
+    required = None if state.assessment is None else state.assessment.required_friction
+    carried = None if state.friction is None else state.friction.carried
     return {
         "required_friction": required,
         "carried_friction": carried,
-        "relative_utilisation": None if carried is None else required / carried,
+        "relative_utilisation": None if carried is None or required is None else required / carried,
     }
 
 
@@ -208,7 +209,7 @@ class FingerPublisher:
         if self._slip.passes(t_ns, now=changed):
             out.append(self._sequencer.message(self._slip_topic, t_ns, self._frame, slip_body(self._finger, state)))
         if self._wrench.passes(t_ns, now=changed):
-            self._publish_wrench(t_ns, state.force_reading, out)
+            self._publish_wrench(t_ns, state, out)
 
     def publish_batch(self, batch: VerdictBatch, out: list[Output]) -> None:
         """Append the messages about the readings of one read: the same as about each of their states."""
@@ -232,7 +233,7 @@ class FingerPublisher:
             body = tactile_body(finger, image)
             out.append(self._sequencer.message(self._tactile_topic, t_ns, self._frame, body))
 
-    def _publish_wrench(self, t_ns: int, reading: ForceReading, out: list[Output]) -> None:
+    def _publish_wrench(self, t_ns: int, reading: ForceReading | FingerState, out: list[Output]) -> None:
         body = wrench_body(self._finger, reading)
         out.append(self._sequencer.message(self._wrench_topic, t_ns, self._frame, body))
 

@@ -110,7 +110,7 @@ def tare_in_use(tares: Tares) -> Body:
         "finger": tares.finger.name,
         "stream": kind,
         "tare_id": offset.id,
-        "tare_origin": channel.zero_origin,
+        "tare_origin": channel.zero.origin,
         "taken_t_ns": offset.t_ns,
         "readings": offset.readings,
         "offset": offset.value.ravel().tolist(),

@@ -62,7 +62,7 @@ class FingerHandlers:
         name = request.body["finger"]
         if name not in self._fingers:
             rule = f"finger must be one of {', '.join(self._fingers)}, got {name!r:.40}"
-            raise RefusalError(Refusal("unknown_finger", rule, "finger"))
+            raise RefusalError("unknown_finger", rule, "finger")
         return self._fingers[name]
 
     def _tares(self, request: Request, known: tuple[str, ...]) -> Tares:
@@ -70,24 +70,21 @@ class FingerHandlers:
         finger, stream = self._finger(request), request.body.get("stream")
         if stream not in (None, *known):
             rule = f"stream must be one of {', '.join(known)}, got {stream!r:.40}"
-            raise RefusalError(Refusal("out_of_range", rule, "stream"))
-        found = Tares.of(finger, stream)
-        if isinstance(found, Refusal):
-            raise RefusalError(found)
-        return found
+            raise RefusalError("out_of_range", rule, "stream")
+        return Tares.of(finger, stream)
 
     def _tare(self, request: Request, t_ns: int) -> Body:
         tares = self._tares(request, STREAM_OR_ALL.words)
         seconds, unloaded = request.body.get("seconds", TARE_S), request.body.get("unloaded", False)
         if not SECONDS.allows(seconds):
             rule = f"seconds must be {SECONDS.number_range}, got {seconds:g}"
-            raise RefusalError(Refusal("out_of_range", rule, "seconds"))
+            raise RefusalError("out_of_range", rule, "seconds")
         self._check_others_lease(request, t_ns, "tared")
         require(tares.refuse(t_ns, unloaded=unloaded))
         verified = tares.verified
         if (self._policy.grips or self._policy.releasing) and not verified:
             rule = f"{_GRIP_IN_FORCE}: finger {tares.finger.name} must be known to be free"
-            raise RefusalError(Refusal("in_contact", rule, "finger"))
+            raise RefusalError("in_contact", rule, "finger")
         tares.begin(t_ns, seconds, client_name(request.client), unloaded=unloaded)
         return replies.tare_begun(tares, seconds, verified=verified)
 
@@ -106,17 +103,17 @@ class FingerHandlers:
         finger, gravity = self._finger(request), request.body["gravity_mps2"]
         if finger.force is None:
             rule = f"finger {finger.name} has no force sensor, so that its weight is not measured"
-            raise RefusalError(Refusal("not_ready", rule, "finger"))
+            raise RefusalError("not_ready", rule, "finger")
         if fault := gravity_fault(gravity):
-            raise RefusalError(Refusal("out_of_range", fault, "gravity_mps2"))
+            raise RefusalError("out_of_range", fault, "gravity_mps2")
         if self._arm is not None and self._arm.drives(finger.name, t_ns):
             rule = f"the arm stream ([grasp.arm]) gives the gravity of finger {finger.name}: no client may set it now"
-            raise RefusalError(Refusal("not_ready", rule, "gravity_mps2"))
+            raise RefusalError("not_ready", rule, "gravity_mps2")
         sender, sent_ns = self._gravity_from.get(finger.name, (request.client, t_ns))
         holder = self._policy.lease.holder(t_ns)
         if holder not in (None, request.client) and sender == holder and t_ns - sent_ns <= FRESH_NS:
             rule = f"the lease holder sends the gravity of finger {finger.name}: no other client may send it now"
-            raise RefusalError(Refusal("lease_held", rule, "gravity_mps2"))
+            raise RefusalError("lease_held", rule, "gravity_mps2")
         self._gravity_from[finger.name] = request.client, t_ns
         finger.force.set_gravity(gravity, t_ns)
         return replies.gravity_set(finger.force, t_ns)
@@ -150,7 +147,7 @@ class FingerHandlers:
         """Refuse to change the readings by which another client moves the gripper."""
         if self._policy.lease.holder(t_ns) not in (None, request.client):
             rule = f"another client holds the lease: only that client may have its sensors {done}"
-            raise RefusalError(Refusal("lease_held", rule))
+            raise RefusalError("lease_held", rule)
 
 
 def _check_friction(finger: Finger, mu_s: float, mu_d: float | None) -> Refusal | None:
@@ -182,7 +179,7 @@ def require_lease(lease: Lease, request: Request, t_ns: int, why: str, free: str
     if refusal is not None:
         held = lease.holder(t_ns) is not None
         advice = "another client holds the lease" if held else "acquire the lease first (lease.acquire)"
-        raise RefusalError(Refusal(refusal.code, f"{why}: {advice}{free}"))
+        raise RefusalError(refusal.code, f"{why}: {advice}{free}")
 
 
 def client_name(client: bytes) -> str:

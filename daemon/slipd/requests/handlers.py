@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
@@ -15,7 +16,7 @@ from slipd.gripper.gripper_control import GripperControl
 from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.requests.finger_handlers import FingerHandlers, require_lease
-from slipd.requests.motion_handlers import Handler, MotionHandlers, grip_handlers
+from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import IdempotencyCache, check_request
 from slipd.types.permit import RefusalError, require
@@ -68,7 +69,7 @@ class RequestHandlers:
             "hello": self._hello,
             "status": self._status_now,
             "record.stop": self._stop_recording,
-            "motion.check": MotionHandlers(advice, gripper).check,
+            "motion.check": partial(check_motion, advice, gripper),
             **FingerHandlers(fingers, named, gripper.policy, arm, requests).ops,
             **grip_handlers(gripper),
         }

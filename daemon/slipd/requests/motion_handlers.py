@@ -67,7 +67,7 @@ def _keep(change: Callable[[bytes, int], Refusal | None], request: Request, t_ns
 
 
 def _refuse(_: Request, __: int) -> Body:
-    raise RefusalError(Refusal("no_gripper", "the config has no [gripper]"))
+    raise RefusalError("no_gripper", "the config has no [gripper]")
 
 
 def _acknowledge(gripper: GripperControl, request: Request, t_ns: int) -> Body:
@@ -91,45 +91,43 @@ _EITHER = "either points or acceleration_mps2 must be there, not both"
 _WIDTH = len(POINT_COLUMNS)
 
 
-class MotionHandlers:
-    """Check motions against the present grip.
+def check_motion(advice: MotionAdvice | None, gripper: GripperControl | NoGripper, request: Request, t_ns: int) -> Body:
+    """Carry out ``motion.check``: does the present grip hold a motion of the arm?
 
     Args:
         advice: The advice; None: the config has no ``[grasp]``.
         gripper: Measures the width between the pads.
+        request: The request.
+        t_ns: Now.
     """
-
-    def __init__(self, advice: MotionAdvice | None, gripper: GripperControl | NoGripper) -> None:
-        self._advice, self._gripper = advice, gripper
-
-    def check(self, request: Request, t_ns: int) -> Body:
-        """Carry out ``motion.check``."""
-        body = request.body
-        if ("points" in body) is ("acceleration_mps2" in body):
-            raise RefusalError(Refusal("missing_field", _EITHER, "points"))
-        if self._advice is None:
-            rule = "the config has no [grasp], so that the load on both fingers together is not known"
-            raise RefusalError(Refusal("not_ready", rule))
-        if "points" in body:
-            return replies.motion_checked(self._advice.check(_table(body["points"]), t_ns, self._gripper.width_m))
-        acceleration: list[float] = body["acceleration_mps2"]
-        if not math.hypot(*acceleration) <= MOST_GRAVITY_MPS2:
-            rule = f"acceleration_mps2 must be at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g) long"
-            raise RefusalError(Refusal("out_of_range", rule, "acceleration_mps2"))
-        return replies.motion_checked(self._advice.check_acceleration(acceleration, t_ns, self._gripper.width_m))
+    body = request.body
+    if ("points" in body) is ("acceleration_mps2" in body):
+        raise RefusalError("missing_field", _EITHER, "points")
+    if advice is None:
+        rule = "the config has no [grasp], so that the load on both fingers together is not known"
+        raise RefusalError("not_ready", rule)
+    if "points" in body:
+        return replies.motion_checked(advice.check(_table(body["points"]), t_ns, gripper.width_m))
+    acceleration: list[float] = body["acceleration_mps2"]
+    if not math.hypot(*acceleration) <= MOST_GRAVITY_MPS2:
+        rule = f"acceleration_mps2 must be at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g) long"
+        raise RefusalError("out_of_range", rule, "acceleration_mps2")
+    return replies.motion_checked(advice.check_acceleration(acceleration, t_ns, gripper.width_m))
 
 
 def _table(points: list[Any]) -> Array:
     """Return the points as an array, shape (n, 10); refuse rows that are none, and name the first of them."""
     if not 1 <= len(points) <= MOST_POINTS:
-        raise _wrong("out_of_range", f"points must have 1 to {MOST_POINTS} rows, got {len(points)}", "points")
+        raise RefusalError("out_of_range", f"points must have 1 to {MOST_POINTS} rows, got {len(points)}", "points")
     for index, row in enumerate(points):
         if type(row) is not list or len(row) != _WIDTH or not set(map(type, row)) <= {float, int}:
-            raise _wrong("bad_type", f"row {index} of points must be a list of {_WIDTH} numbers", f"points.{index}")
+            raise RefusalError(
+                "bad_type", f"row {index} of points must be a list of {_WIDTH} numbers", f"points.{index}"
+            )
     table = np.array(points, np.float64)
     if not np.isfinite(table).all():
         index = int(np.argmin(np.isfinite(table).all(axis=1)))
-        raise _wrong("not_finite", f"row {index} of points must be finite", f"points.{index}")
+        raise RefusalError("not_finite", f"row {index} of points must be finite", f"points.{index}")
     _refuse_first(np.diff(table[:, 0], prepend=-math.inf) <= 0.0, points, "t_s must be above that of the row before")
     too_long = np.linalg.norm(table[:, 1:4], axis=1) > MOST_GRAVITY_MPS2
     _refuse_first(too_long, points, f"gravity_mps2 must be at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g) long")
@@ -139,8 +137,6 @@ def _table(points: list[Any]) -> Array:
 def _refuse_first(wrong: Any, points: Sequence[Any], rule: str) -> None:
     if wrong.any():
         index = int(np.argmax(wrong))
-        raise _wrong("out_of_range", f"row {index} of points: {rule}, got {points[index]!r:.80}", f"points.{index}")
-
-
-def _wrong(code: str, rule: str, field: str) -> RefusalError:
-    return RefusalError(Refusal(code, rule, field))
+        raise RefusalError(
+            "out_of_range", f"row {index} of points: {rule}, got {points[index]!r:.80}", f"points.{index}"
+        )

@@ -54,7 +54,7 @@ class RecordingState:
         """
         if self._running:
             rule = f"{self.requested.name} is being recorded: end it with record.stop"
-            raise RefusalError(Refusal("not_ready", rule))
+            raise RefusalError("not_ready", rule)
         self._count += 1
         name = f"slipd-{utc_stamp(self._wall.at_ns(t_ns))}-{self._boot}-{self._count}.mcap"
         self.requested = RecordingChanged(name, "", "running")
@@ -70,7 +70,7 @@ class RecordingState:
         recording = self.requested
         if not self._running:
             rule = recording.reason or "nothing is being recorded: begin with record.start"
-            raise RefusalError(Refusal("not_ready", rule))
+            raise RefusalError("not_ready", rule)
         self.requested = replace(recording, state="stopped")
         self._due.append(Record(""))
         return self.requested

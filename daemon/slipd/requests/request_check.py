@@ -180,7 +180,7 @@ class IdempotencyCache:
             return None
         self._forget(t_ns)
         if body["deadline_ns"] <= self._now_ns:
-            raise _refusal("deadline_passed", "the deadline has passed", "deadline_ns")
+            raise RefusalError("deadline_passed", "the deadline has passed", "deadline_ns")
         content = _content(body)
         mine = self._clients.get(client, {})
         kept = mine.get(body["id"])
@@ -188,12 +188,12 @@ class IdempotencyCache:
             if kept.content == content:
                 return kept.reply
             rule = "id must be new for every request: this one was used for another request"
-            raise _refusal("repeated_id", rule, "id")
+            raise RefusalError("repeated_id", rule, "id")
         if content in self._senders:
-            raise _refusal("replayed", "another client has already sent this request")
+            raise RefusalError("replayed", "another client has already sent this request")
         if not urgent and (len(mine) >= PER_CLIENT or (not mine and len(self._clients) >= MOST_CLIENTS)):
             rule = "too many requests whose deadlines have not passed: wait, or use shorter deadlines"
-            raise _refusal("busy", rule)
+            raise RefusalError("busy", rule)
         return None
 
     def keep(self, client: bytes, body: dict[str, Any], reply: dict[str, Any], t_ns: int) -> None:
@@ -215,10 +215,6 @@ class IdempotencyCache:
             del self._senders[mine.pop(name).content]
             if not mine:
                 del self._clients[client]
-
-
-def _refusal(code: str, rule: str, field: str = "") -> RefusalError:
-    return RefusalError(Refusal(code, rule, field))
 
 
 def _content(body: dict[str, Any]) -> bytes:

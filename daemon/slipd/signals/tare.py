@@ -147,6 +147,11 @@ class Tare:
         self._gravity: Array | None = None
         self._average = Average(value.shape)
 
+    @property
+    def origin(self) -> Origin | None:
+        """Where the zero comes from; None: it is not known."""
+        return self.current.origin if self.known else None
+
     def begin(self, t_ns: int, seconds: float, by: str = "", gravity_mps2: Array | None = None) -> None:
         """Start to average readings for ``seconds``; until then the offset in force stays.
 

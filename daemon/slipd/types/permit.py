@@ -47,11 +47,11 @@ class Refusal:
 
 
 class RefusalError(Exception):
-    """Ends the handling of a request that is refused."""
+    """Ends the handling of a request that is refused; arguments and ``refusal`` as in `Refusal`."""
 
-    def __init__(self, refusal: Refusal) -> None:
-        super().__init__(refusal.message)
-        self.refusal = refusal
+    def __init__(self, code: str, message: str, field: str = "") -> None:
+        super().__init__(message)
+        self.refusal = Refusal(code, message, field)
 
 
 def require(refusal: Refusal | None) -> None:
@@ -61,4 +61,4 @@ def require(refusal: Refusal | None) -> None:
         RefusalError: There is one.
     """
     if refusal is not None:
-        raise RefusalError(refusal)
+        raise RefusalError(refusal.code, refusal.message, refusal.field)

@@ -42,7 +42,7 @@ def feel(finger):
             torque = None if k % 3 == 0 else np.array((0.0, 0.0, 0.001))
             samples = [WrenchSample(t_ns, None, np.array((0.5, 0.0, -5.0 - n)), torque) for n in range(1 + k % 3)]
             for batch in finger.decide(samples, [t_ns] * len(samples)):
-                slip_body(finger, batch[-1]), wrench_body(finger, batch[-1].force_reading)
+                slip_body(finger, batch[-1]), wrench_body(finger, batch[-1])
         slip_body(finger, finger.state)
 
 warm_up()

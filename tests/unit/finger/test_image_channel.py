@@ -165,7 +165,7 @@ def test_images_of_a_free_pad_that_read_nothing_show_its_zero_unless_they_are_do
     for k in range(1000):
         sample = TactileSample(T0 + k * 10 * MS, None, np.zeros(16), status)
         pad.update(sample, summary=ForceSummary(no_contact=True, normal_n=0.0 + 0.001 * k, moving=False, agrees=True))
-    assert pad.zero_origin == origin
+    assert pad.zero.origin == origin
 
 
 def test_image_states_why_it_cannot_be_used(make: Callable[..., ImageChannel], image: Image) -> None:

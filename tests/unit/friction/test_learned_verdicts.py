@@ -83,7 +83,7 @@ def test_without_a_coefficient_the_first_slip_teaches_one_that_warns_of_the_next
     assert set(grasp.load((0.3, 0.3, 0.3))) == {"unknown"}
     state = grasp.finger.state
     assert (state.friction.mu, state.friction.source, state.model) == (None, "none", "none")
-    assert (state.required_friction, state.friction.carried) == pytest.approx((0.3, 0.3), rel=0.01)
+    assert (state.assessment.required_friction, state.friction.carried) == pytest.approx((0.3, 0.3), rel=0.01)
     assert (math.isnan(state.utilisation.value), state.utilisation.kind == "none") == (True, False), "its pole is known"
     assert grasp.approach_and_slip() == 0
     assert "slipping" in grasp.levels

@@ -179,7 +179,7 @@ def test_wrench_is_in_the_frame_of_the_pad_and_nil_where_a_component_is_not_fini
     finger: Finger, wrench: Wrench
 ) -> None:
     read_force(finger, wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
-    assert wrench_body(finger, finger.state.force_reading) == {
+    assert wrench_body(finger, finger.state) == {
         "finger": "left",
         "force_unit": "N",
         "force_n": [3.0, -1.0, -10.0],
@@ -192,7 +192,7 @@ def test_wrench_is_in_the_frame_of_the_pad_and_nil_where_a_component_is_not_fini
     }
     for pull_n, torque, force in ((math.nan, np.zeros(3), None), (2.0, None, [1.0, 2.0, -10.0])):
         read_force(finger, WrenchSample(T0, None, np.array((1.0, pull_n, -10.0)), torque))
-        body = wrench_body(finger, finger.state.force_reading)
+        body = wrench_body(finger, finger.state)
         assert (body["force_n"], body["tangential_n"]) == (force, force and force[:2])
         assert (body["torque_nm"] is None) == (torque is None or force is None)
 
@@ -264,7 +264,7 @@ def test_only_calibrated_forces_are_in_newtons(
 def units(finger: Finger) -> list[str]:
     """Return the units of the messages about a finger."""
     assert finger.image is not None
-    bodies = slip_body(finger, finger.state), wrench_body(finger, finger.state.force_reading)
+    bodies = slip_body(finger, finger.state), wrench_body(finger, finger.state)
     return [body["force_unit"] for body in (*bodies, tactile_body(finger, finger.image))]
 
 
