@@ -33,7 +33,7 @@ from slipd.events import (
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.freshness import PROMPT, Lateness
-from slipd.grasp.arm_motion import make_arm_motion
+from slipd.grasp.arm_motion import ArmMotion
 from slipd.grasp.grasp_view import GraspView, NamedObject
 from slipd.grasp.held_object import HeldObject, make_held_object
 from slipd.grasp.motion_advice import MotionAdvice
@@ -112,11 +112,13 @@ class Engine:
             session = cast("GripperSession", self._links[GRIPPER_LINK].session)
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
-        self._arm = make_arm_motion(config.grasp, self._fingers)
+        self._arm: ArmMotion | None = None
+        if config.grasp is not None and config.grasp.arm is not None:
+            self._arm = ArmMotion(config.grasp, config.grasp.arm, self._fingers)
         held = make_held_object(config.grasp, view, self._fingers, self._arm, named)
         advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view, self._arm)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
-        reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
+        reflex = make_reflex_controller(config, view, self._gripper)
         self._lateness = Lateness()
         self._recordings = RecordingState(boot, self.wall)
         self.kept = KeptState(config, boot, self.wall, self._links, self._fingers, self._gripper, named)

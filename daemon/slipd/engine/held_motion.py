@@ -41,13 +41,8 @@ class HeldMotion:
         self._outside = None if observed is None else OutsideMotion(observed.std_m, observed.rate_hz)
         self._risks: dict[str, MotionRisk] = {}
         self._fingers = fingers
-        shared = {}
-        if self._pads is not None:
-            shared["image_change"] = self._pads.looks_per_hour
-        if self._width is not None:
-            shared["width"] = self._width.looks_per_hour
-        if self._outside is not None:
-            shared["external"] = self._outside.looks_per_hour
+        watches = {"image_change": self._pads, "width": self._width, "external": self._outside}
+        shared = {kind: watch.looks_per_hour for kind, watch in watches.items() if watch is not None}
         for name, finger in fingers.items():
             looks = shared | (finger.motion.looks_per_hour if finger.motion is not None else {})
             if looks:

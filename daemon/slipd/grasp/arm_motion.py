@@ -125,11 +125,8 @@ class ArmMotion:
         return [(Health.ERROR, f"{what}: its readings are not used; is it in g, or without gravity?")]
 
     def _is_plausible(self) -> bool:
-        mean = self._mean_mps2
-        return mean is not None and LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2 and self._scale_error() <= REST_PART
-
-    def _scale_error(self) -> float:
-        return abs(self._at_rest_mps2 / STANDARD_GRAVITY_MPS2 - 1.0)
+        mean, scale_error = self._mean_mps2, abs(self._at_rest_mps2 / STANDARD_GRAVITY_MPS2 - 1.0)
+        return mean is not None and LEAST_MEAN_MPS2 <= mean <= MOST_MEAN_MPS2 and scale_error <= REST_PART
 
     def _check_length(self, gravity_mps2: Sequence[float], t_ns: int) -> bool:
         """Return whether the length of the last whole span is plausible; False before the first one."""
@@ -154,11 +151,6 @@ def _fault_of(sample: ArmSample) -> str:
     if turn_radps <= MOST_TURN_RADPS:
         return ""
     return f"its angular velocity is {turn_radps:.3g} rad/s, more than any arm's: is it in degrees per second?"
-
-
-def make_arm_motion(grasp: Grasp | None, fingers: dict[str, Finger]) -> ArmMotion | None:
-    """Return the motion of the arm; None where the config has no ``[grasp.arm]``."""
-    return None if grasp is None or grasp.arm is None else ArmMotion(grasp, grasp.arm, fingers)
 
 
 class _WeighedFinger:

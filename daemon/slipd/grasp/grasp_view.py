@@ -84,31 +84,26 @@ class GraspView:
         fingers: All fingers by name, among them the two that ``[grasp]`` names.
 
     Attributes:
+        fingers: The first and the second finger.
         state: State at the last `update`.
         object: What is known of the object.
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
-        self._fingers = tuple(fingers[name] for name in config.pads)
+        self.fingers = tuple(fingers[name] for name in config.pads)
         self._places = tuple(Place(place) for place in config.pads.values())
-        self._least_n = max(finger.config.min_normal_n for finger in self._fingers)
+        self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
         self.object = NOTHING_HELD
         self.state = self.update(None)
 
-    @property
-    def names(self) -> tuple[str, str]:
-        """Names of the first and the second finger."""
-        first, second = self._fingers
-        return first.name, second.name
-
     def levels(self) -> tuple[str, str]:
         """Return the levels of the first and the second finger."""
-        first, second = self._fingers
+        first, second = self.fingers
         return first.level, second.level
 
     def level(self) -> str:
         """Return the level of the worse finger."""
-        first, second = self._fingers
+        first, second = self.fingers
         return first.level if SEVERITY[first.level] >= SEVERITY[second.level] else second.level
 
     def evidence(self) -> dict[str, tuple[str, ...]]:
@@ -121,7 +116,7 @@ class GraspView:
         Args:
             width_m: Width between the pads, m; None where it is not known.
         """
-        first, second = self._sides = tuple(_Side(finger, finger.state) for finger in self._fingers)
+        first, second = self._sides = tuple(_Side(finger, finger.state) for finger in self.fingers)
         level = self.level()
         verdicts = first.state.verdict, second.state.verdict
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)

@@ -97,7 +97,7 @@ class MotionAdvice:
             return self._looked_ns + LOOK_NS
         self._looked_ns = t_ns
         com_m = self._view.object.com_m
-        known = com_m is not None and self._arm_is_used(t_ns)
+        known = com_m is not None and self._arm is not None and self._arm.is_used(t_ns)
         states = [load.finger.state for load in self._loads] if known else []
         wrenches = [
             state.wrench
@@ -209,7 +209,7 @@ class MotionAdvice:
         """Return both pads with what they hold; the reason for people where something is not known."""
         if self._arm is None:
             return NO_ARM
-        if not self._arm_is_used(t_ns):
+        if not self._arm.is_used(t_ns):
             return ARM_SILENT
         gravity, own = self._gravity.gravity(), self._view.object
         if gravity is None:
@@ -230,9 +230,6 @@ class MotionAdvice:
             self._loads[1].held(second, mass, com - middle, error, 1.0 - share, 1.0 - spin_share),
         )
         return _Held(pads, self._felt, com, middle, np.array(gravity))
-
-    def _arm_is_used(self, t_ns: int) -> bool:
-        return self._arm is not None and self._arm.is_used(t_ns)
 
     def _row(self) -> Array:
         """Return gravity minus acceleration, angular velocity and angular acceleration of now, shape (9,)."""

@@ -109,8 +109,6 @@ class ObjectEstimate:
 
     Attributes:
         state: What is known.
-        residual: Force and torque that the object does not explain at the last reading, shape (6,), N and N·m; NaN
-            where nothing is known.
     """
 
     def __init__(self) -> None:
@@ -124,7 +122,6 @@ class ObjectEstimate:
         self._begun, self._rejected, self._recognised = False, 0, False
         self._least, self._most = np.full(3, math.inf), np.full(3, -math.inf)
         self.state = unknown_object(why)
-        self.residual = np.full(6, math.nan)
 
     def recognise(self, known: ObjectState) -> None:
         """Go on with what an earlier grasp showed of the object: its weight shows that nothing else carries it.
@@ -160,8 +157,6 @@ class ObjectEstimate:
         expected = noise + np.diag(self._model_variance(load, felt))
         error = load[known] - rows @ self._mean
         spread = rows @ self._covariance @ rows.T + expected[np.ix_(known, known)]
-        self.residual = np.full(6, math.nan)
-        self.residual[known] = error
         inverse = np.linalg.inv(spread)
         if error @ inverse @ error > REJECTED:
             self._rejected += 1
@@ -176,10 +171,6 @@ class ObjectEstimate:
         self._least = np.minimum(self._least, felt.gravity_mps2)
         self._most = np.maximum(self._most, felt.gravity_mps2)
         self.state = self._summary(placed=bool(known[3]), lever_m=lever_m)
-
-    def predict(self, felt: Felt) -> Array:
-        """Return force and torque of the object on both pads, shape (6,), N and N·m."""
-        return self._rows(felt, 0.0) @ self._mean
 
     def _rows(self, felt: Felt, rise: float) -> Array:
         """Return how the load depends on m, m c and the errors of zero and scale, shape (6, 10)."""

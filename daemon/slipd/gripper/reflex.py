@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from slipd.config import Config
 from slipd.config import Reflex as ReflexConfig
-from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
 from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy, NoGripper
 from slipd.gripper.gripper_control import GripperControl
@@ -173,15 +172,14 @@ class ReflexController:
     Args:
         config: ``[reflex]``.
         view: The two fingers as one grasp.
-        fingers: The two fingers.
         gripper: The gripper that holds with them.
 
     Attributes:
         due_ns: Time of the next decision, unless a finger begins to warn before.
     """
 
-    def __init__(self, config: ReflexConfig, view: GraspView, fingers: list[Finger], gripper: GripperControl) -> None:
-        self._view, self._fingers, self._gripper = view, fingers, gripper
+    def __init__(self, config: ReflexConfig, view: GraspView, gripper: GripperControl) -> None:
+        self._view, self._gripper = view, gripper
         self._reflex = Reflex(config, gripper.policy)
         self._alarmed = False
         self.due_ns = 0
@@ -197,7 +195,7 @@ class ReflexController:
             return None
         self.due_ns = t_ns + PERIOD_NS
         state = self._view.update(self._gripper.width_m)
-        trusted = all(finger.trust.for_raise(t_ns) for finger in self._fingers)
+        trusted = all(finger.trust.for_raise(t_ns) for finger in self._view.fingers)
         needed_n = state.grip_kept_n if state.level == "stable" else state.grip_needed_n
         act = self._reflex.decide(state.level, needed_n, state.internal_n, trusted, t_ns)
         if act is None or self._gripper.carry_out("reflex", t_ns, force_n=act.force_n) is not None:
@@ -207,14 +205,9 @@ class ReflexController:
 
 
 def make_reflex_controller(
-    config: Config, view: GraspView | None, fingers: dict[str, Finger], gripper: GripperControl | NoGripper
+    config: Config, view: GraspView | None, gripper: GripperControl | NoGripper
 ) -> ReflexController | None:
     """Return the reflex of a config; None where it has none, or no force limit."""
-    if (
-        isinstance(gripper, NoGripper)
-        or view is None
-        or not config.reflex.enabled
-        or gripper.policy.limits.max_n is None
-    ):
+    if isinstance(gripper, NoGripper) or view is None or gripper.policy.limits.max_n is None:
         return None
-    return ReflexController(config.reflex, view, [fingers[name] for name in view.names], gripper)
+    return ReflexController(config.reflex, view, gripper) if config.reflex.enabled else None

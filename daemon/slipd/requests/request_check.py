@@ -40,7 +40,7 @@ _TYPES = {
 
 def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
     """Return why the envelope or the fields of a request are wrong; None where a handler may judge it."""
-    if not _is_integer(body.get("v")) or body["v"] != PROTOCOL_VERSION:
+    if not INTEGER.fits(body.get("v")) or body["v"] != PROTOCOL_VERSION:
         return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v")
     if "id" not in body:
         return Refusal("missing_field", "id is missing: it must be a string or an integer, new for every request", "id")
@@ -63,7 +63,7 @@ def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Ref
     if "deadline_ns" not in body:
         return None
     deadline = body["deadline_ns"]
-    if not _is_integer(deadline):
+    if not INTEGER.fits(deadline):
         return Refusal("bad_type", f"deadline_ns must be an integer, got {_type_of(deadline)}", "deadline_ns")
     if deadline <= t_ns:
         late = (t_ns - deadline) * 1e-6
@@ -122,10 +122,6 @@ def _check_triple(name: str, value: Any, kind: Kind) -> Refusal | None:
         if refusal is not None:
             return refusal
     return None
-
-
-def _is_integer(value: Any) -> bool:
-    return INTEGER.fits(value)
 
 
 def _found(body: dict[str, Any], name: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.types.arrays import Array
+from slipd.types.arrays import Array, cross_matrix
 
 
 class Mounting:
@@ -40,7 +40,6 @@ class Mounting:
             raise ValueError("xyz_m and quat_xyzw must be finite, and the quaternion not zero")
         quaternion = np.array(quat_xyzw, dtype=np.float64) / largest  # its squares neither underflow nor overflow
         rotation = Rotation.from_quat(quaternion).as_matrix()
-        x, y, z = xyz_m
-        lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix
-        self.matrix: Array = sign * np.block([[rotation, np.zeros((3, 3))], [lever @ rotation, rotation]])
+        turned_lever = cross_matrix(xyz_m) @ rotation
+        self.matrix: Array = sign * np.block([[rotation, np.zeros((3, 3))], [turned_lever, rotation]])
         self.matrix.flags.writeable = False

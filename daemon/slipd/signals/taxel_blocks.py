@@ -101,14 +101,13 @@ class Blocks:
         """Return the indices of the last blocks, newest first."""
         return (self.count - 1 - np.arange(blocks)) % WINDOW
 
-    def jitter(self) -> Array:
-        """Return the standard deviation of the noise that explains the steps of each taxel, shape (taxels,)."""
-        jitter: Array = np.sqrt(self.squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
-        return jitter
+    def jitter(self, squares: Array) -> Array:
+        """Return the standard deviation of the noise that explains the steps of each taxel, shape (taxels,).
 
-    def shear_jitter(self) -> Array:
-        """Return the same of the shear, both axes together, shape (taxels,)."""
-        jitter: Array = np.sqrt(self.shear_squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
+        Args:
+            squares: `squares`, or `shear_squares` for the noise of both axes of the shear together.
+        """
+        jitter: Array = np.sqrt(squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
         return jitter
 
     def change_rate(self) -> Array:

@@ -143,11 +143,12 @@ class TaxelFaults:
         """
         self._masked = masked
         self._near.trust(~masked)
-        jitter = self._blocks.jitter()
+        blocks = self._blocks
+        jitter = blocks.jitter(blocks.squares)
         floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
         self._noise = _lowest(self._noise, floor)
-        self._shear_noise = _lowest(self._shear_noise, float(self._blocks.shear_jitter().min()))
-        mean = self._blocks.means[self._blocks.last(1)[0]]
+        self._shear_noise = _lowest(self._shear_noise, float(blocks.jitter(blocks.shear_squares).min()))
+        mean = blocks.means[blocks.last(1)[0]]
         self._peak *= 1.0 - 1.0 / PEAK_TIMES
         self._peak = max(self._peak, float(np.where(masked, 0.0, mean).max()))
         middle = float(np.median(mean))

@@ -45,7 +45,7 @@ def test_a_block_keeps_how_each_taxel_moved_alone_and_with_the_others() -> None:
     for name, (first, second) in expected.items():
         assert_allclose(getattr(blocks, name)[[before, newest]], [first, second], err_msg=name)
     assert_array_equal(blocks.run, [1, 0, 0])
-    assert_allclose(blocks.jitter(), np.sqrt(np.array([11, 1, 5]) / 8))
+    assert_allclose(blocks.jitter(blocks.squares), np.sqrt(np.array([11, 1, 5]) / 8))
     assert_allclose(blocks.change_rate(), [0.75, 0.25, 0.5])
 
 
@@ -61,8 +61,8 @@ def test_images_that_are_sent_several_times_move_no_more_roughly() -> None:
                 blocks.update(image, t_ns, free=False, steady=False, shear=shear)
     for name in ("squares", "rough", "shear_squares"):
         assert_allclose(getattr(often, name).sum(axis=0), getattr(once, name).sum(axis=0))
-    assert_allclose(often.jitter(), once.jitter())
-    assert_allclose(often.shear_jitter(), once.shear_jitter())
+    assert_allclose(often.jitter(often.squares), once.jitter(once.squares))
+    assert_allclose(often.jitter(often.shear_squares), once.jitter(once.shear_squares))
     assert_allclose(once.shear[once.last(1)[0]], shears[-1])
 
 
