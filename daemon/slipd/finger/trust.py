@@ -6,20 +6,14 @@ reading that it has not read, or reads late, may show something else.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from slipd.config import Stream
 from slipd.finger.force_channel import UNTRUSTED_FAULTS
-from slipd.finger.verdict import Verdict
-from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
-
-if TYPE_CHECKING:
-    from slipd.finger.finger import Finger
-from collections.abc import Collection
-from typing import TYPE_CHECKING
-
-from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, WEIGHT_UNKNOWN
+from slipd.finger.verdict import PAD_FREE, PAD_PULLED, UNTARED, WEIGHT_UNKNOWN, Verdict
 from slipd.signals.force_image_agreement import CLEAR
+from slipd.types.samples import UNTRUSTED as UNTRUSTED_WORDS
 
 if TYPE_CHECKING:
     from slipd.finger.finger import Finger
