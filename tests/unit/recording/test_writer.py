@@ -103,7 +103,7 @@ def test_a_disk_that_fails_at_the_start_is_reported_at_once_and_keeps_no_file(tm
 
 def test_a_disk_that_fails_after_the_last_entry_loses_none(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", **ABOUT_RUN)
-    with small_disk(1), pytest.raises(RecordingError, match="the recording stopped: File too large$"):
+    with small_disk(1), pytest.raises(RecordingError, match=r"the recording stopped: File too large$"):
         recorder.close()
 
 
