@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import zmq
 
@@ -17,47 +17,6 @@ from slipd_client.messages.schema.replies import MotionReply
 from slipd_client.messages.schema.topics import Message
 from slipd_client.motion import MotionAdvisorBase
 from slipd_client.subscriber import SubscriberBase
-
-
-class Waker:
-    """Waits for a socket to become ready for reading or writing, in the loop that runs when it is created.
-
-    ZeroMQ's file descriptor signals each change only once. So call `check` after every use of the socket, and receive
-    until nothing is left before waiting.
-    """
-
-    def __init__(self, socket: zmq.Socket[Any]) -> None:
-        self._socket = socket
-        self._loop = asyncio.get_running_loop()
-        self._events: dict[int, asyncio.Event] = {zmq.POLLIN: asyncio.Event(), zmq.POLLOUT: asyncio.Event()}
-        self._loop.add_reader(socket.FD, self.check)
-
-    def check(self) -> None:
-        """Wake every task that waits for what the socket is ready for."""
-        ready = int(self._socket.getsockopt(zmq.EVENTS))
-        for event, wake in self._events.items():
-            if ready & event:
-                wake.set()
-
-    async def wait(self, event: int, until: float | None) -> None:
-        """Wait until the socket may be ready for ``event``, or until the time ``until`` (on ``time.monotonic``).
-
-        The caller learns which of the two happened when it uses the socket.
-        """
-        wake = self._events[event]
-        wake.clear()
-        self.check()
-        end = None if until is None else self._loop.call_later(until - time.monotonic(), wake.set)
-        try:
-            await wake.wait()
-        finally:
-            if end is not None:
-                end.cancel()
-
-    def stop(self) -> None:
-        """Leave the loop; call it before the socket is closed."""
-        self._loop.remove_reader(self._socket.FD)
-
 
 T = TypeVar("T")
 InLoop = TypeVar("InLoop", bound="_InLoop")
@@ -73,16 +32,43 @@ class _InLoop:
     """
 
     _link: Link
-    _waker: Waker
+    _changed: asyncio.Event
+    """The state of the socket may have changed."""
     _in_a_row = 0
 
     async def __aenter__(self: InLoop) -> InLoop:
-        self._waker = Waker(self._link.socket)
+        self._changed = asyncio.Event()
+        asyncio.get_running_loop().add_reader(self._link.socket.FD, self._note_change)
         return self
 
     async def __aexit__(self, *failure: object) -> None:
-        self._waker.stop()
+        asyncio.get_running_loop().remove_reader(self._link.socket.FD)
         self._link.close()
+
+    def _ready_for(self) -> int:
+        """Return the events for which the socket is ready; until then its file descriptor remains readable."""
+        return int(self._link.socket.getsockopt(zmq.EVENTS))
+
+    def _note_change(self) -> None:
+        self._ready_for()
+        self._changed.set()
+
+    async def _wait(self, event: int, until: float | None) -> None:
+        """Wait until the socket may be ready for ``event``, or until the time ``until`` (on ``time.monotonic``).
+
+        The caller learns which of the two happened when it uses the socket. ZeroMQ's file descriptor signals each
+        change only once, and use of the socket may take the signal away: so the state is looked at first.
+        """
+        self._changed.clear()
+        if self._ready_for() & event:
+            return
+        loop = asyncio.get_running_loop()
+        end = None if until is None else loop.call_later(until - time.monotonic(), self._changed.set)
+        try:
+            await self._changed.wait()
+        finally:
+            if end is not None:
+                end.cancel()
 
     def _run(self, steps: Steps[T]) -> Steps[T]:
         """Return steps, for the caller to await."""
@@ -95,13 +81,13 @@ class _InLoop:
             await asyncio.sleep(0)
         while (frames := self._link.take()) is None and (until is None or time.monotonic() < until):
             self._in_a_row = 0
-            await self._waker.wait(zmq.POLLIN, until)
+            await self._wait(zmq.POLLIN, until)
         return frames
 
     async def _writable(self, until: float) -> bool:
         if time.monotonic() >= until:
             return False
-        await self._waker.wait(zmq.POLLOUT, until)
+        await self._wait(zmq.POLLOUT, until)
         return True
 
 

@@ -19,6 +19,12 @@ Add = Callable[[str, str], argparse.ArgumentParser]
 
 DEFAULT_LISTEN = "127.0.0.1:8710"
 
+MOST_NAME = 64
+"""Longest name of a fleet or a robot, characters."""
+
+FLEET_NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_.-]{{0,{MOST_NAME - 1}}}")
+"""Name of a fleet or a robot."""
+
 LARGEST_DOMAIN = 232
 """The ports of a larger one would exceed 65535."""
 
@@ -144,6 +150,20 @@ def finite(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"must be finite, got {text}")
     return value
+
+
+def check_name(what: str, name: str) -> str:
+    """Return the name of a fleet or a robot.
+
+    Raises:
+        CallError: It has characters that a key must not have, such as ``*``, ``$``, ``#``, ``?`` and ``/``.
+    """
+    if not FLEET_NAME.fullmatch(name):
+        raise CallError(
+            f"{what} must be 1 to {MOST_NAME} of the characters A-Z a-z 0-9 _ . - and begin with a letter or digit, "
+            f"got {name!r:.80}"
+        )
+    return name
 
 
 def check_domain(text: str, name: str) -> int:

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Optional
 from slipd_client.errors import FrictionNotMeasured, RequestRefused
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import OBSTACLE_S, FrictionSession, config_lines, low_estimate, median_of, spread
+from slipd_client.grip import GripClient
 from slipd_client.messages import Health
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Slip
 from slipd_client.subscriber import Subscriber
 
 if TYPE_CHECKING:
-    from slipd_client.grip import GripClient
     from slipd_client.keys import Keys
 
 LISTEN_S = 0.2
@@ -63,7 +63,7 @@ def check(ask_status: Callable[[], StatusReply], finger: Optional[str]) -> list[
         time.sleep(LISTEN_S)
 
 
-def run(client: GripClient, chosen: argparse.Namespace, keys: Keys | None) -> None:
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     """Carry out the command; as JSON, the result is one document, and what to do is printed on standard error.
 
     Raises:
@@ -71,7 +71,9 @@ def run(client: GripClient, chosen: argparse.Namespace, keys: Keys | None) -> No
         Silence: The daemon fell silent.
     """
     say = functools.partial(print, file=sys.stderr if chosen.json else sys.stdout, flush=True)
-    guided = FrictionSession(check(client.status, chosen.finger), chosen.samples, chosen.patience, say)
+    with GripClient(chosen.requests, keys=keys) as client:
+        fingers = check(client.status, chosen.finger)
+    guided = FrictionSession(fingers, chosen.samples, chosen.patience, say)
     with Subscriber(chosen.publish, guided.topics, keys=keys) as subscriber:
         try:
             measure(guided, subscriber)

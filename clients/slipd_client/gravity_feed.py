@@ -12,11 +12,15 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages.schema.replies import GravityReply
 from slipd_client.quaternions import STANDARD_DOWN, conjugate, rotated
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
 
 PERIOD_S = 0.1
 """Time between two requests, s: an orientation is valid for 0.25 s, and a client may send 50 requests per second."""
@@ -83,15 +87,18 @@ def parse_numbers(text: str) -> list[float]:
     return numbers
 
 
-def run(client: GripClient, chosen: argparse.Namespace) -> GravityReply | None:
+def run(chosen: argparse.Namespace, keys: Keys | None) -> GravityReply | None:
     """Carry out the command; return the last reply, or None if there was no line to follow.
 
     Raises:
-        CallError: An orientation is wrong, or the file cannot be read.
+        CallError: The arguments do not go together, an orientation is wrong, or the file cannot be read.
     """
-    if chosen.follow is not None:
-        return follow(client, chosen.finger, chosen.follow, chosen.hold)
-    return send(client, chosen.finger, gravity_of(chosen.numbers), chosen.hold or 0.0)
+    if (chosen.follow is None) == (not chosen.numbers):
+        raise CallError("gravity needs either three or four numbers, or --follow FILE")
+    with GripClient(chosen.requests, keys=keys) as client:
+        if chosen.follow is not None:
+            return follow(client, chosen.finger, chosen.follow, chosen.hold)
+        return send(client, chosen.finger, gravity_of(chosen.numbers), chosen.hold or 0.0)
 
 
 def send(client: GripClient, finger: str, gravity_mps2: Sequence[float], hold_s: float) -> GravityReply:

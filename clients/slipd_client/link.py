@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import zmq
 
 from slipd_client.errors import CallError, ConnectionClosed
-from slipd_client.path_trust import claim_socket
+from slipd_client.paths import claim_socket
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys

@@ -22,7 +22,6 @@ from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefuse
 from slipd_client.lease_keeper import LeaseKeeper
 from slipd_client.link import Link, Steps
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode, request_limits
-from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
 from slipd_client.messages.schema.request_fields import TARE_S
@@ -144,10 +143,8 @@ class RequestProtocol(abc.ABC):
             result = await self._exchange(Ask("hello", {}))
             try:
                 reply = typed_reply(HelloReply, result)
-            except Mismatch as mismatch:
-                raise NoAnswer(
-                    f"{self.endpoint} answers hello, but {mismatch.path} {mismatch.rule}: is this slipd?"
-                ) from mismatch
+            except MessageError as mismatch:
+                raise NoAnswer(f"{self.endpoint} answers hello, but {mismatch.message}: is this slipd?") from mismatch
             self._boot = reply.boot
             if self._error_ns() <= GOOD_ERROR_NS:
                 break
@@ -173,10 +170,8 @@ class RequestProtocol(abc.ABC):
             raise
         try:
             return typed_reply(OPS[ask.op].reply if ask.op in OPS else Reply, result)
-        except Mismatch as mismatch:
-            raise NoAnswer(
-                f"{self.endpoint} carried out {ask.op}, but in its reply {mismatch.path} {mismatch.rule}"
-            ) from mismatch
+        except MessageError as mismatch:
+            raise NoAnswer(f"{self.endpoint} carried out {ask.op}, but in its reply {mismatch.message}") from mismatch
 
     async def _exchange(self, ask: Ask) -> Result:
         """Send a request when its turn has come, and return the result of its reply."""

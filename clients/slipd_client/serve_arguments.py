@@ -8,9 +8,18 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.arguments import DEFAULT_LISTEN, Add, check_domain, finite, matching, number_in, parse_listen, rate_hz
+from slipd_client.arguments import (
+    DEFAULT_LISTEN,
+    Add,
+    check_domain,
+    check_name,
+    finite,
+    matching,
+    number_in,
+    parse_listen,
+    rate_hz,
+)
 from slipd_client.errors import CallError
-from slipd_client.fleet.fleet_keys import check_name
 from slipd_client.messages.schema.topics import TOPICS
 from slipd_client.ros.conversion import NAMESPACE, TRANSFORMS_TOPIC
 

@@ -2,20 +2,43 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
+import importlib
+import json
 import os
 import re
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from slipd_client import slipctl_parser
-from slipd_client.errors import ClientError, SlipdClientError
+from slipd_client.errors import CallError, ClientError, RequestRefused, SlipdClientError, require
+from slipd_client.messages.schema.ops import lease_rule
+
+if TYPE_CHECKING:
+    from slipd_client.grip import GripClient
+    from slipd_client.keys import Keys
 
 DONE, REFUSED, WRONG, INTERRUPTED = 0, 1, 2, 130
 """Exit codes, as those of ``slipd``: docs/commands.md."""
 
 COMMANDS = {op: name for name, (_, op, _) in slipctl_parser.REQUESTS.items()}
 """Requests that the daemon names in refusals, and what a person types for each."""
+
+PROGRAMS = {
+    "watch": ("", "", "watch"),
+    "diagnose": ("", "", "health.bundle"),
+    "friction measure": ("", "", "friction_guide"),
+    "gravity": ("", "", "gravity_feed"),
+    "view": ("websockets", "websockets", "page.view_command"),
+    "serve foxglove": ("foxglove", "foxglove-sdk", "viewers.viewers_command"),
+    "serve ros2": ("cyclonedds", "cyclonedds", "ros2.ros2_command"),
+    "serve fleet": ("zenoh", "eclipse-zenoh", "fleet.robot_bridge"),
+    "fleet": ("zenoh", "eclipse-zenoh", "fleet.fleet_command"),
+}
+"""Commands that are more than a request → module and package of others that each needs, and the module that carries it
+out. A command loads only what it needs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,9 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # type: ignore[union-attr] # a terminal that lacks a character shows "?"
     try:
-        from slipd_client import slipctl_commands  # here: ``--help`` and wrong arguments need no ZeroMQ
-
-        slipctl_commands.run(chosen)
+        _carry_out(chosen)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the pipe has closed it; Python must not flush into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -61,6 +82,70 @@ def version() -> str:
         with contextlib.suppress(metadata.PackageNotFoundError):
             return metadata.version(package)
     return "unknown"
+
+
+def _carry_out(chosen: argparse.Namespace) -> None:
+    """Carry out one command and print what it returns.
+
+    Raises:
+        ClientError: The daemon refused, or did not answer.
+        CallError: An endpoint is wrong, options do not go together, or a package is missing.
+        KeyFileError: A key file cannot be used or created.
+    """
+    command: str = chosen.command
+    if command.startswith("keys "):
+        from slipd_client import keys
+
+        keys.run(chosen)
+    elif command in PROGRAMS:
+        needed, package, name = PROGRAMS[command]
+        if needed:
+            require(needed, package, f"slipctl {command}")
+        reply = importlib.import_module(f"slipd_client.{name}").run(chosen, _keys(chosen))
+        if reply is not None:
+            _print_reply(reply, as_json=chosen.json)
+    else:
+        from slipd_client.grip import GripClient
+
+        with GripClient(chosen.requests, keys=_keys(chosen)) as client:
+            _request(client, chosen)
+
+
+def _request(client: GripClient, chosen: argparse.Namespace) -> None:
+    """Send the request of a command, with the lease where it needs one or may need one, and print the reply."""
+    if chosen.command == "status":
+        from slipd_client.watch import print_status
+
+        print_status(client.status(), as_json=chosen.json)
+        return
+    rule = lease_rule(chosen.op)
+    with contextlib.ExitStack() as stack:
+        lease = None
+        if rule == "holder":
+            lease = stack.enter_context(client.lease())
+        elif rule == "not_another's" and chosen.op != "tare":
+            with contextlib.suppress(RequestRefused):
+                stack.enter_context(client.lease())
+        method = getattr(client, chosen.op.replace(".", "_"))
+        reply = method(**{name: getattr(chosen, name) for name in chosen.fields})
+        _print_reply(reply, as_json=chosen.json)
+        if lease is not None and (seconds := getattr(chosen, "hold", 0.0)):
+            lease.wait(seconds)
+
+
+def _keys(chosen: argparse.Namespace) -> Keys | None:
+    if (chosen.key is None) != (chosen.server_key is None):
+        raise CallError("--key (secret key of this client) and --server-key (public key of the daemon) go together")
+    if chosen.key is None:
+        return None
+    from slipd_client import keys
+
+    return keys.load(chosen.key, chosen.server_key)
+
+
+def _print_reply(reply: dict[str, object], *, as_json: bool) -> None:
+    lines = [f"{field}: {json.dumps(value)}" for field, value in reply.items()] or ["done"]
+    print(json.dumps(reply) if as_json else "\n".join(lines), flush=True)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 from emulation_thread import emulation
-from grip_goals import GoalError, Joint, Outcome
-from grip_motion import carry_out
+from grip_goals import GoalError, Joint, Outcome, carry_out
 from gripper_table import external_gripper_table
 from rig_parts import PATIENCE_S, endpoints_of, part, wait_for
 from service_rig import Rig

@@ -13,8 +13,7 @@ from typing import Any
 
 import rclpy
 from control_msgs.action import ParallelGripperCommand
-from grip_goals import GoalError, Joint, joint_state
-from grip_motion import carry_out
+from grip_goals import GoalError, Joint, carry_out, joint_state
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor

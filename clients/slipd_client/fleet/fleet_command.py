@@ -31,6 +31,7 @@ from slipd_client.terminal import (
 )
 
 if TYPE_CHECKING:
+    from slipd_client.arguments import ListenAddress
     from slipd_client.keys import Keys
 
 NAME_CELLS = 16
@@ -137,6 +138,11 @@ ROUTER_S = 10.0
 REDRAW_S = 0.2
 LINE_S = 1.0
 
+TAKE_S = 0.1
+"""Time between two updates of what the page gets, s."""
+
+FLEET_DATA = "/data/fleet.json"
+
 
 def run(chosen: argparse.Namespace, _: Keys | None) -> None:
     """Carry out the command; a fleet has no keys of ZeroMQ.
@@ -151,9 +157,7 @@ def run(chosen: argparse.Namespace, _: Keys | None) -> None:
         listener = FleetListener(session, chosen.fleet, chosen.robots)
         if chosen.page is not None:
             require("websockets", "websockets", "slipctl fleet --page")
-            from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
-
-            asyncio.run(fleet_page.serve(chosen.fleet, listener, chosen.page))
+            asyncio.run(_serve_page(chosen.fleet, listener, chosen.page))
         elif chosen.once or chosen.json:
             _print(chosen, listener)
         elif is_screen(sys.stdout):
@@ -199,3 +203,23 @@ def _print_changes(listener: FleetListener) -> None:
             if text := change_text(before.get(row.robot), row):
                 print(f"{clock_time(time.time())}  {text}", flush=True)
             before[row.robot] = row
+
+
+async def _serve_page(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
+    """Serve the page of the fleet, which asks for the robots twice a second, and print its address."""
+    from slipd_client.page.page_server import PageServer, json_answer  # here: only the page needs the extra `view`
+
+    def robots() -> dict[str, Any]:
+        return fleet_map(fleet, listener.state.rows(time.monotonic()), listener.state.unread)
+
+    server = PageServer(
+        address,
+        {"live": True, "source": fleet},
+        on_data=lambda path: json_answer(robots()) if path == FLEET_DATA else None,
+        start="fleet.html",
+    )
+    async with server.serving() as url:
+        print(f"fleet: {url}", flush=True)
+        while True:
+            listener.take(0)
+            await asyncio.sleep(TAKE_S)

@@ -14,8 +14,8 @@ from typing import Generic, TypeVar
 import zenoh
 from zenoh.ext import AdvancedSubscriber, HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 
-from slipd_client.fleet.fleet_keys import split_key
 from slipd_client.fleet.fleet_state import FleetState
+from slipd_client.fleet.zenoh_session import split_key
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.schema.topics import Message
 

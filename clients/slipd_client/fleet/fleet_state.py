@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from slipd_client.errors import MessageError
-from slipd_client.fleet.daemon_run import DaemonRun
-from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
-from slipd_client.messages.codec import read
+from slipd_client.messages.codec import RunOrder, read
 from slipd_client.messages.names import SEVERITY, STATUS_TOPIC, WARNING_TOPIC, Health
 from slipd_client.messages.schema.topics import Message, SlipWarning, Status
 
@@ -36,6 +35,17 @@ none has more than its own session, its messages only count as `FleetState.unrea
 
 MOST_RUNS = 8
 """Most runs of the daemon that are remembered of each robot: kept warnings of earlier ones may arrive late."""
+
+
+BESIDE_S = 3.0
+"""A daemon whose last ``status`` is no older counts beside the one that was heard last, s."""
+
+CLASH_S = 1.2
+"""Daemons whose times of ``status`` overlap by so much are those of several robots, s: the network drops a silent
+connection within 1 s, so the last messages of a daemon that ended are not that late."""
+
+BRIDGE, DAEMON = "bridge", "daemon"
+"""Last words of the two liveliness tokens of a robot: its bridge runs; the daemon behind it publishes."""
 
 
 @dataclass(frozen=True)
@@ -152,19 +162,65 @@ class FleetState:
 
 
 @dataclass
+class _Run:
+    """One run of a daemon, of which `status` and `warning` arrive in any order.
+
+    Attributes:
+        heard_s: When its last message arrived.
+        first_status_s: When its first ``status`` arrived.
+        last_status_s: When its last ``status`` arrived.
+        order: Numbers of its messages.
+        status: The last ``status``; None before the first.
+        fingers: Finger → time (CLOCK_MONOTONIC of the daemon, ns), level and reasons.
+    """
+
+    heard_s: float = 0.0
+    first_status_s: float = math.inf
+    last_status_s: float = -math.inf
+    order: RunOrder = field(default_factory=RunOrder)
+    status: Status | None = None
+    fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
+
+    def beside(self, now_s: float) -> bool:
+        """Return whether its daemon published a moment ago."""
+        return now_s - self.last_status_s <= BESIDE_S
+
+    def overlaps(self, other: _Run) -> bool:
+        """Return whether both daemons published at the same time."""
+        both_s = min(self.last_status_s, other.last_status_s) - max(self.first_status_s, other.first_status_s)
+        return both_s >= CLASH_S
+
+    def note(self, message: Message, now_s: float) -> None:
+        """Update with a message that arrived at ``now_s``."""
+        self.heard_s = now_s
+        if isinstance(message, SlipWarning):
+            self._level(message.finger, message.t_ns, message.level.value, message.reasons)
+        elif isinstance(message, Status):
+            self.status = message
+            self.first_status_s, self.last_status_s = min(self.first_status_s, now_s), now_s
+            for finger, each in message.fingers.items():
+                self._level(finger, message.t_ns, each.level.value, each.reasons)
+
+    def _level(self, finger: str, t_ns: int, level: str, reasons: tuple[str, ...]) -> None:
+        """Note the level of a finger; warnings overtake ``status`` on the way."""
+        if t_ns >= self.fingers.get(finger, (t_ns,))[0]:
+            self.fingers[finger] = (t_ns, level, reasons)
+
+
+@dataclass
 class _Robot:
     bridge: bool = False
     daemon: bool = False
     daemon_seen: bool = False
     token_seen: bool = False
-    runs: dict[str, DaemonRun] = field(default_factory=dict)
+    runs: dict[str, _Run] = field(default_factory=dict)
     begun: int = 0
-    run: DaemonRun = field(default_factory=DaemonRun)
+    run: _Run = field(default_factory=_Run)
     missed: int = 0
 
     def take(self, topic: str, raw: dict[str, Any], now_s: float) -> Message | None:
         """Note a message and return it; None for a repeat."""
-        run = self.runs.get(raw["boot"]) or DaemonRun()
+        run = self.runs.get(raw["boot"]) or _Run()
         message = run.order.accept(topic, raw)
         if message is None:
             return None
@@ -178,7 +234,7 @@ class _Robot:
         run.note(message, now_s)
         return message
 
-    def _begin(self, boot: str, run: DaemonRun, now_s: float) -> None:
+    def _begin(self, boot: str, run: _Run, now_s: float) -> None:
         """Remember a further run, instead of the one that is silent for the longest time.
 
         Where all of them are of daemons that publish, the newest gives way: the others show that they are several.
@@ -223,7 +279,7 @@ class _Robot:
         )
 
 
-def _fingers(runs: Sequence[DaemonRun]) -> dict[str, tuple[str, tuple[str, ...]]]:
+def _fingers(runs: Sequence[_Run]) -> dict[str, tuple[str, tuple[str, ...]]]:
     """Return the worst level of each finger in any of the runs, and its reasons."""
     fingers: dict[str, tuple[str, tuple[str, ...]]] = {}
     for run in runs:
@@ -233,7 +289,7 @@ def _fingers(runs: Sequence[DaemonRun]) -> dict[str, tuple[str, tuple[str, ...]]
     return fingers
 
 
-def _health(runs: Sequence[DaemonRun]) -> tuple[Health | None, str]:
+def _health(runs: Sequence[_Run]) -> tuple[Health | None, str]:
     """Return the worst health of the streams of any of the runs."""
     known = [run.status for run in runs if run.status is not None]
     worst, complaint = Health.OK, ""

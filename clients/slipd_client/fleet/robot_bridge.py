@@ -21,8 +21,8 @@ import zmq
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from slipd_client.errors import CallError, ConnectionClosed
-from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON, message_key
-from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
+from slipd_client.fleet.fleet_state import BRIDGE, DAEMON
+from slipd_client.fleet.zenoh_session import Reach, configuration, described, message_key, opened
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.paths import hint_for, publish_endpoint

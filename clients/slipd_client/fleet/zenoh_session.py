@@ -1,4 +1,7 @@
-"""Opens a Zenoh session: discovery is off, and a peer that vanishes is noticed within a second."""
+"""Zenoh for a fleet: the keys of messages and liveliness tokens, and sessions.
+
+Discovery is off, and a peer that vanishes is noticed within a second.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from typing import Any, NamedTuple
 
 import zenoh
 
+from slipd_client.arguments import FLEET_NAME
 from slipd_client.errors import CallError, ClientError
 
 LEASE_MS = 1000
@@ -40,6 +44,7 @@ _SETTINGS: dict[str, Any] = {
 """Settings that hold where no configuration file is given."""
 
 
+_TOPIC = re.compile(r"[a-z0-9_]+(\.[a-z0-9_]+)?")
 _PLACE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
 
 
@@ -126,3 +131,22 @@ def described(reach: Reach) -> str:
 def _why(error: zenoh.ZError) -> str:
     """Return the text of an error without the places in the source code of Zenoh."""
     return _PLACE.sub("", str(error))
+
+
+def message_key(fleet: str, robot: str, topic: str) -> str:
+    """Return the key of the messages of a topic, e.g. ``plant/arm3/slip.left``, or of a liveliness token.
+
+    Raises:
+        CallError: The topic is not one of the daemon, or does not fit into one part of a key.
+    """
+    if not _TOPIC.fullmatch(topic):
+        raise CallError(f"topic must be a word, or two joined by a dot, got {topic!r:.80}")
+    return f"{fleet}/{robot}/{topic}"
+
+
+def split_key(key: str, fleet: str) -> tuple[str, str] | None:
+    """Return robot and last part of a key of this fleet; None for any other key."""
+    parts = key.split("/")
+    if len(parts) != 3 or parts[0] != fleet or not FLEET_NAME.fullmatch(parts[1]):
+        return None
+    return parts[1], parts[2]

@@ -16,7 +16,6 @@ import msgpack
 from slipd_client.errors import MessageError
 from slipd_client.messages.names import PROTOCOL_VERSION
 from slipd_client.messages.schema.fields import read_fields
-from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.topics import TOPICS, Message
 
 _HEADER = {"seq": int, "boot": str, "t_ns": int}
@@ -59,11 +58,7 @@ def typed_message(topic: str, raw: dict[str, Any], missed: int = 0, restarted: b
         MessageError: A field that must be there is missing, or a field is of another kind.
     """
     cls = TOPICS.get(topic.partition(".")[0], Message)
-    try:
-        values = read_fields(cls, raw)
-    except Mismatch as fault:
-        raise MessageError(fault.code, f"{fault.path} {fault.rule}", fault.path) from fault
-    return cls(topic=topic, raw=raw, missed=missed, restarted=restarted, **values)
+    return cls(topic=topic, raw=raw, missed=missed, restarted=restarted, **read_fields(cls, raw))
 
 
 class RunOrder:

@@ -86,34 +86,6 @@ def json_answer(value: object) -> Response:
     return answer(HTTPStatus.OK, json.dumps(value).encode(), "application/json")
 
 
-class Site:
-    """The files of the page, read once.
-
-    Args:
-        settings: What the page must know before its first message.
-        start: The file that ``/`` serves.
-    """
-
-    def __init__(self, settings: dict[str, object], start: str = "index.html") -> None:
-        self._answers = {
-            f"/{path.relative_to(ASSETS).as_posix()}": (path.read_bytes(), f"{_TYPES[path.suffix]}; charset=utf-8")
-            for path in sorted(ASSETS.rglob("*"))
-            if path.suffix in _TYPES
-        }
-        self._answers["/"] = self._answers[f"/{start}"]
-        self._answers["/commission"] = self._answers["/commission.html"]
-        self._settings = settings | {"words": _WORDS}
-
-    def settings(self) -> Response:
-        """Return the settings with the words of the wire; they name the source, so they need the token."""
-        return json_answer(self._settings)
-
-    def answer(self, path: str) -> Response | None:
-        """Return the file of a path; None if the page has no such file."""
-        found = self._answers.get(path)
-        return None if found is None else answer(HTTPStatus.OK, *found)
-
-
 _TEXT = """\
 <!doctype html>
 <meta charset="utf-8">
@@ -167,10 +139,11 @@ class PageServer:
 
     Args:
         address: Where to listen.
-        site: The files of the page.
+        settings: What the page must know before its first message; it names the source, so it needs the token.
         on_viewer: Serves the WebSocket of a browser; None if the page opens no WebSocket.
         on_commission: Serves the WebSocket of the page ``/commission``; None: the server has no such page.
         on_data: Answers requests for data below ``/data/``; None if the page requests no data.
+        start: The file that ``/`` serves.
 
     Attributes:
         token: What a browser must know to see or request anything; new for each server.
@@ -179,14 +152,21 @@ class PageServer:
     def __init__(
         self,
         address: ListenAddress,
-        site: Site,
+        settings: dict[str, object],
         on_viewer: OnViewer | None = None,
         on_data: OnData | None = None,
         on_commission: OnViewer | None = None,
+        start: str = "index.html",
     ) -> None:
         self.token = secrets.token_urlsafe(16)
         self._address = address
-        self._site = site
+        self._settings = settings | {"words": _WORDS}
+        self._files = {
+            f"/{path.relative_to(ASSETS).as_posix()}": (path.read_bytes(), f"{_TYPES[path.suffix]}; charset=utf-8")
+            for path in sorted(ASSETS.rglob("*"))
+            if path.suffix in _TYPES
+        }
+        self._files |= {"/": self._files[f"/{start}"], "/commission": self._files["/commission.html"]}
         self._on_viewer = {LIVE_PATH: on_viewer, COMMISSION_PATH: on_commission}
         self._on_data = on_data
 
@@ -229,7 +209,9 @@ class PageServer:
         path = request.path.partition("?")[0]
         if self._on_viewer.get(path) is not None:
             return None if origins else refusal(HTTPStatus.FORBIDDEN, "a WebSocket must state its Origin")
-        found = self._site.answer(path) or self._private(path, request.headers.get("Authorization", ""))
+        if path in self._files:
+            return answer(HTTPStatus.OK, *self._files[path])
+        found = self._private(path, request.headers.get("Authorization", ""))
         return found or refusal(HTTPStatus.NOT_FOUND, "there is no such page")
 
     def _private(self, path: str, authorization: str) -> Response | None:
@@ -239,7 +221,7 @@ class PageServer:
             return None
         if not self._knows(authorization.removeprefix("Bearer ")):
             return refusal(HTTPStatus.UNAUTHORIZED, "the token must be that of the address that was printed")
-        return self._on_data(path) if data and self._on_data is not None else self._site.settings()
+        return self._on_data(path) if data and self._on_data is not None else json_answer(self._settings)
 
     def _knows(self, token: str) -> bool:
         return hmac.compare_digest(token.encode(), self.token.encode())

@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
 from slipd_client.page.live_feed import LiveFeed
-from slipd_client.page.page_server import PageServer, Site
+from slipd_client.page.page_server import PageServer
 from slipd_client.page.requests_of_page import ADJUST_N, EmulatedHand, PageRequests
 from slipd_client.paths import publish_endpoint
 
@@ -176,8 +176,8 @@ async def view(
     hand = None if emulation is None else EmulatedHand(emulation)
     feed = LiveFeed(where, PageRequests(requests, keys) if allowed else None, keys, hand)
     guide = commission.view if commission is not None and allowed else None
-    site = Site({"live": True, "source": where, "buttons": allowed, "adjust_n": ADJUST_N})
-    async with PageServer(address, site, feed.view, on_commission=guide).serving() as url:
+    settings: dict[str, object] = {"live": True, "source": where, "buttons": allowed, "adjust_n": ADJUST_N}
+    async with PageServer(address, settings, feed.view, on_commission=guide).serving() as url:
         print(f"view: {url}", flush=True)
         if hand is not None and not hand.path.exists():
             print(f"no emulation runs in {emulation} yet: slipd emulate CONFIG --dir {emulation}", file=sys.stderr)

@@ -21,7 +21,7 @@ from pydantic import ValidationError
 from slipd.config.checks import semantic_faults
 from slipd.config.model import Config, table_model
 from slipd.errors import ConfigError, ConfigFault
-from slipd_client.path_trust import trust_faults, user_name
+from slipd_client.paths import trust_faults, user_name
 
 _TYPE_RULES = {
     "finite_number": "must be a finite number",
@@ -53,7 +53,7 @@ _DECIMAL_COMMA = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#
 
 
 def load(path: Path) -> Config:
-    """Read a config file that no other user may change (see `slipd_client.path_trust`).
+    """Read a config file that no other user may change (see `slipd_client.paths`).
 
     Raises:
         ConfigError: The file cannot be read, other users may change it, or it has faults; the error lists them all.

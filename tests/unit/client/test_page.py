@@ -24,7 +24,7 @@ from slipd_client.errors import CallError
 from slipd_client.messages import encode
 from slipd_client.page import live_feed
 from slipd_client.page.live_feed import LiveFeed, Newest
-from slipd_client.page.page_server import ASSETS, WRONG_TOKEN, PageServer, Site, json_answer, redirect_file
+from slipd_client.page.page_server import ASSETS, WRONG_TOKEN, PageServer, json_answer, redirect_file
 from slipd_client.page.requests_of_page import PageRequests
 from slipd_client.page.view_command import CommissionPage, view
 
@@ -40,7 +40,7 @@ async def greet(connection: ServerConnection) -> None:
 async def served(live: bool = True) -> AsyncIterator[str]:
     """A page with a WebSocket that greets, or with data; its address."""
     on_data = None if live else lambda path: json_answer(path) if path == "/data/some" else None
-    async with PageServer(LOOPBACK, Site({"live": live}), greet if live else None, on_data).serving() as url:
+    async with PageServer(LOOPBACK, {"live": live}, greet if live else None, on_data).serving() as url:
         yield url
 
 
@@ -133,7 +133,7 @@ async def test_a_port_in_use_is_an_error_that_names_another() -> None:
     async with served() as url:
         port = urlsplit(url).port
         with pytest.raises(CallError, match=rf"127.0.0.1:{port}.*in use.*--listen 127.0.0.1:0 takes any free port"):
-            await PageServer(ListenAddress("127.0.0.1", port), Site({})).serving().__aenter__()
+            await PageServer(ListenAddress("127.0.0.1", port), {}).serving().__aenter__()
 
 
 def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[bytes]:
@@ -211,7 +211,7 @@ async def viewing(publish: str, requests: PageRequests | None = None) -> AsyncIt
     """A feed, and the address of its page."""
     feed = LiveFeed(publish, requests)
     running = asyncio.create_task(feed.run())
-    async with PageServer(LOOPBACK, Site({}), feed.view).serving() as url:
+    async with PageServer(LOOPBACK, {}, feed.view).serving() as url:
         yield feed, url
     running.cancel()
     with suppress(asyncio.CancelledError):

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed
 
 from slipd_client.arguments import ListenAddress
 from slipd_client.page import requests_of_page, view_command
-from slipd_client.page.page_server import COMMISSION_PATH, PageServer, Site
+from slipd_client.page.page_server import COMMISSION_PATH, PageServer
 from slipd_client.page.requests_of_page import SOCKET, EmulatedHand, PageRequests
 from slipd_client.page.view_command import CommissionPage
 from slipd_client.slipctl_parser import parser
@@ -231,7 +231,7 @@ def test_the_guide_is_started_with_the_endpoints_and_keys_of_the_view(
 
 @asynccontextmanager
 async def guiding(config: Path | None) -> AsyncIterator[str]:
-    server = PageServer(ListenAddress("127.0.0.1", 0), Site({}), on_commission=CommissionPage(config).view)
+    server = PageServer(ListenAddress("127.0.0.1", 0), {}, on_commission=CommissionPage(config).view)
     async with server.serving() as url:
         yield url
 

@@ -14,7 +14,7 @@ from project import CONFIG, TRIAL
 from slipd import config
 from slipd.cli import main
 from slipd.errors import ConfigError
-from slipd_client import path_trust
+from slipd_client import paths
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 SOMEBODY = 54321
@@ -35,7 +35,7 @@ def give_away(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if os.geteuid() == 0:
         os.chown(path, SOMEBODY, -1, follow_symlinks=False)
     else:
-        monkeypatch.setattr(path_trust.os, "geteuid", lambda: SOMEBODY)
+        monkeypatch.setattr(paths.os, "geteuid", lambda: SOMEBODY)
 
 
 def refusal(path: Path) -> str:
@@ -70,8 +70,8 @@ def test_only_a_group_without_other_members_may_write(rig: Path, monkeypatch: py
     me = pwd.getpwuid(os.geteuid())
     somebody = pwd.struct_passwd(("somebody", "x", SOMEBODY, rig.stat().st_gid, "", "/", "/bin/sh"))
     for users, good in (([me], True), ([me, somebody], False)):
-        monkeypatch.setattr(path_trust.pwd, "getpwall", lambda users=users: users)
-        assert (path_trust.trust_faults(rig) == []) == good
+        monkeypatch.setattr(paths.pwd, "getpwall", lambda users=users: users)
+        assert (paths.trust_faults(rig) == []) == good
     if os.geteuid() == 0:
         monkeypatch.undo()
         os.chown(rig, -1, SOMEBODY)  # a group that this machine does not know
@@ -92,7 +92,7 @@ def test_owner_folder_and_target_of_a_file_and_of_a_link_are_checked(
     give_away(link, monkeypatch)
     assert f"{link} must belong to root or to " in refusal(link)
     give_away(rig, monkeypatch)
-    assert f"chown {path_trust.user_name(os.geteuid())} {rig}" in refusal(rig)
+    assert f"chown {paths.user_name(os.geteuid())} {rig}" in refusal(rig)
 
 
 @pytest.mark.parametrize(("name", "target"), [("gone", "nothing"), ("circle", "circle")])

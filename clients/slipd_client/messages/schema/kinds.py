@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from slipd_client.errors import MessageError
 from slipd_client.messages.names import ErrorCode, Health, SlipLevel
 
 Pair = tuple[float, float]
@@ -13,22 +14,16 @@ Triple = tuple[float, float, float]
 Sextuple = tuple[float, float, float, float, float, float]
 
 
-class Mismatch(ValueError):  # noqa: N818 - it names what happened
-    """A value that is not of its field's kind.
-
-    Attributes:
-        code: The kind of fault, as in the ``error`` of a reply: "bad_type" or "missing_field".
-        path: Dotted path of the field.
-    """
+class Mismatch(MessageError):  # noqa: N818 - it names what happened
+    """A value that is not of its field's kind; its code is "bad_type" or "missing_field"."""
 
     def __init__(self, code: ErrorCode, rule: str, path: str = "") -> None:
-        self.code: ErrorCode = code
         self.rule = rule
-        self.path = path
+        super().__init__(code, f"{path} {rule}", path)
 
     def within(self, key: str) -> Mismatch:
         """Return the same fault as seen from the map or list that holds the value."""
-        return Mismatch(self.code, self.rule, f"{key}.{self.path}" if self.path else key)
+        return Mismatch(self.code, self.rule, f"{key}.{self.field}" if self.field else key)
 
 
 @dataclass(frozen=True)

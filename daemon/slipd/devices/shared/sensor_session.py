@@ -1,7 +1,7 @@
-"""Sessions with sensors: the requests that bring a device to sending readings, again when it falls silent.
+"""Sessions with sensors: the requests that bring a device to sending readings, again when it falls silent, and polls.
 
 `StartupSequence` handles requests, answers and time, but does not know what they mean; the subclass of `SensorSession`
-does.
+does. `PolledSession` is for devices that answer each request with one reading.
 """
 
 from __future__ import annotations
@@ -204,6 +204,59 @@ class SensorSession(Generic[S]):
 
     def _handle_answers(self, now_ns: int) -> None:
         """Look for the awaited answer among the bytes that the decoder received last."""
+
+
+class PolledSession(Generic[S]):
+    """Keep one poll outstanding. `state` is "closed", "waiting" or "running".
+
+    Args:
+        decoder: Decoder of the replies.
+        request: What to send for one reading.
+        timeout_ns: Time after which a poll without a reading was lost.
+        period_ns: Least time between two polls; a late one delays none of the next. 0: each reading makes one due.
+    """
+
+    identity = ""
+
+    def __init__(self, decoder: _Decoder[S], request: bytes, timeout_ns: int, period_ns: int = 0) -> None:
+        self.decoder = decoder
+        self.health = decoder.health
+        self.state = "closed"
+        self._request, self._timeout_ns, self._period_ns = request, timeout_ns, period_ns
+        self._next_ns = 0
+        self._due_ns: int | None = None
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link; return the first poll."""
+        self.state, self._due_ns = "waiting", now_ns
+        return self.on_time(now_ns)
+
+    def receive(self, data: bytes, now_ns: int) -> list[S]:
+        """Return the readings that bytes received at ``now_ns`` complete; a reading makes the next poll due."""
+        samples = self.decoder.receive(data, now_ns)
+        if samples and self._due_ns is not None:
+            self.state = "running"
+            self._due_ns = max(self._next_ns, now_ns)
+        return samples
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        return self._due_ns
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the poll that is due at ``now_ns``; empty if none is."""
+        if self._due_ns is None or now_ns < self._due_ns:
+            return b""
+        self.decoder.forget()  # the rest of an earlier reply will not come
+        late = now_ns >= self._next_ns + self._period_ns
+        self._next_ns = (now_ns if late else self._next_ns) + self._period_ns
+        self._due_ns = now_ns + self._timeout_ns
+        return self._request
+
+    def stop(self) -> bytes:
+        """End; the device needs no request for that."""
+        self.state, self._due_ns = "closed", None
+        return b""
 
 
 def strip_padding(data: bytes) -> str:

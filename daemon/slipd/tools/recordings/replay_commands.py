@@ -30,7 +30,7 @@ from slipd.types.device_text import printable
 from slipd_client.arguments import ListenAddress
 from slipd_client.errors import CallError
 from slipd_client.messages import WARNING_TOPIC
-from slipd_client.page.page_server import PageServer, Site, answer, json_answer
+from slipd_client.page.page_server import PageServer, answer, json_answer
 
 BLOCK_NS = 1_000_000_000
 FRAME_NS = 33_333_333
@@ -120,9 +120,9 @@ def view_recording(path: Path, listen: ListenAddress) -> None:
     with interruptible():
         view = RecordingView(recording)
         compile_kernels()
-    site = Site({"live": False, "source": str(path), "buttons": False})
+    settings: dict[str, object] = {"live": False, "source": str(path), "buttons": False}
     try:
-        asyncio.run(_serve(PageServer(listen, site, on_data=view.answer), view))
+        asyncio.run(_serve(PageServer(listen, settings, on_data=view.answer), view))
     except CallError as error:
         raise SlipdError(str(error)) from error
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slipd.devices import DecoderHealth, Device
+from slipd.devices.shared.sensor_session import PolledSession
 from slipd.types.samples import WrenchSample
 
 ASK = b"R"
@@ -76,52 +77,15 @@ class Decoder:
             self._in_step = False
 
 
-class Session:
-    """Keep one poll outstanding. `state` is "closed", "waiting" or "running".
+class Session(PolledSession[WrenchSample]):
+    """Poll the sensor; every reading makes the next poll due.
 
     Args:
         sensitivity: See `Decoder`.
     """
 
-    identity = ""
-
     def __init__(self, sensitivity: Sequence[float] = SENSITIVITY) -> None:
-        self.decoder = Decoder(sensitivity)
-        self.health = self.decoder.health
-        self.state = "closed"
-        self._due_ns: int | None = None
-
-    def start(self, now_ns: int) -> bytes:
-        """Start on a newly opened link and return the first poll."""
-        self.decoder.forget()
-        self.state = "waiting"
-        self._due_ns = now_ns + REPLY_TIMEOUT_NS
-        return ASK
-
-    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
-        """Return the readings that bytes received at ``now_ns`` complete; a reading makes the next poll due."""
-        samples = self.decoder.receive(data, now_ns)
-        if samples and self._due_ns is not None:
-            self.state = "running"
-            self._due_ns = now_ns
-        return samples
-
-    def next_deadline(self) -> int | None:
-        """Return the time at which `on_time` is due, ns; None while closed."""
-        return self._due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the poll that is due at ``now_ns``, or no bytes."""
-        if self._due_ns is None or now_ns < self._due_ns:
-            return b""
-        self._due_ns = now_ns + REPLY_TIMEOUT_NS
-        return ASK
-
-    def stop(self) -> bytes:
-        """End the session; the sensor needs no command."""
-        self.state = "closed"
-        self._due_ns = None
-        return b""
+        super().__init__(Decoder(sensitivity), ASK, REPLY_TIMEOUT_NS)
 
 
 def encode_reply(counts: Sequence[int], tick: int = 0) -> bytes:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import struct
 
 from slipd.devices import DecoderHealth, Device
+from slipd.devices.shared.sensor_session import PolledSession
 from slipd.types.samples import WrenchSample
 
 HEADER = b"\xaa\x55"
@@ -67,8 +68,8 @@ def _sample(payload: bytes, t_ns: int) -> WrenchSample:
     return WrenchSample(t_ns, None, [N_PER_COUNT * value for value in (x, y, z)], None, ("overload",) if full else ())
 
 
-class Session:
-    """Keep one poll outstanding. `state` is "closed", "waiting" or "running".
+class Session(PolledSession[WrenchSample]):
+    """Poll one module in its period.
 
     Args:
         module: Number of the module on the board, 0 to 7.
@@ -77,52 +78,10 @@ class Session:
         ValueError: There is no such module.
     """
 
-    identity = ""
-
     def __init__(self, module: int = 0) -> None:
         if module not in range(8):
             raise ValueError(f"module must be from 0 to 7, got {module}")
-        self._request = encode_request(module)
-        self.decoder = Decoder()
-        self.health = self.decoder.health
-        self.state = "closed"
-        self._next_ns = 0
-        self._due_ns: int | None = None
-
-    def start(self, now_ns: int) -> bytes:
-        """Start on a newly opened link and return the first poll."""
-        self.state = "waiting"
-        return self._poll(now_ns)
-
-    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
-        """Return the readings that bytes received at ``now_ns`` complete."""
-        samples = self.decoder.receive(data, now_ns)
-        if samples and self._due_ns is not None:
-            self.state = "running"
-            self._due_ns = max(self._next_ns, now_ns)
-        return samples
-
-    def next_deadline(self) -> int | None:
-        """Return the time at which `on_time` is due, ns; None while closed."""
-        return self._due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the poll that is due at ``now_ns``, or no bytes."""
-        if self._due_ns is None or now_ns < self._due_ns:
-            return b""
-        return self._poll(now_ns)
-
-    def stop(self) -> bytes:
-        """End the session; the modules need no command."""
-        self.state, self._due_ns = "closed", None
-        return b""
-
-    def _poll(self, now_ns: int) -> bytes:
-        self.decoder.forget()
-        late = now_ns >= self._next_ns + POLL_NS
-        self._next_ns = (now_ns if late else self._next_ns) + POLL_NS
-        self._due_ns = now_ns + REPLY_TIMEOUT_NS
-        return self._request
+        super().__init__(Decoder(), encode_request(module), REPLY_TIMEOUT_NS, POLL_NS)
 
 
 def encode_request(module: int) -> bytes:
