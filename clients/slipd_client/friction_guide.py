@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Optional
 
-from slipd_client.errors import FrictionNotMeasured, RequestRefused
+from slipd_client.errors import ClientError, FrictionNotMeasured, RequestRefused
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import OBSTACLE_S, FrictionSession, config_lines, low_estimate, median_of, spread
 from slipd_client.grip import GripClient
@@ -43,23 +43,21 @@ def check(ask_status: Callable[[], StatusReply], finger: Optional[str]) -> list[
     while True:
         try:
             status = ask_status()
-        except RequestRefused:  # the machine stalled, and the request came too late
-            if time.monotonic() > until_s:
-                raise
-            time.sleep(LISTEN_S)
-            continue
-        if finger is not None and finger not in status.fingers:
-            raise FrictionNotMeasured(f"finger must be one of {', '.join(status.fingers)}, got {finger!r:.40}")
-        fingers = list(status.fingers) if finger is None else [finger]
-        faults = [
-            f"{name} is {stream.health.name}: {stream.message}"
-            for name, stream in status.streams.items()
-            if name.partition(".")[0] in fingers and stream.health >= Health.ERROR
-        ]
-        if not faults:
-            return fingers
+            if finger is not None and finger not in status.fingers:
+                raise FrictionNotMeasured(f"finger must be one of {', '.join(status.fingers)}, got {finger!r:.40}")
+            fingers = list(status.fingers) if finger is None else [finger]
+            faults = [
+                f"{name} is {stream.health.name}: {stream.message}"
+                for name, stream in status.streams.items()
+                if name.partition(".")[0] in fingers and stream.health >= Health.ERROR
+            ]
+            if not faults:
+                return fingers
+            obstacle: ClientError = FrictionNotMeasured("; ".join(faults))
+        except RequestRefused as refusal:  # the machine stalled, and the request came too late
+            obstacle = refusal
         if time.monotonic() > until_s:
-            raise FrictionNotMeasured("; ".join(faults))
+            raise obstacle
         time.sleep(LISTEN_S)
 
 

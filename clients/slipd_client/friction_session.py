@@ -151,13 +151,16 @@ class FrictionSession:
         grip_it: str = GRIP_IT,
     ) -> None:
         self._wanted, self._patience_s, self._say_line, self._grip_it = samples, patience_s, say, grip_it
-        self._watches = {finger: PullWatch() for finger in fingers}
         self._samples: dict[str, list[PullSample]] = {finger: [] for finger in fingers}
-        self._asked = ""
         self._time = ElapsedTime()
-        self._since_s = self._sample_s = self._blocked_s = 0.0
-        self._rejected = dict.fromkeys(fingers, 0)
-        self._disturbed = ""
+        self._begin()
+
+    def _begin(self) -> None:
+        """Wait for a grip at rest of every finger, with patience anew."""
+        self._watches = {finger: PullWatch() for finger in self._samples}
+        self._since_s = self._sample_s = self._time.passed_s
+        self._blocked_s, self._rejected = 0.0, dict.fromkeys(self._samples, 0)
+        self._asked = self._disturbed = ""
 
     @property
     def topics(self) -> list[str]:
@@ -185,10 +188,7 @@ class FrictionSession:
 
         What happened meanwhile was not followed, so every finger waits for a grip at rest first.
         """
-        self._watches = {finger: PullWatch() for finger in self._watches}
-        self._asked = ""
-        self._since_s = self._sample_s = self._time.passed_s
-        self._blocked_s, self._rejected, self._disturbed = 0.0, dict.fromkeys(self._rejected, 0), ""
+        self._begin()
         for samples in self._samples.values():
             if len(samples) >= MOST_PULLS * self._wanted:
                 group = agreeing(samples)

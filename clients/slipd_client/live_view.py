@@ -6,7 +6,7 @@ Knows no clock, socket or terminal: messages in, text out. An unknown value is s
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from slipd_client.live_view_parts import (
     FAULT_COLOUR,
@@ -44,20 +44,9 @@ _QUANTITIES = (
 )
 
 
-class Form(NamedTuple):
-    """How much is drawn.
-
-    Attributes:
-        streams: Every stream with rates and counters; else only those with a fault.
-        forces: Forces of the fingers too, not only level, utilisation and reasons.
-    """
-
-    streams: bool = False
-    forces: bool = True
-
-
-FORMS = (Form(streams=True), Form(), Form(forces=False))
-"""From the longest to the shortest; the first that fits the terminal is drawn."""
+FORMS = ((True, True), (False, True), (False, False))
+"""From the longest to the shortest: whether every stream is drawn with rates and counters, else only those with a
+fault, and whether forces of the fingers are, else only level, utilisation and reasons. The first that fits is drawn."""
 
 
 class LiveView:
@@ -91,8 +80,9 @@ class LiveView:
         Returns:
             One string per line, without line ends.
         """
-        for form in FORMS:
-            lines = self._lines(terminal, silent_s if silent_s > SILENT_AFTER_S else 0.0, form)
+        silent_s = silent_s if silent_s > SILENT_AFTER_S else 0.0
+        for streams, forces in FORMS:
+            lines = self._lines(terminal, silent_s, all_streams=streams, forces=forces)
             if len(lines) <= terminal.lines:
                 break
         else:
@@ -110,22 +100,22 @@ class LiveView:
         newest = max((body.get("timestamp") or 0.0 for body in self._newest.values()), default=0.0)
         return f"{clock_time(newest)}  {'  |  '.join(parts) or 'no verdict yet'}"
 
-    def _lines(self, terminal: Terminal, silent_s: float, form: Form) -> list[Line]:
+    def _lines(self, terminal: Terminal, silent_s: float, *, all_streams: bool, forces: bool) -> list[Line]:
         sheet = Sheet(terminal.columns)
         if silent_s:
             sheet.paragraph(f"no message for {silent_s:.1f} s: the following is out of date", FAULT_COLOUR)
         else:
             _add_header(sheet, self._newest.get(STATUS_TOPIC, {}))
-        left_out = [] if form.forces else ["forces"]
+        left_out = [] if forces else ["forces"]
         for finger, body in self._fingers():
-            _add_finger(sheet, finger, body, silent=silent_s > 0.0, forces=form.forces)
+            _add_finger(sheet, finger, body, silent=silent_s > 0.0, forces=forces)
         if gripper := self._newest.get(GRIPPER_TOPIC) or self._status("gripper"):
             add_gripper(sheet, gripper)
         for key, what in (("run_recording", "of the whole run  "), ("recording", "")):
             add_recording(sheet, self._status(key), what)
         add_incidents(sheet, self._status("incidents"))
         streams = self._status("streams")
-        if form.streams:
+        if all_streams:
             for name, stream in streams.items():
                 add_stream(sheet, name, stream)
         elif streams:

@@ -28,11 +28,11 @@ COMMANDS = {op: name for name, (_, op, _) in slipctl_parser.REQUESTS.items()}
 
 PROGRAMS = {
     "watch": ("", "", "watch"),
-    "diagnose": ("", "", "health.bundle"),
+    "diagnose": ("", "", "diagnose"),
     "friction measure": ("", "", "friction_guide"),
     "gravity": ("", "", "gravity_feed"),
     "view": ("websockets", "websockets", "page.view_command"),
-    "serve foxglove": ("foxglove", "foxglove-sdk", "viewers.viewers_command"),
+    "serve foxglove": ("foxglove", "foxglove-sdk", "ros.foxglove_command"),
     "serve ros2": ("cyclonedds", "cyclonedds", "ros2.ros2_command"),
     "serve fleet": ("zenoh", "eclipse-zenoh", "fleet.robot_bridge"),
     "fleet": ("zenoh", "eclipse-zenoh", "fleet.fleet_command"),

@@ -28,9 +28,9 @@ from slipd.io.zmtp.endpoint import check_free
 from slipd.recording.run_files import state_dir
 from slipd.recording.run_recorders import RunRecorders
 from slipd.recording.state_file import StateFile
-from slipd_client.health.repairs import summary
 from slipd_client.messages import STATUS_TOPIC, encode
 from slipd_client.paths import log_file, publish_endpoint, requests_endpoint, runtime_dir
+from slipd_client.repairs import summary
 
 KEEP_NS = 100_000_000
 """Time between two looks at the state that is kept for the next run: what a kill may cost of it."""

@@ -21,8 +21,8 @@ from slipd.service_run import Endpoints
 from slipd.tools.sim.emulators import make_emulator
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
-from slipd_client.health.repairs import repairs
 from slipd_client.messages.typed import Slip
+from slipd_client.repairs import repairs
 from slipd_client.subscriber import Subscriber
 
 pytestmark = pytest.mark.process

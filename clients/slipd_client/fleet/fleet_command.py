@@ -92,9 +92,8 @@ def _summary(fleet: str, rows: Sequence[RobotRow], unread: int) -> Line:
     text = f"fleet {fleet}  {len(rows)} {'robot' if len(rows) == 1 else 'robots'}"
     counts = [f"{states[state]} {state}" for state in sorted(states)]
     alarms = [f"{levels[level]} {level}" for level in ("slipping", "warning", "caution") if levels[level]]
-    lost = sum(row.missed_warnings for row in rows)
-    more = [f"{lost} warnings missed"] if lost else []
-    more += [f"{unread} messages not read"] if unread else []
+    losses = ((sum(row.missed_warnings for row in rows), "warnings missed"), (unread, "messages not read"))
+    more = [f"{count} {what}" for count, what in losses if count]
     return [("  ".join([text, *counts, *alarms, *more]), "1")]
 
 

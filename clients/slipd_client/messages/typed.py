@@ -1,5 +1,6 @@
 """The classes of the messages and replies, for programs that steer a robot; `slipd_client.messages.schema` has them."""
 
+from slipd_client.clock import ServerClock as Clock
 from slipd_client.messages.names import SlipLevel
 from slipd_client.messages.schema.kinds import Pair, Triple
 from slipd_client.messages.schema.parts import (
@@ -31,7 +32,6 @@ from slipd_client.messages.schema.replies import (
     TareResult,
 )
 from slipd_client.messages.schema.topics import (
-    Clock,
     Grasp,
     Gripper,
     Message,

@@ -183,20 +183,29 @@ def _check(chosen: argparse.Namespace) -> None:
     Raises:
         CallError: They do not.
     """
-    if chosen.orientation_from is not None and None in (chosen.hand, chosen.config):
-        raise CallError(
+    for wrong, rule in (
+        (
+            chosen.orientation_from is not None and None in (chosen.hand, chosen.config),
             "--orientation-from needs --hand FRAME, whose orientation is sent, and --config FILE, which has the "
-            "orientation of the pads in it"
-        )
-    if chosen.imu is not None and chosen.config is None:
-        raise CallError("--imu needs --config FILE, which has the orientation of the pads in the gripper's frame")
-    if (chosen.speed_scaling is None) is not (chosen.speed_floor is None):
-        raise CallError("--speed-scaling needs --speed-floor, the factor while the speed that holds is not known")
-    if chosen.check_plans is not None and not (chosen.plan_frame or chosen.orientation_from):
-        raise CallError("--check-plans needs --plan-frame FRAME, in which the poses of the plans are")
-    for name, value in (("--imu-mount", chosen.imu_mount), ("--imu-at", chosen.imu_at)):
-        if value is not None and chosen.imu is None:
-            raise CallError(f"{name} belongs to --imu")
+            "orientation of the pads in it",
+        ),
+        (
+            chosen.imu is not None and chosen.config is None,
+            "--imu needs --config FILE, which has the orientation of the pads in the gripper's frame",
+        ),
+        (
+            (chosen.speed_scaling is None) is not (chosen.speed_floor is None),
+            "--speed-scaling needs --speed-floor, the factor while the speed that holds is not known",
+        ),
+        (
+            chosen.check_plans is not None and not (chosen.plan_frame or chosen.orientation_from),
+            "--check-plans needs --plan-frame FRAME, in which the poses of the plans are",
+        ),
+        (chosen.imu_mount is not None and chosen.imu is None, "--imu-mount belongs to --imu"),
+        (chosen.imu_at is not None and chosen.imu is None, "--imu-at belongs to --imu"),
+    ):
+        if wrong:
+            raise CallError(rule)
     if chosen.imu_mount is not None and abs((length := math.hypot(*chosen.imu_mount)) - 1.0) > UNIT_TOLERANCE:
         raise CallError(f"--imu-mount must be a unit quaternion x y z w, got one of length {length:.4g}")
 

@@ -18,11 +18,11 @@ from project import DOCS
 from slipd.events import HostNotice, LinkDown, RecordingChanged
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import open_recording
+from slipd_client.diagnose import REMOVED, Bundle, without_secrets
 from slipd_client.errors import CallError
-from slipd_client.health.bundle import REMOVED, Bundle, without_secrets
-from slipd_client.health.repairs import FINGER_REPAIRS, repairs, summary
 from slipd_client.messages import decode, encode
 from slipd_client.messages.names import DAEMON_LATE, GRIP_UNKNOWN, REASONS
+from slipd_client.repairs import FINGER_REPAIRS, repairs, summary
 from slipd_client.slipctl_parser import parser
 from slipd_client.watch import print_status, repairs_text
 
@@ -116,7 +116,7 @@ def test_what_is_wrong_around_the_streams_is_listed_and_summed_up(changes: dict[
 
 def test_every_repair_has_its_section_in_the_documents() -> None:
     text = (DOCS / "health.md").read_text(encoding="utf-8")
-    code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")
+    code = (DOCS.parent / "clients/slipd_client/repairs.py").read_text(encoding="utf-8")
     words = "stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime|state|adapter"
     known = re.findall(rf'"((?:{words})-[a-z-]+)"', code)
     assert set(re.findall(r"^## ([a-z-]+)$", text, re.MULTILINE)) == set(known)

@@ -22,11 +22,11 @@ from ros_peers import plain
 from slipd_client.errors import CallError, Silence
 from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS
 from slipd_client.ros.conversion import TYPES, PadFrames, ros_messages
+from slipd_client.ros.foxglove_command import ViewerServer, levels_of
+from slipd_client.ros.layouts import Levels, foxglove_layout, plotjuggler_layout, plots
 from slipd_client.serving import follow, pads_of
 from slipd_client.slipctl import main
 from slipd_client.subscriber import Message, Subscriber
-from slipd_client.viewers.layouts import Levels, foxglove_layout, plotjuggler_layout, plots
-from slipd_client.viewers.viewers_command import ViewerServer, levels_of
 
 PADS = PadFrames({"left": {"positions": [[0.0, 0, 0, 0], [0.1, 0, 0.05, 0]], "quat_xyzw": [0, 0, 0, 1]}})
 NAMES = {kind.full_name: name for name, kind in TYPES.items()}

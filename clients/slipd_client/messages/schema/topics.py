@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from slipd_client.messages.names import PROTOCOL_VERSION, SlipLevel
 from slipd_client.messages.schema.fields import wire
@@ -28,12 +28,8 @@ from slipd_client.messages.schema.parts import (
     HeldObject,
 )
 
-
-class Clock(Protocol):
-    """Converts the daemon's times to this machine's; `slipd_client.clock.ServerClock` is one."""
-
-    def local_ns(self, server_ns: int) -> int | None:
-        """Return CLOCK_MONOTONIC of this machine at ``server_ns`` of the daemon's; None while that is not known."""
+if TYPE_CHECKING:
+    from slipd_client.clock import ServerClock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +65,7 @@ class Message:
         """
         return (time.monotonic_ns() - self.t_ns) * 1e-9
 
-    def age_by(self, clock: Clock) -> float | None:
+    def age_by(self, clock: ServerClock) -> float | None:
         """Return the age for a daemon on another machine; None while the clock of its ``GripClient`` is unknown."""
         local_ns = clock.local_ns(self.t_ns)
         return None if local_ns is None else (time.monotonic_ns() - local_ns) * 1e-9

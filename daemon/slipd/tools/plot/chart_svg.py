@@ -8,7 +8,7 @@ from html import escape
 
 from slipd.tools.plot.binned_track import Held, Range, Window
 from slipd.tools.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks, title_of
-from slipd_client.pad_picture import CENTROID, PadImage
+from slipd.tools.plot.pad_picture import CENTROID, PadImage
 
 WIDTH, LEFT, RIGHT = 1180, 150, 16
 """Width of the chart, and of what is beside the curves, px."""

@@ -8,9 +8,9 @@ from html import escape
 from slipd.config import Levels
 from slipd.tools.plot.chart import COLOURS, SPAN_COLOURS, chart
 from slipd.tools.plot.chart_svg import chart_svg, snapshot_svg
+from slipd.tools.plot.pad_picture import CENTROID, POLE
 from slipd.tools.plot.run_tracks import MOST_CHANGES, Change, ChangeLog, RunTracks
 from slipd_client.live_view_parts import UNKNOWN
-from slipd_client.pad_picture import CENTROID, POLE
 
 GENERATOR = "slipd plot"
 """What a page and a picture name as their program."""

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from slipd.recording.reader import EventGaps
 from slipd.tools.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
+from slipd.tools.plot.pad_picture import PadImage, pad_image
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, MOTION_TOPIC, SEVERITY, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.names import SlipLevel
-from slipd_client.pad_picture import PadImage, pad_image
 
 MOST_CHANGES = 400
 """Changes that are listed; a run may have any number."""

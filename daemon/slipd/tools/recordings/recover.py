@@ -32,7 +32,7 @@ from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile
 from slipd.recording.mcap_records import BAD_RECORD, HEAD, DamageError, inner_records, unpack_chunk
 from slipd.recording.reader import Recording, open_recording
 from slipd.tools.outputs import NEW, draft
-from slipd_client.health.bundle import without_secrets as without_secrets_of
+from slipd_client.diagnose import without_secrets as without_secrets_of
 
 _MARK = re.compile(rb"\x06.{36}\x04\0\0\0zstd|\x0c.{8}\x09\0\0\0slipd/end", re.DOTALL)
 """What every chunk and every end record of slipd begins with: its kind, some numbers, and a text with its length."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from slipd.tools.plot.binned_track import Held, Window
 from slipd.tools.plot.chart import Curve, Panel, Span, Strip, StripGroup
 from slipd.tools.plot.chart_svg import LEFT, PANEL, RIGHT, TAXEL, TITLE, WIDTH, chart_svg, snapshot_svg
-from slipd_client.pad_picture import CENTROID, POLE, PadImage, pad_image
+from slipd.tools.plot.pad_picture import CENTROID, POLE, PadImage, pad_image
 
 END_S = 10.0
 

@@ -21,9 +21,9 @@ from pathlib import Path
 
 from slipd_client.errors import CallError, SlipdClientError
 from slipd_client.grip import GripClient
-from slipd_client.health.repairs import repairs
 from slipd_client.keys import Keys
 from slipd_client.paths import log_file, trust_faults
+from slipd_client.repairs import repairs
 from slipd_client.subscriber import Subscriber
 from slipd_client.watch import repairs_text
 

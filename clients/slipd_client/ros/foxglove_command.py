@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 import foxglove
 
 from slipd_client.errors import CallError, Silence
+from slipd_client.ros import layouts
 from slipd_client.ros.conversion import (
     DIAGNOSTICS_TOPIC,
     TYPES,
@@ -27,11 +28,10 @@ from slipd_client.ros.conversion import (
     schema,
     stale_diagnostics,
 )
+from slipd_client.ros.layouts import Levels
 from slipd_client.ros.slipd_types import time_of
 from slipd_client.serving import follow, pads_of, read_config
 from slipd_client.subscriber import Subscriber
-from slipd_client.viewers import layouts
-from slipd_client.viewers.layouts import Levels
 
 if TYPE_CHECKING:
     from slipd_client.arguments import ListenAddress

@@ -1,1 +1,0 @@
-"""Health of a running slipd for people: what needs a repair, and a bundle for those who help."""

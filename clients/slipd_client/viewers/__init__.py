@@ -1,1 +1,0 @@
-"""Live messages for viewers that people already have: Foxglove, Lichtblick, PlotJuggler."""
