@@ -66,15 +66,6 @@ class Ask:
     unchecked: bool = False
 
 
-@dataclass(frozen=True)
-class Envelope:
-    """A packed request: its id, when it left (CLOCK_MONOTONIC), and its bytes."""
-
-    number: str
-    sent_ns: int
-    data: bytes
-
-
 class RequestProtocol(abc.ABC):
     """One client's requests to one daemon; arguments and attributes as of `GripClientBase`."""
 
@@ -178,9 +169,10 @@ class RequestProtocol(abc.ABC):
         timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
         until = await self._take_turn(timeout_s)
         try:
-            envelope = await self._send(ask, until)
+            number = f"{self._prefix}-{next(self._numbers)}"
+            sent_ns = await self._send(ask, number, until)
             while (frames := await self._frames(until)) is not None:
-                if (result := self._result(envelope, frames)) is not None:
+                if (result := self._result(number, sent_ns, frames)) is not None:
                     return result
         finally:
             self._turn.release()
@@ -189,11 +181,12 @@ class RequestProtocol(abc.ABC):
             f"{self._unreadable}"
         )
 
-    async def _send(self, ask: Ask, until: float) -> Envelope:
+    async def _send(self, ask: Ask, number: str, until: float) -> int:
+        """Send a request under this id; return when it left, CLOCK_MONOTONIC."""
         while True:
-            envelope = self._pack(ask)
-            if self._link.send(envelope.data):
-                return envelope
+            sent_ns = self._now_ns()
+            if self._link.send(self._packed(ask, number, sent_ns)):
+                return sent_ns
             if not await self._writable(until):
                 where = self.endpoint
                 raise NoAnswer(f"nobody accepts requests at {where}; nothing was sent. {hint_for(where)}")
@@ -209,9 +202,9 @@ class RequestProtocol(abc.ABC):
         if stream != "all" or not begun.tare_ids:
             tare = await self._wait_for_tare(finger, stream, begun.tare_id, until_ns)
             return TareResult(tare | verified, finger, begun.verified, {tare.stream or "": tare})
-        tares = {}
-        for kind, before in begun.tare_ids.items():
-            tares[kind] = await self._wait_for_tare(finger, kind, before, until_ns)
+        tares = {
+            kind: await self._wait_for_tare(finger, kind, before, until_ns) for kind, before in begun.tare_ids.items()
+        }
         return TareResult({"finger": finger, "streams": tares} | verified, finger, begun.verified, tares)
 
     async def _wait_for_tare(self, finger: str, stream: str | None, before: int | None, until_ns: int) -> TareReply:
@@ -230,8 +223,8 @@ class RequestProtocol(abc.ABC):
             raise TareGivenUp("undone", f"the tare of {what} was given up: {TARE_REASONS['undone'].replace('`', '')}")
         raise TareGivenUp(tare.given_up_reason or "", f"the tare of {what} was given up: {tare.given_up}")
 
-    def _pack(self, ask: Ask) -> Envelope:
-        """Return a request as it leaves now.
+    def _packed(self, ask: Ask, number: str, now_ns: int) -> bytes:
+        """Return the bytes of a request that leaves now.
 
         Raises:
             MessageError: The fields make no acceptable message (NaN, a string that is too long).
@@ -241,8 +234,6 @@ class RequestProtocol(abc.ABC):
         """
         if not ask.unchecked:
             self._check(ask.op)
-        number = f"{self._prefix}-{next(self._numbers)}"
-        now_ns = self._now_ns()
         body: dict[str, Any] = {"v": PROTOCOL_VERSION, "id": number, "op": ask.op}
         if ask.op != "hello":
             earliest_ns = self.clock.earliest_ns(now_ns)
@@ -253,10 +244,10 @@ class RequestProtocol(abc.ABC):
         decode(data, request_limits(data))
         if ask.unchecked:
             self._lease_asked_ns = now_ns
-        return Envelope(number, now_ns, data)
+        return data
 
-    def _result(self, envelope: Envelope, frames: list[bytes]) -> Result | None:
-        """Return the result in the reply to a request; None for the reply to an earlier one, or an unreadable one.
+    def _result(self, number: str, sent_ns: int, frames: list[bytes]) -> Result | None:
+        """Return the result in the reply to this request; None for the reply to an earlier one, or an unreadable one.
 
         Raises:
             RequestRefused: The reply is a refusal.
@@ -266,7 +257,7 @@ class RequestProtocol(abc.ABC):
         except MessageError as error:
             self._unreadable = f"; a reply could not be read: {error}"
             return None
-        if reply.get("id") != envelope.number:
+        if reply.get("id") != number:
             return None
         self._unreadable = ""
         t_ns = reply.get("t_ns")
@@ -274,7 +265,7 @@ class RequestProtocol(abc.ABC):
         if type(t_ns) is not int and type(result) is dict:
             t_ns = result.get("t_ns")
         if type(t_ns) is int:
-            self.clock.observe(envelope.sent_ns, self._now_ns(), t_ns)
+            self.clock.observe(sent_ns, self._now_ns(), t_ns)
         if reply.get("ok") is True and type(result) is dict:
             return result
         if type(fault) is not dict:

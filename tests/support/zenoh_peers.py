@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import zenoh
 from own_address import free_port, own_host
 
-from slipd_client.fleet.zenoh_session import Reach, configuration, opened
+from slipd_client.fleet.fleet_network import Reach, configuration, opened
 
 
 def free_endpoint() -> str:

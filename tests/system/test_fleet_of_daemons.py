@@ -18,7 +18,7 @@ pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
 
 from zenoh_peers import free_endpoint, session
 
-from slipd_client.fleet.fleet_listener import FleetListener
+from slipd_client.fleet.fleet_network import FleetListener
 from slipd_client.fleet.fleet_state import SILENT_AFTER_S
 from slipd_client.messages import decode
 

@@ -14,9 +14,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from slipd_client.errors import require
-from slipd_client.fleet.fleet_listener import FleetListener
+from slipd_client.fleet.fleet_network import FleetListener, Reach, configuration, described, opened
 from slipd_client.fleet.fleet_state import CLASH, GONE, LIVE, PUBLISHING, RobotRow
-from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
 from slipd_client.live_view_parts import HEALTH_COLOURS, LEVEL_COLOURS, UNKNOWN, clock_time, plain
 from slipd_client.messages.names import SEVERITY
 from slipd_client.terminal import (

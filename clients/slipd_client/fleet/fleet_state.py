@@ -163,16 +163,7 @@ class FleetState:
 
 @dataclass
 class _Run:
-    """One run of a daemon, of which `status` and `warning` arrive in any order.
-
-    Attributes:
-        heard_s: When its last message arrived.
-        first_status_s: When its first ``status`` arrived.
-        last_status_s: When its last ``status`` arrived.
-        order: Numbers of its messages.
-        status: The last ``status``; None before the first.
-        fingers: Finger → time (CLOCK_MONOTONIC of the daemon, ns), level and reasons.
-    """
+    """One run of a daemon, of which `status` and `warning` arrive in any order."""
 
     heard_s: float = 0.0
     first_status_s: float = math.inf
@@ -180,6 +171,7 @@ class _Run:
     order: RunOrder = field(default_factory=RunOrder)
     status: Status | None = None
     fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
+    """Finger → time (CLOCK_MONOTONIC of the daemon, ns), level and reasons."""
 
     def beside(self, now_s: float) -> bool:
         """Return whether its daemon published a moment ago."""

@@ -21,8 +21,8 @@ import zmq
 from zenoh.ext import AdvancedPublisher, CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from slipd_client.errors import CallError, ConnectionClosed
+from slipd_client.fleet.fleet_network import Reach, configuration, described, message_key, opened
 from slipd_client.fleet.fleet_state import BRIDGE, DAEMON
-from slipd_client.fleet.zenoh_session import Reach, configuration, described, message_key, opened
 from slipd_client.link import Link
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.paths import hint_for, publish_endpoint
@@ -47,7 +47,7 @@ PRIORITIES: dict[str, zenoh.Priority] = {
 
 
 class BridgePublisher:
-    """The publishers and liveliness tokens of one robot.
+    """The publishers and liveliness tokens of one robot. Each topic is published by one thread alone.
 
     Args:
         session: Of Zenoh; it ends all of them when it is closed.
@@ -58,7 +58,6 @@ class BridgePublisher:
     def __init__(self, session: zenoh.Session, fleet: str, robot: str) -> None:
         self._session = session
         self._names = fleet, robot
-        self._lock = threading.Lock()
         self._publishers: dict[str, AdvancedPublisher] = {WARNING_TOPIC: self._declared(WARNING_TOPIC)}
         self._bridge = session.liveliness().declare_token(message_key(fleet, robot, BRIDGE))
         self._daemon: zenoh.LivelinessToken | None = None
@@ -72,12 +71,10 @@ class BridgePublisher:
             CallError: ``topic`` is not a topic of the daemon.
             ConnectionClosed: The session is closed.
         """
-        with self._lock:
-            publisher = self._publishers.get(topic)
-            if publisher is None:
-                publisher = self._publishers[topic] = self._declared(topic)
+        if topic not in self._publishers:
+            self._publishers[topic] = self._declared(topic)
         try:
-            publisher.put(payload)
+            self._publishers[topic].put(payload)
         except zenoh.ZError as error:
             raise ConnectionClosed(f"the Zenoh session was closed: {error}") from error
 
@@ -178,9 +175,9 @@ class Bridge:
         Raises:
             ConnectionClosed: The Zenoh session was closed.
         """
+        self._thread.start()
+        heard_s = time.monotonic()
         try:
-            self._thread.start()
-            heard_s = time.monotonic()
             while self._thread.is_alive():
                 due_s = self._limit.due_s()
                 until_s = time.monotonic() + WAKE_S
@@ -198,8 +195,7 @@ class Bridge:
                     self._report_silence()
         finally:
             self._ended.set()
-            if self._thread.ident is not None:
-                self._thread.join(END_S)
+            self._thread.join(END_S)
         raise ConnectionClosed("the Zenoh session was closed")
 
     def _forward(self, frames: list[bytes], now_s: float) -> None:

@@ -25,8 +25,7 @@ from slipd_client.messages.codec import encode
 from slipd_client.messages.names import Health
 from slipd_client.quaternions import product
 from slipd_client.ros.conversion import Entry, entry
-from slipd_client.ros2.arm_sources import ArmSource
-from slipd_client.ros2.arm_stream import ArmReading, clock_offset_ns
+from slipd_client.ros2.arm_motion import ArmReading, ArmSource, clock_offset_ns
 from slipd_client.ros2.orientation import STALE_S, OrientationUnknown
 
 

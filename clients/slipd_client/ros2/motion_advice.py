@@ -19,7 +19,7 @@ from slipd_client.messages.schema.request_fields import MOST_POINTS
 from slipd_client.motion import MotionAdvisorBase, point_of
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros.slipd_types import CHECKED, motion_check
-from slipd_client.ros2.arm_stream import POSE_SPAN_S, PoseMotion
+from slipd_client.ros2.arm_motion import POSE_SPAN_S, PoseMotion
 from slipd_client.ros2.dds import taken
 from slipd_client.ros2.feeds import Background
 from slipd_client.ros2.orientation import OrientationUnknown, Pose, unit, vector

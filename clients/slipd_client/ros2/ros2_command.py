@@ -32,8 +32,7 @@ from slipd_client.ros.conversion import (
     stale_diagnostics,
 )
 from slipd_client.ros.slipd_types import time_of
-from slipd_client.ros2.arm_sources import ArmSource, Imu, Transforms
-from slipd_client.ros2.arm_stream import IMU_SPAN_S, POSE_SPAN_S
+from slipd_client.ros2.arm_motion import IMU_SPAN_S, POSE_SPAN_S, ArmSource, Imu, Transforms
 from slipd_client.ros2.dds import RosPublisher, joined, ros_environment, ros_reader
 from slipd_client.ros2.feeds import ArmFeed, OrientationFeed, RosFeed, arm_port
 from slipd_client.ros2.motion_advice import PLAN, PlanCheck, SpeedScaling

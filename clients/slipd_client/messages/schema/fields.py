@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections import ChainMap
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any
 
@@ -33,6 +33,7 @@ class Field:
         limit: The part of its range that the config or the gripper sets, in words.
         default: Value for requests without it; None where there is no such value.
         omitted: What happens in a request without it, in words.
+        needed: A map of a message or reply without it is refused.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Field:
     limit: str = ""
     default: float | bool | None = None
     omitted: str = ""
+    needed: bool = False
 
     @property
     def type_name(self) -> str:
@@ -111,23 +113,21 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
 _FIELDS: dict[type[Any], tuple[Field, ...]] = {}
 """Fields of each class, found once."""
 
-_PLANS: dict[type[Any], tuple[tuple[str, str, Callable[[Any], Any], bool], ...]] = {}
-"""How to read each class, found once."""
-
 
 def fields_of(cls: type[Any]) -> tuple[Field, ...]:
     """Return the fields that the attributes of a dataclass declare, in their order; none of another class."""
-    if not dataclasses.is_dataclass(cls):
-        return ()
     if cls in _FIELDS:
         return _FIELDS[cls]
+    if not dataclasses.is_dataclass(cls):
+        return ()
     names = ChainMap(*(vars(sys.modules[base.__module__]) for base in cls.__mro__))
     found = []
     for each in dataclasses.fields(cls):
         if declared := each.metadata.get("wire"):
             kind = _kind(str(each.type).removesuffix(" | None"), names)
             name = declared["name"] or each.name
-            found.append(Field(**declared | {"name": name, "attribute": each.name, "kind": kind}))
+            needed = each.default is MISSING and each.default_factory is MISSING
+            found.append(Field(**declared | {"name": name, "attribute": each.name, "kind": kind, "needed": needed}))
     _FIELDS[cls] = tuple(found)
     return _FIELDS[cls]
 
@@ -139,27 +139,16 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
         Mismatch: A field is missing without a default, or its value is of another kind.
     """
     values = {}
-    for attribute, key, read, needed in _PLANS.get(cls) or _plan(cls):
-        value = raw.get(key)
+    for field in fields_of(cls):
+        value = raw.get(field.name)
         if value is not None:
             try:
-                values[attribute] = read(value)
+                values[field.attribute] = field.kind.read(value)
             except Mismatch as mismatch:
-                raise mismatch.within(key) from None
-        elif needed:
-            raise Mismatch("missing_field", "is missing", key)
+                raise mismatch.within(field.name) from None
+        elif field.needed:
+            raise Mismatch("missing_field", "is missing", field.name)
     return values
-
-
-def _plan(cls: type[Any]) -> tuple[tuple[str, str, Callable[[Any], Any], bool], ...]:
-    """Look up attribute, key, reader and whether there is no default, of each field."""
-    without_default = {
-        each.name for each in dataclasses.fields(cls) if each.default is MISSING and each.default_factory is MISSING
-    }
-    _PLANS[cls] = tuple(
-        (each.attribute, each.name, each.kind.read, each.attribute in without_default) for each in fields_of(cls)
-    )
-    return _PLANS[cls]
 
 
 def _part(cls: type[Any]) -> Kind:

@@ -14,8 +14,8 @@ import zenoh
 from client_peers import PATIENCE_S, Publisher, until
 from zenoh_peers import Router, session
 
-from slipd_client.fleet import fleet_listener
-from slipd_client.fleet.fleet_listener import FairQueue, FleetListener
+from slipd_client.fleet import fleet_network
+from slipd_client.fleet.fleet_network import FairQueue, FleetListener
 from slipd_client.fleet.robot_bridge import BridgePublisher
 from slipd_client.messages import decode, encode
 
@@ -187,7 +187,7 @@ def test_Z9_an_alarm_is_read_before_the_flood_that_came_first(router: Router, mo
         arrive(hostile, here, "flood")
         honest.put("warning", warning(1, "honest"))
         arrive(other, here, "honest")
-        monkeypatch.setattr(fleet_listener, "WORK_S", PATIENCE_S)
+        monkeypatch.setattr(fleet_network, "WORK_S", PATIENCE_S)
         boots = [message.raw["boot"] for message in view.take(0.05)]
         assert boots.index("honest") <= 2
         assert boots.count("flood") > FLOOD / 2

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from slipd_client.arguments import check_name
 from slipd_client.errors import CallError
 from slipd_client.fleet.fleet_command import change_text, fleet_lines, fleet_map
+from slipd_client.fleet.fleet_network import message_key, split_key
 from slipd_client.fleet.fleet_state import BRIDGE, DAEMON, MOST_RUNS, SILENT_AFTER_S, FleetState, RobotRow
-from slipd_client.fleet.zenoh_session import message_key, split_key
 from slipd_client.messages import Health, encode
 from slipd_client.terminal import Terminal
 from slipd_client.topic_limit import TopicLimit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ros_values import attributes, numbers
 from scipy.spatial.transform import Rotation
 
-from slipd_client.ros2.arm_stream import (
+from slipd_client.ros2.arm_motion import (
     IMU_SPAN_S,
     POSE_SPAN_S,
     ArmReading,

@@ -30,7 +30,7 @@ from slipd_client.messages import Health
 from slipd_client.quaternions import IDENTITY, Quaternion
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros2 import feeds
-from slipd_client.ros2.arm_sources import Imu
+from slipd_client.ros2.arm_motion import Imu
 from slipd_client.ros2.dds import RosPublisher
 from slipd_client.ros2.feeds import ArmFeed, ArmPort, OrientationFeed, RosFeed, arm_port
 
