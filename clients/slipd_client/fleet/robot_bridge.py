@@ -175,9 +175,9 @@ class Bridge:
         Raises:
             ConnectionClosed: The Zenoh session was closed.
         """
-        self._thread.start()
-        heard_s = time.monotonic()
         try:
+            self._thread.start()
+            heard_s = time.monotonic()
             while self._thread.is_alive():
                 due_s = self._limit.due_s()
                 until_s = time.monotonic() + WAKE_S
@@ -195,7 +195,8 @@ class Bridge:
                     self._report_silence()
         finally:
             self._ended.set()
-            self._thread.join(END_S)
+            if self._thread.ident is not None:
+                self._thread.join(END_S)
         raise ConnectionClosed("the Zenoh session was closed")
 
     def _forward(self, frames: list[bytes], now_s: float) -> None:
