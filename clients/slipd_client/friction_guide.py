@@ -17,7 +17,7 @@ from slipd_client.errors import ClientError, FrictionNotMeasured, RequestRefused
 from slipd_client.friction_pull import PullSample
 from slipd_client.friction_session import OBSTACLE_S, FrictionSession, config_lines, low_estimate, median_of, spread
 from slipd_client.grip import GripClient
-from slipd_client.messages import Health
+from slipd_client.messages import Health, slip_topic
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Slip
 from slipd_client.subscriber import Subscriber
@@ -72,7 +72,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
     with GripClient(chosen.requests, keys=keys) as client:
         fingers = check(client.status, chosen.finger)
     guided = FrictionSession(fingers, chosen.samples, chosen.patience, say)
-    with Subscriber(chosen.publish, guided.topics, keys=keys) as subscriber:
+    with Subscriber(chosen.publish, [slip_topic(finger) for finger in fingers], keys=keys) as subscriber:
         try:
             measure(guided, subscriber)
         finally:

@@ -9,7 +9,6 @@ from typing import Optional
 
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_pull import NO_CONTACT, PullSample, PullWatch
-from slipd_client.messages import slip_topic
 from slipd_client.messages.schema.topics import Slip
 
 LONGEST_STEP_S = 0.5
@@ -161,11 +160,6 @@ class FrictionSession:
         self._since_s = self._sample_s = self._time.passed_s
         self._blocked_s, self._rejected = 0.0, dict.fromkeys(self._samples, 0)
         self._asked = self._disturbed = ""
-
-    @property
-    def topics(self) -> list[str]:
-        """Topics whose messages it needs."""
-        return [slip_topic(finger) for finger in self._watches]
 
     @property
     def done(self) -> bool:

@@ -25,15 +25,12 @@ STALE_S = 0.35
 """Age at which advice no longer counts, s: the daemon publishes it at 10 Hz, so that two messages may be late."""
 
 
-Numbers = Sequence[float]
-
-
 def point_of(
     t_s: float,
-    quat_xyzw: Numbers,
-    acceleration_mps2: Numbers,
-    angular_velocity_radps: Numbers = (0.0, 0.0, 0.0),
-    angular_acceleration_radps2: Numbers = (0.0, 0.0, 0.0),
+    quat_xyzw: Sequence[float],
+    acceleration_mps2: Sequence[float],
+    angular_velocity_radps: Sequence[float] = (0.0, 0.0, 0.0),
+    angular_acceleration_radps2: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> list[float]:
     """Return a point of a trajectory for `MotionAdvisor.check`, from values in a base frame whose Z points up.
 

@@ -45,9 +45,6 @@ GREETINGS = 4
 TARE_POLL_S = 0.05
 """Time between two requests for the state of a tare."""
 
-Result = dict[str, Any]
-"""The ``result`` of a reply."""
-
 
 @dataclass(frozen=True)
 class Ask:
@@ -164,7 +161,7 @@ class RequestProtocol(abc.ABC):
         except MessageError as mismatch:
             raise NoAnswer(f"{self.endpoint} carried out {ask.op}, but in its reply {mismatch.message}") from mismatch
 
-    async def _exchange(self, ask: Ask) -> Result:
+    async def _exchange(self, ask: Ask) -> dict[str, Any]:
         """Send a request when its turn has come, and return the result of its reply."""
         timeout_s = self.timeout_s if ask.timeout_s is None else ask.timeout_s
         until = await self._take_turn(timeout_s)
@@ -246,7 +243,7 @@ class RequestProtocol(abc.ABC):
             self._lease_asked_ns = now_ns
         return data
 
-    def _result(self, number: str, sent_ns: int, frames: list[bytes]) -> Result | None:
+    def _result(self, number: str, sent_ns: int, frames: list[bytes]) -> dict[str, Any] | None:
         """Return the result in the reply to this request; None for the reply to an earlier one, or an unreadable one.
 
         Raises:

@@ -126,14 +126,13 @@ class Health(IntEnum):
 
 
 HEALTH = tuple(Health.__members__)
+"""Names of the health codes, in code order."""
 
 GRIP_UNKNOWN = "an object is held with a force that is not known"
 """In the message of the stream of a gripper whose grip no request can change."""
 
 DAEMON_LATE = "the daemon was late by"
 """Begin of the message of a stream that waited for the daemon, and is well itself."""
-
-"""Names of the health codes, in code order."""
 
 ErrorCode = Literal[
     "malformed",
