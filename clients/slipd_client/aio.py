@@ -150,20 +150,16 @@ class AsyncGripClient(_InLoop, GripClientBase):
         """
         task = asyncio.current_task()
         lease = AsyncLease(ttl_ms, time.monotonic_ns(), f"task {task.get_name()!r}" if task else "a callback")
-        self._claim(lease)
-        try:
+        with self._claimed(lease):
             await self._acquire(lease, ttl_ms)
             renewer = asyncio.create_task(self._renew(lease), name="slipd-lease")
-            lease.enter()
             try:
-                yield lease
+                with lease.entered():
+                    yield lease
             finally:
-                lease.leave()
                 renewer.cancel()
                 await asyncio.wait([renewer])
                 await self._give_back(lease)
-        finally:
-            self._unclaim()
 
     async def _renew(self, lease: AsyncLease) -> None:
         await asyncio.sleep(lease.period_s)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
@@ -91,19 +91,24 @@ class GripClientBase(RequestProtocol):
             positive time.
     """
 
-    def _claim(self, lease: LeaseKeeper) -> None:
-        """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""
+    @contextlib.contextmanager
+    def _claimed(self, lease: LeaseKeeper) -> Iterator[None]:
+        """Reserve the one lease of this client, from before it is requested until the daemon has it back.
+
+        Raises:
+            LeaseInUse: It is taken.
+        """
         if not self._lease_slot.acquire(blocking=False):
             owner = self._lease.owner if self._lease else "another thread or task"
             raise LeaseInUse(
                 f"a client holds one lease at a time, and {owner} holds that of this client; {ONE_CLIENT_EACH}"
             )
         self._lease = lease
-
-    def _unclaim(self) -> None:
-        """Free that lease, after the daemon has it back."""
-        self._lease = None
-        self._lease_slot.release()
+        try:
+            yield
+        finally:
+            self._lease = None
+            self._lease_slot.release()
 
     async def _acquire(self, lease: LeaseKeeper, ttl_ms: int) -> None:
         await self._ask(Ask("lease.acquire", {"ttl_ms": ttl_ms}, unchecked=True))

@@ -46,23 +46,19 @@ class GripClient(Blocking, GripClientBase):
             LeaseInUse: This client has a lease already, of this thread or another one.
         """
         lease = Lease(ttl_ms, time.monotonic_ns(), f"thread {threading.current_thread().name!r}")
-        self._claim(lease)
-        try:
+        with self._claimed(lease):
             self._run(self._acquire(lease, ttl_ms))
             ended = threading.Event()
             work = (lease, ended, threading.current_thread())
             renewer = threading.Thread(target=self._renew, args=work, name="slipd-lease", daemon=True)
             renewer.start()
-            lease.enter()
             try:
-                yield lease
+                with lease.entered():
+                    yield lease
             finally:
-                lease.leave()
                 ended.set()
                 renewer.join()
                 self._run(self._give_back(lease))
-        finally:
-            self._unclaim()
 
     def _renew(self, lease: Lease, ended: threading.Event, owner: threading.Thread) -> None:
         while not ended.wait(lease.period_s) and owner.is_alive() and not lease.lost:

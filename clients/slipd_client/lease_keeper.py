@@ -5,10 +5,11 @@ A lease counts as lost here earlier than the daemon ends it, never later.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from typing import Any
 
@@ -121,10 +122,11 @@ class LeaseKeeper:
         if rule == "holder":
             self.check()
 
-    def enter(self) -> None:
-        """Give the lease to the calling thread or task."""
+    @contextlib.contextmanager
+    def entered(self) -> Iterator[None]:
+        """Give the lease to the calling thread or task while the block runs."""
         _HELD.set((*_HELD.get(), self))
-
-    def leave(self) -> None:
-        """Take it back."""
-        _HELD.set(tuple(held for held in _HELD.get() if held is not self))
+        try:
+            yield
+        finally:
+            _HELD.set(tuple(held for held in _HELD.get() if held is not self))

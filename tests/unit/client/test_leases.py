@@ -44,9 +44,8 @@ def test_a_lease_lasts_from_when_it_was_asked_for_and_is_looked_at_before_its_en
         why != "",
         200.0,
     )
-    lease.enter()
-    assert held_until() - time.monotonic() == pytest.approx(min(left_s, 200.0), abs=50.0)
-    lease.leave()
+    with lease.entered():
+        assert held_until() - time.monotonic() == pytest.approx(min(left_s, 200.0), abs=50.0)
     assert held_until() == math.inf
 
 
