@@ -52,13 +52,11 @@ class Newest:
 
     Attributes:
         tick: Number of the newest tick; a browser that has seen it has seen everything.
-        bad: Messages that could not be read.
-        bad_reason: Why the last of them could not be.
+        bad_reason: Why the last message that could not be read could not be; "" where all could.
     """
 
     def __init__(self) -> None:
         self.tick = 0
-        self.bad = 0
         self.bad_reason = ""
         self._boot = ""
         self._shown: dict[bytes, _Shown] = {}
@@ -120,7 +118,6 @@ class Newest:
         try:
             return read(frames)[1]
         except MessageError as error:
-            self.bad += 1
             self.bad_reason = str(error)
             return None
 
@@ -201,10 +198,7 @@ class LiveFeed:
 
     def _take(self) -> list[list[bytes]]:
         """Return every message that has arrived."""
-        found = []
-        while (frames := self._link.take()) is not None:
-            found.append(frames)
-        return found
+        return list(iter(self._link.take, None))
 
     async def view(self, connection: ServerConnection) -> None:
         """Serve one browser until it leaves."""

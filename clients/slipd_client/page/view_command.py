@@ -51,7 +51,7 @@ class CommissionPage:
     def __init__(self, config: Path | None, arguments: Sequence[str] = ()) -> None:
         self._config = config
         self._arguments = arguments
-        self._busy = False
+        self._turn = asyncio.Lock()
 
     async def view(self, connection: ServerConnection) -> None:
         """Run the guide for one browser until it ends or the browser leaves."""
@@ -60,12 +60,8 @@ class CommissionPage:
             if missing or self._config is None:
                 await connection.send(json.dumps({"unavailable": missing}))
                 return
-            self._busy = True
-            try:
-                async with _guide(self._config, self._arguments) as guide:
-                    await _converse(connection, guide, self._config)
-            finally:
-                self._busy = False
+            async with self._turn, _guide(self._config, self._arguments) as guide:
+                await _converse(connection, guide, self._config)
 
     def _missing(self) -> str:
         """Return why the guide cannot be run; "" if it can."""
@@ -73,7 +69,7 @@ class CommissionPage:
             return NO_SLIPD
         if self._config is None:
             return NO_CONFIG
-        return BUSY if self._busy else ""
+        return BUSY if self._turn.locked() else ""
 
 
 @contextlib.asynccontextmanager
