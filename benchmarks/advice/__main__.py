@@ -13,16 +13,13 @@ import argparse
 import math
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from unittest import mock
 
 import numpy as np
 from advice.safe_speed import holds_scale
 from stepped_demo import PAD_HZ, SteppedDemo, slow_config
 
 from slipd.tools.shipped_paths import shipped_config
-from slipd.tools.sim import carry_program
-from slipd.tools.sim.carry import Move
-from slipd.tools.sim.carry_program import CARRY_PLAN, CarryProgram, carry_config
+from slipd.tools.sim.carry import CARRY_PLAN, CarryProgram, Move, carry_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2
@@ -123,9 +120,9 @@ def advised(grasp: Grasp) -> tuple[VirtualRig, CarryProgram]:
         lambda: arm.begun - (not arm.arrived(scene.t_s)),
         advised=True,
         plan=replace(CARRY_PLAN, force_n=grasp.grip_n, limit_n=grasp.grip_n, close_s=0.8),
+        path=grasp.path,
     )
-    with mock.patch.object(carry_program, "PATH", grasp.path):
-        demo.play(program)
+    demo.play(program)
     return rig, program
 
 

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.tools.sim import emulated_bota as sim
+from slipd.tools.sim import emulated_wrenches as sim
 
 START_S = 0.05
 """From loading the plan to the first frame."""

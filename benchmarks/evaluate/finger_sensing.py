@@ -80,7 +80,7 @@ class PadSensing:
 
     def centres(self) -> tuple[Array, Array]:
         """Return where the taxels really are in the pad frame, x and y in scan order, shapes (taxels,), m."""
-        x, y = Pad(self.rows, self.cols, self.pitch_m, self.electrode_m).centres()
+        x, y = Pad(self.rows, self.cols, self.pitch_m, self.electrode_m).positions()
         if self.mirrored:
             x = -x
         cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)

@@ -19,8 +19,8 @@ from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick
 from slipd.recording.mcap_file import EVENTS
-from slipd.tools.sim.emulated_gauges import GaugeAmplifier
 from slipd.tools.sim.emulated_pvdf import PvdfPad
+from slipd.tools.sim.emulated_wrenches import GaugeAmplifier
 from slipd.types.arrays import Array
 from slipd_client.messages import encode
 
@@ -181,7 +181,7 @@ class PlayedAmplifier(GaugeAmplifier):
         """Return the frames of readings at these times, of loads of shape (n, 6)."""
         values = loads + [self._stream.next_noise() for _ in loads]
         counts = values @ self._counts_per_unit.T + self._offset
-        return [self._frame(taken_ns, row) for taken_ns, row in zip(times_ns, counts, strict=True)]
+        return [self.encode(taken_ns, row) for taken_ns, row in zip(times_ns, counts, strict=True)]
 
 
 class _View:

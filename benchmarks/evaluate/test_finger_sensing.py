@@ -44,7 +44,7 @@ def test_gain_bias_and_drift_add_up():
 
 
 def test_taxels_are_counted_as_those_of_the_demo():
-    assert np.array(PadSensing().centres()) == pytest.approx(np.array(Pad().centres()))
+    assert np.array(PadSensing().centres()) == pytest.approx(np.array(Pad().positions()))
 
 
 def test_a_pad_can_be_off_turned_and_mirrored():

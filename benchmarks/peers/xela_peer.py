@@ -9,7 +9,7 @@ import websocket
 from peers.comparison import Comparison
 from peers.emulation import device_at
 
-from slipd.tools.sim.emulated_xela import REST_COUNTS, SENSORS, TAXELS
+from slipd.tools.sim.emulated_pads import REST_COUNTS, TAXELS, USKINS
 
 PORT = 15_907
 NOISE_COUNTS = 15
@@ -26,7 +26,7 @@ def compare(folder: Path) -> Comparison:
         link.close()
     numbers = [message["message"] for message in messages]
     found.check("message numbers", numbers, list(range(numbers[0], numbers[0] + len(numbers))))
-    for sensor in SENSORS:
+    for sensor in USKINS:
         pad = messages[-1][sensor]
         counts = [int(axis, 16) for axis in pad["data"].split(",")]
         found.check_near(f"counts of pad {sensor}", counts, [REST_COUNTS] * (3 * TAXELS), NOISE_COUNTS)

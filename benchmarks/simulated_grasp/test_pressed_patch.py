@@ -34,7 +34,7 @@ def test_each_pad_bears_half_of_a_moment_that_tilts_the_object(tilt: tuple[float
 def test_a_patch_that_moves_with_the_object_takes_its_image_along() -> None:
     patch = ContactPatch("edge", 0.006, 0.009, moves_with_object=True)
     trace = simulate(patch, STEADY, history([NOTHING, (12.0, 0.0, 0.0)], [0.0, 0.9]))
-    x, y = Pad().centres()
+    x, y = Pad().positions()
     i = int(np.argmax(trace.displacement[:, 0] > 0.0064))
     moved = trace.displacement[i, 0]
     first, last = trace.taxel_loads(Pad(), [0.0, trace.t_s[i]])
@@ -63,7 +63,7 @@ def test_an_object_that_has_turned_presses_where_its_faces_are(*, moves: bool) -
     across = np.cos(angle) * (patch.on_pad[1] - y) - np.sin(angle) * (patch.on_pad[0] - x)
     assert np.abs(across[loads > 0.0]).max() == pytest.approx(0.004, abs=0.0004)
     assert across == pytest.approx(patch.on_object[1], abs=1e-12)
-    taxel_x, taxel_y = Pad().centres()
+    taxel_x, taxel_y = Pad().positions()
     image = patch.read(Pad(), motion, GRIP_N, field, right=False)
     across = np.cos(angle) * (taxel_y - y) - np.sin(angle) * (taxel_x - x)
     assert np.abs(across[image > 0.0]).max() < 0.004 + Pad().electrode_m

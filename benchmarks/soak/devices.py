@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slipd.tools.sim.emulate import prepare_process, serve_until_ended
-from slipd.tools.sim.emulated_netft import NetftSensor
 from slipd.tools.sim.emulated_pvdf import COLS, IDEAL, ROWS, PvdfPad
+from slipd.tools.sim.emulated_rdt import NetftSensor
 from slipd.tools.sim.emulators import Emulator
 from slipd.tools.sim.scene_parts import Pad, Patch
 

@@ -27,8 +27,8 @@ from slipd.events import (
     Tick,
     Write,
 )
+from slipd.tools.sim.emulated_pads import encode_message
 from slipd.tools.sim.emulated_pvdf import encode_scan
-from slipd.tools.sim.emulated_xela import encode_message
 from slipd_client import messages
 
 MS = 1_000_000

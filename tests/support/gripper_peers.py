@@ -23,9 +23,9 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire
+from slipd.tools.sim import emulated_robotiq_2f as robotiq_sim
 from slipd.tools.sim import emulated_wsg as wsg_sim
-from slipd.tools.sim import modbus_device as modbus_device_sim
-from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, encode_registration, encode_report
+from slipd.tools.sim.emulated_external import DRIVER, Driver, encode_registration, encode_report
 from slipd.tools.sim.emulated_robotiq_2f import FORCE_TABLE, GripperLine
 
 
@@ -116,7 +116,7 @@ class RobotiqPeer(Peer):
         return super().hear(data, now_ns)
 
     def requests(self, data: bytes) -> list[modbus.Request]:
-        return modbus_device_sim.parse_requests(data, registers.UNIT)[0]
+        return robotiq_sim.parse_requests(data, registers.UNIT)[0]
 
     def commands(self, data: bytes) -> list[SentCommand]:
         return [self._command(request) for request in self.requests(data) if request.registers]
@@ -133,7 +133,7 @@ class RobotiqPeer(Peer):
         self.gripper._write_output((0, 0, 0), 0)
 
     def refuse(self, data: bytes) -> list[bytes]:
-        return [modbus_device_sim.encode_exception(request, 1) for request in self.requests(data)]
+        return [robotiq_sim.encode_exception(request, 1) for request in self.requests(data)]
 
     def disturb(self) -> list[bytes]:
         self.gripper._write_output(self.rng.choice(((0, 0, 0), (0x0100, 0, 0))), self.rng.randrange(2) << 40)

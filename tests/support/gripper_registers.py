@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
-from slipd.tools.sim import emulated_robotiq_2f as robotiq_2f_sim
-from slipd.tools.sim import modbus_device as modbus_device_sim
+from slipd.tools.sim import emulated_robotiq_2f as sim
 
 
 class GripperLine:
@@ -22,17 +21,17 @@ class GripperLine:
         self.writes: list[tuple[int, ...]] = []
 
     @property
-    def command(self) -> robotiq_2f_sim.Output:
-        return robotiq_2f_sim.parse_output(self.outputs)
+    def command(self) -> sim.Output:
+        return sim.parse_output(self.outputs)
 
     def answer(self, data: bytes) -> bytes:
-        requests, _ = modbus_device_sim.parse_requests(data, robotiq_registers.UNIT)
+        requests, _ = sim.parse_requests(data, robotiq_registers.UNIT)
         return b"" if self.silent else b"".join(self._answer(request) for request in requests)
 
     def _answer(self, request: modbus.Request) -> bytes:
         if not request.registers:
-            return modbus_device_sim.encode_reply(request, self._status())
-        written = robotiq_2f_sim.write_output(self.outputs, request)
+            return sim.encode_reply(request, self._status())
+        written = sim.write_output(self.outputs, request)
         assert written is not None
         self.outputs = written
         self.writes.append(request.registers)
@@ -40,11 +39,11 @@ class GripperLine:
             self.stage = 0
         elif self.stage == 0:
             self.stage = 1 if self.activates else 3
-        return modbus_device_sim.encode_reply(request)
+        return sim.encode_reply(request)
 
     def _status(self) -> tuple[int, int, int]:
         command = self.command if self.echo is None else replace(self.command, position=self.echo)
-        return robotiq_2f_sim.status_registers(
+        return sim.status_registers(
             command,
             stage=self.stage,
             found=self.found,

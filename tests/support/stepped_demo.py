@@ -17,7 +17,7 @@ from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkUp, Publish, Reply, Request, Tick, Write
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.demo_summary import Tally
-from slipd.tools.sim import carry_program, robot_program
+from slipd.tools.sim import carry, robot_program
 from slipd.tools.sim.robot_program import RobotProgram
 from slipd.tools.sim.virtual_gripper import LINES, TICK_NS, VirtualRig
 from slipd_client.messages import encode
@@ -191,7 +191,7 @@ class SteppedDemo:
         )
         clock = SimpleNamespace(monotonic=lambda: self.now_ns * 1e-9, monotonic_ns=lambda: self.now_ns)
         with pytest.MonkeyPatch.context() as patch:
-            for module in (robot_program, carry_program):
+            for module in (robot_program, carry):
                 patch.setattr(module, "time", clock)
             patch.setattr(robot_program, "Subscriber", self.endless)
             patch.setattr(robot_program, "GripClient", self.endless)

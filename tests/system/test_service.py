@@ -19,7 +19,7 @@ from slipd.devices.shared import modbus
 from slipd.engine.engine import Engine
 from slipd.events import LinkSpec
 from slipd.io.transport import Links
-from slipd.tools.sim import modbus_device as sim
+from slipd.tools.sim import emulated_robotiq_2f as sim
 from slipd.tools.sim.emulators import make_emulator
 from slipd_client.messages import Health
 

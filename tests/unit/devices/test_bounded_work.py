@@ -14,7 +14,7 @@ from slipd.devices.papillarray import papillarray_frames as pts
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.msgpack_messages import BYTES_PER_TRY, FREE_TRIES
-from slipd.tools.sim import emulated_papillarray as sim
+from slipd.tools.sim import emulated_pads as sim
 
 READ = 1024
 SIZE = 64 * READ

@@ -7,7 +7,7 @@ from readings import Case, dropped, fields
 
 from slipd.devices import wts
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.tools.sim import emulated_wts
+from slipd.tools.sim.emulated_weiss import encode_wts_frame
 
 WTS_FT = wts.Matrix()
 SMALL = wts.Matrix(1, 1, 1000)
@@ -22,7 +22,7 @@ def decoder(matrix: wts.Matrix | None = None) -> wts.Decoder:
 
 
 def image(cell: int, cells: int = 1) -> bytes:
-    return emulated_wts.encode_frame([cell] * cells, 0)
+    return encode_wts_frame([cell] * cells, 0)
 
 
 CASES = {

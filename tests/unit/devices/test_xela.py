@@ -11,7 +11,7 @@ import pytest
 from readings import Case, fields
 
 from slipd.devices import xela
-from slipd.tools.sim.emulated_xela import encode_message
+from slipd.tools.sim.emulated_pads import encode_message
 
 HUGE = 10**400
 CALIBRATED = {"calibrated": True}

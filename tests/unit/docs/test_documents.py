@@ -104,7 +104,6 @@ def test_make_test_runs_a_test_of_each_fault() -> None:
 def test_a_path_that_a_page_names_exists() -> None:
     made_by_the_reader = {
         "daemon/slipd/devices/dynpick.py",
-        "daemon/slipd/tools/sim/emulated_dynpick.py",
         "tests/unit/devices/test_dynpick.py",
     }
     named = {path: page.name for page in PAGES for path in PATH.findall(page.read_text(encoding="utf-8"))}

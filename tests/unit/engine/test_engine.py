@@ -39,7 +39,7 @@ from slipd.devices.wsg import wsg_messages
 from slipd.engine.warm_up import warm_up
 from slipd.events import Bytes, HostNotice, IncidentsChanged, Publish, Request, Tick, Write
 from slipd.requests.recording_state import utc_stamp
-from slipd.tools.sim.emulated_xela import encode_message
+from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health
 
 RIG = LEFT + RIGHT + GRIPPER

@@ -30,7 +30,7 @@ from run_courses import (
 )
 
 from slipd.events import Bytes
-from slipd.tools.sim.emulated_xela import encode_message
+from slipd.tools.sim.emulated_pads import encode_message
 
 RIG = LEFT + RIGHT + GRIPPER
 RAW_PAD = RIGHT.partition("tare =")[0]

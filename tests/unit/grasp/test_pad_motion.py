@@ -13,7 +13,7 @@ from project import CONFIG
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, Tick
-from slipd.tools.sim.emulated_xela import encode_message
+from slipd.tools.sim.emulated_pads import encode_message
 from slipd.tools.sim.unkind import SensorClock, UnkindPad
 from slipd.types.arrays import Array
 

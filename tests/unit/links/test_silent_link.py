@@ -13,7 +13,7 @@ from slipd.devices import DEVICES
 from slipd.events import LinkSpec
 from slipd.links.device_link import make_links
 from slipd.links.link_health import why_silent
-from slipd.tools.sim.emulated_xela import encode_message
+from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health
 
 T0 = 100_000_000_000

@@ -17,7 +17,7 @@ from slipd.tools.sim.scene_parts import Pad, Patch
 
 MS = 1_000_000
 PAD = Pad()
-X, Y = PAD.centres()
+X, Y = PAD.positions()
 HALF_X, HALF_Y = PAD.cols * PAD.pitch_m / 2, PAD.rows * PAD.pitch_m / 2
 LEAST_N, FORCE_STD_N, TORQUE_STD_NM = 0.8, 0.02, 0.0002
 LEVER = np.array((0.004, -0.002, -0.025))

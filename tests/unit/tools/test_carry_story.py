@@ -18,8 +18,18 @@ from slipd.recording.replay import replay
 from slipd.tools.demo_summary import print_summary
 from slipd.tools.shipped_paths import shipped_config
 from slipd.tools.sim import carry
-from slipd.tools.sim.carry import GLASS_KG, HANDOVER_S, PATH, Arm, Move
-from slipd.tools.sim.carry_program import CARRY_PLAN, FLOOR, GRIP_N, CarryProgram, carry_config
+from slipd.tools.sim.carry import (
+    CARRY_PLAN,
+    FLOOR,
+    GLASS_KG,
+    GRIP_N,
+    HANDOVER_S,
+    PATH,
+    Arm,
+    CarryProgram,
+    Move,
+    carry_config,
+)
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand
 from slipd.tools.sim.virtual_gripper import VirtualRig, carried_rig
@@ -99,10 +109,9 @@ def test_a_move_is_as_fast_as_slipd_says_and_slow_where_it_does_not_know(
 
 
 def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = (PATH[0], PATH[1], PATH[2], PATH[4])
-    monkeypatch.setattr("slipd.tools.sim.carry_program.PATH", path)
     text = slow_config(carry_config(shipped_config("demo.toml").read_text(encoding="utf-8")))
     rig = carried_rig(3, PvdfElectronics(rate_hz=PAD_HZ))
     arm, scene = rig.arm, rig.scene
@@ -115,6 +124,7 @@ def test_with_advice_the_glass_is_carried_without_a_slip_and_the_run_replays(
         lambda: arm.begun - (not arm.arrived(scene.t_s)),
         advised=True,
         plan=replace(CARRY_PLAN, close_s=0.8, tare_s=0.15),
+        path=path,
     )
     demo.play(program)
     assert (program.report.error, program.report.refusals) == ("", [])

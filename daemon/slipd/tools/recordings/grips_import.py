@@ -20,7 +20,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkSpec
 from slipd.tools.config_edit import with_numbers
 from slipd.tools.recordings.imported_run import START_NS, source_of, write_run
-from slipd.tools.sim.emulated_xela import encode_message
+from slipd.tools.sim.emulated_pads import encode_message
 from slipd.types.arrays import Array
 
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}

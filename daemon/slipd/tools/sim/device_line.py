@@ -30,9 +30,14 @@ class Line(ABC):
     dropped = 0
     """Bytes that are known to be lost because the host did not read."""
 
-    @abstractmethod
+    _opened = False
+    _received: Sequence[bytes] = ()
+
     def listen(self) -> tuple[bool, list[bytes]]:
-        """Return whether the line has just been opened, and the pieces written to it."""
+        """Return whether the line has been opened since the last call, and the pieces written to it since."""
+        opened, received = self._opened, list(self._received)
+        self._opened, self._received = False, ()
+        return opened, received
 
     @abstractmethod
     def send(self, pieces: Sequence[bytes]) -> None:
@@ -225,12 +230,7 @@ class _PushLine(Line):
         self._socket.setsockopt(zmq.SNDHWM, SEND_AHEAD)
         self._socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
         self._socket.connect(endpoint)
-        self._begun = False
-
-    def listen(self) -> tuple[bool, list[bytes]]:
-        # Nothing is ever received; the first question counts as the opening.
-        begun, self._begun = self._begun, True
-        return not begun, []
+        self._opened = True  # nothing is ever received
 
     def send(self, pieces: Sequence[bytes]) -> None:
         with contextlib.suppress(zmq.Again):
@@ -264,8 +264,6 @@ class _DriverLine(_StreamLine):
 class _WebsocketLine(Line):
     def __init__(self) -> None:
         self._clients: set[ServerConnection] = set()
-        self._opened = False
-        self._received: list[bytes] = []
 
     async def serve_client(self, client: ServerConnection) -> None:
         self._clients.add(client)
@@ -274,14 +272,9 @@ class _WebsocketLine(Line):
             while True:
                 data = await client.recv(decode=False)
                 if len(self._received) < PIECES_PER_LOOK:
-                    self._received.append(data)
+                    self._received = [*self._received, data]
         except ConnectionClosed:
             self._clients.discard(client)
-
-    def listen(self) -> tuple[bool, list[bytes]]:
-        result = self._opened, self._received
-        self._opened, self._received = False, []
-        return result
 
     def send(self, pieces: Sequence[bytes]) -> None:
         for piece in pieces:

@@ -78,12 +78,13 @@ def with_changes(source: str, copy: str, now: str, addresses: Mapping[str, str])
         addresses: Address of the emulated device of each port of ``source``.
     """
     before, after, lines = copy.splitlines(), now.splitlines(), source.splitlines()
+    ports = {address: port for port, address in addresses.items()}
     found: list[str] = []
     for kind, first, last, new_first, new_last in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
         if kind == "equal":
             found += lines[first:last]
         else:
-            found += [_with_port(line, addresses) for line in after[new_first:new_last]]
+            found += [with_other_port(line, ports) for line in after[new_first:new_last]]
     return "\n".join(found) + "\n"
 
 
@@ -113,7 +114,10 @@ def _write(text: str, name: str, folder: Path) -> Path:
     return path
 
 
-def _with_port(line: str, addresses: Mapping[str, str]) -> str:
-    for port, address in addresses.items():
-        line = line.replace(json.dumps(address), json.dumps(port))
+def with_other_port(line: str, others: Mapping[str, str]) -> str:
+    """Return a line of a config with another port in place of its own, if ``others`` names one for it."""
+    for port, other in others.items():
+        for quoted in (json.dumps(port), f"'{port}'"):
+            if quoted in line:
+                return line.replace(quoted, json.dumps(other))
     return line

@@ -5,6 +5,7 @@ Not emulated: emergency release, faults of the gripper itself, and the full stro
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,7 @@ import numpy as np
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.robotiq_2f.robotiq_registers import WIDTH_TABLE, Table, Units
 from slipd.devices.shared import modbus
-from slipd.tools.sim import modbus_device
-from slipd.tools.sim.emulators import EmulatedDevice
-from slipd.tools.sim.jaws import moved_jaws
+from slipd.tools.sim.emulators import EmulatedDevice, moved_jaws
 from slipd.tools.sim.scene import GripCommand, Scene
 
 FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
@@ -39,6 +38,61 @@ _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
 _FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
 _MOVING_A, _HOLDING_A_PER_N = 0.12, 0.02
+
+
+def encode_reply(request: modbus.Request, registers: tuple[int, ...] = ()) -> bytes:
+    """Return the answer of a device that carried out ``request``, with the values of the registers it asks for."""
+    return modbus.with_checksum(modbus.reply_head(request) + struct.pack(f">{len(registers)}H", *registers))
+
+
+def encode_exception(request: modbus.Request, code: int) -> bytes:
+    """Return the answer of a device that refuses ``request``."""
+    return modbus.with_checksum(bytes((request.unit, request.function | modbus.ERROR_FLAG, code)))
+
+
+def parse_requests(received: bytes, unit: int) -> tuple[list[modbus.Request], bytes]:
+    """Return the requests to ``unit`` among the bytes a device received, and the bytes to keep for the next call."""
+    requests: list[modbus.Request] = []
+    at = received.find(unit)
+    while at >= 0:
+        length = _request_length(received, at)
+        if at + length > len(received):
+            return requests, received[at:]
+        request = _parse_request(received[at : at + length])
+        if request:
+            requests.append(request)
+        at = received.find(unit, at + (length if request else 1))
+    return requests, b""
+
+
+def _request_length(received: bytes, at: int) -> int:
+    """Return the length of the request at ``at``, or of the part that shows it; 1 if there is none."""
+    function = received[at + 1] if at + 1 < len(received) else modbus.READ_INPUT
+    if function in (modbus.READ_HOLDING, modbus.READ_INPUT):
+        return modbus.READ_LENGTH
+    size_at = modbus.SIZE_AT.get(function)
+    if size_at is None:
+        return 1
+    size = received[at + size_at] if at + size_at < len(received) else 0
+    return size_at + 1 + size + modbus.CRC_LENGTH
+
+
+def _parse_request(frame: bytes) -> modbus.Request | None:
+    if len(frame) < modbus.READ_LENGTH or not modbus.checksum_matches(frame):
+        return None
+    unit, function = frame[:2]
+    read_address, read_count = struct.unpack_from(">HH", frame, 2) if function != modbus.WRITE else (0, 0)
+    write_address, count, registers = 0, 0, ()
+    if function in modbus.SIZE_AT:
+        size_at = modbus.SIZE_AT[function]
+        write_address, count = struct.unpack_from(">HH", frame, size_at - 4)
+        registers = struct.unpack_from(f">{frame[size_at] // 2}H", frame, size_at + 1)
+    if count != len(registers):
+        return None
+    try:
+        return modbus.Request(unit, function, read_address, read_count, write_address, registers)
+    except ValueError:
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +191,7 @@ class Gripper2F(EmulatedDevice):
         if t_ns - self._received_ns > FRAME_GAP_NS:
             self._received = b""
         self._received_ns = t_ns
-        requests, self._received = modbus_device.parse_requests(self._received + data, self._unit)
+        requests, self._received = parse_requests(self._received + data, self._unit)
         return [self._answer(request, t_ns) for request in requests]
 
     def command(self, t_ns: int) -> GripCommand:
@@ -161,11 +215,11 @@ class Gripper2F(EmulatedDevice):
         reads_well = first >= 0 and first + request.read_count <= READABLE
         written = write_output(self._registers, request) if request.registers else self._registers
         if written is None or (request.read_count and not reads_well):
-            return modbus_device.encode_exception(request, modbus.ILLEGAL_ADDRESS)
+            return encode_exception(request, modbus.ILLEGAL_ADDRESS)
         self._write_output(written, t_ns)
         if not request.read_count:
-            return modbus_device.encode_reply(request)
-        return modbus_device.encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
+            return encode_reply(request)
+        return encode_reply(request, (*self._status(t_ns), *UNUSED)[first : first + request.read_count])
 
     def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:
         was_active, written = self._output.activate, parse_output(registers)

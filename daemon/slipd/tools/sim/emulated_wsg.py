@@ -11,8 +11,7 @@ from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Limits
-from slipd.tools.sim.emulators import EmulatedDevice, Timer
-from slipd.tools.sim.jaws import moved_jaws
+from slipd.tools.sim.emulators import EmulatedDevice, Timer, moved_jaws
 
 SERIAL = 4711
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
@@ -87,7 +86,7 @@ class Gripper(EmulatedDevice):
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
         self.overdrive = False
-        self._requests = PacketScanner(
+        self._requests: PacketScanner = PacketScanner(
             SEED_WITH_PREAMBLE, lambda _, size, __: size <= LONGEST_PAYLOAD, _TYPICAL_BYTES, DecoderHealth()
         )
         self._connected = False  # a host is connected, or left without a disconnect command
@@ -114,7 +113,7 @@ class Gripper(EmulatedDevice):
         """Handle bytes that the host wrote by ``t_ns``; return the answers."""
         output = self._move(t_ns)
         for request in self._requests.packets(data):
-            output += self._obey(request)
+            output += self._answer(request)
         return output
 
     def advance(self, t_ns: int) -> list[bytes]:
@@ -124,7 +123,7 @@ class Gripper(EmulatedDevice):
             output += [self._update(update) for _ in self._updates[update].times(t_ns)]
         return output
 
-    def _obey(self, request: Packet) -> list[bytes]:
+    def _answer(self, request: Packet) -> list[bytes]:
         expected = REQUEST_SIZES.get(request.id)
         if expected is None:
             return [encode_reply(request.id, wire.UNKNOWN_COMMAND)]

@@ -3,14 +3,35 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Iterator
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any, Protocol
 
 import numpy as np
 
 from slipd.devices import DEVICES
+from slipd.devices.shared.frame_scanner import FrameScanner
 from slipd.types.arrays import Array
+
+EMULATORS = {
+    "bota": "emulated_wrenches:BotaSensor",
+    "dsacon32": "emulated_weiss:Dsacon32",
+    "external": "emulated_external:Pusher",
+    "external_gripper": "emulated_external:make_driver",
+    "gauges": "emulated_wrenches:GaugeAmplifier",
+    "netft": "emulated_rdt:NetftSensor",
+    "optoforce": "emulated_rdt:make_optoforce",
+    "papillarray": "emulated_pads:PapillArrays",
+    "pvdf": "emulated_pvdf:make",
+    "robotiq_2f": "emulated_robotiq_2f:make",
+    "robotous": "emulated_wrenches:RobotousSensor",
+    "tsf85": "emulated_pads:Fingertips",
+    "wsg": "emulated_wsg:make",
+    "wts": "emulated_weiss:WtsModule",
+    "xela": "emulated_pads:XelaServer",
+}
+"""What makes the emulator of each device of slipd: a module of this folder, and a class or function in it."""
 
 
 class Emulator(Protocol):
@@ -37,6 +58,35 @@ class Emulator(Protocol):
         """Advance to ``t_ns`` and return the pieces that the device sends unasked: frames, messages or datagrams."""
 
 
+def make_emulator(device: str, seed: int = 0, **options: Any) -> Emulator:
+    """Return the emulator of a device.
+
+    Args:
+        device: Name in the list of devices.
+        seed: Seed of its noise.
+        options: Other arguments of what makes it, such as ``wiring`` of a device whose protocol depends on the line.
+
+    Raises:
+        ValueError: The device is of another package and has no emulator.
+    """
+    emulator: Emulator = _maker(device)(seed, **options)
+    return emulator
+
+
+def accepted(device: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return those settings that `make_emulator` accepts for a device."""
+    return {name: settings[name] for name in inspect.signature(_maker(device)).parameters if name in settings}
+
+
+def _maker(device: str) -> Any:
+    known = DEVICES[device]
+    if known.interface is None:
+        return resolve_name(f"slipd.tools.sim.{EMULATORS[device]}")
+    if not known.emulator:
+        raise ValueError(f"{device} cannot be emulated: its package has no emulator")
+    return resolve_name(f"{known.emulator}:make")
+
+
 class EmulatedDevice:
     """Base of the emulators: a device that reads nothing and sends nothing; a subclass says what it does.
 
@@ -44,6 +94,9 @@ class EmulatedDevice:
         rate_hz: Readings per second when it runs.
         options: Options for the decoder or session that reads it.
     """
+
+    _requests: FrameScanner | None = None
+    """Finds the requests of the host, which `_obey` carries out; None: there are none, or a subclass receives them."""
 
     def __init__(self, rate_hz: float, **options: Any) -> None:
         self.rate_hz = rate_hz
@@ -53,44 +106,23 @@ class EmulatedDevice:
     def opened(self, t_ns: int) -> None:
         """Drop the bytes of the previous user of the line."""
         self._received = b""
+        if self._requests is not None:
+            self._requests.forget()
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Ignore bytes from the host."""
-        return []
+        """Carry out the requests that these bytes complete; return the answers."""
+        if self._requests is None:
+            return []
+        buffer, found = self._requests.receive(data)
+        return [answer for at, _ in found for answer in self._obey(buffer, at, t_ns)]
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Send nothing unasked."""
         return []
 
-
-def make_emulator(device: str, seed: int = 0, **options: Any) -> Emulator:
-    """Return the emulator of a device, which the ``make`` of its module returns.
-
-    Args:
-        device: Name in the list of devices.
-        seed: Seed of its noise.
-        options: Other arguments of its ``make``, such as ``wiring`` of a device whose protocol depends on the line.
-
-    Raises:
-        ValueError: The device is of another package and has no emulator.
-    """
-    emulator: Emulator = _module(device).make(seed, **options)
-    return emulator
-
-
-def accepted(device: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return those settings that the ``make`` of a device has arguments for."""
-    return {name: settings[name] for name in inspect.signature(_module(device).make).parameters if name in settings}
-
-
-def _module(device: str) -> Any:
-    known = DEVICES[device]
-    if not known.emulator and known.interface is not None:
-        raise ValueError(f"{device} cannot be emulated: its package has no emulator")
-    return import_module(known.emulator or f"slipd.tools.sim.emulated_{device}")
-
-
-_NOISE_BLOCK = 1024
+    def _obey(self, buffer: bytes, at: int, t_ns: int) -> list[bytes]:
+        """Carry out the request at ``at``; return the answers."""
+        raise NotImplementedError
 
 
 class Timer:
@@ -127,81 +159,29 @@ class Timer:
             yield next_ns
 
 
-class WrenchStream(Timer):
-    """Readings at a rate: the load on the sensor, or the motion of an arm, with noise.
+NOISE_BLOCK = 6144
+"""Numbers of noise drawn at once: a draw costs as much as a block of some hundred."""
+
+
+class TactileStream(Timer):
+    """Readings at a rate: the load on the sensor with noise.
 
     Args:
         seed: Seed or source of the noise.
         rate_hz: Readings per second.
-        noise_n: Standard deviation of each force component, N; of an arm's gravity, m/s².
-        noise_nm: Standard deviation of each torque component, N·m; of an arm's angular velocity, rad/s.
-    """
-
-    def __init__(
-        self, seed: int | np.random.Generator, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005
-    ) -> None:
-        super().__init__(rate_hz)
-        self._ideal = np.zeros(6)
-        self._rng = np.random.default_rng(seed)
-        self._sigma = np.repeat((noise_n, noise_nm), 3)
-        self._noise: list[Array] = []
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._ideal = np.concatenate((force_n, torque_nm))
-
-    def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
-        """Yield the time of each reading due by ``t_ns``, and its force and torque, shape (6,)."""
-        for taken_ns in self.times(t_ns):
-            yield taken_ns, self._ideal + self.next_noise()
-
-    def next_noise(self) -> Array:
-        """Return the noise of one reading; drawn in blocks, because a draw costs as much as a block of some hundred."""
-        if not self._noise:
-            self._noise = [*self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))][::-1]
-        return self._noise.pop()
-
-
-def whole(values: Array, bits: int) -> list[int]:
-    """Round values to counts, clipped to signed integers of ``bits`` bits."""
-    most = (1 << bits - 1) - 1
-    return [min(max(round(value), -most - 1), most) for value in values.tolist()]
-
-
-class EmulatedWrench(EmulatedDevice):
-    """Base of the emulated force/torque sensors.
-
-    Args:
-        stream: Its readings.
-        rate_hz: See `EmulatedDevice`.
-        options: See `EmulatedDevice`.
-    """
-
-    def __init__(self, stream: WrenchStream, rate_hz: float, **options: Any) -> None:
-        super().__init__(rate_hz, **options)
-        self._stream = stream
-
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._stream.feel(force_n, torque_nm)
-
-
-class TactileStream(Timer):
-    """Images at a rate: the load on the sensor with noise.
-
-    Args:
-        seed: Seed or source of the noise.
-        rate_hz: Images per second.
-        shape: Shape of an image, (taxels,) or (taxels, 3).
+        shape: Shape of a reading: (taxels,) or (taxels, 3) of an image.
         noise: Standard deviation of each value.
     """
 
-    def __init__(self, seed: int | np.random.Generator, rate_hz: float, shape: tuple[int, ...], noise: float) -> None:
+    def __init__(
+        self, seed: int | np.random.Generator, rate_hz: float, shape: tuple[int, ...], noise: float | Array
+    ) -> None:
         super().__init__(rate_hz)
         self._rng = np.random.default_rng(seed)
         self._ideal = np.zeros(shape)
         self._of_sensor: dict[str, Array] = {}
-        self._noise = noise
+        self._sigma = noise
+        self._noise: list[Array] = []
 
     def press(self, values: Array, sensor: str | None = None) -> None:
         """Set the load on each taxel from now on, in the units of the sensor.
@@ -223,28 +203,92 @@ class TactileStream(Timer):
             self._of_sensor[sensor] = values
 
     def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
-        """Yield the time of each image due by ``t_ns``, and the image."""
+        """Yield the time of each reading due by ``t_ns``, and the reading."""
         for taken_ns in self.times(t_ns):
             yield taken_ns, self.image()
 
     def image(self, sensor: str = "") -> Array:
-        """Return an image of the present load on one sensor with new noise."""
-        return self._of_sensor.get(sensor, self._ideal) + self._noise * self._rng.standard_normal(self._ideal.shape)
+        """Return a reading of the present load on one sensor with new noise."""
+        return self._of_sensor.get(sensor, self._ideal) + self.next_noise()
+
+    def next_noise(self) -> Array:
+        """Return the noise of one reading."""
+        if not self._noise:
+            readings = max(NOISE_BLOCK // self._ideal.size, 1)
+            self._noise = [*self._sigma * self._rng.standard_normal((readings, *self._ideal.shape))][::-1]
+        return self._noise.pop()
 
 
-class EmulatedTactile(EmulatedDevice):
-    """Base of the emulated tactile sensors.
+class WrenchStream(TactileStream):
+    """Readings at a rate: the wrench on the sensor, or the motion of an arm, six values with noise.
 
     Args:
-        stream: Its images.
-        rate_hz: See `EmulatedDevice`.
-        options: See `EmulatedDevice`.
+        seed: Seed or source of the noise.
+        rate_hz: Readings per second.
+        noise_n: Standard deviation of each force component, N; of an arm's gravity, m/s².
+        noise_nm: Standard deviation of each torque component, N·m; of an arm's angular velocity, rad/s.
     """
+
+    def __init__(
+        self, seed: int | np.random.Generator, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005
+    ) -> None:
+        super().__init__(seed, rate_hz, (6,), np.repeat((noise_n, noise_nm), 3))
+
+
+class EmulatedSensor(EmulatedDevice):
+    """Base of the emulated sensors; ``stream`` has their readings. For the rest see `EmulatedDevice`."""
 
     def __init__(self, stream: TactileStream, rate_hz: float, **options: Any) -> None:
         super().__init__(rate_hz, **options)
         self._stream = stream
 
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the frames due by then."""
+        return [self._frame(taken_ns) for taken_ns in self._stream.times(t_ns)]
+
+    def _frame(self, taken_ns: int) -> bytes:
+        """Return what it sends of a reading that is taken now, at ``taken_ns``."""
+        raise NotImplementedError
+
+
+class EmulatedWrench(EmulatedSensor):
+    """Base of the emulated force/torque sensors; its stream is a `WrenchStream`."""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
+        self._stream.press(np.concatenate((force_n, torque_nm)))
+
+
+class EmulatedTactile(EmulatedSensor):
+    """Base of the emulated tactile sensors."""
+
     def press(self, values: Array, sensor: str | None = None) -> None:
         """Set the load on each taxel of one sensor or all from now on, of the shape of an image, in its own units."""
         self._stream.press(values, sensor)
+
+
+def whole(values: Array, bits: int) -> list[int]:
+    """Round values to counts, clipped to signed integers of ``bits`` bits."""
+    most = (1 << bits - 1) - 1
+    return [min(max(round(value), -most - 1), most) for value in values.tolist()]
+
+
+def device_us(t_ns: int, clock_ppm: float) -> int:
+    """Return what a clock in microseconds shows, whose rate is wrong by parts per million; positive is fast."""
+    return round(t_ns * (1e-3 + clock_ppm * 1e-9))
+
+
+def moved_jaws(width: float, goal: float, part: float, reach: float) -> tuple[float, bool, bool]:
+    """Return the width between the jaws after a motion, whether they still move, and whether they hold the part.
+
+    Args:
+        width: Between the jaws before, in any unit of length.
+        goal: Where they go.
+        part: Width of the rigid part between them; 0: no part.
+        reach: How far they get.
+    """
+    squeeze = 0.0 < part <= width and goal < part
+    stop = part if squeeze else goal
+    if abs(stop - width) > reach:
+        return width + math.copysign(reach, stop - width), True, False
+    return stop, False, squeeze

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slipd.tools.sim.jaws import moved_jaws
+from slipd.tools.sim.emulators import moved_jaws
 from slipd.tools.sim.scene_parts import FrictionLimit, Load, Patch, Script
 from slipd.tools.sim.stickslip.bristle_kernels import Body
 from slipd.tools.sim.stickslip.stepped_grasp import DAMPING_NS_PER_M3, STIFFNESS_N_PER_M3, FrictionLaw, SteppedGrasp
@@ -173,10 +173,10 @@ class Scene:
 
     def _grip(self) -> SteppedGrasp:
         """Return the box at rest between pads that do not press yet; its centre of mass is that of the contact."""
-        cells, shares, area_m2 = self.patch.cells(self.cell_m)
+        limit, area_m2 = self._limit, self._limit.area_m2
         law = self.friction.of_cell(STIFFNESS_N_PER_M3 * area_m2, DAMPING_NS_PER_M3 * area_m2)
         body = Body(self.mass_kg, self.inertia_kgm2, load_x=0.0, load_y=0.0)
-        return SteppedGrasp(law, body, self.patch.centre_m, cells, shares, grip_lag_s=self.grip_lag_s)
+        return SteppedGrasp(law, body, self.patch.centre_m, limit.cells, limit.shares, grip_lag_s=self.grip_lag_s)
 
     def _follow_script(self) -> None:
         """Record a change of the phase, and what follows from it."""

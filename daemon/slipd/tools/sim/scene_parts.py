@@ -79,8 +79,8 @@ def _middles(half_m: float, cell_m: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Pad:
-    """The taxels of a pad: row by row, columns along x, the first taxel at the smallest x and y.
+class Pad(PadGeometry):
+    """The taxels of a pad, by default that of the demo: columns along x, the first taxel at the smallest x and y.
 
     Attributes:
         rows: Number of rows, along y.
@@ -93,10 +93,6 @@ class Pad:
     cols: int = 16
     pitch_m: float = 0.0032
     electrode_m: float = 0.0015
-
-    def centres(self) -> tuple[Array, Array]:
-        """Return the centres of the taxels in the pad frame, x and y in scan order, shapes (rows * cols,), m."""
-        return PadGeometry(self.rows, self.cols, self.pitch_m, self.electrode_m).positions()
 
     def shares(self, patch: Patch) -> Array:
         """Return the reading of each taxel per newton of normal force, shape (taxels,).
@@ -114,7 +110,7 @@ def electrode_points(pad: Pad) -> Array:
     offset = (np.arange(ELECTRODE_SAMPLES) - (ELECTRODE_SAMPLES - 1) / 2) / ELECTRODE_SAMPLES * pad.electrode_m
     dx, dy = (grid.ravel() for grid in np.meshgrid(offset, offset))
     round_ = np.hypot(dx, dy) <= pad.electrode_m / 2
-    x, y = pad.centres()
+    x, y = pad.positions()
     return np.ascontiguousarray(np.stack((x[:, None] + dx[round_], y[:, None] + dy[round_])))
 
 
@@ -134,14 +130,17 @@ class FrictionLimit:
         cell_m: Side of a cell of the grid, m; with 2 mm the spin limit is within 0.5 % of the continuous contact.
 
     Attributes:
+        cells: Centres of the cells of the grid, as of `Patch.cells`.
+        shares: Their shares of the normal force.
+        area_m2: Area of a cell.
         gyration_m: Radius of gyration of the normal force about the centre of the patch, m.
     """
 
     def __init__(self, patch: Patch, cell_m: float = 0.002) -> None:
-        (self._x, self._y), self._shares, _ = patch.cells(cell_m)
+        self.cells, self.shares, self.area_m2 = patch.cells(cell_m)
         self._about = np.array(patch.centre_m)
-        away_m = np.hypot(self._x - self._about[0], self._y - self._about[1])
-        self.gyration_m = math.sqrt(float(self._shares @ away_m**2))
+        away_m = np.hypot(*(self.cells - self._about[:, None]))
+        self.gyration_m = math.sqrt(float(self.shares @ away_m**2))
 
     def need_n(self, load: Load, mu: float) -> float:
         """Return the normal force that ``load`` on one pad, about the centre of the contact, needs at ``mu``, N.
@@ -149,7 +148,8 @@ class FrictionLimit:
         Divided by the actual normal force it is the true utilisation λ.
         """
         fx, fy, spin = load
-        return utilisation(self._x, self._y, self._shares, mu, np.array([fx, fy]), spin, self._about).value
+        x, y = self.cells
+        return utilisation(x, y, self.shares, mu, np.array([fx, fy]), spin, self._about).value
 
 
 GRAVITY_MPS2 = 9.81
@@ -210,8 +210,8 @@ class Script:
 
     def phase(self, t_s: float) -> str:
         """Return the name of the phase at a time."""
-        name = "approach"
-        for begins_s, phase in (
+        phases = (
+            (-math.inf, "approach"),
             (self.lift_s, "lift"),
             (self.pour_s, "pour"),
             (self.pour_until_s, "hold"),
@@ -219,10 +219,8 @@ class Script:
             (self.tug_s, "tug"),
             (self.set_down_s, "set_down"),
             (self.set_down_s + self.ramp_s, "on_table"),
-        ):
-            if t_s >= begins_s:
-                name = phase
-        return name
+        )
+        return [name for begins_s, name in phases if t_s >= begins_s][-1]
 
 
 def _ramp(t_s: float, begins_s: float, takes_s: float) -> float:

@@ -7,7 +7,6 @@ set either; everything else is as it was.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import socket
@@ -25,8 +24,9 @@ from slipd.grasp.grasp_view import Place
 from slipd.signals.gravity import FingerWeight
 from slipd.signals.mounting import Mounting
 from slipd.signals.pad import PadGeometry
+from slipd.tools.sim.emulated_copy import with_other_port
+from slipd.tools.sim.emulated_pads import REST_COUNTS
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
-from slipd.tools.sim.emulated_xela import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator, accepted, make_emulator
 from slipd.tools.sim.hand import Hand, PadLoad
 from slipd.tools.sim.unkind import Unkind
@@ -129,7 +129,7 @@ class TouchedDevices:
         for path, number in key_lines(self._rig.text).items():
             line = lines[number - 1]
             if path[-1] == "port":
-                lines[number - 1] = self._with_address(line)
+                lines[number - 1] = with_other_port(line, self.addresses)
             elif path[-1] == "hardware_id" or (path[0] == "bus" and path[-1] in BUS_KEYS):
                 lines[number - 1] = f"# {line}  # emulated devices have another"
             elif (stream := streams.get(".".join(path[1:3]))) is not None and stream.device == "netft":
@@ -140,13 +140,6 @@ class TouchedDevices:
             fault = 'every port must be on a line of its own: port = "…"'
             raise ConfigError("config", [ConfigFault("port", None, fault)])
         return text
-
-    def _with_address(self, line: str) -> str:
-        for port, address in self.addresses.items():
-            for quoted in (json.dumps(port), f"'{port}'"):
-                if quoted in line:
-                    return line.replace(quoted, json.dumps(address))
-        return line
 
 
 class _TouchedPad:

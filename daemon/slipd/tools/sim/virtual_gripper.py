@@ -22,9 +22,9 @@ from slipd.devices.external import encode_reading
 from slipd.signals.mounting import Mounting
 from slipd.tools.sim.carry import GLASS_KG, GLASS_KGM2, Arm, CarryScript
 from slipd.tools.sim.emulate import prepare_process, serve_until_ended
-from slipd.tools.sim.emulated_bota import BotaSensor
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.tools.sim.emulated_robotiq_2f import Gripper2F
+from slipd.tools.sim.emulated_wrenches import BotaSensor
 from slipd.tools.sim.emulators import EmulatedDevice, Emulator
 from slipd.tools.sim.scene import Scene, Truth
 from slipd.tools.sim.scene_parts import Pad

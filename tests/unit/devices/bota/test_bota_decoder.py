@@ -9,7 +9,7 @@ import pytest
 from readings import Case, fields
 
 from slipd.devices import bota
-from slipd.tools.sim import emulated_bota as sim
+from slipd.tools.sim import emulated_wrenches as sim
 
 LAST_US = (1 << 32) - 1
 NAMES = ("skipped", "overload", "invalid", "raw")

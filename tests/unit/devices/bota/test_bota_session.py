@@ -10,7 +10,7 @@ from session_bench import Bench, bench_of, nothing
 
 from slipd.devices import bota
 from slipd.devices.bota import QUIET_NS, SETTLE_NS
-from slipd.tools.sim import emulated_bota as sim
+from slipd.tools.sim import emulated_wrenches as sim
 
 MS = 1_000_000
 COMMANDS = [b"C\n", b"c,0,1,0,4\n", b"f,64,0,0,1\n", b"R\n"]

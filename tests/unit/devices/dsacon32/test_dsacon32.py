@@ -12,7 +12,7 @@ from readings import Case, dropped, fields
 from slipd.devices import dsacon32
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.weiss_tactile import MAX_CELLS
-from slipd.tools.sim import emulated_dsacon32
+from slipd.tools.sim.emulated_weiss import encode_frame
 
 PLAIN = bytes.fromhex(
     "AA AA AA 00 1D 00 E8 03 00 00 00 00 00 00 00 00 00 00 00 64 00 FA 00 00 00 00 00 00 00 00 00 07 00 00 00 FB 76"
@@ -25,7 +25,7 @@ WIDE = {"matrices": [[20, 30]]}
 
 
 def image(time_ms: int, cells: int = 12, *, rle: bool = True) -> bytes:
-    return emulated_dsacon32.encode_frame([(time_ms + cell // 5) % 4096 for cell in range(cells)], time_ms, rle=rle)
+    return encode_frame([(time_ms + cell // 5) % 4096 for cell in range(cells)], time_ms, rle=rle)
 
 
 def payload(text: str) -> bytes:
@@ -49,7 +49,7 @@ UNKNOWN = weiss.encode(9, b"\0\x10\0", weiss.SEED_AFTER_PREAMBLE).hex()
 CASES = {
     **{
         f"a matrix with a cell at full scale is saturated, runs: {rle}": Case(
-            emulated_dsacon32.encode_frame([4094] * 8 + [0, 0, 4095, 0], 0, rle=rle),
+            encode_frame([4094] * 8 + [0, 0, 4095, 0], 0, rle=rle),
             fields("status", [(), ("saturated",)]),
             options=FORMS,
         )
@@ -77,15 +77,14 @@ CASES = {
     },
     **{
         f"{MAX_CELLS} cells are read, and one more is not, runs: {rle}": Case(
-            emulated_dsacon32.encode_frame([9] * MAX_CELLS, 33, rle=rle)
-            + emulated_dsacon32.encode_frame([9] * (MAX_CELLS + 1), 66, rle=rle),
+            encode_frame([9] * MAX_CELLS, 33, rle=rle) + encode_frame([9] * (MAX_CELLS + 1), 66, rle=rle),
             at_ms(33),
-            bad(emulated_dsacon32.encode_frame([9] * (MAX_CELLS + 1), 66, rle=rle)),
+            bad(encode_frame([9] * (MAX_CELLS + 1), 66, rle=rle)),
         )
         for rle in (False, True)
     },
     "matrices may have odd sides or a single cell": Case(
-        emulated_dsacon32.encode_frame(range(163), 0),
+        encode_frame(range(163), 0),
         fields("values", [list(range(84)), list(range(84, 162)), [162]]),
         options={"matrices": [[6, 14], [6, 13], [1, 1]]},
     ),
@@ -115,7 +114,7 @@ CASES = {
         for size in (101, 1001, 4001)
     },
     "what only looks like a packet is no sign of a wrong length": Case(
-        emulated_dsacon32.encode_frame([0xAAA] * 10 + [0xAA] * 3 + [0] * 3, 33, rle=True)
+        encode_frame([0xAAA] * 10 + [0xAA] * 3 + [0] * 3, 33, rle=True)
         + payload("42 00 00 00 01" + UNKNOWN + "00 00 00" * (len(UNKNOWN) // 2 % 2)),
         at_ms(33, 66),
     ),
@@ -129,12 +128,12 @@ def test_D1_L3_T2_a_stream_gives_these_images_and_counts(name: str) -> None:
 
 @given(st.lists(st.integers(0, 4095) | st.just(0), min_size=1, max_size=300))
 def test_run_lengths_give_back_what_they_encode(cells: list[int]) -> None:
-    (sample,) = dsacon32.Decoder().receive(emulated_dsacon32.encode_frame(cells, 0, rle=True), 0)
+    (sample,) = dsacon32.Decoder().receive(encode_frame(cells, 0, rle=True), 0)
     assert sample.values.tolist() == cells
 
 
 def test_a_run_is_at_most_fifteen_cells_long() -> None:
-    assert emulated_dsacon32.encode_frame([5] * 32, 0, rle=True)[11:-2] == bytes.fromhex("05 F0 05 F0 05 20")
+    assert encode_frame([5] * 32, 0, rle=True)[11:-2] == bytes.fromhex("05 F0 05 F0 05 20")
 
 
 def test_plain_images_may_be_asked_for() -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report, measure, parse
-from slipd.tools.sim.emulated_external_gripper import encode_registration, encode_report
+from slipd.tools.sim.emulated_external import encode_registration, encode_report
 
 DRIVER = Registration("lab driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 REGISTRATION: dict[str, Any] = {"v": 1, "name": "lab driver", "width_range_m": [0, 0.1], "force_range_n": [2, 60]}

@@ -16,7 +16,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
     Registration,
     Report,
 )
-from slipd.tools.sim.emulated_external_gripper import DRIVER, Driver, encode_registration, encode_report
+from slipd.tools.sim.emulated_external import DRIVER, Driver, encode_registration, encode_report
 
 
 @dataclass

@@ -13,7 +13,7 @@ from slipd.devices.netft import netft_calibration
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
-from slipd.tools.sim import emulated_netft as sim
+from slipd.tools.sim import emulated_rdt as sim
 
 COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
 ANSWER = sim.encode_tcp(1000, 10)

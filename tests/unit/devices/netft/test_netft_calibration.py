@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from slipd.devices.netft.netft_calibration import TCP_INQUIRY, XML_INQUIRY, Calibration, from_counts, read_tcp, read_xml
-from slipd.tools.sim.emulated_netft import encode_tcp, encode_xml
+from slipd.tools.sim.emulated_rdt import encode_tcp, encode_xml
 
 WORKED = bytes.fromhex("12 34 02 03 00 0F 42 40 00 0F 42 40 3D 09 3D 09 3D 09 03 E8 03 E8 03 E8")
 TAGS = {"cfgcalsn": "FT27462", "scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 7000}

@@ -10,7 +10,7 @@ from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.shared import rdt_records as rdt
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
-from slipd.tools.sim import emulated_optoforce as sim
+from slipd.tools.sim import emulated_rdt as sim
 
 ACK = bytes.fromhex("AA 00 50 01 00 00 FB")
 SERIAL = frames.encode_frame(frames.SERIAL_NUMBER, b"ISE12 \0\0")

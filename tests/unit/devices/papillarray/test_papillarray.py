@@ -12,7 +12,7 @@ from readings import Case, fields
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.shared.sensor_session import SILENCE_NS
-from slipd.tools.sim import emulated_papillarray as sim
+from slipd.tools.sim import emulated_pads as sim
 
 DISPLACED_MM = 0.125
 """Displacement of every pillar along each axis; it cannot be mistaken for a force."""

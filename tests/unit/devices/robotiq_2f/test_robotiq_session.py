@@ -11,7 +11,7 @@ from permits import activate, halt, move, set_force
 
 from slipd.devices.robotiq_2f import Session
 from slipd.devices.shared import modbus
-from slipd.tools.sim import modbus_device
+from slipd.tools.sim.emulated_robotiq_2f import encode_exception
 from slipd.types.samples import GripperSample
 
 ILLEGAL_FUNCTION = 1  # of Modbus exceptions
@@ -32,7 +32,7 @@ class Gripper(GripperLine):
 
     def _answer(self, request: modbus.Request) -> bytes:
         if request.function == self.refuses:
-            return modbus_device.encode_exception(request, ILLEGAL_FUNCTION)
+            return encode_exception(request, ILLEGAL_FUNCTION)
         return super()._answer(request)
 
 

@@ -10,7 +10,7 @@ from readings import Case, fields
 from slipd.devices import robotous
 from slipd.devices.robotous import STOP_PAUSE_NS, encode_command
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS
-from slipd.tools.sim import emulated_robotous as sim
+from slipd.tools.sim import emulated_wrenches as sim
 
 COUNTS = (617, -125, 4905, 250, -84)
 ODD = sim.encode_response(robotous.START, bytes(13) + b"\1\2")

@@ -15,7 +15,7 @@ from pymodbus.pdu import register_message as peer
 
 from slipd.devices.shared import modbus
 from slipd.devices.shared.modbus import Request
-from slipd.tools.sim import modbus_device as sim
+from slipd.tools.sim import emulated_robotiq_2f as sim
 
 POLL = Request(9, modbus.READ_INPUT, 2000, 3)
 WORKED = [

@@ -14,10 +14,8 @@ from session_bench import Bench, bench_of, nothing
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.tools.sim import emulated_dsacon32
-from slipd.tools.sim import emulated_dsacon32 as dsacon32_sim
-from slipd.tools.sim import emulated_wts as wts_sim
-from slipd.tools.sim.emulated_dsacon32 import Dsacon32
+from slipd.tools.sim import emulated_weiss as sim
+from slipd.tools.sim.emulated_weiss import Dsacon32
 
 ASKED = [
     dsacon32.encode_query(dsacon32.CONTROLLER),
@@ -48,7 +46,7 @@ def test_the_reported_matrices_split_the_images_and_another_controller_has_its_o
         ("0", list(range(8))),
         ("1", list(range(8, 12))),
     ]
-    bench.deliver(emulated_dsacon32.encode_frame([1] * 11, 0))
+    bench.deliver(sim.encode_frame([1] * 11, 0))
     assert bench.samples[-1].values.tolist() == [8, 9, 10, 11]
     assert bench.session.health.bad_bytes > 0
     bench.device = Dsacon32(0, [(3, 3)])
@@ -60,9 +58,9 @@ def test_matrices_take_effect_when_all_are_known() -> None:
     bench = dsacon()
     bench.told = lambda answer: b"" if len(bench.written) == 4 else answer
     bench.start(0.1)
-    bench.deliver(dsacon32_sim.encode_error(dsacon32.ACQUIRE))
+    bench.deliver(sim.encode_error(dsacon32.ACQUIRE))
     assert bench.written == ASKED, "the answer to something else"
-    bench.deliver(emulated_dsacon32.encode_frame(range(12), 0))
+    bench.deliver(sim.encode_frame(range(12), 0))
     assert sizes(bench) == [("0", 12)]
 
 
@@ -70,7 +68,7 @@ def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix
     bench = dsacon()
     bench.told = lambda answer: b"" if bench.written.count(ASKED[2]) == 1 and answer[3] == 0x0B else answer
     bench.start(0.6)
-    bench.deliver(dsacon32_sim.encode_matrix(4, 2))
+    bench.deliver(sim.encode_matrix(4, 2))
     assert bench.run(1).session.state == "running"
     assert sizes(bench)[:2] == [("0", 8), ("1", 4)]
 
@@ -115,39 +113,39 @@ def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
 @pytest.mark.parametrize(
     ("name", "packet_id", "wrong", "state"),
     [
-        ("dsacon32", 0x01, dsacon32_sim.encode_error(0x01, 15), "refused controller: access denied"),
-        ("dsacon32", 0x02, dsacon32_sim.encode_error(0x02, 12), "refused sensor: not enough parameters"),
-        ("dsacon32", 0x02, dsacon32_sim.encode_sensor(6, 1, error=2), "refused sensor: no sensor"),
-        ("dsacon32", 0x0B, dsacon32_sim.encode_error(0x0B), "empty answer to matrix 0"),
-        ("dsacon32", 0x03, dsacon32_sim.encode_error(0x03, 27), "refused start: range error"),
+        ("dsacon32", 0x01, sim.encode_error(0x01, 15), "refused controller: access denied"),
+        ("dsacon32", 0x02, sim.encode_error(0x02, 12), "refused sensor: not enough parameters"),
+        ("dsacon32", 0x02, sim.encode_sensor(6, 1, error=2), "refused sensor: no sensor"),
+        ("dsacon32", 0x0B, sim.encode_error(0x0B), "empty answer to matrix 0"),
+        ("dsacon32", 0x03, sim.encode_error(0x03, 27), "refused start: range error"),
         (
             "dsacon32",
             0x01,
-            dsacon32_sim.encode_controller(5, kind=0),
+            sim.encode_controller(5, kind=0),
             "the controller must be a DSACON32, got type DSACON16",
         ),
         (
             "dsacon32",
             0x01,
-            dsacon32_sim.encode_controller(5, kind=9),
+            sim.encode_controller(5, kind=9),
             "the controller must be a DSACON32, got type 9",
         ),
-        ("dsacon32", 0x01, dsacon32_sim.encode_controller(5, operable=False), "controller not operable"),
-        ("dsacon32", 0x02, dsacon32_sim.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
-        ("dsacon32", 0x02, dsacon32_sim.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
-        ("dsacon32", 0x0B, dsacon32_sim.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
+        ("dsacon32", 0x01, sim.encode_controller(5, operable=False), "controller not operable"),
+        ("dsacon32", 0x02, sim.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
+        ("dsacon32", 0x02, sim.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
+        ("dsacon32", 0x0B, sim.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
         (
             "dsacon32",
             0x0B,
-            dsacon32_sim.encode_matrix(100, 100),
+            sim.encode_matrix(100, 100),
             "the matrices must have at most 2048 cells, got 10000",
         ),
-        ("wts", 0x30, wts_sim.encode_status(0x30, 16), "refused matrix information: access denied"),
-        ("wts", 0x30, wts_sim.encode_matrix(wts.Matrix(0, 8)), "matrix of 0 x 8 cells of 4095"),
-        ("wts", 0x30, wts_sim.encode_matrix(wts.Matrix(100, 100)), "matrix of 100 x 100 cells of 4095"),
-        ("wts", 0x30, wts_sim.encode_matrix(wts.Matrix(4, 8, 0)), "matrix of 4 x 8 cells of 0"),
-        ("wts", 0x50, wts_sim.encode_status(0x50), "empty answer to system information"),
-        ("wts", 0x21, wts_sim.encode_status(0x21, 12), "refused start: no parameter expected"),
+        ("wts", 0x30, sim.encode_status(0x30, 16), "refused matrix information: access denied"),
+        ("wts", 0x30, sim.encode_module(wts.Matrix(0, 8)), "matrix of 0 x 8 cells of 4095"),
+        ("wts", 0x30, sim.encode_module(wts.Matrix(100, 100)), "matrix of 100 x 100 cells of 4095"),
+        ("wts", 0x30, sim.encode_module(wts.Matrix(4, 8, 0)), "matrix of 4 x 8 cells of 0"),
+        ("wts", 0x50, sim.encode_status(0x50), "empty answer to system information"),
+        ("wts", 0x21, sim.encode_status(0x21, 12), "refused start: no parameter expected"),
     ],
 )
 def test_D2_a_refusal_or_a_device_that_cannot_be_read_is_named_asked_again_and_not_started(
@@ -165,10 +163,10 @@ def test_D2_a_refusal_or_a_device_that_cannot_be_read_is_named_asked_again_and_n
 @pytest.mark.parametrize(
     ("name", "asked", "wrong"),
     [
-        ("dsacon32", dsacon32.acquire(30, rle=True), dsacon32_sim.encode_error(dsacon32.ACQUIRE, 4)),
-        ("wts", wts.encode_start(10), wts_sim.encode_status(wts.START, 4)),
-        ("dsacon32", dsacon32.acquire(0, rle=True), dsacon32_sim.encode_error(dsacon32.ACQUIRE, 17)),
-        ("wts", wts.encode_query(wts.STOP), wts_sim.encode_status(wts.STOP, 18)),
+        ("dsacon32", dsacon32.acquire(30, rle=True), sim.encode_error(dsacon32.ACQUIRE, 4)),
+        ("wts", wts.encode_start(10), sim.encode_status(wts.START, 4)),
+        ("dsacon32", dsacon32.acquire(0, rle=True), sim.encode_error(dsacon32.ACQUIRE, 17)),
+        ("wts", wts.encode_query(wts.STOP), sim.encode_status(wts.STOP, 18)),
     ],
 )
 def test_a_device_that_already_runs_or_has_nothing_to_stop_is_accepted(name: str, asked: bytes, wrong: bytes) -> None:

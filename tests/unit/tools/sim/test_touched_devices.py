@@ -18,7 +18,7 @@ from slipd.devices.shared import modbus
 from slipd.errors import ConfigError
 from slipd.signals.mounting import Mounting
 from slipd.signals.pad import PadGeometry
-from slipd.tools.sim.emulated_xela import REST_COUNTS
+from slipd.tools.sim.emulated_pads import REST_COUNTS
 from slipd.tools.sim.emulators import Emulator
 from slipd.tools.sim.hand import PadLoad
 from slipd.tools.sim.hand_commands import CommandError, parse_command

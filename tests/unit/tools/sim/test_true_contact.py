@@ -19,7 +19,7 @@ def test_a_pure_pull_needs_its_size_over_mu_whatever_the_patch():
 
 def test_the_image_carries_the_force_and_its_centroid():
     shares = Pad().shares(Patch())
-    x, y = Pad().centres()
+    x, y = Pad().positions()
     assert shares.sum() == pytest.approx(1.0, abs=0.02)
     assert (x @ shares, y @ shares) / shares.sum() == pytest.approx(Patch().centre_m, abs=2e-4)
     assert shares.min() == 0.0

@@ -6,7 +6,7 @@ from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.devices.shared import modbus
 from slipd.fusion import contact_from_wrench
 from slipd.signals.mounting import Mounting
-from slipd.tools.sim.emulated_bota import encode_ack
+from slipd.tools.sim.emulated_wrenches import encode_ack
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import Patch
 from slipd.tools.sim.virtual_gripper import BIAS, LINES, SENSOR_QUAT_XYZW, SENSOR_XYZ_M, VirtualRig

@@ -17,7 +17,7 @@ from slipd.devices.shared import rdt_records as rdt
 from slipd.events import Bytes, Event, LinkSpec, LinkUp
 from slipd.io.transport import Links
 from slipd.tools.sim.emulate import emulated, run
-from slipd.tools.sim.emulated_netft import SERIAL, NetftSensor, make
+from slipd.tools.sim.emulated_rdt import SERIAL, NetftSensor
 from slipd.types.samples import WrenchSample
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
@@ -35,7 +35,7 @@ def begun(emulator: NetftSensor, calibration: str) -> netft.Session:
 
 @pytest.mark.parametrize(("calibration", "identity"), [("tcp", ""), ("xml", f"S/N {SERIAL}")])
 def test_the_daemons_session_calibrates_and_gets_4000_readings_a_second(calibration: str, identity: str) -> None:
-    emulator = make(1)
+    emulator = NetftSensor(1)
     emulator.feel(FORCE_N, TORQUE_NM)
     session = begun(emulator, calibration)
     samples = drive(session, emulator, 0.5, start=False)
@@ -49,7 +49,7 @@ def test_the_daemons_session_calibrates_and_gets_4000_readings_a_second(calibrat
 
 @pytest.mark.parametrize("request_", [b"GET / HTTP/1.0\r\n\r\n", encode_change(7001), encode_change(0)])
 def test_nothing_else_is_answered(request_: bytes) -> None:
-    assert make(5).inquire(request_) == b""
+    assert NetftSensor(5).inquire(request_) == b""
 
 
 class Locked(NetftSensor):
@@ -97,7 +97,7 @@ async def test_the_output_rate_is_set_over_http_before_the_records_start(
 
 
 def test_a_force_beyond_the_counts_is_sent_as_the_largest() -> None:
-    emulator, decoder = make(8), netft.Decoder(**make(8).options)
+    emulator, decoder = NetftSensor(8), netft.Decoder(**NetftSensor(8).options)
     emulator.feel(np.array([1e6, 0.0, 0.0]), np.zeros(3))
     emulator.receive(rdt.encode_request(rdt.START), 0)
     assert decoder.receive(emulator.advance(MS)[0], 0)[0].status == ("overload",)
