@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import inspect
 import signal
 import tomllib
@@ -53,10 +54,15 @@ def pytest_configure(config: pytest.Config) -> None:
         controller.cov.stop()
 
 
+@functools.cache
+def _is_covered(path: Path) -> bool:
+    return any(map(path.is_relative_to, COVERED))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let every asynchronous test end without a pending task; the others need no event loop, and get none."""
     for item in items:
-        if item.get_closest_marker("statistics") or not any(map(item.path.is_relative_to, COVERED)):
+        if item.get_closest_marker("statistics") or not _is_covered(item.path):
             item.add_marker(pytest.mark.no_cover)
         if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
             item.fixturenames.insert(0, _no_task_is_leaked.__name__)

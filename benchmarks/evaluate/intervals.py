@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import beta, chi2
+from scipy.special import betaincinv, gammaincinv
 
 CONFIDENCE = 0.95
 """Of every one-sided bound in the report."""
@@ -21,14 +21,14 @@ def rate_upper(count: int, hours: float) -> float:
     """
     if hours <= 0.0:
         return math.inf
-    return float(chi2.ppf(CONFIDENCE, 2 * (count + 1))) / 2.0 / hours
+    return float(gammaincinv(count + 1, CONFIDENCE)) / hours
 
 
 def share_upper(count: int, of: int) -> float:
     """Return the exact upper binomial bound (Clopper-Pearson, one-sided) on a share; 1 without a trial."""
     if count >= of:
         return 1.0
-    return float(beta.ppf(CONFIDENCE, count + 1, of - count))
+    return float(betaincinv(count + 1, of - count, CONFIDENCE))
 
 
 def quantile(values: Sequence[float], q: float) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
-from scipy.stats import poisson
+from scipy.special import pdtrik
 
 CONFIDENCE = 0.999
 """A sound check exceeds its bound in one run of a thousand."""
@@ -27,4 +28,4 @@ class Outcome:
 
 def allowed(amount: int, probability: float) -> int:
     """Return how many false accepts this many trials may show: the Poisson bound."""
-    return int(poisson.ppf(CONFIDENCE, amount * probability))
+    return math.ceil(pdtrik(CONFIDENCE, amount * probability))
