@@ -28,9 +28,10 @@ ONE_OF_EACH := $(addprefix $(DAEMONS)/test_,demo.py readme_program.py \
 	service_process.py::test_P4_a_signal_ends_the_process_well[15] \
 	service_unit.py::test_P2_P5_a_daemon_that_crashes_or_hangs_is_started_again_without_limit \
 	leaks.py::test_P6_runs_that_end_leave_no_descriptor_and_no_task)
-# Programs of long runs: their targets test them first.
+# Programs of long runs: their targets test them first. `make check` imports them, and runs the quick tests of some.
 EVALUATION := $(addprefix benchmarks/,evaluate fit second_world)
-LONG := $(EVALUATION) $(addprefix benchmarks/,bench campaign chart soak)
+LONG := $(addprefix benchmarks/,evaluate/test_calm.py evaluate/test_offline_grasp.py fit second_world/test_rubber_trace.py \
+	bench campaign chart soak)
 # The tests of one file stay together on one core: they share a daemon, or what takes long to compute.
 PYTEST := $(BIN)/pytest --quiet --numprocesses=2 --dist loadfile --no-loadscope-reorder
 # `make check` alone tests fleets, ROS 2, viewers, simulated scenes, kernels that are not compiled or not warmed up, how
