@@ -34,11 +34,11 @@ def test_the_net_of_twists_leaves_out_no_more_of_the_limit_than_its_share_allows
         assert found / NET_SHARE >= 0.995 * min(exact.lower, 1e6)
 
 
-@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, -0.48, 0.64)])
-def test_gravity_is_followed_through_a_turn(axis: tuple[float, float, float]) -> None:
-    """By 114° from rest to rest: gravity turns the other way, as the gripper sees it."""
+@pytest.mark.parametrize(("axis", "swells"), [((1.0, 0.0, 0.0), 1.0), ((0.6, -0.48, 0.64), 0.0)])
+def test_gravity_is_followed_through_a_turn(axis: tuple[float, float, float], swells: float) -> None:
+    """By 114°, from rest to rest or at a steady rate: gravity turns the other way, as the gripper sees it."""
     times, found, begin = np.linspace(0.0, 1.0, 101), np.empty((101, 3)), np.array((1.0, 2.0, -9.0))
-    rates = (1.0 - np.cos(2.0 * math.pi * times))[:, None] * (2.0 * np.array(axis))
+    rates = (1.0 - swells * np.cos(2.0 * math.pi * times))[:, None] * (2.0 * np.array(axis))
     follow_gravity(np.hstack((times[:, None], np.zeros((101, 3)), rates, np.zeros((101, 3)))), begin, found)
     assert found[-1] == pytest.approx(Rotation.from_rotvec(-2.0 * np.array(axis)).apply(begin), abs=1e-3)
 
