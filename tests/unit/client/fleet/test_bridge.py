@@ -12,11 +12,10 @@ from typing import Any
 import pytest
 import zenoh
 from client_peers import PATIENCE_S, Publisher, until
-from slipd_client.fleet.fleet_keys import DAEMON, message_key
-from slipd_client.fleet.fleet_listener import FairQueue, FleetListener
 from zenoh_peers import Router, session
 
-from slipd_client.fleet import fleet_listener
+from slipd_client.fleet import fleet_network
+from slipd_client.fleet.fleet_network import FairQueue, FleetListener
 from slipd_client.fleet.robot_bridge import BridgePublisher
 from slipd_client.messages import decode, encode
 
@@ -94,7 +93,7 @@ def test_the_silence_of_its_daemon_is_said_here_and_to_the_fleet(
         listener = FleetListener(here, "plant")
         wait_for_state(listener, "live", publisher)
         assert f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?" in bridge.stderr.readline()
-        until(lambda: not list(here.liveliness().get(message_key("plant", "arm3", DAEMON))))
+        until(lambda: not list(here.liveliness().get("plant/arm3/daemon")))
         wait_for_state(listener, "silent")
 
 
@@ -189,7 +188,7 @@ def test_Z9_an_alarm_is_read_before_the_flood_that_came_first(router: Router, mo
         arrive(hostile, here, "flood")
         honest.put("warning", warning(1, "honest"))
         arrive(other, here, "honest")
-        monkeypatch.setattr(fleet_listener, "WORK_S", PATIENCE_S)
+        monkeypatch.setattr(fleet_network, "WORK_S", PATIENCE_S)
         boots = [message.raw["boot"] for message in view.take(0.05)]
         assert boots.index("honest") <= 2
         assert boots.count("flood") > FLOOD / 2
