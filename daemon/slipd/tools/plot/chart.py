@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from slipd.config import Levels
@@ -126,25 +126,17 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Strip:
-    """States over time in one row."""
-
-    name: str
-    spans: Sequence[Span]
-
-
-@dataclass(frozen=True, slots=True)
 class StripGroup:
     """Rows that belong together.
 
     Attributes:
         title: What they show.
-        strips: The rows.
+        strips: States over time of each row, by its name.
         note: More about them; "" for nothing.
     """
 
     title: str
-    strips: Sequence[Strip]
+    strips: Mapping[str, Sequence[Span]]
     note: str = ""
 
 
@@ -165,7 +157,7 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
     limits = ((levels.caution, "caution"), (levels.warning, "warning"), (1.0, "slips"))
     force, torque = ("N", "N·m") if all(one.in_newtons for _, one, _ in fingers) else ("uncalibrated", "uncalibrated")
     parts: list[Panel | StripGroup] = [
-        StripGroup("level and reasons", [Strip(name, list(_levels(one, extent))) for name, one, _ in fingers]),
+        StripGroup("level and reasons", {name: list(_levels(one, extent)) for name, one, _ in fingers}),
         Panel(
             "utilisation λ",
             "",
@@ -177,7 +169,9 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
             limits,
             MOST_UTILISATION,
         ),
-        StripGroup("evidence of motion", [strip for name, one, _ in fingers for strip in _evidence(name, one, extent)]),
+        StripGroup(
+            "evidence of motion", dict(strip for name, one, _ in fingers for strip in _evidence(name, one, extent))
+        ),
         Panel("normal force", force, list(_of_each(fingers, "normal_n", extent))),
         Panel("tangential force", force, list(_of_each(fingers, "tangential", extent))),
         Panel("spin", torque, list(_of_each(fingers, "spin_nm", extent))),
@@ -197,7 +191,7 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
             ],
             most=2.0,
         ),
-        StripGroup("source of μ", [Strip(name, list(_sources(one, extent))) for name, one, _ in fingers]),
+        StripGroup("source of μ", {name: list(_sources(one, extent)) for name, one, _ in fingers}),
         _health(tracks),
     ]
     return [part for part in parts if (part.curves if isinstance(part, Panel) else part.strips)]
@@ -240,11 +234,11 @@ def _levels(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
         yield Span(begin_s, until_s, state.level, (whole, reasons, state.level) if reasons else (whole,), whole)
 
 
-def _evidence(name: str, finger: FingerTracks, extent: Extent) -> Iterator[Strip]:
+def _evidence(name: str, finger: FingerTracks, extent: Extent) -> Iterator[tuple[str, list[Span]]]:
     runs = finger.evidence.runs(extent)
     for kind in sorted({kind for run in runs for kind in run.value}):
         spans = [Span(run.begin_s, run.end_s, "evidence", (), kind) for run in runs if kind in run.value]
-        yield Strip(f"{name}: {kind}", spans)
+        yield f"{name}: {kind}", spans
 
 
 def _sources(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
@@ -253,14 +247,14 @@ def _sources(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
 
 
 def _health(tracks: RunTracks) -> StripGroup:
-    strips, notes = [], []
+    strips: dict[str, list[Span]] = {}
+    notes = []
     for name, stream in sorted(tracks.streams.items()):
-        spans = []
+        strips[name] = []
         for begin_s, until_s, (code, message) in stream.health.runs(tracks.extent):
             word = HEALTH[code]
             whole = f"{word}: {message}" if message else word
-            spans.append(Span(begin_s, until_s, word, (whole, word), whole))
-        strips.append(Strip(name, spans))
+            strips[name].append(Span(begin_s, until_s, word, (whole, word), whole))
         counted = [f"{count} {what}" for what, count in stream.counters.items() if count]
         if stream.masked:
             counted.append(f"{stream.masked} taxels masked")

@@ -133,12 +133,12 @@ def _corners(points: Sequence[tuple[float, float, float]]) -> list[tuple[float, 
 
 
 def _strips(group: StripGroup, y: float, window: Window) -> Iterator[str]:
-    for row, strip in enumerate(group.strips):
+    for row, (whole, spans) in enumerate(group.strips.items()):
         top = y + STRIP * row
-        name = strip.name if len(strip.name) <= MOST_LETTERS else f"{strip.name[: MOST_LETTERS - 1]}…"
-        yield f"<g>{_text('small end', LEFT - 6, top + 13, name)}<title>{escape(strip.name)}</title></g>"
+        name = whole if len(whole) <= MOST_LETTERS else f"{whole[: MOST_LETTERS - 1]}…"
+        yield f"<g>{_text('small end', LEFT - 6, top + 13, name)}<title>{escape(whole)}</title></g>"
         yield f'<rect class="ground" x="{LEFT}" y="{top:g}" width="{WIDTH - LEFT - RIGHT}" height="{STRIP - 3}"/>'
-        for span in strip.spans:
+        for span in spans:
             begin, end = _x(span.begin_s, window), _x(span.end_s, window)
             hover = f"{span.begin_s:.3f} to {span.end_s:.3f} s: {span.whole}"
             yield (

@@ -131,13 +131,11 @@ class Change:
     Attributes:
         t_s: When, s.
         warning: What is `SHOWN` of the message ``warning``.
-        image: Image of the pad at a rise to an alarm; None for other changes, without an image, and for later alarms.
-        verdict: The first message ``slip`` after an image: it is about the same reading.
+        verdict: The first message ``slip`` after the image of a snapshot: it is about the same reading.
     """
 
     t_s: float
     warning: Mapping[str, Any]
-    image: PadImage | None = None
     verdict: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -147,7 +145,7 @@ class ChangeLog:
     Attributes:
         changes: The first ``MOST_CHANGES``, in order.
         count: Number of all.
-        snapshots: Those of them with an image, the first ``MOST_SNAPSHOTS``.
+        snapshots: Rises to an alarm, each with the image of the pad then; the first ``MOST_SNAPSHOTS`` with one.
         alarms: Number of all rises to an alarm.
         newest_images: The newest message ``tactile`` of each finger; none after a gap, because it does not show what
             follows.
@@ -155,7 +153,7 @@ class ChangeLog:
 
     def __init__(self) -> None:
         self.changes: list[Change] = []
-        self.snapshots: list[Change] = []
+        self.snapshots: list[tuple[Change, PadImage]] = []
         self.count = self.alarms = 0
         self.newest_images: dict[str, Mapping[str, Any]] = {}
         self._unfinished: dict[str, Change] = {}
@@ -175,9 +173,9 @@ class ChangeLog:
             return
         self.alarms += 1
         if len(self.snapshots) < MOST_SNAPSHOTS and finger in self.newest_images:
-            change.image = pad_image(self.newest_images[finger])
-            if change.image is not None:
-                self.snapshots.append(change)
+            image = pad_image(self.newest_images[finger])
+            if image is not None:
+                self.snapshots.append((change, image))
                 self._unfinished[finger] = change
 
     def add_verdict(self, finger: str, body: Mapping[str, Any]) -> None:

@@ -54,12 +54,12 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
         ["left: bounds", "right: bounds", "left", "right"],
         ["now", "needed", "commanded"],
     ]
-    assert [strip.name for strip in part(parts, "level and reasons").strips] == ["left", "right"]
-    assert {strip.name for strip in part(parts, "health of the streams").strips} == set(tracks.streams)
+    assert list(part(parts, "level and reasons").strips) == ["left", "right"]
+    assert set(part(parts, "health of the streams").strips) == set(tracks.streams)
     for each in parts:
         colours = [curve.colour for curve in each.curves] if isinstance(each, Panel) else []
         assert set(colours) <= set(COLOURS)
-        spans = [] if isinstance(each, Panel) else [span for strip in each.strips for span in strip.spans]
+        spans = [] if isinstance(each, Panel) else [span for spans in each.strips.values() for span in spans]
         assert {span.colour for span in spans} <= set(SPAN_COLOURS)
         assert all(0.0 <= span.begin_s <= span.end_s <= tracks.window.end_s for span in spans)
 
@@ -69,20 +69,20 @@ def test_levels_name_their_reasons_and_evidence_its_finger(run: Any) -> None:
     run.add("slip.left", 1.0, level="slipping", evidence=["load_drop"])
     run.add("slip.left", 2.0, mu_source="one of a later version")
     parts = chart(run.tracks, LEVELS_IN_FORCE)
-    (strip,) = part(parts, "level and reasons").strips
-    assert strip.spans[0] == Span(
+    (levels,) = part(parts, "level and reasons").strips.values()
+    assert levels[0] == Span(
         0.0,
         1.0,
         "caution",
         ("caution: rotation, tipping", "rotation, tipping", "caution"),
         "caution: rotation, tipping",
     )
-    assert strip.spans[1].texts == ("slipping",)
-    (sources,) = part(parts, "source of μ").strips
-    assert [span.colour for span in sources.spans] == ["config", "none"]
-    (moved,) = part(parts, "evidence of motion").strips
-    (span,) = moved.spans
-    assert (moved.name, span.begin_s, span.end_s, span.whole) == ("left: load_drop", 1.0, 2.0, "load_drop")
+    assert levels[1].texts == ("slipping",)
+    (sources,) = part(parts, "source of μ").strips.values()
+    assert [span.colour for span in sources] == ["config", "none"]
+    ((name, moved),) = part(parts, "evidence of motion").strips.items()
+    (span,) = moved
+    assert (name, span.begin_s, span.end_s, span.whole) == ("left: load_drop", 1.0, 2.0, "load_drop")
 
 
 def test_faults_of_streams_are_counted_beside_the_title(run: Any) -> None:
@@ -90,7 +90,7 @@ def test_faults_of_streams_are_counted_beside_the_title(run: Any) -> None:
         run.add_stream(t_s, 2, "no such port", lost=3, reconnects=1, masked=[1, 2])
     group = part(chart(run.tracks, LEVELS_IN_FORCE), "health of the streams")
     assert group.note == "left.pad: 3 lost, 1 reconnects, 2 taxels masked"
-    assert group.strips[0].spans[0].texts == ("ERROR: no such port", "ERROR")
+    assert next(iter(group.strips.values()))[0].texts == ("ERROR: no such port", "ERROR")
 
 
 def test_every_level_and_health_has_a_colour() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.tools.plot.binned_track import Held, Window
-from slipd.tools.plot.chart import Curve, Panel, Span, Strip, StripGroup
+from slipd.tools.plot.chart import Curve, Panel, Span, StripGroup
 from slipd.tools.plot.chart_svg import LEFT, PANEL, RIGHT, TAXEL, TITLE, WIDTH, chart_svg, snapshot_svg
 from slipd.tools.plot.pad_picture import CENTROID, POLE, PadImage, pad_image
 
@@ -91,7 +91,7 @@ def test_spans_stand_at_their_times_with_the_text_that_fits() -> None:
         Span(5.0, 5.9, "slipping", texts, "all"),
         Span(9.99, 10.0, "stable", texts, "s"),
     ]
-    root = drawn(StripGroup("levels", [Strip("a finger with a name that is far too long", spans)], "note & more"))
+    root = drawn(StripGroup("levels", {"a finger with a name that is far too long": spans}, "note & more"))
     first, _, last = [each for each in root.iter() if each.get("fill")]
     place = [float(first.get(key, "")) for key in ("x", "width")]
     assert place == pytest.approx([at(0.0), at(5.0) - at(0.0)], abs=0.1)

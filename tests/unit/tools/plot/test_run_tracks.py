@@ -96,9 +96,9 @@ def test_an_alarm_has_the_image_centroid_and_pole_of_its_reading(run: Any) -> No
     run.add_change(1.0, "left", "stable", "warning", "rotation")
     run.add("slip.left", 1.1, centroid_m=[0.009, 0.0], pole_m=None)
     log = run.tracks.changes
-    (change,) = log.snapshots
+    ((change, image),) = log.snapshots
     assert (change.t_s, change.warning["finger"], change.warning["reasons"]) == (1.0, "left", ["rotation"])
-    assert (change.image.peak, log.count, log.alarms) == (4.0, 1, 1)
+    assert (image.peak, log.count, log.alarms) == (4.0, 1, 1)
     assert (change.verdict["centroid_m"], change.verdict["pole_m"]) == ([0.001, 0.002], [0.003, 0.004])
 
 
@@ -108,4 +108,4 @@ def test_a_run_of_any_length_keeps_the_first_changes_and_counts_all(run: Any) ->
         run.add_change(n, "left", "stable", "warning")
     log = run.tracks.changes
     assert (log.count, log.alarms, len(log.changes)) == (MOST_CHANGES + 10, MOST_CHANGES + 10, MOST_CHANGES)
-    assert [each.t_s for each in log.snapshots] == pytest.approx([*range(MOST_SNAPSHOTS)])
+    assert [each.t_s for each, _ in log.snapshots] == pytest.approx([*range(MOST_SNAPSHOTS)])
