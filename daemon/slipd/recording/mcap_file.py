@@ -104,17 +104,13 @@ def check_new(path: Path) -> None:
     if path.is_char_device():
         return
     if os.path.lexists(path):
-        raise _exists(path)
+        raise RecordingError(f"{path}: exists already; give the name of a new file")
     if not path.parent.is_dir():
         raise RecordingError(f"{path}: cannot be created: there is no folder {path.parent}")
     if os.statvfs(path.parent).f_flag & os.ST_RDONLY:
         raise RecordingError(f"{path}: cannot be created: {os.strerror(errno.EROFS)}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise RecordingError(f"{path}: cannot be created: this user may not write to {path.parent}")
-
-
-def _exists(path: Path) -> RecordingError:
-    return RecordingError(f"{path}: exists already; give the name of a new file")
 
 
 class RecordingFile(RecordStream):
@@ -147,8 +143,6 @@ class RecordingFile(RecordStream):
         try:
             check_new(path)
             super().__init__(path)
-        except FileExistsError as error:
-            raise _exists(path) from error
         except OSError as error:
             raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
         output = cast("IO[bytes]", self)  # the writer uses only write, tell and flush

@@ -173,16 +173,6 @@ def open_recording(path: Path) -> Recording:
         raise RecordingError(f"{path}: {error}") from error
 
 
-def is_recording(path: Path) -> bool:
-    """Return whether a file is a recording of slipd, by its header; complete and intact or not."""
-    try:
-        with open_mcap(path) as file:
-            header = next(data_records(file), None)
-    except (RecordingError, DamageError, OSError):
-        return False
-    return isinstance(header, Header) and header.profile == mcap_file.PROFILE
-
-
 def _start(path: Path, records: Iterator[McapRecord], *, closed: bool) -> Recording:
     start, config = next(records, None), next(records, None)
     if not isinstance(start, Metadata) or start.name != mcap_file.START or not isinstance(config, Attachment):

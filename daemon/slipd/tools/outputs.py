@@ -41,6 +41,10 @@ NEW = Kind("new", lambda _: False, replaceable=False)
 """What replaces nothing, such as a recording or a config."""
 
 
+SLIPD = b"\x05\0\0\0slipd"
+"""A text of an MCAP header with its length: the profile of a recording, or the library that wrote an export."""
+
+
 def first_bytes(path: Path, most: int) -> bytes:
     """Return the beginning of a file, by which its kind is known; nothing of one that cannot be read."""
     try:
@@ -48,6 +52,11 @@ def first_bytes(path: Path, most: int) -> bytes:
             return file.read(most)
     except OSError:
         return b""
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a file is a recording of slipd, by the profile in its header; complete and intact or not."""
+    return first_bytes(path, 26)[17:] == SLIPD  # after magic bytes, and kind and length of the header
 
 
 @contextlib.contextmanager
@@ -106,8 +115,6 @@ def _obstacle(out: Path, kind: Kind) -> str | None:
         return None if other is None else f"is a folder that also holds {other!r}"
     if not out.is_file():
         return "is not a regular file"
-    from slipd.recording.reader import is_recording  # here: only a name that is taken needs it
-
     if is_recording(out):
         return "is a recording of slipd"
     return None if kind.is_one(out) else f"is not {kind.name}"

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.ndimage import center_of_mass
 
 from slipd.config import Pad, Wrench
 from slipd.signals.mounting import Mounting
@@ -180,13 +181,10 @@ def goes_to_corner(travel: Array) -> bool:
 
 def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:
     """Return the centre of pressure along the columns and the rows of the scan, from its middle, m."""
-    total = float(image.sum())
-    if total <= 0.0:
+    if image.sum() <= 0.0:
         return None
-    row, col = np.divmod(np.arange(image.size), pad.cols)
-    along_cols = float(image @ (col - 0.5 * (pad.cols - 1))) * pad.pitch_m / total
-    along_rows = float(image @ (row - 0.5 * (pad.rows - 1))) * pad.pitch_m / total
-    return along_cols, along_rows
+    row, col = center_of_mass(image.reshape(pad.rows, pad.cols))
+    return (col - 0.5 * (pad.cols - 1)) * pad.pitch_m, (row - 0.5 * (pad.rows - 1)) * pad.pitch_m
 
 
 def find_three_axis(touches: Mapping[str, Touch]) -> Findings:

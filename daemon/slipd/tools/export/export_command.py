@@ -11,14 +11,14 @@ from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
 from slipd.errors import RecordingError, SlipdError, UsageError
 from slipd.io.progress import Progress
-from slipd.recording.reader import Recording, is_recording, open_recording
+from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay_dated
 from slipd.tools.cli_arguments import chosen
 from slipd.tools.export.frames import FrameLayout, FrameSampler, frame_layout
 from slipd.tools.export.lerobot_dataset import ROBOT, lerobot_dataset
 from slipd.tools.export.message_tables import LOG_TIME, Write, csv_files, parquet_tables
 from slipd.tools.export.ros2_bag import ros2_bag
-from slipd.tools.outputs import MARK, Kind, draft, first_bytes, storable, stored_schema
+from slipd.tools.outputs import MARK, SLIPD, Kind, draft, first_bytes, is_recording, storable, stored_schema
 from slipd.types.device_text import printable
 
 FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
@@ -29,9 +29,6 @@ FORMATS: dict[str, Callable[[Path, Config], AbstractContextManager[Write]]] = {
 """What writes each format of one recording."""
 
 TASK = "grip an object and hold it"
-
-_MCAP_LIBRARY = b"\x05\0\0\0slipd"
-"""Name of the library in the header of an exported MCAP file, with its length."""
 
 Show = Callable[[int, int], None]
 
@@ -169,7 +166,7 @@ def is_exported(path: Path) -> bool:
     if start.startswith(b"PAR1"):
         schema = stored_schema(path, "a Parquet file that is to be replaced")
         return schema is not None and MARK.encode() in (schema.metadata or {})
-    return start.startswith(f"{LOG_TIME},".encode()) or (_MCAP_LIBRARY in start and not is_recording(path))
+    return start.startswith(f"{LOG_TIME},".encode()) or (SLIPD in start and not is_recording(path))
 
 
 def _of_dataset(folder: Path) -> bool:

@@ -79,10 +79,7 @@ class BinnedTrack(Generic[T]):
             self._halve()
             at //= 2
         before = self._bins[at]
-        if before is None:
-            self._bins[at] = value
-        elif before != value:
-            self._bins[at] = self._merge(before, value)
+        self._bins[at] = value if before is None or before == value else self._merge(before, value)
 
     def held(self, extent: Extent) -> Iterator[Held[T]]:
         """Yield the value of every bin that has one; it holds until the next, the next gap, or the end."""
