@@ -115,7 +115,7 @@ class Engine:
         self._arm: ArmMotion | None = None
         if config.grasp is not None and config.grasp.arm is not None:
             self._arm = ArmMotion(config.grasp, config.grasp.arm, self._fingers)
-        held = make_held_object(config.grasp, view, self._fingers, self._arm, named)
+        held = make_held_object(view, self._arm, named)
         advice = None if view is None else MotionAdvice(cast("Grasp", config.grasp), self._fingers, view, self._arm)
         self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         reflex = make_reflex_controller(config, view, self._gripper)

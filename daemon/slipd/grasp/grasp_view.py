@@ -85,13 +85,14 @@ class GraspView:
 
     Attributes:
         fingers: The first and the second finger.
+        places: Poses of their pads.
         state: State at the last `update`.
         object: What is known of the object.
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
         self.fingers = tuple(fingers[name] for name in config.pads)
-        self._places = tuple(Place(place) for place in config.pads.values())
+        self.places = tuple(Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
         self.object = NOTHING_HELD
         self.state = self.update(None)
@@ -121,14 +122,14 @@ class GraspView:
         verdicts = first.state.verdict, second.state.verdict
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)
         normal_n = first.normal_n, second.normal_n
-        needed_n = grasp_needed_n(normal_n, (first.needed_n(), second.needed_n()))
+        needed_n = grasp_needed_n(normal_n, (first.needed_n, second.needed_n))
         self.state = GraspState(
             level,
             tuple(reasons),
             finite_or_none(internal_force(*normal_n)),
             finite_or_none(needed_n),
-            finite_or_none(needed_n * max(first.learned_rise(), second.learned_rise())),
-            finite_or_none(grasp_utilisation(first.utilisation(), second.utilisation())),
+            finite_or_none(needed_n * max(first.learned_rise, second.learned_rise)),
+            finite_or_none(grasp_utilisation(first.utilisation, second.utilisation)),
             finite_or_none(width_m),
         )
         return self.state
@@ -136,7 +137,7 @@ class GraspView:
     def load(self, t_ns: int) -> GraspLoad:
         """Return the load at ``t_ns``, with the readings and the width of the last `update`."""
         first, second = self._sides
-        poses = [place.pose(self.state.width_m) for place in self._places]
+        poses = [place.pose(self.state.width_m) for place in self.places]
         world = external_wrench([side.wrench(t_ns) for side in self._sides], poses)
         ages = [side.finger.freshness.age_s(t_ns) for side in self._sides]
         return GraspLoad(
@@ -158,31 +159,24 @@ class _Side:
     Attributes:
         normal_n: Normal force, N.
         tangential_n: Size of the tangential force, N.
+        utilisation: λ of the load.
+        needed_n: Least normal force that holds the load, N.
+        learned_rise: By which factor the friction in use is above the stated one, at least 1; inf where none is stated.
     """
 
     def __init__(self, finger: Finger, state: FingerState) -> None:
         self.finger, self.state = finger, state
         self._trusted = is_trusted(state.verdict)
-        self.normal_n = self.tangential_n = math.nan
+        self.normal_n = self.tangential_n = self.utilisation = math.nan
+        if state.utilisation is not None and self._trusted:
+            self.utilisation = state.utilisation.value
         if state.contact is not None and self._trusted:
             self.normal_n, self.tangential_n = state.contact.normal_n, state.contact.tangential_norm_n
-
-    def utilisation(self) -> float:
-        """Return λ of the finger's load."""
-        used = self.state.utilisation
-        return used.value if used is not None and self._trusted else math.nan
-
-    def needed_n(self) -> float:
-        """Return the least normal force that holds the finger's load, N."""
-        needed = self.state.needed_normal_n(self.finger.config)
-        return math.nan if needed is None else needed
-
-    def learned_rise(self) -> float:
-        """Return by which factor the friction in use is above the stated one, at least 1; inf where none is stated."""
-        friction, stated = self.state.friction, self.finger.friction.stated
-        if friction is None or friction.mu is None:
-            return 1.0
-        return math.inf if stated is None else max(friction.mu / stated, 1.0)
+        needed_n, friction, stated = state.needed_normal_n(finger.config), state.friction, finger.friction.stated
+        self.needed_n = math.nan if needed_n is None else needed_n
+        self.learned_rise = 1.0
+        if friction is not None and friction.mu is not None:
+            self.learned_rise = math.inf if stated is None else max(friction.mu / stated, 1.0)
 
     def wrench(self, t_ns: int) -> tuple[float, ...]:
         """Return force and torque on the pad; NaN also where they may contain the finger's own weight."""

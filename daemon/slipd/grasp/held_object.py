@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.config import Grasp
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.trust import is_trusted
@@ -262,20 +261,14 @@ def _geometry(sides: Sequence[Side], width_m: float | None) -> _Geometry:
     )
 
 
-def make_held_object(
-    grasp: Grasp | None,
-    view: GraspView | None,
-    fingers: dict[str, Finger],
-    arm: ArmMotion | None,
-    named: NamedObject,
-) -> HeldObject | None:
+def make_held_object(view: GraspView | None, arm: ArmMotion | None, named: NamedObject) -> HeldObject | None:
     """Return what follows the object; None where the rig cannot weigh it, which `GraspView.object` then says."""
-    if grasp is None or view is None:
+    if view is None:
         return None
     sides = []
-    for name, place in grasp.pads.items():
-        if (force := fingers[name].force) is None:
+    for finger, place in zip(view.fingers, view.places, strict=True):
+        if finger.force is None:
             view.object = NO_SENSOR
             return None
-        sides.append(Side(fingers[name], force, Place(place)))
+        sides.append(Side(finger, finger.force, place))
     return HeldObject(view, sides, arm, named)

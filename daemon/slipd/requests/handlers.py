@@ -19,7 +19,7 @@ from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import IdempotencyCache, check_request
-from slipd.types.permit import RefusalError, require
+from slipd.types.permit import Refusal, RefusalError, require
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
 
 _FREED_BY = {
@@ -135,5 +135,6 @@ class RequestHandlers:
         if event.state == "running":
             reply |= replies.granted(number, replies.recording_file(event), t_ns)
         else:
-            reply |= replies.refused(number, self._recordings.why_not_begun(event), t_ns)
+            code = "no_room" if event.state == "limited" else "record_failed"
+            reply |= replies.refused(number, Refusal(code, event.reason), t_ns)
         return Reply(request.client, reply)

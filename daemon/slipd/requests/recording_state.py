@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.types.clocks import WallClock
-from slipd.types.permit import Refusal, RefusalError
+from slipd.types.permit import RefusalError
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11
@@ -86,11 +86,6 @@ class RecordingState:
             elif event.state == "running":  # its file was created only after its record.stop
                 self.requested = replace(event, state="stopped")
         return self._waiting.pop(event.name, None)
-
-    @staticmethod
-    def why_not_begun(event: RecordingChanged) -> Refusal:
-        """Return why a recording did not begin, by the state that was reported instead."""
-        return Refusal("no_room" if event.state == "limited" else "record_failed", event.reason)
 
     def due(self) -> list[Record]:
         """Return the recordings to start or end since the last call."""

@@ -187,7 +187,7 @@ def test_D6_a_course_of_an_object(name: str) -> None:
 def test_load_is_read_every_20_ms_where_two_force_sensors_see_a_grasp() -> None:
     run, blind = HeldRun(), ArmRun(ONE_SENSOR)
     grasp, fingers, t_ns = config.parse(RIG, "test").grasp, run.engine._fingers, run.t_ns + 1_000_000_000
-    held = held_object.make_held_object(grasp, GraspView(grasp, fingers), fingers, None, NamedObject())
+    held = held_object.make_held_object(GraspView(grasp, fingers), None, NamedObject())
     assert held.update(t_ns, None) == held.update(t_ns + 1, None) == t_ns + held_object.PERIOD_NS
-    assert held_object.make_held_object(None, None, {}, None, NamedObject()) is None
+    assert held_object.make_held_object(None, None, NamedObject()) is None
     follow(blind, [tick, unknown(held_object.NO_SENSOR.unknown)])
