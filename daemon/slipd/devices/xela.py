@@ -22,7 +22,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices.shared.device_interface import DecoderHealth
-from slipd.devices.shared.sequence_tracker import FURTHEST_GAP
+from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample
 
@@ -77,7 +77,8 @@ class Decoder:
         self._searched = 0  # length of the part already searched for braces
         self._open: deque[int] = deque(maxlen=DEEPEST)
         self._in_garbage = False
-        self._number: int | None = None
+        # a WebSocket keeps the order, so a falling number is a restart of the server
+        self._sequence = SequenceTracker(_NUMBER_SPAN, self.health, late_within=0)
         self._newest: dict[str, tuple[object, object]] = {}  # time and values of each sensor, as sent
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
@@ -106,7 +107,7 @@ class Decoder:
         """Drop a partial message and the expected sequence number, because the line was closed."""
         self._open.clear()
         self._keep_from(len(self._text), 0)
-        self._number = None
+        self._sequence.forget()
         self._newest.clear()
 
     def _object(self, begin: int, end: int) -> dict[str, Any] | None:
@@ -145,7 +146,7 @@ class Decoder:
         if type(number) is not int or not 0 <= number < _NUMBER_SPAN:
             self.health.bad += 1
             return []
-        if not self._is_new(number):
+        if not self._sequence.accept(number):
             return []
         samples: list[TactileSample] = []
         newest: dict[str, tuple[object, object]] = {}
@@ -169,17 +170,6 @@ class Decoder:
         self._newest = newest
         self.health.note, self.health.warning = "; ".join(absent[:MOST_FAULTS]), "; ".join(repeated[:MOST_FAULTS])
         return samples
-
-    def _is_new(self, number: int) -> bool:
-        """Track the sequence number; a WebSocket keeps the order, so a falling number is a restart of the server."""
-        step = 1 if self._number is None else number - self._number
-        self._number = number
-        self.health.duplicates += step == 0
-        if not 0 <= step <= FURTHEST_GAP:
-            self.health.restarts += 1
-        elif step:
-            self.health.lost += step - 1
-        return step != 0
 
     def _lacks_taxels(self, values: Array) -> int:
         """Return how many taxels are raw zeros where at least half of them are, which no pad measures; otherwise 0."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import NamedTuple
 
-from slipd.config import Arm, ObservedObject, Pad, Wrench, axes_of, stale_after_ns
+from slipd.config import Arm, Gripper, ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
@@ -28,6 +28,16 @@ BURST_S = 1.0
 """Readings that may arrive at once after a stall of the daemon, as time at the expected rate."""
 LEAST_BURST = 32.0
 """Least number of readings that may arrive at once: slow streams come in bunches too."""
+
+
+_KINDS: dict[type[StreamConfig], type[Sample]] = {
+    Wrench: WrenchSample,
+    Pad: TactileSample,
+    ObservedObject: ObjectSample,
+    Arm: ArmSample,
+    Gripper: GripperSample,
+}
+"""Class of the readings of each stream."""
 
 
 class Read(NamedTuple):
@@ -160,17 +170,10 @@ def make_stream(name: str, config: StreamConfig, freshness: Freshness | None = N
     device = DEVICES[config.device]
     poll_ns = round(config.poll_s * 1e9)
     clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
-    kind: type[Sample] = GripperSample
     shape: tuple[int, ...] = ()
-    if isinstance(config, Wrench):
-        kind = WrenchSample
-    elif isinstance(config, ObservedObject):
-        kind = ObjectSample
-    elif isinstance(config, Arm):
-        kind = ArmSample
-    elif isinstance(config, Pad):
+    if isinstance(config, Pad):
         taxels = config.rows * config.cols
-        kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
+        shape = (taxels, 3) if axes_of(config) == 3 else (taxels,)
     return StreamMeter(
         name,
         config.rate_hz,
@@ -178,7 +181,7 @@ def make_stream(name: str, config: StreamConfig, freshness: Freshness | None = N
         freshness is not None,
         device.host_clock,
         clock,
-        kind,
+        _KINDS[type(config)],
         shape,
         device.rate_hint,
     )

@@ -80,15 +80,14 @@ def _sample(body: dict[str, Any], t_ns: int) -> Reading:
         return _arm_sample(body, t_ns, status)
     if "force_n" not in body:
         return _object_sample(body, t_ns, status)
-    force_n, torque_nm = [*map(float, body["force_n"])], body.get("torque_nm")
-    torque_nm = None if torque_nm is None else [*map(float, torque_nm)]
-    status = _with_validity(status, np.array(force_n if torque_nm is None else force_n + torque_nm))
+    force_n, torque_nm = _floats(body["force_n"]), _optional(body.get("torque_nm"))
+    status = _with_validity(status, np.array([*force_n, *(torque_nm or ())]))
     return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
 
 
 def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ObjectSample:
     pose = body.get("object_pose", {})
-    xyz_m, quat_xyzw = (None if pose.get(key) is None else (*map(float, pose[key]),) for key in ("xyz_m", "quat_xyzw"))
+    xyz_m, quat_xyzw = _optional(pose.get("xyz_m")), _optional(pose.get("quat_xyzw"))
     speed, std = (None if body.get(key) is None else float(body[key]) for key in _SPEED_KEYS)
     numbers = np.array([*(xyz_m or ()), *(quat_xyzw or ()), *(n for n in (speed, std) if n is not None)])
     status = _with_validity(status, numbers)
@@ -97,14 +96,17 @@ def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> 
 
 def _arm_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ArmSample:
     gravity_mps2, velocity_radps = _floats(body["gravity_mps2"]), _floats(body["angular_velocity_radps"])
-    stated = body.get("angular_acceleration_radps2")
-    acceleration_radps2 = None if stated is None else _floats(stated)
+    acceleration_radps2 = _optional(body.get("angular_acceleration_radps2"))
     status = _with_validity(status, np.array([*gravity_mps2, *velocity_radps, *(acceleration_radps2 or ())]))
     return ArmSample(t_ns, body["t_ns"], gravity_mps2, velocity_radps, acceleration_radps2, status, body["stream"])
 
 
 def _floats(values: Sequence[float]) -> tuple[float, ...]:
     return tuple(map(float, values))
+
+
+def _optional(values: Sequence[float] | None) -> tuple[float, ...] | None:
+    return None if values is None else _floats(values)
 
 
 def _with_validity(status: tuple[str, ...], values: Array) -> tuple[str, ...]:

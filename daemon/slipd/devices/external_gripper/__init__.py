@@ -12,7 +12,7 @@ from slipd.devices.external_gripper.external_gripper_message import Decoder, For
 from slipd.devices.external_gripper.external_gripper_setpoints import ACTIVATION, TRANSITIONS, SetpointQueue
 from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.gripper_session import Event, State
+from slipd.devices.shared.gripper_session import Event, State, report_of
 from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
@@ -218,10 +218,7 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._silent_at_ns = now_ns + SILENCE_NS
         self.health.good += 1
         self._fault = report.fault
-        if not report.active:
-            self._reported = Event.REPORTED_INACTIVE
-        else:
-            self._reported = Event.REPORTED_FAULT if report.fault else Event.REPORTED_ACTIVE
+        self._reported = report_of(active=report.active, fault=report.fault)
         self._machine.handle(self._reported)
         if report.fault or not report.active:
             self._queue.drop_grip(report.fault or "not active")

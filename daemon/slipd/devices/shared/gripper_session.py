@@ -162,6 +162,13 @@ MOTIONS = dict.fromkeys((Event.MOVE, Event.SET_FORCE, Event.HALT), State.ACTIVE)
 """An active gripper stays active."""
 
 
+def report_of(*, active: bool, fault: str) -> Event:
+    """Return the event of a reading, whose ``fault`` is "" where the gripper reports none."""
+    if not active:
+        return Event.REPORTED_INACTIVE
+    return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
+
+
 class StateMachine:
     """A state that changes only as its table allows.
 

@@ -23,13 +23,24 @@ class SequenceTracker:
         first: Number with which the device begins after a restart; a jump to it is a restart, however short.
         in_order: Readings cannot overtake each other on this line. Two consecutive old numbers then show that the
             newest number was wrong: a weak checksum sometimes accepts a damaged number.
+        late_within: A number at most this far behind the newest is late or repeated; 0: any falling number is a
+            restart.
     """
 
-    def __init__(self, span: int, health: DecoderHealth, *, first: int = 0, in_order: bool = False) -> None:
+    def __init__(
+        self,
+        span: int,
+        health: DecoderHealth,
+        *,
+        first: int = 0,
+        in_order: bool = False,
+        late_within: int = LATE_WITHIN,
+    ) -> None:
         self._span = span
         self._health = health
         self._first = first
         self._in_order = in_order
+        self._late_within = late_within
         self._newest: int | None = None
         self._old: int | None = None
 
@@ -39,7 +50,7 @@ class SequenceTracker:
         if newest is not None:
             ahead = (number - newest) % self._span
             behind = self._span - ahead
-            if ahead == 0 or (behind <= LATE_WITHIN and number != self._first):
+            if ahead == 0 or (behind <= self._late_within and number != self._first):
                 follows_old = self._old is not None and number == (self._old + 1) % self._span
                 self._old = number
                 if not (self._in_order and follows_old):

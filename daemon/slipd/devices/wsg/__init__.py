@@ -13,7 +13,7 @@ from slipd.devices import Device, GripRange, RateOption
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.command_queue import QueuedGripperSession, Ranges
 from slipd.devices.shared.device_interface import check_integer
-from slipd.devices.shared.gripper_session import Event, State
+from slipd.devices.shared.gripper_session import Event, State, report_of
 from slipd.devices.shared.sensor_session import StartupSequence, Step
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_commands import (
@@ -23,7 +23,6 @@ from slipd.devices.wsg.wsg_commands import (
     QUEUED,
     TRANSITIONS,
     WsgCommandQueue,
-    report_of,
 )
 from slipd.devices.wsg.wsg_decoder import Decoder, Reply
 from slipd.devices.wsg.wsg_messages import FINGERS
@@ -234,7 +233,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         if self._startup.state == "running":
             self._fault, self._width_m = fault, sample.width_m or 0.0
             if self._machine.state not in IN_PROGRESS:
-                self._reported = report_of(referenced=referenced, fault=fault)
+                self._reported = report_of(active=referenced, fault=fault)
                 self._machine.handle(self._reported)
         sample.active = referenced and not self.activating
         sample.echo_ok = self._queue.echo_ok

@@ -49,13 +49,6 @@ ACTIVATION = QUEUED | IN_PROGRESS
 """In these states the gripper accepts no motion."""
 
 
-def report_of(*, referenced: bool, fault: str) -> Event:
-    """Return the event of a reading, whose ``fault`` is "" where the gripper reports none."""
-    if not referenced:
-        return Event.REPORTED_INACTIVE
-    return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
-
-
 ANSWER_NS = 250_000_000
 """Time allowed for the answer to a command; older grippers take 70 ms."""
 ECHO_TOLERANCE_N = 0.01
