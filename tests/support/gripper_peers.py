@@ -195,7 +195,7 @@ class WsgPeer(Peer):
         return SentCommand(words.get(command, "other"))
 
     def refuse(self, data: bytes) -> list[bytes]:
-        statuses = wire.NOT_INITIALISED, wire.ABORTED, wire.RANGE_ERROR
+        statuses = wsg_sim.NOT_INITIALISED, wire.ABORTED, wsg_sim.RANGE_ERROR
         return [wsg_sim.encode_reply(packet.id, self.rng.choice(statuses)) for packet in self.packets(data)]
 
     def disturb(self) -> list[bytes]:

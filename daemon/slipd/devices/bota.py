@@ -28,23 +28,12 @@ from slipd.types.samples import WrenchSample
 
 BANNER = b"App Init"
 
-BAUD_460800 = 4
-
+_BAUD_460800 = 4
 _ACK = re.compile(rb"r,\d,([A-Za-z]),(\d)")
 _IDENTITY = re.compile(rb"name: ([!-~][ -~]{0,39})[\r\n](?:[ -~]{0,80}[\r\n]+){0,4}?S/N: (\d{1,20})[\r\n]")
 
 
 CONFIGURE, RUN = b"C\n", b"R\n"
-
-
-def communication(*, temperature_compensation: bool) -> bytes:
-    """Return the command for calibrated values in binary frames at 460800 bit/s."""
-    return f"c,{int(temperature_compensation)},1,0,{BAUD_460800}\n".encode()
-
-
-def filtering(sinc_length: int) -> bytes:
-    """Return the command for one frame every ``sinc_length`` / 51200 s, without chop, fast mode or FIR."""
-    return f"f,{sinc_length},0,0,1\n".encode()
 
 
 def find_ack(received: bytes, letter: str) -> int | None:
@@ -180,8 +169,9 @@ class Session(SensorSession[WrenchSample]):
 
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         check_integer("sinc_length", sinc_length, *SINC_LENGTHS)
-        set_up = communication(temperature_compensation=temperature_compensation), filtering(sinc_length)
-        commands = [Step(command[:1].decode(), command) for command in (CONFIGURE, *set_up, RUN)]
+        communication = f"c,{int(temperature_compensation)},1,0,{_BAUD_460800}\n".encode()  # calibrated, binary
+        filtering = f"f,{sinc_length},0,0,1\n".encode()  # without chop, fast mode or FIR
+        commands = [Step(text[:1].decode(), text) for text in (CONFIGURE, communication, filtering, RUN)]
         boot = Step(_BOOT, b"", "optional", QUIET_NS, attempts=1)
         super().__init__(Decoder(), StartupSequence([boot, *commands]), CONFIGURE)
         self._booted_ns = 0

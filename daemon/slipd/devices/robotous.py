@@ -56,12 +56,6 @@ def encode_command(number: int, arguments: bytes = b"") -> bytes:
     return encode_packet(bytes((number,)) + arguments, COMMAND_LENGTH)
 
 
-def parse_reading(buffer: bytes, at: int) -> tuple[tuple[int, ...], int, bytes]:
-    """Return counts, overload bits and the two unused bytes of the reading at ``at``."""
-    *counts, overload = READING_FIELDS.unpack_from(buffer, at + 2)
-    return tuple(counts), overload, buffer[at + 15 : at + 17]
-
-
 def parse_name(content: bytes) -> str:
     """Return the text in the answer to a request for a name; "" if it is not printable."""
     return strip_padding(content[:_NAME_LENGTH])
@@ -111,8 +105,8 @@ class Decoder(FrameDecoder):
             if buffer[at + 1] not in READINGS:
                 self.replies.append((buffer[at + 1], buffer[at + 2 : at + 17]))
                 continue
-            counts, overload, unused = parse_reading(buffer, at)
-            if any(unused) and not in_sync:
+            *counts, overload = READING_FIELDS.unpack_from(buffer, at + 2)
+            if any(buffer[at + 15 : at + 17]) and not in_sync:
                 # An 8-bit sum accepts too much noise. Out of sync, the unused bytes of a reading must be zero as well;
                 # readings of a sensor that uses them are accepted from the second one on.
                 self.health.bad += 1

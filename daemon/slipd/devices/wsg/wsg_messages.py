@@ -37,13 +37,8 @@ UPDATES = (WIDTH, FORCE, GRASPING, STATE)
 """Updates that the gripper sends periodically on request, one packet each."""
 
 OK = 0
-NOT_INITIALISED = 3
-NO_PARAMETER_EXPECTED = 12
-NOT_ENOUGH_PARAMETERS = 13
-UNKNOWN_COMMAND = 14
 ABORTED = 19
 PENDING = 26
-RANGE_ERROR = 28
 AXIS_BLOCKED = 29
 
 FINGERS = 2

@@ -13,6 +13,13 @@ from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Limits
 from slipd.tools.sim.emulators import EmulatedDevice, Timer, moved_jaws
 
+NOT_INITIALISED = 3
+NO_PARAMETER_EXPECTED = 12
+NOT_ENOUGH_PARAMETERS = 13
+UNKNOWN_COMMAND = 14
+RANGE_ERROR = 28
+"""Why a command is refused."""
+
 SERIAL = 4711
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
 HOMING_MMPS = 100.0
@@ -126,10 +133,10 @@ class Gripper(EmulatedDevice):
     def _answer(self, request: Packet) -> list[bytes]:
         expected = REQUEST_SIZES.get(request.id)
         if expected is None:
-            return [encode_reply(request.id, wire.UNKNOWN_COMMAND)]
+            return [encode_reply(request.id, UNKNOWN_COMMAND)]
         if len(request.payload) != expected:
             short = len(request.payload) < expected
-            return [encode_reply(request.id, wire.NOT_ENOUGH_PARAMETERS if short else wire.NO_PARAMETER_EXPECTED)]
+            return [encode_reply(request.id, NOT_ENOUGH_PARAMETERS if short else NO_PARAMETER_EXPECTED)]
         match request.id:
             case wire.DISCONNECT:
                 self._connected = False
@@ -163,14 +170,14 @@ class Gripper(EmulatedDevice):
 
     def _set_force(self, newtons: float) -> int:
         if not LIMITS.min_force <= newtons <= (LIMITS.overdrive_force if self.overdrive else LIMITS.nominal_force):
-            return wire.RANGE_ERROR
+            return RANGE_ERROR
         self.limit = newtons
         return wire.OK
 
     def _begin(self, command: int, width_mm: float, speed_mmps: float) -> list[bytes]:
         ready = "referenced" in self.words or command == wire.HOME
         if not ready or self.words & set(wire.FAULTS):
-            return [encode_reply(command, wire.NOT_INITIALISED)]
+            return [encode_reply(command, NOT_INITIALISED)]
         output = self._abort()
         self._goal = command, width_mm, speed_mmps
         self._blocked = ""

@@ -44,7 +44,7 @@ def gripper() -> Gripper:
 
 PENDING, DONE, BLOCKED, ABORTED, NOT_READY = (
     [(wire.PREPOSITION, status)]
-    for status in (wire.PENDING, wire.OK, wire.AXIS_BLOCKED, wire.ABORTED, wire.NOT_INITIALISED)
+    for status in (wire.PENDING, wire.OK, wire.AXIS_BLOCKED, wire.ABORTED, sim.NOT_INITIALISED)
 )
 STOP, STOPPED = wire.encode(wire.STOP), [(wire.STOP, wire.OK)]
 ANEW = b"a host that comes while the one before has not taken leave"
@@ -102,7 +102,7 @@ def test_a_gripper_without_reference_must_be_homed_first() -> None:
     assert (gripper.width_mm, gripper.words) == (LIMITS.stroke_mm, {"referenced"})
 
 
-@pytest.mark.parametrize(("newtons", "status"), [(4.9, wire.RANGE_ERROR), (80.0, wire.OK), (81.0, wire.RANGE_ERROR)])
+@pytest.mark.parametrize(("newtons", "status"), [(4.9, sim.RANGE_ERROR), (80.0, wire.OK), (81.0, sim.RANGE_ERROR)])
 @pytest.mark.parametrize("overdrive", [False, True])
 def test_a_force_beyond_its_limits_is_refused(gripper: Gripper, newtons: float, status: int, overdrive: bool) -> None:
     if overdrive:
@@ -124,9 +124,9 @@ def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gr
 def test_it_reports_identity_and_settings_and_refuses_unknown_commands(gripper: Gripper) -> None:
     assert wire.parse_limits(told(gripper, wire.encode(wire.LIMITS))) == LIMITS
     assert wire.parse_serial(told(gripper, wire.encode(wire.SYSTEM))) == 4711
-    assert gripper.receive(wire.encode(0x36), 0) == [sim.encode_reply(0x36, wire.UNKNOWN_COMMAND)]
-    assert ask(gripper, wire.encode(wire.HOME)) == [(wire.HOME, wire.NOT_ENOUGH_PARAMETERS)]
-    assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, wire.NO_PARAMETER_EXPECTED)]
+    assert gripper.receive(wire.encode(0x36), 0) == [sim.encode_reply(0x36, sim.UNKNOWN_COMMAND)]
+    assert ask(gripper, wire.encode(wire.HOME)) == [(wire.HOME, sim.NOT_ENOUGH_PARAMETERS)]
+    assert ask(gripper, wire.encode(wire.HOME, bytes(2))) == [(wire.HOME, sim.NO_PARAMETER_EXPECTED)]
 
 
 def test_the_session_grips_and_takes_leave(gripper: Gripper) -> None:
