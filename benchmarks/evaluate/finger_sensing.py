@@ -78,7 +78,7 @@ class PadSensing:
     turn_rad: float = 0.0
     mirrored: bool = False
 
-    def centres(self) -> tuple[Array, Array]:
+    def positions(self) -> tuple[Array, Array]:
         """Return where the taxels really are in the pad frame, x and y in scan order, shapes (taxels,), m."""
         x, y = Pad(self.rows, self.cols, self.pitch_m, self.electrode_m).positions()
         if self.mirrored:

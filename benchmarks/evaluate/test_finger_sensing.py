@@ -44,14 +44,14 @@ def test_gain_bias_and_drift_add_up():
 
 
 def test_taxels_are_counted_as_those_of_the_demo():
-    assert np.array(PadSensing().centres()) == pytest.approx(np.array(Pad().positions()))
+    assert np.array(PadSensing().positions()) == pytest.approx(np.array(Pad().positions()))
 
 
 def test_a_pad_can_be_off_turned_and_mirrored():
-    x, y = PadSensing().centres()
-    assert np.array(PadSensing(off_m=(0.002, -0.001)).centres()) == pytest.approx(np.array([x + 0.002, y - 0.001]))
-    assert np.array(PadSensing(mirrored=True).centres()) == pytest.approx(np.array([-x, y]))
-    assert np.array(PadSensing(turn_rad=np.pi / 2).centres()) == pytest.approx(np.array([-y, x]))
+    x, y = PadSensing().positions()
+    assert np.array(PadSensing(off_m=(0.002, -0.001)).positions()) == pytest.approx(np.array([x + 0.002, y - 0.001]))
+    assert np.array(PadSensing(mirrored=True).positions()) == pytest.approx(np.array([-x, y]))
+    assert np.array(PadSensing(turn_rad=np.pi / 2).positions()) == pytest.approx(np.array([-y, x]))
 
 
 def test_the_config_knows_nothing_of_the_faults_and_has_no_fault_itself():

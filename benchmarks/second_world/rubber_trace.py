@@ -131,7 +131,7 @@ def felt(wrench: Array, faults: Faults, rng: np.random.Generator) -> Array:
 
 def readings(images: list[tuple[Array, Array]], pad: PadSensing, faults: Faults, *, right: bool) -> Array:
     """Return what taxels with crosstalk, hysteresis and creep read of the pressure, shape (images, taxels), N."""
-    x, y = pad.centres()
+    x, y = pad.positions()
     points = np.stack((x, -y if right else y))
     seen, before, weights = [], None, np.zeros(0)
     lag, slow = np.zeros(x.size), np.zeros(x.size)

@@ -57,7 +57,7 @@ def test_a_force_sensor_rings_couples_and_rounds() -> None:
 
 def test_taxels_leak_to_their_neighbours_lag_and_creep() -> None:
     pad = PadSensing()
-    x, y = pad.centres()
+    x, y = pad.positions()
     place = np.array(((x[40],), (y[40],)))
     up_and_down = [(place, np.array((load,))) for load in (*np.linspace(0.0, 1.0, 20), *np.linspace(1.0, 0.0, 20))]
     seen = readings(up_and_down, pad, Faults(play=0.1, play_n=0.1, creep=0.0), right=False)
