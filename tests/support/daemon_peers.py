@@ -12,8 +12,8 @@ import numpy as np
 import zmq
 
 from slipd.devices import bota
+from slipd.devices.pvdf import encode_scan
 from slipd.service_run import Endpoints
-from slipd.tools.sim.emulated_pvdf import encode_scan
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
 

@@ -12,6 +12,7 @@ from wire_check import faults_of
 
 from slipd import config
 from slipd.devices import bota
+from slipd.devices.pvdf import encode_scan
 from slipd.engine.engine import Engine
 from slipd.events import (
     Bytes,
@@ -28,7 +29,6 @@ from slipd.events import (
     Write,
 )
 from slipd.tools.sim.emulated_pads import encode_message
-from slipd.tools.sim.emulated_pvdf import encode_scan
 from slipd_client import messages
 
 MS = 1_000_000

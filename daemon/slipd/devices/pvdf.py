@@ -28,14 +28,14 @@ MAX_SIDE = 256
 """Most rows (numbered in one byte), and most columns, which keep a frame under 600 bytes."""
 
 _VERSION = 1
-SYNC = bytes((0xA5, 0x5A, _VERSION))
-UNCHECKED = 2  # bytes before the version, where the checksum begins
-HEAD = struct.Struct("<BHIH")  # row, scan, time of the row's first taxel in µs, dwell in 10 ns
-_COUNTS_AT = len(SYNC) + HEAD.size
+_SYNC = bytes((0xA5, 0x5A, _VERSION))
+_UNCHECKED = 2  # bytes before the version, where the checksum begins
+_HEAD = struct.Struct("<BHIH")  # row, scan, time of the row's first taxel in µs, dwell in 10 ns
+_COUNTS_AT = len(_SYNC) + _HEAD.size
 _CRC_LENGTH = 2
-DWELL_UNIT_NS = 10
-SCAN_SPAN = 1 << 16
-US_SPAN = 1 << 32
+_DWELL_UNIT_NS = 10
+_SCAN_SPAN = 1 << 16
+_US_SPAN = 1 << 32
 
 
 class Decoder:
@@ -62,8 +62,8 @@ class Decoder:
         self._grid = rows, cols
         self._row_bytes = 2 * cols
         self._length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
-        self._fixed_columns = [*(bytes((byte,)) * rows for byte in SYNC), bytes(range(rows))]
-        self._frames = FixedLengthScanner(SYNC, self._length, self._checksum_matches, self.health)
+        self._fixed_columns = [*(bytes((byte,)) * rows for byte in _SYNC), bytes(range(rows))]
+        self._frames = FixedLengthScanner(_SYNC, self._length, self._checksum_matches, self.health)
         self._scan: int | None = None
         self._scan_time_us = 0
         self._dwell_ns = 0
@@ -83,16 +83,16 @@ class Decoder:
         size = self._rows * self._length
         if len(data) % size or self._open or self._scan is None or not self._frames.in_sync:
             return None
-        if not checksums.x25_all_match(data, range(UNCHECKED, len(data), self._length), self._length - UNCHECKED):
+        if not checksums.x25_all_match(data, range(_UNCHECKED, len(data), self._length), self._length - _UNCHECKED):
             return None
         scans = [data[at : at + size] for at in range(0, len(data), size)]
         for later, scan in enumerate(scans):
-            if not self._has_heads(scan, (self._scan + 1 + later) % SCAN_SPAN):
+            if not self._has_heads(scan, (self._scan + 1 + later) % _SCAN_SPAN):
                 return None
         samples: list[TactileSample] = []
         for scan in scans:
-            _, self._scan, self._scan_time_us, dwell = HEAD.unpack_from(scan, len(SYNC))
-            self._dwell_ns = dwell * DWELL_UNIT_NS
+            _, self._scan, self._scan_time_us, dwell = _HEAD.unpack_from(scan, len(_SYNC))
+            self._dwell_ns = dwell * _DWELL_UNIT_NS
             counts = np.ndarray(self._grid, "<i2", scan, _COUNTS_AT, (self._length, 2))
             samples.append(self._complete(counts, t_ns))
         return samples
@@ -110,10 +110,10 @@ class Decoder:
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
         for at, _ in found:
-            row, scan, time_us, dwell = HEAD.unpack_from(buffer, at + len(SYNC))
+            row, scan, time_us, dwell = _HEAD.unpack_from(buffer, at + len(_SYNC))
             if row >= self._rows:
                 self.health.bad += 1
-            elif self._follows(row, scan, time_us, dwell * DWELL_UNIT_NS):
+            elif self._follows(row, scan, time_us, dwell * _DWELL_UNIT_NS):
                 counts_at = at + _COUNTS_AT
                 self._counts.append(buffer[counts_at : counts_at + self._row_bytes])
                 if row == self._rows - 1:
@@ -128,7 +128,7 @@ class Decoder:
         self._scan, self._open = None, False
 
     def _checksum_matches(self, buffer: bytes, at: int) -> bool:
-        return checksums.x25_matches(buffer[at + UNCHECKED : at + self._length])
+        return checksums.x25_matches(buffer[at + _UNCHECKED : at + self._length])
 
     def _follows(self, row: int, scan: int, time_us: int, dwell_ns: int) -> bool:
         """Return whether a row continues the open scan or begins the next one."""
@@ -154,8 +154,8 @@ class Decoder:
         self.health.lost += self._open
         self._open = False
         if self._scan is not None:
-            step = (scan - self._scan) % SCAN_SPAN
-            if 0 < step < SCAN_SPAN // 2:
+            step = (scan - self._scan) % _SCAN_SPAN
+            if 0 < step < _SCAN_SPAN // 2:
                 self.health.lost += step - 1
             else:
                 self.health.restarts += 1
@@ -166,6 +166,36 @@ class Decoder:
         self._open = False
         values = counts.astype(np.float64).ravel()
         return TactileSample(t_ns, self._scan_time_us * 1000, values, dwell_ns=self._dwell_ns)
+
+
+def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_us: float, dwell_us: float) -> bytes:
+    """Return the frames of one scan as the pad sends them.
+
+    Args:
+        counts: Charge amplifier counts, integers, shape (rows, cols), each within an int16.
+        scan_index: Scan number; sent modulo 2^16.
+        device_time_us: Device time at the first taxel, µs; sent as whole µs modulo 2^32.
+        dwell_us: Time from one taxel to the next, µs, 0 to 655.35; sent in steps of 0.01 µs.
+
+    Raises:
+        ValueError: The counts have a wrong shape, type or range, or the dwell is out of range.
+    """
+    counts = np.asarray(counts)
+    if counts.ndim != 2 or not np.issubdtype(counts.dtype, np.integer):
+        raise ValueError(f"counts must be integers of shape (rows, cols), got {counts.dtype} of shape {counts.shape}")
+    if counts.shape[0] > MAX_SIDE or counts.min() < -(1 << 15) or counts.max() >= 1 << 15:
+        raise ValueError(f"counts must fit an int16 and have at most {MAX_SIDE} rows")
+    dwell = round(dwell_us * 1000 / _DWELL_UNIT_NS)
+    if not 0 <= dwell < 1 << 16:
+        raise ValueError(f"dwell_us must be from 0 to 655.35, got {dwell_us}")
+    rows, cols = counts.shape
+    payload = counts.astype("<i2")
+    frames: list[bytes] = []
+    for row in range(rows):
+        time_us = round(device_time_us + row * cols * dwell_us) % _US_SPAN
+        body = _SYNC + _HEAD.pack(row, scan_index % _SCAN_SPAN, time_us, dwell) + payload[row].tobytes()
+        frames += body, checksums.x25(body[_UNCHECKED:]).to_bytes(2, "little")
+    return b"".join(frames)
 
 
 FASTEST_HZ = 2_000.0
@@ -180,7 +210,7 @@ DEVICE = Device(
     baud=921_600,
     axes=1,
     needs_size=True,
-    clock_span_ns=US_SPAN * 1_000,
+    clock_span_ns=_US_SPAN * 1_000,
     needs=(
         Need(
             "charge_tau_s",

@@ -14,9 +14,9 @@ from gripper_peers import Peer, SentCommand
 
 from slipd import config
 from slipd.devices import bota
+from slipd.devices.pvdf import encode_scan
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, StateRestored, Write
 from slipd.tools.sim.emulated_pads import encode_message
-from slipd.tools.sim.emulated_pvdf import encode_scan
 
 STEP_NS, READING_NS = 5 * MS, 20 * MS
 MOST_N, STEP_N, RAISE_N_PER_S, BUDGET_N, CEILING_N = 25.0, 2.0, 10.0, 12.0, 15.0

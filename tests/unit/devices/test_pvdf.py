@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from readings import Case, documented, fields
 
 from slipd.devices import pvdf
+from slipd.devices.pvdf import encode_scan
 from slipd.devices.shared import checksums
-from slipd.tools.sim.emulated_pvdf import encode_scan
 
 FRAME = 46
 PERIOD_US = 5000

@@ -7,11 +7,11 @@ import pytest
 from device_links import MS, T0, Parse, S, frame, health, status
 
 from slipd.devices import bota
+from slipd.devices.pvdf import encode_scan
 from slipd.events import LinkSpec
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.tools.sim import emulated_wrenches as sim
 from slipd.tools.sim.emulated_pads import encode_message
-from slipd.tools.sim.emulated_pvdf import encode_scan
 from slipd.types.clocks import NEVER_NS
 from slipd_client.messages import Health
 

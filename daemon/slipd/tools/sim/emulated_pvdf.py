@@ -9,42 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import pvdf
-from slipd.devices.shared import checksums
 from slipd.tools.sim.emulators import EmulatedDevice
 from slipd.types.arrays import Array
 
 FULL_SCALE = 32_767
 ROWS, COLS = 8, 16
-
-
-def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_us: float, dwell_us: float) -> bytes:
-    """Return the frames of one scan as the pad sends them.
-
-    Args:
-        counts: Charge amplifier counts, integers, shape (rows, cols), each within an int16.
-        scan_index: Scan number; sent modulo 2^16.
-        device_time_us: Device time at the first taxel, µs; sent as whole µs modulo 2^32.
-        dwell_us: Time from one taxel to the next, µs, 0 to 655.35; sent in steps of 0.01 µs.
-
-    Raises:
-        ValueError: The counts have a wrong shape, type or range, or the dwell is out of range.
-    """
-    counts = np.asarray(counts)
-    if counts.ndim != 2 or not np.issubdtype(counts.dtype, np.integer):
-        raise ValueError(f"counts must be integers of shape (rows, cols), got {counts.dtype} of shape {counts.shape}")
-    if counts.shape[0] > pvdf.MAX_SIDE or counts.min() < -(1 << 15) or counts.max() >= 1 << 15:
-        raise ValueError(f"counts must fit an int16 and have at most {pvdf.MAX_SIDE} rows")
-    dwell = round(dwell_us * 1000 / pvdf.DWELL_UNIT_NS)
-    if not 0 <= dwell < 1 << 16:
-        raise ValueError(f"dwell_us must be from 0 to 655.35, got {dwell_us}")
-    rows, cols = counts.shape
-    payload = counts.astype("<i2")
-    frames: list[bytes] = []
-    for row in range(rows):
-        time_us = round(device_time_us + row * cols * dwell_us) % pvdf.US_SPAN
-        body = pvdf.SYNC + pvdf.HEAD.pack(row, scan_index % pvdf.SCAN_SPAN, time_us, dwell) + payload[row].tobytes()
-        frames += body, checksums.x25(body[pvdf.UNCHECKED :]).to_bytes(2, "little")
-    return b"".join(frames)
 
 
 @dataclass(frozen=True)
@@ -133,7 +102,7 @@ class PvdfPad(EmulatedDevice):
         clipped = np.minimum(np.maximum(counts, -FULL_SCALE), FULL_SCALE).astype(np.int64)
         device_us = scan_ns * (1e-3 + self._electronics.clock_ppm * 1e-9)
         dwell_us = self._electronics.dwell_ns * 1e-3
-        data = encode_scan(clipped.reshape(self._shape), self._scan, device_us, dwell_us)
+        data = pvdf.encode_scan(clipped.reshape(self._shape), self._scan, device_us, dwell_us)
         self._scan += 1
         next_ns = self._scan * self._period_ns
         while len(self._past) > 1 and self._past[1][0] <= next_ns:
