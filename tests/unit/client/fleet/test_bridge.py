@@ -93,7 +93,7 @@ def test_the_silence_of_its_daemon_is_said_here_and_to_the_fleet(
         listener = FleetListener(here, "plant")
         wait_for_state(listener, "live", publisher)
         assert f"no message from {publisher.endpoint} for 1.5 s. Is slipd running?" in bridge.stderr.readline()
-        until(lambda: not list(here.liveliness().get("plant/arm3/daemon")))
+        until(lambda: [str(each.ok.key_expr) for each in here.liveliness().get("plant/**")] == ["plant/arm3/bridge"])
         wait_for_state(listener, "silent")
 
 
