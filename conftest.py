@@ -7,8 +7,9 @@ import functools
 import inspect
 import signal
 import tomllib
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import pytest_asyncio
@@ -63,9 +64,37 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let every asynchronous test end without a pending task; the others need no event loop, and get none."""
     for item in items:
         if item.get_closest_marker("statistics") or not _is_covered(item.path):
-            item.add_marker(pytest.mark.no_cover)
+            item.add_marker(pytest.mark.uncovered)
         if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
             item.fixturenames.insert(0, _no_task_is_leaked.__name__)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtestloop(session: pytest.Session) -> Generator[None, Any, Any]:
+    """Trace no work of pytest between the tests, nor of the process that hands them out."""
+    coverage = _coverage(session.config)
+    if coverage is not None:
+        coverage.pause()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Trace a test that is to cover something, and the fixtures that are made for it."""
+    coverage = _coverage(item.config)
+    if coverage is None or item.get_closest_marker("uncovered"):
+        return (yield)
+    coverage.resume()
+    try:
+        return (yield)
+    finally:
+        coverage.pause()
+
+
+def _coverage(config: pytest.Config) -> Any:
+    """Return what begins and ends the tracing; None without ``--cov``."""
+    plugin = config.pluginmanager.getplugin("_cov")
+    return None if plugin is None else plugin.cov_controller
 
 
 @pytest_asyncio.fixture

@@ -11,7 +11,7 @@ import pytest
 from fresh_environment import OFFLINE, Environment
 from project import ROOT
 
-pytestmark = pytest.mark.no_cover
+pytestmark = pytest.mark.uncovered
 
 EXAMPLE = ROOT / "clients" / "examples" / "devices" / "dynpick"
 PAGE = (ROOT / "docs" / "adding_a_device.md").read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ from slipd.events import Bytes
 LINKS = ("left.wrench", "left.pad", "right.pad", "gripper")
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @given(
     values=st.lists(
         st.tuples(*[st.floats(width=32)] * 6, st.integers(0, 15), st.booleans(), st.integers(0, 16)), max_size=12
@@ -36,7 +36,7 @@ def test_no_reading_of_a_force_sensor_breaks_a_message(values: list[tuple[Any, .
         assert body["level"] not in ("stable", "no_contact") or body["normal_n"] is not None
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @given(chunks=st.lists(st.tuples(st.sampled_from(LINKS), st.binary(max_size=200)), max_size=20))
 @settings(max_examples=60, deadline=None)
 def test_garbage_on_any_line_gives_no_message_and_good_frames_follow(chunks: list[tuple[str, bytes]]) -> None:

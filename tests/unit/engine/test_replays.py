@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import replays
 
-pytestmark = pytest.mark.no_cover
+pytestmark = pytest.mark.uncovered
 
 MESSAGE = {"seq": 4, "level": "stable", "rising": True, "normal_n": 8.25, "centroid_m": [0.001, None], "age_s": None}
 

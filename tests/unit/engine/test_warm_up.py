@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.no_cover
+pytestmark = pytest.mark.uncovered
 
 SCRIPT = """
 import sys

@@ -116,7 +116,7 @@ WRONG = {"nan": math.nan, "-inf": -math.inf, "wild": 300.0}
 IMAGES = {"full": FULL, "part": np.where(np.arange(16) < 6, FULL, 0.0), "empty": np.zeros(16), "invalid": FULL}
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     reads=st.lists(READ, min_size=1, max_size=6), sizes=st.lists(st.integers(1, 12), min_size=1), agrees=st.booleans()

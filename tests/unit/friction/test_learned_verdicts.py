@@ -13,7 +13,7 @@ from finger_bench import MS, T0, Parse, Wrench, make_finger, read_force
 from slipd.finger.finger import Finger
 from slipd.types.samples import TactileSample
 
-pytestmark = pytest.mark.no_cover
+pytestmark = pytest.mark.uncovered
 
 TRUE_MU = 0.5
 NORMAL_N = 10.0

@@ -144,7 +144,7 @@ assert round(surprise_of(2.0), 3) == 3.612
 PLAIN = {
     "limit_surface": ("closed_form", "bad_data", "duplicate", "no_load"),
     "limit_passes": ("follow",),
-    "levels": ("reached", "mu_changes", "nor_above"),
+    "levels": ("path5", "path8", "path13", "mu_changes", "nor_above"),
     "contact": ("gives_it_back", "follow", "any_size", "not_measured"),
 }
 """Words of the tests that are run without compilation, by file."""
@@ -152,7 +152,6 @@ PLAIN = {
 
 @pytest.mark.process
 def test_kernels_give_the_same_without_compilation() -> None:
-    """The plain run is also what lets coverage see the kernels' lines."""
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         pytest.skip("this is the run without compilation")
     chosen = " or ".join(f"(test_{name} and ({' or '.join(words)}))" for name, words in PLAIN.items())

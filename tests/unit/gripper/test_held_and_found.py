@@ -16,7 +16,7 @@ from slipd.events import StateRestored
 from slipd.grasp.stored_state import seal
 from slipd_client.messages.names import GRIP_UNKNOWN
 
-pytestmark = pytest.mark.no_cover
+pytestmark = pytest.mark.uncovered
 
 HELD_N = 6.0
 FORCE_OUT, WIDTH_OUT = ("out_of_range", "force_n"), ("out_of_range", "width_m")

@@ -43,7 +43,7 @@ def test_a_surprise_is_bounded_and_nothing_unknown_is_one() -> None:
     assert risk.update(Evidence("image_change", 0, 9.0), belief=math.nan) == ()
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @pytest.mark.parametrize(
     "kinds", [("vibration",), ("image_change", "vibration"), ("image_change", "width", "external")]
 )

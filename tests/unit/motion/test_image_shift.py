@@ -60,7 +60,7 @@ def watch(
         yield shift.update(T0 + k * PERIOD_NS, loads + 0.002 * chirp(count, 128)[k], tuple(wrench.tolist()))
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @pytest.mark.parametrize("keeps", [0.0, 0.99, 1.0])
 def test_noise_that_is_white_or_drifts_or_walks_is_no_motion(keeps: float) -> None:
     rng, shift = np.random.default_rng(7), ImageShift(GEOMETRY, NOISE)
@@ -73,7 +73,7 @@ def test_noise_that_is_white_or_drifts_or_walks_is_no_motion(keeps: float) -> No
 
 
 @pytest.mark.statistics
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @pytest.mark.parametrize("walks", [0.0, 0.1, 1.0])
 def test_the_surprise_of_a_path_is_as_rare_as_it_says(walks: float) -> None:
     """1600 paths of noise, white or walking or both."""

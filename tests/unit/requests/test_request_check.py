@@ -108,7 +108,7 @@ PLAIN = st.recursive(
 )
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @given(st.dictionaries(st.sampled_from([*GOOD, "ttl_ms", "finger", "zz"]), PLAIN | st.sampled_from(sorted(OPS))))
 def test_nothing_that_can_arrive_makes_it_fail(changes: dict[str, Any]) -> None:
     judge(**changes)

@@ -167,14 +167,14 @@ def misplaced(image: Array) -> float:
     return float(0.5 * np.abs(active / active.sum() - SHARES / SHARES.sum()).sum())
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 @pytest.mark.parametrize("anchored", [False, True])
 def test_T4_a_hold_of_ten_minutes_on_a_warming_pad_keeps_its_shares(anchored: bool) -> None:
     """A tenth of the load is misplaced: what noise made of each offset adds up. Uncorrected, it is near half."""
     assert misplaced(held(*hold(600.0, WARM_COUNTS), noise=1.0, anchored=anchored)) < 0.15
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 def test_T4_warmth_of_the_object_alone_is_taken_from_the_sum_by_the_force_sensor() -> None:
     warm = hold(600.0, WARM_COUNTS, np.where(SHARES > 0.0, 1.0, 0.0))
     force_counts = 20_000.0 * SHARES.sum()

@@ -123,7 +123,7 @@ def test_F3_a_dead_half_of_the_image_is_reported_where_the_contact_lies_on_it() 
     assert told >= 0.85 * felt > 20
 
 
-@pytest.mark.no_cover
+@pytest.mark.uncovered
 def test_F3_an_object_that_tips_over_its_edge_stays_a_matter_of_tipping() -> None:
     """One row is left of the contact, and the force acts up to one pitch beyond it."""
     image = np.where(np.isclose(Y, Y.min()) & (np.abs(X) < 0.012), 0.5, 0.0)
