@@ -46,13 +46,10 @@ COVERED = tuple(
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let `no_cover` work in a process of pytest-xdist: pytest-cov starts two measurements there and pauses only one.
-
-    The first one, which is ended here, is never saved.
-    """
-    controller = getattr(config.pluginmanager.getplugin("_cov"), "cov_controller", None)
-    if controller is not None and hasattr(config, "workerinput"):
-        controller.cov.stop()
+    """End the first of the two measurements that pytest-cov starts in a process of pytest-xdist; it is never saved."""
+    coverage = _coverage(config)
+    if coverage is not None and hasattr(config, "workerinput"):
+        coverage.cov.stop()
 
 
 @functools.cache
