@@ -34,6 +34,7 @@ LONGEST = {"xela": 140_000, "external": 70_000}
 devices = pytest.mark.parametrize("device", sorted(DEVICES))
 
 
+@pytest.mark.uncovered
 @devices
 def test_L1_every_split_of_the_frames_gives_the_same(device: str) -> None:
     outcome = splits.fuzz(record(device), SEED, min(ROUNDS * SPLITS, 1.0), SPLIT_FRAMES)

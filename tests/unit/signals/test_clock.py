@@ -329,6 +329,7 @@ KINDS = {
 }
 
 
+@pytest.mark.uncovered
 @pytest.mark.parametrize(
     ("stream", "seconds", "seeds", "span_ns", "without", "worst"),
     [
@@ -367,6 +368,7 @@ def test_C3_C4_L12_the_error_of_a_time_is_within_its_bound_over_rates_delays_and
         assert error[known].max() < worst
 
 
+@pytest.mark.uncovered
 @pytest.mark.parametrize(
     ("kind", "delay_s", "onset_s", "ramp"),
     [
