@@ -41,7 +41,7 @@ LATER := $(addprefix tests/unit/,client/fleet/test_bridge.py client/fleet/test_f
 	tools/commission tools/discovery tools/evaluation tools/export tools/plot tools/recordings tools/sim \
 	tools/test_carry_story.py tools/test_faulty_recordings.py)
 
-.PHONY: install uninstall demo test check lint portable_quick portable bench chart pictures evaluate fuzz soak peers dist clean
+.PHONY: install uninstall demo test check lint portable bench chart pictures evaluate fuzz soak peers dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -56,7 +56,7 @@ test: $(KERNELS) lint
 	@$(PYTEST) -m "not long and not statistics" $(addprefix --ignore=,$(LATER)) $(ONE_OF_EACH) tests/unit
 endif
 
-check: $(KERNELS) lint portable_quick
+check: $(KERNELS) lint
 	@echo "== all tests but those of long runs, with coverage (10 to 15 minutes on two idle cores)"
 	@$(PYTEST) -m "not long" --cov --cov-report= $(addprefix --ignore=,$(LONG)) benchmarks tests
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
@@ -70,10 +70,6 @@ lint: $(READY)
 	@$(BIN)/mypy
 	@$(BIN)/mypy --python-version 3.10 --disable-error-code no-any-return --no-warn-unused-ignores --package slipd_client
 	@$(BIN)/lint-imports
-
-portable_quick: $(READY)
-	@echo "== a share of the numeric tests, as on a processor without vector instructions"
-	@PYTHONPATH=$(MODULES) $(BIN)/python -m portable --quick
 
 portable: $(KERNELS) $(MEASURED)
 	@echo "== numeric tests as on older processors (about 10 minutes)"
