@@ -18,7 +18,7 @@ import numpy as np
 from advice.safe_speed import holds_scale
 from stepped_demo import PAD_HZ, SteppedDemo, slow_config
 
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.carry import CARRY_PLAN, CarryProgram, Move, carry_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import GripCommand

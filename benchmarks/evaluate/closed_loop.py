@@ -18,7 +18,7 @@ from simulation.bed import NEVER_S, Bed
 from simulation.watch import Watch
 
 from slipd import config
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2, Script
 from slipd.tools.sim.stickslip.stepped_grasp import FrictionLaw

@@ -53,7 +53,7 @@ from realgrasps.trials import measure
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 
 TARE_ROWS = 30
 """Rows with open fingers at the begin of every trial."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from stepped_demo import PAD_HZ, SteppedDemo, recording_of, slow_config
 
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.robot_program import Plan, RobotProgram
 from slipd.tools.sim.scene import Scene

@@ -11,7 +11,7 @@ import pytest
 from project import ROOT
 from rig_parts import endpoints_of, first_line, part, wait_for
 
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd_client.grip import GripClient
 
 (PROGRAM,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)

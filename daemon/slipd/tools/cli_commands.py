@@ -79,13 +79,13 @@ COMMANDS = (
     Command("service", "", "install or uninstall slipd as a systemd service", below="install|uninstall|show"),
     Command(
         "service install",
-        "slipd.tools.shipped_files:install",
+        "slipd.tools.service_command:install",
         "write the systemd unit that starts this program, and print the next steps",
         SERVICE,
     ),
     Command(
         "service uninstall",
-        "slipd.tools.shipped_files:uninstall",
+        "slipd.tools.service_command:uninstall",
         "remove what install wrote; configs, keys and recordings stay",
         SERVICE,
     ),

@@ -26,7 +26,7 @@ from typing import IO, Any, cast
 
 from slipd.errors import SlipdError
 from slipd.tools.demo_summary import Tally, print_summary
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.carry import CarryProgram, carry_config
 from slipd.tools.sim.robot_program import LISTEN_S, RobotProgram
 from slipd_client.page.page_server import redirect_file

@@ -1,126 +1,87 @@
-"""What comes with slipd: lists and prints configs, pages and files for the system, and installs the systemd unit.
+"""Files that come with slipd: configs, files for systemd and udev, and pages of the docs, found by name and printed.
 
 It imports nothing but the standard library, so ``make install`` and ``make uninstall`` run it without any package.
 """
 
 from __future__ import annotations
 
+import difflib
 import json
-import os
 import re
 import shutil
 import sys
 import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 
-from slipd.errors import SlipdError
-from slipd.io.replaced_file import replace_file
-from slipd.tools.shipped_paths import (
-    CONFIGS,
-    DOCS,
-    config_files,
-    page_file,
-    pages,
-    shipped_config,
-    system_file,
-    system_files,
-)
+from slipd.errors import UsageError
 
-DESCRIPTION = "Description=Slip warnings for a gripper"
-"""The line by which a unit of slipd is known."""
-
-HOMES = ("/home/", "/root/")
-"""Folders that the system's unit cannot see (``ProtectHome``)."""
-
-NEXT_STEPS = {
-    True: """\
-next:
-    sudo systemd-sysusers                                  # the user slipd, member of dialout
-    sudo usermod -aG slipd $USER                           # may read and request; log in again
-    sudo install -m 644 my_rig.toml /etc/slipd/rig.toml
-    sudo systemctl daemon-reload && sudo systemctl enable --now slipd""",
-    False: """\
-next:
-    install -D -m 644 my_rig.toml ~/.config/slipd/rig.toml
-    systemctl --user daemon-reload && systemctl --user enable --now slipd""",
-}
+_PACKAGE = Path(__file__).parents[1] / "shipped"
+ROOT = _PACKAGE if _PACKAGE.is_dir() else Path(__file__).parents[3]
+"""The folder of README.md, ``config/`` and ``docs/``."""
+CONFIGS, DOCS = ROOT / "config", ROOT / "docs"
 
 LEAST_COLUMNS = 30
 """Width of the second column of a list on a narrow terminal."""
 
 
-def install(root: Path, program: Path | None = None, *, system: bool) -> None:
-    """Write the files, readable by all and writable by their owner alone, and print the next steps.
-
-    A file that somebody changed is kept.
-
-    Args:
-        root: Folder that stands for ``/``, for packages.
-        program: The program that the unit starts; None: this one.
-        system: For all users; else for this user.
+def shipped_config(name: str) -> Path:
+    """Return a config of ``config/``; ``.toml`` may be left out.
 
     Raises:
-        SlipdError: A file cannot be written, the existing unit is not slipd's, or systemd could not start the program.
+        UsageError: There is no such config; the text names the nearest one.
     """
-    program = program or own_program()
-    hidden = [program.resolve(), Path(sys.executable).resolve()] if root == Path("/") else []
-    if system and (homes := [str(path) for path in hidden if str(path).startswith(HOMES)]):
-        raise SlipdError(f"{homes[0]}: the service of all users cannot run a program of one user's home")
-    os.umask(0o022)
-    unit = _unit(root, system=system)
-    try:
-        if (there := _text(unit)) and DESCRIPTION not in there:
-            raise SlipdError(f"{unit}: is not a unit of slipd, and is not replaced")
-        for path, text in _others(root, system=system).items():
-            if _text(path) in ("", text):
-                _write(path, text)
-            else:
-                print(f"kept, because it was changed: {path}")
-        if system:
-            (root / "etc/slipd").mkdir(parents=True, exist_ok=True)
-        shipped = system_file("slipd.service" if system else "slipd-user.service")
-        _write(unit, with_program(shipped.read_text("utf-8"), program))
-    except OSError as error:
-        raise SlipdError(f"{error.filename}: cannot be written: {error.strerror}") from error
-    print(NEXT_STEPS[system])
+    if name in {path.name for path in system_files()}:
+        raise UsageError(f"{name} is no config of a rig; print it with: slipd service show {name}")
+    return _named("config", name, {path.name: path for path in config_files()}, ".toml")
 
 
-def uninstall(root: Path, program: Path | None = None, *, system: bool) -> None:
-    """Remove the files that `install` wrote, but none that was changed and no unit of another program.
+def config_files() -> list[Path]:
+    """Return the configs of ``config/``."""
+    return sorted(CONFIGS.rglob("*.toml"))
 
-    Args:
-        root: As for `install`.
-        program: Likewise.
-        system: Likewise.
+
+def system_file(name: str) -> Path:
+    """Return a file for systemd or udev.
 
     Raises:
-        SlipdError: A file cannot be removed.
+        UsageError: There is no such file; the text names the nearest one.
     """
-    unit = _unit(root, system=system)
-    try:
-        if f"\n{_start(program or own_program())} " in _text(unit):
-            _remove(unit)
-        for path, text in _others(root, system=system).items():
-            if _text(path) == text:
-                _remove(path)
-    except OSError as error:
-        raise SlipdError(f"{error.filename}: cannot be removed: {error.strerror}") from error
+    return _named("file", name, {path.name: path for path in system_files()}, ".service")
 
 
-def _unit(root: Path, *, system: bool) -> Path:
-    """Return where systemd finds the unit."""
-    if system:
-        return root / "etc/systemd/system/slipd.service"
-    home = Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
-    return home / "systemd/user/slipd.service"
+def system_files() -> list[Path]:
+    """Return the files of ``config/`` for systemd and udev."""
+    return sorted(path for path in CONFIGS.rglob("*") if path.is_file() and path.suffix != ".toml")
 
 
-def _others(root: Path, *, system: bool) -> dict[Path, str]:
-    """Return the other files with their contents: the user of the service, and rules for serial ports."""
-    if not system:
-        return {}
-    shipped = {"etc/sysusers.d/slipd.conf": "slipd.sysusers", "etc/udev/rules.d/70-slipd.rules": "70-slipd.rules"}
-    return {root / place: system_file(name).read_text("utf-8") for place, name in shipped.items()}
+def page_file(name: str) -> Path:
+    """Return a page of the docs by its name in `pages`; ``.md`` may be left out.
+
+    Raises:
+        UsageError: There is no such page; the text names the nearest one.
+    """
+    return _named("page", name.removeprefix("docs/"), pages(), ".md")
+
+
+def pages() -> dict[str, Path]:
+    """Return the pages of the docs by name, such as "physics" or "measured/peers"; README comes first."""
+    found = [path.relative_to(DOCS) for path in DOCS.rglob("*.md")]
+    ordered = sorted(found, key=lambda path: (len(path.parts), path))
+    return {"README": ROOT / "README.md"} | {path.with_suffix("").as_posix(): DOCS / path for path in ordered}
+
+
+def _named(kind: str, name: str, files: dict[str, Path], suffix: str) -> Path:
+    for known in (name, name + suffix, name.removesuffix(suffix)):
+        if known in files:
+            return files[known]
+    raise UsageError(f"there is no {kind} {name!r}; {_nearest(name, [key.removesuffix(suffix) for key in files])}")
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
 
 
 def own_program() -> Path:
@@ -130,32 +91,13 @@ def own_program() -> Path:
 
 def with_program(unit: str, program: Path) -> str:
     """Return a unit that starts this program."""
-    return re.sub(r"^ExecStart=\S+", lambda _: _start(program), unit, flags=re.MULTILINE)
+    return re.sub(r"^ExecStart=\S+", lambda _: start_line(program), unit, flags=re.MULTILINE)
 
 
-def _start(program: Path) -> str:
+def start_line(program: Path) -> str:
     """Return the beginning of the line that starts a program, quoted as systemd reads it."""
     quoted = str(program).replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%")
     return f'ExecStart="{quoted}"' if re.search(r"[\s\"'\\]", quoted) else f"ExecStart={quoted}"
-
-
-def _text(path: Path) -> str:
-    """Return the text of a file; "" where there is none."""
-    try:
-        return path.read_text("utf-8")
-    except FileNotFoundError:
-        return ""
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, text, mode=0o644)
-    print(f"{path}: written")
-
-
-def _remove(path: Path) -> None:
-    path.unlink()
-    print(f"{path}: removed")
 
 
 def shipped_command(kind: str, name: str | None = None, *, as_json: bool = False) -> None:

@@ -20,7 +20,7 @@ from slipd import config
 from slipd.devices import DEVICES, Decoder
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Write
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.emulated_pvdf import PvdfElectronics
 from slipd.tools.sim.scene import Scene
 from slipd.tools.sim.scene_parts import Script

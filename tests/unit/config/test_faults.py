@@ -8,7 +8,7 @@ import pytest
 from config_faults import GOOD, broken, faults, line
 
 from slipd import config
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 
 BELOW = "rate_hz = 800\n"
 """The line below which keys of the left force sensor are written."""

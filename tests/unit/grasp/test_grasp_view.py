@@ -17,7 +17,7 @@ from slipd.config import Config, Levels
 from slipd.grasp.grasp_view import GraspView, HoldState
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_messages import grasp_body
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 

@@ -16,7 +16,7 @@ from stepped_demo import PAD_HZ, SteppedDemo, recording_of, slow_config
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.tools.demo_summary import print_summary
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim import carry
 from slipd.tools.sim.carry import (
     CARRY_PLAN,

@@ -8,7 +8,7 @@ import pytest
 from project import CONFIG, DOCS, ROOT
 
 from slipd.errors import SlipdError
-from slipd.tools.shipped_paths import config_files, page_file, pages, shipped_config, system_file, system_files
+from slipd.tools.shipped_files import config_files, page_file, pages, shipped_config, system_file, system_files
 
 
 def test_every_file_is_listed_configs_apart_from_those_of_the_system() -> None:

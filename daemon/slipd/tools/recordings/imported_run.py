@@ -16,7 +16,7 @@ from slipd.events import Event, LinkSpec, LinkUp, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.tools.cli_arguments import IMPORTED
 from slipd.tools.outputs import NEW, draft
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 
 START_NS = 1_000_000_000
 """Time of the first row, ns; the wall-clock time too, because it is not known."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 from slipd.tools.sim.emulate import (
     LONGEST_LINE,
     emulated,

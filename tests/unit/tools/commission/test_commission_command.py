@@ -12,7 +12,7 @@ from slipd.errors import ConfigError, SlipdError
 from slipd.tools.cli_commands import parser
 from slipd.tools.commission import commission_command, readings
 from slipd.tools.commission.commission_command import PageHost
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from slipd.config import parse
 from slipd.tools.commission.config_update import changes, fragment
 from slipd.tools.commission.readings import FingerReadings, noise_at_rest
 from slipd.tools.commission.touches import Findings, Mount, Noise
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 
 MOUNT = Mount(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 FORCE_STD_N, TORQUE_STD_NM, TAXEL_STD = 0.03, 0.0008, 2.0

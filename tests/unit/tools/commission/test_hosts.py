@@ -18,7 +18,7 @@ from slipd.tools.commission import commission_command
 from slipd.tools.commission.commission_command import PageHost, TerminalHost
 from slipd.tools.commission.daemon_link import DaemonLink
 from slipd.tools.commission.dialogue import Ask, Change, Choice, Prompt, Refusal, Reply, Say
-from slipd.tools.shipped_paths import shipped_config
+from slipd.tools.shipped_files import shipped_config
 
 TEXT = shipped_config("demo.toml").read_text(encoding="utf-8")
 CHANGE = Change({("finger", "left", "mu"): "0.42"})
