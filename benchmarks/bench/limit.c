@@ -16,6 +16,7 @@
 #include <stdlib.h>
 
 enum { INTERIOR, HINGE, TRANSLATING, NONE };
+enum { OPEN, MET, MET_AT_KINK };
 enum { MAX_PASSES = 120, PATIENCE = 14, MAX_STOOD = 8, ROWS = 11 }; /* rows: of working memory, see `contact_in` */
 
 static const double U = 0x1p-53, FAR = 1e9, GOAL = 2e-13, GOAL_SLACKS = 30.0, RESOLUTION = 1e-13, TINY = 1e-150;
@@ -52,7 +53,7 @@ typedef struct {
 
 typedef struct {
     double lower, upper, value, turn; /* turn: angular velocity about a hinge */
-    int met;
+    int state;
     long hinge;
 } Found;
 
@@ -252,7 +253,7 @@ static Found descend(const Contact *t, Twist *q, const Plane *p, double goal, in
     long n = t->n;
     const double *x = t->xs, *y = t->ys, *w = t->w;
     double h = p->h, ax = p->ax, am = p->am, slack = (double)(n + 16) * U, last_fall = INFINITY;
-    Found found = {.lower = -INFINITY, .upper = INFINITY, .hinge = -1};
+    Found found = {.lower = -INFINITY, .upper = INFINITY, .state = OPEN, .hinge = -1};
     Sweep r = sweep(n, x, y, w, x, y, q->x, q->y, q->m);
     for (*done = 1;;) {
         Field f = {r.gx, r.gy, r.gm, r.gross};
@@ -261,7 +262,7 @@ static Found descend(const Contact *t, Twist *q, const Plane *p, double goal, in
         found.value = now.value;
         double curvature = r.hxx + r.hyy;
         if (found.upper - found.lower <= goal * (p->gauge ? found.upper : 1.0)) {
-            found.met = 1;
+            found.state = r.bend > RULING * curvature * curvature ? MET_AT_KINK : MET;
             return found;
         }
         if (*done >= passes) return found;
@@ -340,7 +341,6 @@ static Found follow_path(Contact *t, Twist *q, const Plane *p, double goal, Foun
     long origin = -1;
     double cx = 0.0, cy = 0.0, ox = q->x, oy = q->y, om = q->m, last_gap = INFINITY, scale = 1.0;
     double soft = SOFTEST * (fabs(ox) + fabs(oy) + fabs(om));
-    update_field(t, ox, oy, om, soft * soft, 0.0, 0.0, 0.0);
     found.value = NAN;
     for (int step = 0, stood = 0; step < steps; step++) {
         long j = sharpest(t->n, t->px, t->py, t->w, ox, oy, om);
@@ -349,6 +349,7 @@ static Found follow_path(Contact *t, Twist *q, const Plane *p, double goal, Foun
             ox = vx, oy = vy, cx = -t->xs[j], cy = -t->ys[j], origin = j;
             place_about(t, j);
         }
+        if (step == 0) update_field(t, ox, oy, om, soft * soft, 0.0, 0.0, 0.0);
         Field f;
         Sweep r = path_sweep(t, ox, oy, om, soft * soft, &f);
         double vx = ox - om * cy, vy = oy + om * cx;
@@ -407,11 +408,11 @@ static Found minimise(Contact *t, Twist *q, const Plane *p) {
     double goal = larger(GOAL, GOAL_SLACKS * (double)(t->n + 16) * U);
     int done;
     Found found = descend(t, q, p, goal, MAX_PASSES, &done);
-    if (found.met) {
+    if (found.state == MET_AT_KINK) {
         long j = sharpest(t->n, t->xs, t->ys, t->w, q->x, q->y, q->m);
         double near = fabs(q->x - q->m * t->ys[j]) + fabs(q->y + q->m * t->xs[j]);
         if (near <= BESIDE * (fabs(q->x) + fabs(q->y) + fabs(q->m))) found.hinge = j;
-    } else if (done < MAX_PASSES) {
+    } else if (found.state == OPEN && done < MAX_PASSES) {
         found = follow_path(t, q, p, goal, found, MAX_PASSES - done);
     }
     found.value = smaller(larger(found.value, found.lower), found.upper);

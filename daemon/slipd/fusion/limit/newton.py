@@ -11,6 +11,7 @@ from slipd.fusion.limit.frame import U
 from slipd.fusion.limit.sweep import Sweep, Twist, sharpest, sweep
 from slipd.types.arrays import Array
 
+OPEN, MET, MET_AT_KINK = range(3)  # state of the bounds at the end
 RESOLUTION = 1e-13  # relative change of the sum that may be rounding
 RIDGE = 1e-28  # least curvature of any direction, relative to the largest: a far pole leaves one with very little
 FLAT = 1e-9  # a determinant this small, relative to the product of the curvatures, is rounding (collinear taxels)
@@ -19,6 +20,7 @@ OVERSHOOT = 0.5  # a step that climbs again this steeply, relative to its start,
 KINK = 0.1  # share of the squared curvatures from which one taxel may be a kink
 FELT = 0.25  # a step feels that kink where it changes the taxel's sliding velocity by more than this share
 UNSURE = 4e-3  # below this share of the twist, rounding of a sliding velocity shows in its direction
+RULING = 0.5  # share of the squared curvatures from which one taxel is tried as the hinge
 PATIENCE = 14  # passes after which several taxels together are taken for a kink
 
 
@@ -93,7 +95,7 @@ def norm_step(m: Model, power: float, pull: float) -> tuple[float, float, bool]:
 @compiled
 def descend(
     x: Array, y: Array, w: Array, start: Twist, plane: Plane, goal: float, passes: int
-) -> tuple[Bracket, Twist, bool, int]:
+) -> tuple[Bracket, Twist, int, int]:
     """Minimise the sum by Newton's method with a line search, until the bounds meet or a kink comes into play.
 
     Args:
@@ -106,7 +108,7 @@ def descend(
         passes: Most passes over the taxels.
 
     Returns:
-        The bounds; the last twist; whether the bounds meet; the passes made.
+        The bounds; the last twist; OPEN, MET or MET_AT_KINK; the passes made.
     """
     h, ax, am = plane.h, plane.ax, plane.am
     q0, q1, q2 = start
@@ -119,9 +121,10 @@ def descend(
         lower, upper = max(lower, here.lower), min(upper, here.upper)
         curvature = r.hxx + r.hyy  # Σ w/|u|
         if upper - lower <= goal * (upper if plane.gauge else 1.0):
-            return Bracket(lower, upper, here.value), Twist(q0, q1, q2), True, done
+            state = MET_AT_KINK if r.sharpness > RULING * curvature * curvature else MET
+            return Bracket(lower, upper, here.value), Twist(q0, q1, q2), state, done
         if done >= passes:
-            return Bracket(lower, upper, here.value), Twist(q0, q1, q2), False, done
+            return Bracket(lower, upper, here.value), Twist(q0, q1, q2), OPEN, done
         m = plane_model(r, plane)
         s1, s2, bends = norm_step(m, r.excess + q0, (1.0 - h) * ax)
         size = abs(q0) + abs(q1) + abs(q2)
@@ -130,12 +133,12 @@ def descend(
             near = abs(q0 - q2 * y[j]) + abs(q1 + q2 * x[j])
             change = abs((ax - am * y[j]) * s1) + abs(am * x[j] * s1 + s2)
             if not bends or change > FELT * near or near < UNSURE * w[j] * size:
-                return Bracket(lower, upper, here.value), Twist(q0, q1, q2), False, done
+                return Bracket(lower, upper, here.value), Twist(q0, q1, q2), OPEN, done
         value, slope, shrink = r.excess + h * q0, m.g1 * s1 + m.g2 * s2, 1.0
         resolved = -slope > RESOLUTION * abs(value)
         while True:
             if done >= passes:
-                return Bracket(lower, upper, here.value), Twist(q0, q1, q2), False, done
+                return Bracket(lower, upper, here.value), Twist(q0, q1, q2), OPEN, done
             vx, vy, om = q0 + shrink * s1 * ax, q1 + shrink * s2, q2 + shrink * s1 * am
             r = sweep(x, y, w, x, y, vx, vy, om)
             done += 1
@@ -146,7 +149,7 @@ def descend(
             if not resolved and -slope < 0.25 * last_fall:
                 break
             if not resolved or done > PATIENCE:
-                return Bracket(lower, upper, here.value), Twist(q0, q1, q2), False, done
+                return Bracket(lower, upper, here.value), Twist(q0, q1, q2), OPEN, done
             shrink *= min(max(slope / (slope - end), 0.1), 0.7) if end > 0.0 else 0.5
         q0, q1, q2 = vx, vy, om
         last_fall = -slope

@@ -14,7 +14,7 @@ import numpy as np
 from slipd.fusion.compiled import compiled, compiled_sum
 from slipd.fusion.limit.bounds import Bracket, Plane, bounds, hinge_bounds
 from slipd.fusion.limit.frame import Frame, U, split
-from slipd.fusion.limit.newton import RESOLUTION, newton_step, plane_model
+from slipd.fusion.limit.newton import RESOLUTION, RULING, newton_step, plane_model
 from slipd.fusion.limit.sweep import Field, Sweep, Twist, clip_to_circle, sharpest
 from slipd.types.arrays import Array
 
@@ -23,7 +23,6 @@ FOLLOW = 0.1  # and shrinks by this factor at a time, though not below this shar
 ARMIJO = 1e-4  # share of the predicted descent that a step must reach
 STANDS = 1e-12  # a step this small, relative to the velocity of the sharpest taxel, counts as none
 MAX_STOOD = 8  # so many of them in a row without a smaller gap are the end
-RULING = 0.5  # share of the squared curvatures from which one taxel is tried as the hinge
 BESIDE = 1e-9  # a pole this near to a taxel, relative to the twist, may be a hinge
 
 
@@ -155,13 +154,14 @@ def follow_path(
     origin, cx, cy = -1, 0.0, 0.0  # the taxel whose velocity is (ox, oy), and the load centroid seen from it
     ox, oy, om = start
     soft = SOFTEST * (abs(ox) + abs(oy) + abs(om))
-    update_field(xs, ys, missing, across, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
     estimate, last_gap, stood = math.nan, math.inf, 0
     for step in range(steps):
         j = sharpest(px, py, w, ox, oy, om)
         if j != origin:
             ox, oy, cx, cy, origin = ox - om * py[j], oy + om * px[j], -xs[j], -ys[j], j
             place_about(x, y, frame, px, py, j)
+        if step == 0:
+            update_field(px, py, missing, across, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
         r, carried = path_sweep(xs, ys, w, px, py, missing, across, ox, oy, om, soft * soft)
         vx, vy = ox - om * cy, oy + om * cx
         here = bounds(r.excess, r.field, carried, vx, abs(vx) + abs(vy) + abs(ox) + abs(oy), om, plane, slack)

@@ -10,7 +10,7 @@ import numpy as np
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.bounds import Bracket, Plane
 from slipd.fusion.limit.frame import Frame, Load, U, normalise, slip_margin, split
-from slipd.fusion.limit.newton import descend
+from slipd.fusion.limit.newton import MET_AT_KINK, OPEN, descend
 from slipd.fusion.limit.path import BESIDE, follow_path
 from slipd.fusion.limit.sweep import Twist, sharpest
 from slipd.types.arrays import Array
@@ -89,14 +89,14 @@ def minimise(
     """
     xs, ys, w = split(taxels)
     goal = max(stop.gap, GOAL_SLACKS * (x.size + 16) * U)
-    found, q, met, done = descend(xs, ys, w, start, plane, goal, stop.passes)
+    found, q, state, done = descend(xs, ys, w, start, plane, goal, stop.passes)
     hinge = -1
-    if met:
+    if state == MET_AT_KINK:
         j = sharpest(xs, ys, w, q.vx, q.vy, q.omega)
         ux, uy = q.vx - q.omega * ys[j], q.vy + q.omega * xs[j]
         if abs(ux) + abs(uy) <= BESIDE * (abs(q.vx) + abs(q.vy) + abs(q.omega)):
             hinge = j
-    elif done < stop.passes:
+    elif state == OPEN and done < stop.passes:
         found, q, hinge, _ = follow_path(x, y, frame, taxels, q, plane, goal, found, stop.passes - done)
     return Bracket(found.lower, found.upper, min(max(found.value, found.lower), found.upper)), q, hinge
 
