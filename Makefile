@@ -57,7 +57,7 @@ test: $(KERNELS) lint
 endif
 
 check: $(KERNELS) lint
-	@echo "== all tests but those of long runs, with coverage (10 to 15 minutes on two idle cores)"
+	@echo "== all tests but those of long runs, with coverage (about 10 minutes on two idle cores)"
 	@$(PYTEST) -m "not long" --cov --cov-report= $(addprefix --ignore=,$(LONG)) benchmarks tests
 	@echo "== every branch of the rooms that decide, and of those that guide a person, is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
