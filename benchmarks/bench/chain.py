@@ -56,7 +56,7 @@ def run(
     poll: bool = False,
 ) -> Table:
     """Measure, ``seconds`` a round; the daemon polls or sleeps between readings."""
-    forces = traffic.steady(round((seconds + warm_up_s) * traffic.WRENCH_HZ))
+    forces = traffic.grip(round((seconds + warm_up_s) * traffic.WRENCH_HZ), traffic.WRENCH_HZ)
     stream = traffic.Stream(STREAM, traffic.wrench_frames(forces, traffic.PATCH, 0), traffic.WRENCH_HZ)
     ours, theirs = _Side(), _Side()
     for _ in range(rounds):

@@ -22,7 +22,7 @@ FINGERS = ("left", "right")
 
 def run(folder: Path, *, seconds: float, warm_up_s: float) -> list[Table]:
     """Measure for ``seconds``."""
-    streams = traffic.two_fingers(seconds + warm_up_s, warm_up_s)
+    streams = traffic.two_fingers(seconds + warm_up_s)
     topics = {f"{kind}.{finger}": f"{finger}.wrench" for kind in ("slip", "wrench") for finger in FINGERS}
     names = [stream.name for stream in streams]
     with processes.Lines(names) as lines, processes.daemon(folder, lines, {}) as served:

@@ -34,8 +34,8 @@ from bench.commit import measured_on
 from bench.report import Report
 from bench.tables import Table
 
-SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
-QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
+SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 2.0
+QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 1.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
 

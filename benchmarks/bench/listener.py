@@ -58,7 +58,7 @@ class Heard:
         bytes: Topic → median size of a message, without the topic.
         keys: Topic → keys of its messages.
         models: How the verdicts on readings after the warm-up were found → how many.
-        active: Active taxels in the newest image; None without one.
+        active: Active taxels in the newest image that can be used; None without one.
     """
 
     messages: dict[str, int] = field(default_factory=dict)
@@ -96,7 +96,8 @@ class Listener:
         self._sizes.setdefault(topic, []).append(len(frames[1]))
         if topic not in self._keys:
             self._keys[topic] = list(body)
-        self._active = body.get("active", self._active)
+        if body.get("active") is not None:
+            self._active = body["active"]
         if topic in self._rows and body["tangential_n"] is not None:
             self._stamp(topic, body, t_ns)
 

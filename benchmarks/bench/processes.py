@@ -25,7 +25,7 @@ from bench import child, listener, traffic, writer
 from numpy.typing import NDArray
 from project import MODULES
 
-from slipd_client.errors import NoAnswer
+from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
 
 HERE = Path(__file__).parent
@@ -183,7 +183,7 @@ def measure(
     watched: bool = False,
     priority: int = 0,
 ) -> Measured:
-    """Write all streams to a running publisher, and hear it.
+    """Write all streams to a running publisher, tare its fingers, and hear it.
 
     Args:
         served: The publisher.
@@ -213,6 +213,8 @@ def measure(
         if priority:
             raise_threads(ear.pid, priority)
             raise_threads(hand.pid, priority)
+        if served.requests:
+            _tare(served.requests, sorted({stream.name.partition(".")[0] for stream in streams}))
         hand.told("measuring")
         begin_s, cpu_s = time.monotonic(), served.cpu_s()
         outcomes = json.loads("{" + hand.told("{"))
@@ -227,6 +229,21 @@ def measure(
         for (topic, stream), row in zip(topics.items(), np.load(arrivals), strict=True)
     }
     return Measured(latency_us, count - first, cpu_s, seconds, outcomes, heard)
+
+
+def _tare(requests: str, fingers: Sequence[str]) -> None:
+    """Tare the free fingers once their sensors deliver: without a zero there is no verdict to measure."""
+    until_s = time.monotonic() + traffic.FREE_S
+    with GripClient(requests) as client:
+        for finger in fingers:
+            while True:
+                try:
+                    client.tare(finger, seconds=traffic.TARE_S)
+                    break
+                except RequestRefused as refused:
+                    if refused.code != "not_ready" or time.monotonic() > until_s:
+                        raise child.BenchError(f"{finger} was not tared: {refused}") from refused
+                    time.sleep(0.01)
 
 
 def raise_threads(pid: int, priority: int) -> None:

@@ -15,7 +15,7 @@ SHOWN = ("slip", "wrench")
 
 def run(folder: Path, *, rounds: int, seconds: float, warm_up_s: float) -> Table:
     """Measure ``rounds`` rounds of each kind, ``seconds`` each."""
-    streams = traffic.two_fingers(seconds + warm_up_s, warm_up_s)
+    streams = traffic.two_fingers(seconds + warm_up_s)
     without, recording = [], []
     for number in range(rounds):
         without.append(_round(folder, streams, warm_up_s, None))

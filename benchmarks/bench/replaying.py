@@ -15,7 +15,7 @@ from bench.tables import Table
 
 from slipd import config
 from slipd.engine.engine import Engine
-from slipd.events import Bytes, Event, LinkUp, Publish, Tick
+from slipd.events import Bytes, Event, LinkUp, Publish, Request, Tick
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
@@ -24,6 +24,8 @@ from slipd_client.messages import encode
 BOOT = "0123456789abcdef"
 BEGIN_NS = 1_000_000_000
 TICK_HZ = 200
+TARE_AT_NS = 200_000_000
+"""When the free fingers are tared, from the begin of the recording."""
 REPEATS, QUICK_REPEATS = 5, 1
 WANTED = 10.0
 
@@ -54,7 +56,7 @@ def run(folder: Path, *, seconds: float, quick: bool) -> Table:
 
 def record(path: Path, seconds: float) -> int:
     """Write a recording of two fingers that grip and hold; return the number of its entries."""
-    streams = traffic.two_fingers(seconds, min(1.0, seconds / 3))
+    streams = traffic.two_fingers(seconds)
     text = config_text(streams)
     engine = Engine(config.parse(text, "bench"), boot=BOOT, wall_minus_monotonic_ns=0)
     file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=0)
@@ -80,6 +82,10 @@ def _events(streams: list[traffic.Stream], seconds: float) -> list[tuple[int, Ev
     timed: list[tuple[int, Event]] = [
         (BEGIN_NS + round(1e9 * k / TICK_HZ), Tick()) for k in range(round(seconds * TICK_HZ))
     ]
+    for finger in sorted({stream.name.partition(".")[0] for stream in streams}):
+        t_ns = BEGIN_NS + TARE_AT_NS
+        tare = {"v": 1, "id": 1, "op": "tare", "boot": BOOT, "deadline_ns": t_ns + TARE_AT_NS, "finger": finger}
+        timed.append((t_ns, Request(finger.encode(), tare | {"seconds": traffic.TARE_S})))
     for stream in streams:
         for k, frame in enumerate(stream.frames):
             t_ns = BEGIN_NS + round(1e9 * (stream.phase_s + (k + 1) / stream.rate_hz))

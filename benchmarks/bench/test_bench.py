@@ -83,6 +83,7 @@ def test_every_section_prints_finite_numbers(folder: Path) -> None:
     chain, _, streams = list(found.values())[:3]
     assert "The C program is not measured" in text or ("C p50" in chain[0] and "the same keys" in text)
     assert "NOT THE SAME KEYS" not in text
+    assert "None taxels" not in text
     assert ("not measured" in text) == ("is not measured: " in text)
     for row in streams:
         assert row["taken"] == row["written"] != "0"

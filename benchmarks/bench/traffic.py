@@ -31,6 +31,9 @@ SPIN_NM = 0.015
 PULL = 0.12
 """Tangential over normal force. With the spin, the demo's contact patch is then used to about half."""
 
+FREE_S, TARE_S, CLOSE_S = 0.8, 0.1, 0.5
+"""Time until the grip closes, in which each finger is tared for so long, and time of closing, s; all in the warm-up."""
+
 FORCE_STD_N = 0.02
 TORQUE_STD_NM = 0.0002
 PATCH = Patch()
@@ -57,24 +60,22 @@ def index_weights() -> list[float]:
     return [float(x_of_sensor[0]), float(x_of_sensor[1]), -float(x_of_sensor[2])]
 
 
-def steady(count: int) -> Array:
-    """The normal force at each of ``count`` readings of a hold, N."""
-    return np.full(count, NORMAL_N)
-
-
-def grip(count: int, rate_hz: float, warm_up_s: float) -> Array:
+def grip(count: int, rate_hz: float) -> Array:
     """The normal force at each of ``count`` readings, N: free, then gripped within the warm-up, then held."""
     t_s = np.arange(count) / rate_hz
-    return NORMAL_N * np.clip((t_s / warm_up_s - 0.3) / 0.5, 0.0, 1.0)
+    return NORMAL_N * np.clip((t_s - FREE_S) / CLOSE_S, 0.0, 1.0)
 
 
 def wrench_frames(normal_n: Array, patch: Patch, seed: int) -> list[bytes]:
-    """Bota frames of one finger: a contact of the given patch that is pulled, and twisted to and fro."""
+    """Bota frames of one finger: a contact of the given patch that is pulled, and twisted to and fro.
+
+    Free readings carry no number, which a tare would take for an offset.
+    """
     rng = np.random.default_rng(seed)
     count = len(normal_n)
     t_s = np.arange(count) / WRENCH_HZ
     force = np.zeros((count, 3))
-    force[:, 0] = np.arange(count) * INDEX_N
+    force[:, 0] = np.where(normal_n > 0.0, np.arange(count), 0) * INDEX_N
     force[:, 1] = PULL * normal_n + rng.normal(scale=FORCE_STD_N, size=count)
     force[:, 2] = normal_n + rng.normal(scale=FORCE_STD_N, size=count)
     turn = rotation()
@@ -121,12 +122,12 @@ class Stream:
     phase_s: float = 0.0
 
 
-def two_fingers(seconds: float, warm_up_s: float) -> list[Stream]:
+def two_fingers(seconds: float) -> list[Stream]:
     """A grip held by two full fingers. Nothing keeps the devices in step, so their phases differ."""
     streams = []
     for seed, (name, patch, phase_s) in enumerate((("left", PATCH, 0.0), ("right", PATCH.mirrored(), 0.0004))):
-        forces = grip(round(seconds * WRENCH_HZ), WRENCH_HZ, warm_up_s)
-        images = grip(round(seconds * PAD_HZ), PAD_HZ, warm_up_s)
+        forces = grip(round(seconds * WRENCH_HZ), WRENCH_HZ)
+        images = grip(round(seconds * PAD_HZ), PAD_HZ)
         streams.append(Stream(f"{name}.wrench", wrench_frames(forces, patch, seed), WRENCH_HZ, phase_s))
         streams.append(Stream(f"{name}.pad", pad_scans(images, patch, seed), PAD_HZ, phase_s + 0.00025))
     return streams
