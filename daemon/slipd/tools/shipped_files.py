@@ -11,7 +11,6 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable
 from pathlib import Path
 
 from slipd.errors import UsageError
@@ -75,13 +74,10 @@ def _named(kind: str, name: str, files: dict[str, Path], suffix: str) -> Path:
     for known in (name, name + suffix, name.removesuffix(suffix)):
         if known in files:
             return files[known]
-    raise UsageError(f"there is no {kind} {name!r}; {_nearest(name, [key.removesuffix(suffix) for key in files])}")
-
-
-def _nearest(name: str, known: Iterable[str]) -> str:
-    names = list(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
+    names = [key.removesuffix(suffix) for key in files]
+    near = difflib.get_close_matches(name, [*names, *files], n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
+    raise UsageError(f"there is no {kind} {name!r}; {hint}")
 
 
 def own_program() -> Path:

@@ -45,6 +45,7 @@ def test_an_unknown_name_is_refused_with_the_known_ones_and_a_misspelt_one_with_
         (shipped_config, name, f"there is no config {name!r}; known: bota_xela, demo, "),
         (page_file, name, f"there is no page {name!r}; known: README, "),
         (shipped_config, "netft_wst", "there is no config 'netft_wst'; did you mean 'netft_wts'?"),
+        (system_file, "slipd.servic", "there is no file 'slipd.servic'; did you mean 'slipd.service'?"),
     ):
         with pytest.raises(SlipdError, match=re.escape(told)):
             find(wrong)
