@@ -21,7 +21,7 @@ MEASURING = {
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_a_module_imports_what_there_is(name: str) -> None:
+def test_every_module_imports(name: str) -> None:
     try:
         importlib.import_module(name)
     except ModuleNotFoundError as missing:

@@ -25,7 +25,7 @@ BOOT = "0123456789abcdef"
 BEGIN_NS = 1_000_000_000
 TICK_HZ = 200
 TARE_AT_NS = 200_000_000
-"""When the free fingers are tared, from the begin of the recording."""
+"""Time at which the free fingers are tared, from the start of the recording, ns."""
 REPEATS, QUICK_REPEATS = 5, 1
 WANTED = 10.0
 

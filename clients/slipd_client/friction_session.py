@@ -155,7 +155,7 @@ class FrictionSession:
         self._begin()
 
     def _begin(self) -> None:
-        """Wait for a grip at rest of every finger, with patience anew."""
+        """Wait until every finger grips at rest; the time limit starts again."""
         self._watches = {finger: PullWatch() for finger in self._samples}
         self._since_s = self._sample_s = self._time.passed_s
         self._blocked_s, self._rejected = 0.0, dict.fromkeys(self._samples, 0)

@@ -205,7 +205,7 @@ def _headed(text: str) -> Iterator[tuple[tuple[str, ...], int]]:
 
 
 def line_of(lines: dict[tuple[str, ...], int], path: tuple[str, ...]) -> int | None:
-    """Return the line of a key, or of the innermost enclosing table that is in the file; None if there is none."""
+    """Return the line of a key; where the file lacks it, that of the innermost table around it, or None."""
     while path:
         if path in lines:
             return lines[path]

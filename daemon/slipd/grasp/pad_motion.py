@@ -1,7 +1,7 @@
 """Evidence "image_change" of a grasp by pads that measure the force themselves: looks at the images of all of them.
 
-Two things tell of one motion: `ImageStep` how much the shares of the taxels change at unchanged grip, `LoadBelief` how
-likely the load makes a motion. `slipd.engine.held_motion` judges them with all other evidence.
+Two quantities show motion: `ImageStep` is the change of the taxels' shares at unchanged grip, `LoadBelief` the odds of
+motion by the load. `slipd.engine.held_motion` judges them with all other evidence.
 """
 
 from __future__ import annotations

@@ -242,7 +242,7 @@ class CentroidShift:
         least_m = LEAST_M if known is None else AGAIN_M + (0.0 if known_m is None else known_m.item())
         beyond = along_m > max(least_m, ALONG * length_m)
         lasts, self._beyond_before = beyond and (self._beyond_before or known is not None), beyond
-        goes_on = known is not None and length_m < LEAST_M  # too little for the image since the path began anew
+        goes_on = known is not None and length_m < LEAST_M  # the path is too short for the image to show
         if not lasts or not (goes_on or self._images.shows_shift(path.reference, block, shift)):
             return None
         surprise = path.surprise(np.append(direction, 0.0), along_m)

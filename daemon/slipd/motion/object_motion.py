@@ -191,7 +191,7 @@ class OutsideMotion:
         if not found:
             return None
         surprise = max(found) - math.log(len(found))
-        lasts, self._before = min(surprise, self._before), surprise  # one wrong reading is none
+        lasts, self._before = min(surprise, self._before), surprise  # a single wrong reading does not count
         return Evidence("external", t_ns, lasts) if lasts > 0.0 else None
 
     def confirm(self) -> None:

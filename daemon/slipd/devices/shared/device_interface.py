@@ -185,7 +185,7 @@ class Device:
         rate_hint: How to set the rate on the device itself, where slipd need not set it; "" if it does.
         frame: What the device sends, for people and with an article, such as "a Bota frame".
         evidence: What the decoder was compared with, see `EVIDENCE`.
-        emulator: Module of another package whose ``make(seed, **settings)`` returns an emulator; "": there is none.
+        emulator: Module of a device package whose ``make(seed, **settings)`` returns an emulator; "" where none does.
         about: Description for ``slipd devices NAME``, Markdown: wiring, a config, what is not confirmed.
         interface: Version of this interface that a device of another package was written for, see `INTERFACE`.
     """

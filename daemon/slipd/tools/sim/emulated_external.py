@@ -12,7 +12,7 @@ import numpy as np
 from slipd.devices.external import encode_reading
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Registration, Report
-from slipd.tools.sim.emulators import EmulatedDevice, TactileStream, WrenchStream, moved_jaws
+from slipd.tools.sim.emulators import EmulatedDevice, ReadingStream, TactileStream, WrenchStream, moved_jaws
 from slipd.types.arrays import Array
 
 WRENCH, PAD = "left.wrench", "left.pad"
@@ -56,7 +56,7 @@ class Pusher(EmulatedDevice):
     ) -> None:
         super().__init__(READINGS_HZ)
         self.began_ns = 0
-        self._streams: dict[str, TactileStream] = {}
+        self._streams: dict[str, ReadingStream] = {}
         self._fields = dict.fromkeys(wrenches, _WRENCH_FIELDS) | dict.fromkeys(arms, _ARM_FIELDS)
         for k, name in enumerate(wrenches):
             self._streams[name] = WrenchStream(seed + k, rates_hz.get(name, READINGS_HZ))

@@ -118,7 +118,7 @@ class PapillArrays(EmulatedTactile):
         return []
 
     def _frame(self, taken_ns: int) -> bytes:
-        pads = [self._stream.image(str(sensor)) for sensor in range(frames.SENSORS)]
+        pads = [self._stream.reading(str(sensor)) for sensor in range(frames.SENSORS)]
         blocks = [
             encode_hub(self._counter, device_us(taken_ns, self._ppm)),
             encode_pillars(pads, [pad / STIFFNESS_N_PER_MM for pad in pads]),
@@ -180,7 +180,7 @@ class Fingertips(EmulatedTactile):
         refresh = int(taken_ns * REFRESH_HZ // 1e9)
         fresh, self._refresh = refresh != self._refresh, refresh
         if fresh:
-            images = (self._stream.image(str(finger)) + FINGERTIP_REST for finger in range(tsf85.FINGERS))
+            images = (self._stream.reading(str(finger)) + FINGERTIP_REST for finger in range(tsf85.FINGERS))
             counts = [np.clip(np.rint(image), 0, FULL_SCALE) for image in images]
             self._arrays = b"".join(encode_block(tsf85.STATIC, finger, each) for finger, each in enumerate(counts))
         blocks = self._arrays
@@ -261,7 +261,7 @@ class XelaServer(EmulatedTactile):
 
     def _frame(self, taken_ns: int) -> bytes:
         self._number += 1
-        pads = {key: self._stream.image(key) for key in USKINS}
+        pads = {key: self._stream.reading(key) for key in USKINS}
         raw = {key: np.clip(np.rint(pad + REST_COUNTS), 0, FULL_SCALE) for key, pad in pads.items()}
         forces = {key: np.round(N_PER_COUNT * pad, 4) for key, pad in pads.items()}
         return encode_message(self._number, raw, BEGAN_S + taken_ns * 1e-9, forces)

@@ -138,7 +138,7 @@ class NetftSensor(EmulatedWrench):
 
     def _frame(self, taken_ns: int) -> bytes:
         self._sequence += 1
-        counts = whole(self._stream.image() * self._counts_per_unit, 32)
+        counts = whole(self._stream.reading() * self._counts_per_unit, 32)
         ticks = int(taken_ns * self._internal_hz // 1_000_000_000)
         return rdt.encode_record(counts, self._sequence, ticks, self.status)
 
@@ -223,7 +223,7 @@ class OptoforceDaq(EmulatedWrench):
         self._counter = 0
 
     def _frame(self, taken_ns: int) -> bytes:
-        frame = encode_reading(whole(self._stream.image() * self._counts_per_unit, 16), self._counter, self.status)
+        frame = encode_reading(whole(self._stream.reading() * self._counts_per_unit, 16), self._counter, self.status)
         self._counter += round(1000.0 / self._stream.rate_hz)
         return frame
 

@@ -72,7 +72,7 @@ class WeissController(EmulatedTactile, ABC):
 
     def _cells(self) -> NDArray[np.uint16]:
         """Return the cells as they read now."""
-        return np.clip(np.rint(self._stream.image()), 0, FULL_SCALE).astype(np.uint16)
+        return np.clip(np.rint(self._stream.reading()), 0, FULL_SCALE).astype(np.uint16)
 
     def _time_ms(self, t_ns: int) -> int:
         return round(t_ns * ((1.0 + self.clock_ppm * 1e-6) * 1e-6))

@@ -98,7 +98,7 @@ class BotaSensor(EmulatedWrench):
         return output + super().advance(t_ns) if self.mode == "run" else output
 
     def _frame(self, taken_ns: int) -> bytes:
-        values = self._stream.image()
+        values = self._stream.reading()
         booted_us = device_us(taken_ns - self._booted_ns, self._ppm)
         return bota.encode_frame(values[:3], values[3:], booted_us, temperature_c=TEMPERATURE_C)
 
@@ -175,7 +175,7 @@ class GaugeAmplifier(EmulatedWrench):
         self._sequence = 0
 
     def _frame(self, taken_ns: int) -> bytes:
-        return self.encode(taken_ns, self._counts_per_unit @ self._stream.image() + self._offset)
+        return self.encode(taken_ns, self._counts_per_unit @ self._stream.reading() + self._offset)
 
     def encode(self, taken_ns: int, counts: Array) -> bytes:
         """Return the next frame, with the counts of its channels."""
@@ -240,7 +240,7 @@ class RobotousSensor(EmulatedWrench):
         }
 
     def _frame(self, taken_ns: int) -> bytes:
-        return encode_reading(whole(self._stream.image() * self._counts_per_unit, 16), self.overload)
+        return encode_reading(whole(self._stream.reading() * self._counts_per_unit, 16), self.overload)
 
     def _obey(self, buffer: bytes, at: int, t_ns: int) -> list[bytes]:
         number, arguments = buffer[at + 1], buffer[at + 2 : at + 9]

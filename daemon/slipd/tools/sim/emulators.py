@@ -163,7 +163,7 @@ NOISE_BLOCK = 6144
 """Numbers of noise drawn at once: a draw costs as much as a block of some hundred."""
 
 
-class TactileStream(Timer):
+class ReadingStream(Timer):
     """Readings at a rate: the load on the sensor with noise.
 
     Args:
@@ -184,18 +184,18 @@ class TactileStream(Timer):
         self._noise: list[Array] = []
 
     def press(self, values: Array, sensor: str | None = None) -> None:
-        """Set the load on each taxel from now on, in the units of the sensor.
+        """Set the load from now on, in the units of the sensor.
 
         Args:
-            values: The loads, of the shape of an image.
-            sensor: Name of one of several sensors with images of this shape; None: all of them.
+            values: The loads, of the shape of a reading.
+            sensor: Name of one of several sensors with readings of this shape; None: all of them.
 
         Raises:
-            ValueError: The shape is not that of an image.
+            ValueError: The shape is not that of a reading.
         """
         values = np.asarray(values, dtype=np.float64)
         if values.shape != self._ideal.shape:
-            raise ValueError(f"an image must have shape {self._ideal.shape}, got {values.shape}")
+            raise ValueError(f"a reading must have shape {self._ideal.shape}, got {values.shape}")
         if sensor is None:
             self._ideal = values
             self._of_sensor.clear()
@@ -205,9 +205,9 @@ class TactileStream(Timer):
     def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
         """Yield the time of each reading due by ``t_ns``, and the reading."""
         for taken_ns in self.times(t_ns):
-            yield taken_ns, self.image()
+            yield taken_ns, self.reading()
 
-    def image(self, sensor: str = "") -> Array:
+    def reading(self, sensor: str = "") -> Array:
         """Return a reading of the present load on one sensor with new noise."""
         return self._of_sensor.get(sensor, self._ideal) + self.next_noise()
 
@@ -219,7 +219,11 @@ class TactileStream(Timer):
         return self._noise.pop()
 
 
-class WrenchStream(TactileStream):
+class TactileStream(ReadingStream):
+    """Readings at a rate: an image with noise."""
+
+
+class WrenchStream(ReadingStream):
     """Readings at a rate: the wrench on the sensor, or the motion of an arm, six values with noise.
 
     Args:
@@ -238,7 +242,7 @@ class WrenchStream(TactileStream):
 class EmulatedSensor(EmulatedDevice):
     """Base of the emulated sensors; ``stream`` has their readings. For the rest see `EmulatedDevice`."""
 
-    def __init__(self, stream: TactileStream, rate_hz: float, **options: Any) -> None:
+    def __init__(self, stream: ReadingStream, rate_hz: float, **options: Any) -> None:
         super().__init__(rate_hz, **options)
         self._stream = stream
 

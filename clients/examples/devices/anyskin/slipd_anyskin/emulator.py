@@ -31,7 +31,7 @@ class Board(EmulatedTactile):
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Return the frames due by ``t_ns``."""
-        return [encode_frame(REST_UT + self._stream.image()) for _ in self._stream.times(t_ns)]
+        return [encode_frame(REST_UT + self._stream.reading()) for _ in self._stream.times(t_ns)]
 
 
 make = Board
