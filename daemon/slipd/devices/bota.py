@@ -73,7 +73,9 @@ class Decoder(FrameDecoder):
     def __init__(self) -> None:
         super().__init__()
         self.text_passed = False
-        self._frames = FixedLengthScanner(_HEADER, FRAME_LENGTH, _checksum_matches, self.health, text=_TEXT)
+        self._frames = FixedLengthScanner(
+            _HEADER, FRAME_LENGTH, checksums.x25_check(1, FRAME_LENGTH), self.health, text=_TEXT
+        )
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
@@ -94,10 +96,6 @@ class Decoder(FrameDecoder):
             self.health.temperature_c = temperature_c
         self.health.good += len(samples)
         return samples
-
-
-def _checksum_matches(buffer: bytes, at: int) -> bool:
-    return checksums.x25_matches(buffer[at + 1 : at + FRAME_LENGTH])
 
 
 def encode_frame(
@@ -186,13 +184,11 @@ class Session(SensorSession[WrenchSample]):
 
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
-        samples = super().receive(data, now_ns)
-        if not self.decoder.text_passed and self._startup.awaited not in _ANSWERED_BY_FRAMES:
-            return samples
-        text = self._text + data
-        self._text = text[-_TEXT_KEPT:]
-        if self.next_deadline() is not None:
-            self._handle_text(text, data, bool(samples), now_ns)
+        samples = self.decoder.receive(data, now_ns)
+        if self.decoder.text_passed or self._startup.awaited in _ANSWERED_BY_FRAMES:
+            self._handle_text(data, bool(samples), now_ns)
+        if samples:
+            self._startup.reading_received(now_ns)
         return samples
 
     def on_time(self, now_ns: int) -> bytes:
@@ -204,8 +200,12 @@ class Session(SensorSession[WrenchSample]):
             self._startup.state = "waiting"
         return command
 
-    def _handle_text(self, text: bytes, data: bytes, has_frames: bool, now_ns: int) -> None:
+    def _handle_text(self, data: bytes, has_frames: bool, now_ns: int) -> None:
         """Look for a banner and for the awaited answer."""
+        text = self._text + data
+        self._text = text[-_TEXT_KEPT:]
+        if self.next_deadline() is None:
+            return
         banner_at = text.find(BANNER)
         if banner_at >= 0:
             self._text = self._banner = b""

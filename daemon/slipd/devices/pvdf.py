@@ -11,6 +11,7 @@ in 10 ns (u16), one count per column (i16), CRC-16/X-25 of everything after ``A5
 from __future__ import annotations
 
 import struct
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ _VERSION = 1
 _SYNC = bytes((0xA5, 0x5A, _VERSION))
 _UNCHECKED = 2  # bytes before the version, where the checksum begins
 _HEAD = struct.Struct("<BHIH")  # row, scan, time of the row's first taxel in µs, dwell in 10 ns
+_PREDICTED = 6  # bytes of a row that are known beforehand: sync, row and scan
 _COUNTS_AT = len(_SYNC) + _HEAD.size
 _CRC_LENGTH = 2
 _DWELL_UNIT_NS = 10
@@ -62,8 +64,11 @@ class Decoder:
         self._grid = rows, cols
         self._row_bytes = 2 * cols
         self._length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
+        self._size = rows * self._length  # of a scan
+        self._columns = itemgetter(*(slice(at, None, self._length) for at in range(_PREDICTED)))
         self._fixed_columns = [*(bytes((byte,)) * rows for byte in _SYNC), bytes(range(rows))]
-        self._frames = FixedLengthScanner(_SYNC, self._length, self._checksum_matches, self.health)
+        check = checksums.x25_check(_UNCHECKED, self._length)
+        self._frames = FixedLengthScanner(_SYNC, self._length, check, self.health)
         self._scan: int | None = None
         self._scan_time_us = 0
         self._dwell_ns = 0
@@ -72,38 +77,26 @@ class Decoder:
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``t_ns``; return the scans they complete."""
-        samples = self._decode_whole_scans(data, t_ns)
-        if samples is None:
-            samples = self._decode_rows(data, t_ns)
+        samples: list[TactileSample] = []
+        while self._begins_next_scan(data):
+            _, self._scan, self._scan_time_us, dwell = _HEAD.unpack_from(data, len(_SYNC))
+            self._dwell_ns = dwell * _DWELL_UNIT_NS
+            samples.append(self._complete(np.ndarray(self._grid, "<i2", data, _COUNTS_AT, (self._length, 2)), t_ns))
+            data = data[self._size :]
+        if data:
+            samples += self._decode_rows(data, t_ns)
         self.health.good += len(samples)
         return samples
 
-    def _decode_whole_scans(self, data: bytes, t_ns: int) -> list[TactileSample] | None:
-        """Decode the usual read, whole scans that follow the newest one; return None, and change nothing, otherwise."""
-        size = self._rows * self._length
-        if len(data) % size or self._open or self._scan is None or not self._frames.in_sync:
-            return None
-        if not checksums.x25_all_match(data, range(_UNCHECKED, len(data), self._length), self._length - _UNCHECKED):
-            return None
-        scans = [data[at : at + size] for at in range(0, len(data), size)]
-        for later, scan in enumerate(scans):
-            if not self._has_heads(scan, (self._scan + 1 + later) % _SCAN_SPAN):
-                return None
-        samples: list[TactileSample] = []
-        for scan in scans:
-            _, self._scan, self._scan_time_us, dwell = _HEAD.unpack_from(scan, len(_SYNC))
-            self._dwell_ns = dwell * _DWELL_UNIT_NS
-            counts = np.ndarray(self._grid, "<i2", scan, _COUNTS_AT, (self._length, 2))
-            samples.append(self._complete(counts, t_ns))
-        return samples
-
-    def _has_heads(self, scan: bytes, number: int) -> bool:
-        """Return whether these bytes are the rows of the scan of this number, in their order."""
-        numbers = (bytes((byte,)) * self._rows for byte in number.to_bytes(2, "little"))
-        for at, column in enumerate((*self._fixed_columns, *numbers)):  # noqa: SIM110 - a generator takes longer
-            if scan[at :: self._length] != column:
-                return False
-        return True
+    def _begins_next_scan(self, data: bytes) -> bool:
+        """Return whether bytes begin with all rows of the scan after the newest one, in order, as they usually do."""
+        if len(data) < self._size or self._open or self._scan is None or not self._frames.in_sync:
+            return False
+        scan = data[: self._size]
+        low, high = ((self._scan + 1) % _SCAN_SPAN).to_bytes(2, "little")
+        columns = (*self._fixed_columns, bytes((low,)) * self._rows, bytes((high,)) * self._rows)
+        starts = range(_UNCHECKED, self._size, self._length)
+        return self._columns(scan) == columns and checksums.x25_all_match(scan, starts, self._length - _UNCHECKED)
 
     def _decode_rows(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode any bytes, row by row."""
@@ -126,9 +119,6 @@ class Decoder:
         self._frames.forget()
         self.health.lost += self._open
         self._scan, self._open = None, False
-
-    def _checksum_matches(self, buffer: bytes, at: int) -> bool:
-        return checksums.x25_matches(buffer[at + _UNCHECKED : at + self._length])
 
     def _follows(self, row: int, scan: int, time_us: int, dwell_ns: int) -> bool:
         """Return whether a row continues the open scan or begins the next one."""

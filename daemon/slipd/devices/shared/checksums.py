@@ -8,6 +8,7 @@ result. CRC-16/MODBUS has no such twin; its frames are few and short, so a table
 from __future__ import annotations
 
 from binascii import crc_hqx
+from collections.abc import Callable
 
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -24,6 +25,15 @@ def x25(data: bytes) -> int:
 def x25_matches(data: bytes) -> bool:
     """Return whether the last two bytes of ``data`` are the CRC-16/X-25 of the rest, low byte first."""
     return crc_hqx(data.translate(_REVERSED), 0xFFFF) == _X25_RESIDUE
+
+
+def x25_check(first: int, length: int) -> Callable[[bytes, int], bool]:
+    """Return a check of the frames of `FixedLengthScanner`: `x25_matches` their bytes from ``first`` on."""
+
+    def check(buffer: bytes, at: int) -> bool:
+        return crc_hqx(buffer[at + first : at + length].translate(_REVERSED), 0xFFFF) == _X25_RESIDUE
+
+    return check
 
 
 def x25_all_match(data: bytes, starts: range, length: int) -> bool:

@@ -54,10 +54,16 @@ class StartupSequence:
             answered may be replaced.
         rest_ns: Pause before an unanswered sequence starts again.
         silence_ns: Time without readings after which the device no longer sends.
+
+    Attributes:
+        state: As above.
+        awaited: Name of the request whose answer is awaited; "" if there is none.
+        due_ns: When `on_time` is due; None while closed.
     """
 
     def __init__(self, steps: Sequence[Step], *, rest_ns: int = RETRY_PAUSE_NS, silence_ns: int = SILENCE_NS) -> None:
         self.state = "closed"
+        self.awaited = ""
         self.due_ns: int | None = None
         self._steps = steps
         self._rest_ns = rest_ns
@@ -65,11 +71,6 @@ class StartupSequence:
         self._at = 0
         self._attempt = 0
         self._silent = True  # since the last request
-
-    @property
-    def awaited(self) -> str:
-        """Name of the request whose answer is awaited; "" if there is none."""
-        return self._steps[self._at].name if self._attempt else ""
 
     def start(self, now_ns: int) -> None:
         """Begin on a freshly opened link; the first request is due at once."""
@@ -79,8 +80,8 @@ class StartupSequence:
     def stop(self) -> None:
         """End; nothing is due any more."""
         self.state = "closed"
+        self.awaited = ""
         self.due_ns = None
-        self._attempt = 0
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the request that is due at ``now_ns``; empty if none is."""
@@ -97,6 +98,7 @@ class StartupSequence:
             self._go_to(self._at + 1, now_ns + step.pause_ns)
         else:
             self._attempt += 1
+            self.awaited = step.name
             self.due_ns = now_ns + (step.pause_ns or ANSWER_NS)
         return step.request
 
@@ -135,7 +137,7 @@ class StartupSequence:
             self._go_to(0, now_ns + self._rest_ns)
 
     def _go_to(self, index: int, due_ns: int) -> None:
-        self._at, self._attempt, self.due_ns = index, 0, due_ns
+        self._at, self._attempt, self.due_ns, self.awaited = index, 0, due_ns, ""
         if index == len(self._steps):
             self._silent = True
             self.due_ns = due_ns + self._silence_ns
