@@ -94,12 +94,6 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._reset(State.CLOSED)
         return b""
 
-    def drop(self) -> bool:
-        """Drop set-points that are not sent yet, except a stop; do not repeat unanswered ones."""
-        dropped = self._queue.drop_unsent()
-        self._follow_activation()
-        return dropped
-
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = []
@@ -136,27 +130,12 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._follow_activation()
         return notice + setpoint
 
-    def _on_one_pad(self, force: float | None) -> float | None:
-        return force
-
     def _activate(self, now_ns: int) -> bool:
         """Queue the activation, whatever the driver does for it."""
         if not self._machine.handle(Event.ACTIVATE):
             return False
         self._queue.activate()
         return True
-
-    def _acknowledge_fault(self) -> None:
-        self._queue.acknowledge()
-        self._follow_activation()
-
-    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
-        """Queue a move, at the driver's own speed if none is given."""
-        self._queue.move(width_m, speed_mps, force_n)
-
-    def _queue_force(self, force_n: float) -> None:
-        """Queue another force without another motion; a move that waits is queued with that force."""
-        self._queue.set_force(force_n)
 
     def _halt(self) -> bool:
         dropped = self.drop()
@@ -165,15 +144,6 @@ class Session(QueuedGripperSession[SetpointQueue]):
         self._queue.stop()
         self._repeat_report()
         return True
-
-    def _follow_activation(self) -> None:
-        """Update the state with the outcome of an activation."""
-        if self._queue.activation_waits:
-            return
-        if self._queue.activation_is_sent:
-            self._machine.handle(Event.ACTIVATION_SENT)
-        elif self._machine.handle(Event.ACTIVATION_ENDED):
-            self._repeat_report()
 
     def _register(self, driver: Registration, now_ns: int) -> None:
         if self._queue.due_ns is not None:

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Report
-from slipd.devices.shared.command_queue import Command, CommandQueue
+from slipd.devices.shared.command_queue import SETS_FORCE, STOP, Command, CommandQueue
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
 
 FORCE_TOLERANCE = 1e-6
 """Largest relative excess of the applied force over the requested one; single precision can cause it."""
-
-_SETS_FORCE = ("move", "force")
 
 
 class SetpointQueue(CommandQueue):
@@ -24,9 +22,6 @@ class SetpointQueue(CommandQueue):
     Args:
         answer_ns: Time allowed for an answer.
         health: Its ``lost`` counts unanswered set-points.
-
-    Attributes:
-        echo_ok: Whether the driver last applied at most the requested force; None if it has applied none yet.
     """
 
     def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
@@ -36,7 +31,6 @@ class SetpointQueue(CommandQueue):
     def reset(self) -> None:
         """Start again: nothing waits, nothing is known."""
         super().reset()
-        self.echo_ok: bool | None = None
         self._goal: dict[str, float | None] = {}
 
     def activate(self) -> None:
@@ -52,29 +46,20 @@ class SetpointQueue(CommandQueue):
         """Queue a force, after a stop that waits; a move that waits is queued with that force."""
         moves = any(command.kind == "move" for command in self.waiting)
         operation, goal = ("move", self._goal) if moves else ("force", {})
-        self.replace([self._make(operation, force_n=force_n, **goal)], keep=self._stops())
+        self.replace([self._make(operation, force_n=force_n, **goal)], keep=(STOP,))
 
     def stop(self) -> None:
         """Send a stop at once in place of all else."""
-        self.interrupt(self._make("stop"))
-
-    def drop_unsent(self) -> bool:
-        """Drop set-points that are not sent yet, except a stop; return whether there were any."""
-        return self.drop(("stop",))
+        self.interrupt(self._make(STOP))
 
     def acknowledge(self) -> None:
         """Queue the acknowledgement of a fault, after a stop that waits."""
-        self.replace([self._make("acknowledge")], keep=self._stops())
-
-    def drop_grip(self, failure: str) -> None:
-        """Drop everything if a force is waiting or unanswered, because the gripper cannot obey."""
-        if self.contains(_SETS_FORCE):
-            self.give_up(failure)
+        self.replace([self._make("acknowledge")], keep=(STOP,))
 
     def is_complete(self, report: Report) -> bool:
         """Return whether a report, if it answers a force, contains the applied force."""
         command = self.outstanding
-        answers = command is not None and report.id == command.number and command.kind in _SETS_FORCE
+        answers = command is not None and report.id == command.number and command.kind in SETS_FORCE
         return not answers or report.applied_n is not None or bool(report.error)
 
     def match_answer(self, report: Report, now_ns: int) -> bool:
@@ -83,17 +68,14 @@ class SetpointQueue(CommandQueue):
         if command is None or report.id != command.number:
             return False
         self.handle_answer(now_ns, f"{command.name}: {report.error}" if report.error else "")
-        if command.kind in _SETS_FORCE and report.applied_n is not None:
+        if command.kind in SETS_FORCE and report.applied_n is not None:
             self.echo_ok = report.applied_n <= (command.force or 0.0) * (1.0 + FORCE_TOLERANCE)
         return True
 
     def _make(self, operation: str, **values: float | None) -> Command:
         self._made += 1
         data = wire.encode_setpoint(self._made, operation, **values)
-        return Command(operation, operation, data, values.get("force_n"), self._made, operation == "activate")
-
-    def _stops(self) -> list[Command]:
-        return [command for command in self.waiting if command.kind == "stop"]
+        return Command(operation, operation, data, self._made, values.get("force_n"))
 
 
 _REGISTRATIONS = {Event.REGISTERED: State.WAITING, Event.STRANGER: State.UNREGISTERED}
@@ -110,9 +92,9 @@ TRANSITIONS: Table = {
     State.ACTIVATION_QUEUED: {
         **_ALWAYS,
         Event.ACTIVATION_SENT: State.ACTIVATING,
-        Event.ACTIVATION_ENDED: State.INACTIVE,
+        Event.ACTIVATION_GONE: State.INACTIVE,
     },
-    State.ACTIVATING: {**_ALWAYS, Event.HALT: State.INACTIVE, Event.ACTIVATION_ENDED: State.INACTIVE},
+    State.ACTIVATING: {**_ALWAYS, Event.HALT: State.INACTIVE, Event.ACTIVATION_GONE: State.INACTIVE},
 }
 """States of the session; after an activation is over or halted, it handles the last report again."""
 

@@ -7,8 +7,8 @@ command stays unanswered, all waiting commands are dropped with it, because a la
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
@@ -18,6 +18,11 @@ from slipd.devices.shared.gripper_session import Event, GripperSessionBase, Stat
 ATTEMPTS = 3
 """A command that is unanswered this often is lost."""
 
+STOP = "stop"
+"""Kind of the command that no drop removes."""
+SETS_FORCE = ("move", "force")
+"""Kinds of the commands that only an active gripper obeys."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -25,20 +30,23 @@ class Command:
 
     Attributes:
         name: Name of the command, for people.
-        kind: A newer command of the same kind replaces an older one.
+        kind: "activate", "move", "force", "stop", "acknowledge" or another; a newer command of the same kind replaces
+            an older one.
         data: Bytes to send.
-        force: Force that it sets or moves with, N as the gripper counts it; None if it has none.
-        number: Number that identifies its answer, if answers have one.
-        activates: Whether it makes the gripper ready: earlier forces no longer apply, and unanswered ones are not
-            repeated.
+        number: Number that identifies its answer.
+        force: Force that it sets or moves with, N on one pad; None if it has none.
     """
 
     name: str
-    kind: int | str
+    kind: str
     data: bytes
+    number: int
     force: float | None = None
-    number: int = 0
-    activates: bool = False
+
+    @property
+    def activates(self) -> bool:
+        """Whether it makes the gripper ready: earlier forces no longer apply, and unanswered ones are not repeated."""
+        return self.kind == "activate"
 
     def force_after(self, force: float | None) -> float | None:
         """Return the force in effect after this command, given the one before."""
@@ -49,8 +57,8 @@ class Command:
         return self.kind == older.kind or (self.activates and older.force is not None)
 
 
-class CommandQueue:
-    """Commands that wait, and the one command whose answer is awaited.
+class CommandQueue(ABC):
+    """Commands that wait, and the one command whose answer is awaited; a subclass makes the commands of its gripper.
 
     Args:
         answer_ns: Time allowed for an answer.
@@ -61,6 +69,7 @@ class CommandQueue:
         outstanding: The command that was sent and is not answered.
         failure: Why the last command was lost; "" if it was not.
         acknowledged: The force that the gripper acknowledged last; None if none since it was made ready.
+        echo_ok: Whether the gripper applied the force that it was sent last; None if it reported none yet.
     """
 
     def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
@@ -75,8 +84,21 @@ class CommandQueue:
         self.failure = ""
         self._force: float | None = None  # sent last
         self.acknowledged: float | None = None
+        self.echo_ok: bool | None = None
         self._attempts = 0
         self._due_ns = 0
+
+    @abstractmethod
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move that the gripper can make; speed None: its usual one."""
+
+    @abstractmethod
+    def set_force(self, force_n: float) -> None:
+        """Queue a force that the gripper has; a move that waits is queued with that force."""
+
+    @abstractmethod
+    def acknowledge(self) -> None:
+        """Queue the acknowledgement of a fault."""
 
     @property
     def due_ns(self) -> int | None:
@@ -105,29 +127,30 @@ class CommandQueue:
         """Record that the gripper no longer has the force that was sent."""
         self._force = self.acknowledged = None
 
-    def drop(self, keep: Sequence[int | str]) -> bool:
-        """Drop waiting commands except these kinds, and repeat no other; return whether anything was dropped."""
-        kept = [command for command in self.waiting if command.kind in keep]
+    def drop(self) -> bool:
+        """Drop waiting commands except a stop, and repeat no other; return whether anything was dropped."""
+        kept = [command for command in self.waiting if command.kind == STOP]
         dropped = len(kept) < len(self.waiting)
         self.waiting = kept
-        if self.outstanding is not None and self.outstanding.kind not in keep:
+        if self.outstanding is not None and self.outstanding.kind != STOP:
             self._attempts = ATTEMPTS
         return dropped
 
-    def replace(self, commands: Iterable[Command], keep: Sequence[Command] = ()) -> None:
-        """Queue these commands in place of the waiting ones, after those of ``keep`` that wait."""
-        self.waiting = [command for command in self.waiting if command in keep]
+    def drop_grip(self, failure: str) -> None:
+        """Drop everything if a force is waiting or unanswered, because the gripper cannot obey."""
+        unanswered = [] if self.outstanding is None else [self.outstanding]
+        if any(command.kind in SETS_FORCE for command in (*self.waiting, *unanswered)):
+            self.give_up(failure)
+
+    def replace(self, commands: Iterable[Command], keep: Collection[str] = ()) -> None:
+        """Queue these commands in place of the waiting ones, after those of the kinds ``keep``."""
+        self.waiting = [command for command in self.waiting if command.kind in keep]
         self.waiting += commands
 
     def interrupt(self, command: Command) -> None:
         """Send this command at once in place of all others, and await no other answer."""
         self.waiting, self.outstanding = [command], None
         self._attempts = self._due_ns = 0
-
-    def contains(self, kinds: Iterable[int | str]) -> bool:
-        """Return whether a command of these kinds waits or is unanswered."""
-        commands = [*self.waiting, *([self.outstanding] if self.outstanding is not None else [])]
-        return any(command.kind in kinds for command in commands)
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the command that is due at ``now_ns``; empty if none is."""
@@ -223,11 +246,21 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
         """Return ``force_n``: a force has no steps."""
         return force_n
 
+    def drop(self) -> bool:
+        """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
+        dropped = self._queue.drop()
+        self._follow_activation()
+        return dropped
+
     def acknowledge(self) -> None:
         """Forget that a command was lost, and acknowledge a fault if the gripper reports one."""
         self._queue.failure = ""
         if self._fault:
-            self._acknowledge_fault()
+            self._queue.acknowledge()
+            self._follow_activation()
+
+    def _on_one_pad(self, force: float | None) -> float | None:
+        return force
 
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
         if not self._machine.accepts(Event.MOVE):
@@ -236,13 +269,13 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
             check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
         check_range("width", width_m, self.width_range_m, "m")
         self._machine.handle(Event.MOVE)
-        self._queue_move(width_m, speed_mps, self._in_range(force_n))
+        self._queue.move(width_m, speed_mps, self._in_range(force_n))
         return True
 
     def _set_force(self, force_n: float) -> bool:
         if not self._machine.handle(Event.SET_FORCE):
             return False
-        self._queue_force(self._in_range(force_n))
+        self._queue.set_force(self._in_range(force_n))
         return True
 
     def _in_range(self, force_n: float) -> float:
@@ -250,19 +283,16 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
         least, most = self.force_range_n
         return min(max(force_n, least), most)
 
+    def _follow_activation(self) -> None:
+        """Update the state with the outcome of a queued activation."""
+        if self._queue.activation_waits:
+            return
+        if self._queue.activation_is_sent:
+            self._machine.handle(Event.ACTIVATION_SENT)
+        elif self._machine.handle(Event.ACTIVATION_GONE):
+            self._repeat_report()
+
     def _repeat_report(self) -> None:
         """Handle the last report again, because an activation is over, or was dropped before it was sent."""
         if self._reported is not None:
             self._machine.handle(self._reported)
-
-    @abstractmethod
-    def _acknowledge_fault(self) -> None:
-        """Queue the acknowledgement of a fault."""
-
-    @abstractmethod
-    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
-        """Queue a move that the gripper can make."""
-
-    @abstractmethod
-    def _queue_force(self, force_n: float) -> None:
-        """Queue a force that the gripper has."""

@@ -20,7 +20,6 @@ from slipd.devices.wsg.wsg_commands import (
     ACTIVATION,
     HOME,
     IN_PROGRESS,
-    QUEUED,
     TRANSITIONS,
     WsgCommandQueue,
 )
@@ -90,7 +89,6 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
 
     def _reset(self, state: State) -> None:
         super()._reset(state)
-        self._width_m = 0.0
         self._homing_until_ns = 0
 
     @property
@@ -122,12 +120,6 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         self._startup.stop()
         return wire.encode(wire.DISCONNECT)
 
-    def drop(self) -> bool:
-        """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
-        dropped = self._queue.drop_unsent()
-        self._follow_homing()
-        return dropped
-
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = []
@@ -156,11 +148,10 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             self._queue.give_up(f"no end of {HOME.name}")
             self._machine.handle(Event.ACTIVATION_ENDED)
         command = self._queue.on_time(now_ns)
-        self._follow_homing()
+        self._follow_activation()
+        if self._machine.state in IN_PROGRESS:
+            self._reported = None
         return request + command
-
-    def _on_one_pad(self, force: float | None) -> float | None:
-        return None if force is None else force / FINGERS
 
     def _activate(self, now_ns: int) -> bool:
         """Queue homing, after the acknowledgement of a fault if there is one."""
@@ -170,35 +161,12 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         self._homing_until_ns = now_ns + HOMING_NS
         return True
 
-    def _acknowledge_fault(self) -> None:
-        self._queue.acknowledge()
-
-    def _queue_move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
-        """Queue a move, at half of the largest speed if none is given."""
-        speed_mps = (self.speed_range_mps or (0.0, 0.0))[1] / 2 if speed_mps is None else speed_mps
-        self._queue.move((width_m * 1000, speed_mps * 1000), wire.at_most(force_n * FINGERS))
-
-    def _queue_force(self, force_n: float) -> None:
-        """Queue another force; an object gripped by a move is clamped again with it, and nothing opens."""
-        self._queue.set_force(wire.at_most(force_n * FINGERS), self._width_m)
-
     def _halt(self) -> bool:
         if not self._machine.handle(Event.HALT):
             return False
         self._queue.stop()
         self._repeat_report()
         return True
-
-    def _follow_homing(self) -> None:
-        """Update the state with the outcome of queued homing."""
-        if self._machine.state not in QUEUED or self._queue.activation_waits:
-            return
-        if self._queue.activation_is_sent:
-            self._reported = None
-            self._machine.handle(Event.ACTIVATION_SENT)
-        else:
-            self._machine.handle(Event.ACTIVATION_DROPPED)
-            self._repeat_report()
 
     def _handle_reply(self, reply: Reply, now_ns: int) -> None:
         awaited = self._startup.awaited
@@ -210,7 +178,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
                 self._handle_info(reply)
             return
         if self._queue.match_answer(reply, now_ns):
-            self._follow_homing()
+            self._follow_activation()
         else:
             self._queue.handle_motion_end(reply)
         if reply.id == wire.HOME and reply.status != wire.PENDING:
@@ -224,6 +192,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
                 (limits.min_force / FINGERS, limits.most_force(overdrive=self._overdrive) / FINGERS),
                 (limits.min_speed / 1000, limits.max_speed / 1000),
             )
+            self._queue.usual_speed_mps = limits.max_speed / 1000 / 2
         elif reply.id == wire.SYSTEM:
             self.identity = f"S/N {wire.parse_serial(reply.data)}"
 
@@ -231,7 +200,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
         self._startup.reading_received(now_ns)
         referenced, fault = sample.active, sample.fault
         if self._startup.state == "running":
-            self._fault, self._width_m = fault, sample.width_m or 0.0
+            self._fault, self._queue.width_m = fault, sample.width_m or 0.0
             if self._machine.state not in IN_PROGRESS:
                 self._reported = report_of(active=referenced, fault=fault)
                 self._machine.handle(self._reported)
@@ -241,7 +210,7 @@ class Session(QueuedGripperSession[WsgCommandQueue]):
             self._queue.forget_force()
         if fault or not referenced:
             self._queue.drop_grip(fault or "not referenced")
-            self._follow_homing()
+            self._follow_activation()
 
     def _fall_silent(self) -> None:
         """Drop all commands, because the gripper does not answer or is being configured again."""

@@ -10,11 +10,12 @@ so that the object is clamped again; if not, only the limit changes and nothing 
 from __future__ import annotations
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.command_queue import Command, CommandQueue
+from slipd.devices.shared.command_queue import STOP, Command, CommandQueue
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_decoder import Reply
+from slipd.devices.wsg.wsg_messages import FINGERS
 
 _ALWAYS = {Event.ACTIVATE: State.ACTIVATION_QUEUED, Event.FELL_SILENT: State.SILENT}
 _AGAIN = {Event.ACTIVATE: State.REACTIVATION_QUEUED, Event.FELL_SILENT: State.SILENT, Event.HALT: State.SETTLING}
@@ -30,22 +31,21 @@ TRANSITIONS: Table = {
         **_ALWAYS,
         Event.HALT: State.SETTLING,
         Event.ACTIVATION_SENT: State.ACTIVATING,
-        Event.ACTIVATION_DROPPED: State.SETTLING,
+        Event.ACTIVATION_GONE: State.SETTLING,
     },
     State.ACTIVATING: {**_AGAIN, Event.ACTIVATION_ENDED: State.SETTLING},
     State.REACTIVATION_QUEUED: {
         **_AGAIN,
         Event.ACTIVATION_SENT: State.ACTIVATING,
-        Event.ACTIVATION_DROPPED: State.ACTIVATING,
+        Event.ACTIVATION_GONE: State.ACTIVATING,
         Event.ACTIVATION_ENDED: State.ACTIVATION_QUEUED,
     },
     State.SETTLING: {**_ALWAYS, **FAULT_REPORTS, Event.HALT: State.SETTLING},
 }
 """States of the session; after homing is dropped before it was sent, it handles the last report again."""
 
-QUEUED = frozenset({State.ACTIVATION_QUEUED, State.REACTIVATION_QUEUED})
 IN_PROGRESS = frozenset({State.ACTIVATING, State.REACTIVATION_QUEUED})
-ACTIVATION = QUEUED | IN_PROGRESS
+ACTIVATION = IN_PROGRESS | {State.ACTIVATION_QUEUED}
 """In these states the gripper accepts no motion."""
 
 
@@ -54,12 +54,11 @@ ANSWER_NS = 250_000_000
 ECHO_TOLERANCE_N = 0.01
 """Largest error of the force limit that was read back; it is written in the same format."""
 
-HOME = Command("homing", wire.HOME, wire.home(), activates=True)
+HOME = Command("homing", "activate", wire.home(), wire.HOME)
 
-_SETS_FORCE = (wire.SET_FORCE, wire.PREPOSITION)
-_STOP = Command("stop", wire.STOP, wire.encode(wire.STOP))
-_ACKNOWLEDGE = Command("acknowledgement", wire.ACKNOWLEDGE, wire.acknowledge())
-_READ_BACK = Command("force limit", wire.GET_FORCE, wire.encode(wire.GET_FORCE))
+_STOP = Command("stop", STOP, wire.encode(wire.STOP), wire.STOP)
+_ACKNOWLEDGE = Command("acknowledgement", "acknowledge", wire.acknowledge(), wire.ACKNOWLEDGE)
+_READ_BACK = Command("force limit", "read back", wire.encode(wire.GET_FORCE), wire.GET_FORCE)
 _SUCCESS = {
     wire.PREPOSITION: (wire.OK, wire.PENDING, wire.ABORTED, wire.AXIS_BLOCKED),
     wire.HOME: (wire.OK, wire.PENDING),
@@ -77,7 +76,8 @@ class WsgCommandQueue(CommandQueue):
         health: Its ``lost`` counts unanswered commands.
 
     Attributes:
-        echo_ok: Whether the force limit was last read back as it was set; None if it was not read yet.
+        width_m: The gripper's newest width, m.
+        usual_speed_mps: Speed of moves without one, m/s.
     """
 
     def __init__(self, health: DecoderHealth) -> None:
@@ -86,50 +86,49 @@ class WsgCommandQueue(CommandQueue):
     def reset(self) -> None:
         """Start again: nothing waits, nothing is known."""
         super().reset()
-        self.echo_ok: bool | None = None
+        self.width_m = self.usual_speed_mps = 0.0
         self._goal: Goal | None = None
-        self._limit = 0.0  # force limit that was set, N of both fingers
+        self._limit_n = 0.0  # force limit that was set, N on one pad
 
     def home(self, *, faulty: bool) -> None:
         """Queue homing, after the acknowledgement of a fault."""
         self._goal = None
         self.replace([_ACKNOWLEDGE, HOME] if faulty else [HOME])
 
-    def move(self, goal: Goal, force: float) -> None:
-        """Queue a move with a force limit, N of both fingers."""
-        self._goal = goal
-        self._grip(force, goal)
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move with a force limit."""
+        self._goal = width_m * 1000, (self.usual_speed_mps if speed_mps is None else speed_mps) * 1000
+        self._grip(force_n, self._goal)
 
-    def set_force(self, force: float, width_m: float) -> None:
-        """Queue a force limit, N of both fingers, with the goal of a move that waits or closes from this width."""
+    def set_force(self, force_n: float) -> None:
+        """Queue a force limit, and the goal of a move that waits or closes: it clamps again, and nothing opens."""
         if self.failure:
             self._goal = None  # a motion that may never have begun must not begin now
         goal = self._goal
-        waits = any(command.kind == wire.PREPOSITION for command in self.waiting)
-        closes = goal is not None and goal[0] <= width_m * 1000
-        self._grip(force, goal if waits or closes else None)
+        waits = any(command.kind == "move" for command in self.waiting)
+        closes = goal is not None and goal[0] <= self.width_m * 1000
+        self._grip(force_n, goal if waits or closes else None)
 
     def stop(self) -> None:
         """Send a stop at once in place of all else."""
         self._goal = None
         self.interrupt(_STOP)
 
-    def drop_unsent(self) -> bool:
-        """Drop commands that are not sent yet, except a stop; return whether there were any."""
-        dropped = self.drop((wire.STOP,))
+    def drop(self) -> bool:
+        """Drop commands that are not sent yet, except a stop, and with them their goal."""
+        dropped = super().drop()
         if dropped:
             self._goal = None
         return dropped
 
     def acknowledge(self) -> None:
         """Queue the acknowledgement of a fault in place of grips."""
-        self.replace([_ACKNOWLEDGE], keep=(_STOP, HOME))
+        self.replace([_ACKNOWLEDGE], keep=(STOP, HOME.kind))
 
     def drop_grip(self, failure: str) -> None:
         """Drop the goal and the grips that wait, so that nothing moves by itself once the fault is cleared."""
         self._goal = None
-        if self.contains(_SETS_FORCE):
-            self.give_up(failure)
+        super().drop_grip(failure)
 
     def match_answer(self, reply: Reply, now_ns: int) -> bool:
         """Handle the answer to the outstanding command; return False if the reply is not its answer.
@@ -138,14 +137,14 @@ class WsgCommandQueue(CommandQueue):
         """
         command = self.outstanding
         aborted = reply.id == wire.PREPOSITION and reply.status == wire.ABORTED
-        if command is None or reply.id != command.kind or aborted:
+        if command is None or reply.id != command.number or aborted:
             return False
         succeeded = reply.status in _SUCCESS.get(reply.id, (wire.OK,))
         self.handle_answer(now_ns, "" if succeeded else f"{command.name}: {weiss.status_word(reply.status)}")
         if succeeded and command.force is not None:
-            self._limit = command.force
+            self._limit_n = command.force
         elif succeeded and reply.id == wire.GET_FORCE:
-            self.echo_ok = abs(wire.parse_number(reply.data) - self._limit) <= ECHO_TOLERANCE_N
+            self.echo_ok = abs(wire.parse_number(reply.data) - self._limit_n * FINGERS) <= ECHO_TOLERANCE_N
         return True
 
     def handle_motion_end(self, reply: Reply) -> None:
@@ -154,8 +153,10 @@ class WsgCommandQueue(CommandQueue):
             name = "homing" if reply.id == wire.HOME else "pre-position"
             self.failure = f"{name}: {weiss.status_word(reply.status)}"
 
-    def _grip(self, force: float, goal: Goal | None) -> None:
-        commands = [Command("force limit", wire.SET_FORCE, wire.set_force(force), force)]
+    def _grip(self, force_n: float, goal: Goal | None) -> None:
+        limit = wire.at_most(force_n * FINGERS)
+        force_n = limit / FINGERS
+        commands = [Command("force limit", "force", wire.set_force(limit), wire.SET_FORCE, force_n)]
         if goal is not None:
-            commands.append(Command("pre-position", wire.PREPOSITION, wire.preposition(*goal), force))
-        self.replace([*commands, _READ_BACK], keep=(_STOP,))
+            commands.append(Command("pre-position", "move", wire.preposition(*goal), wire.PREPOSITION, force_n))
+        self.replace([*commands, _READ_BACK], keep=(STOP,))
