@@ -14,6 +14,7 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, distributions
 from pkgutil import iter_modules
+from typing import NamedTuple
 
 from slipd import __version__
 from slipd.devices.shared.device_interface import (
@@ -57,26 +58,12 @@ GROUP = "slipd.devices"
 """Group of the entry points; each names a device."""
 
 
-@dataclass(frozen=True, slots=True)
-class Provider:
-    """A package that provides a device.
-
-    Attributes:
-        package: Name of the distribution.
-        version: Its version.
-        entry: Its entry point.
-    """
+class Provider(NamedTuple):
+    """A package that provides a device: its name and version, and its entry point."""
 
     package: str
     version: str
     entry: EntryPoint
-
-    def load(self) -> tuple[object, str]:
-        """Return what the entry point names, and why it cannot be loaded; "" if it can."""
-        try:
-            return self.entry.load(), ""
-        except Exception as error:  # no package may stop the other devices
-            return None, f"{self.entry.value} cannot be loaded: {type(error).__name__}: {error}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +96,11 @@ def find_device(name: str) -> Installed | None:
 def providers() -> Mapping[str, tuple[Provider, ...]]:
     """Return the packages that provide a device, by its name; no package is imported."""
     found: dict[str, tuple[Provider, ...]] = {}
-    seen: set[str] = set()
     for package in distributions():
         for each in _provided(package):
-            if (key := f"{each.package} {each.entry.name}") not in seen:  # a later folder of the path is hidden
-                seen.add(key)
-                found[each.entry.name] = (*found.get(each.entry.name, ()), each)
+            known = found.get(each.entry.name, ())
+            if each.package not in (other.package for other in known):  # a later folder of the path is hidden
+                found[each.entry.name] = (*known, each)
     return found
 
 
@@ -161,11 +147,12 @@ def _other(name: str) -> Installed:
         return Installed(name, packages, "", None, f"slipd {__version__} uses the name itself")
     if others:
         return Installed(name, packages, "", None, "more than one package provides it; uninstall all but one")
-    loaded, fault = first.load()
-    if not fault:
-        fault = _misfit(name, loaded)
-    device = loaded if isinstance(loaded, Device) and not fault else None
-    return Installed(name, first.package, first.version, device, fault)
+    try:
+        device = first.entry.load()
+        fault = _misfit(name, device)
+    except Exception as error:  # no package may stop the other devices
+        fault = f"{first.entry.value} cannot be loaded: {type(error).__name__}: {error}"
+    return Installed(name, first.package, first.version, None if fault else device, fault)
 
 
 def _misfit(name: str, loaded: object) -> str:

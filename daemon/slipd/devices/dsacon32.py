@@ -52,11 +52,6 @@ def encode_query(packet_id: int, payload: bytes = b"") -> bytes:
     return encode(packet_id, payload, SEED_AFTER_PREAMBLE, bare=True)
 
 
-def encode_matrix_query(index: int) -> bytes:
-    """Return the request for columns and rows of matrix ``index``."""
-    return encode_query(MATRIX, bytes((index,)))
-
-
 def acquire(rate_hz: int, *, rle: bool) -> bytes:
     """Return the request for images at ``rate_hz``; 0 stops them (bit 7 clear, as firmware from 276 on requires)."""
     return encode_query(ACQUIRE, ACQUIRE_FIELDS.pack((PUSH if rate_hz else 0) | (RLE if rle else 0), rate_hz))
@@ -185,7 +180,12 @@ class Session(TactileSession):
         self._matrices = []
         self._expected = count
         self._queries[2:-2] = [
-            Query(f"matrix {index}", encode_matrix_query(index), reply_id=MATRIX, handle=self._handle_matrix)
+            Query(
+                f"matrix {index}",
+                encode_query(MATRIX, bytes((index,))),
+                reply_id=MATRIX,
+                handle=self._handle_matrix,
+            )
             for index in range(count)
         ]
         return ""

@@ -20,6 +20,7 @@ import struct
 import numpy as np
 
 from slipd.devices import Device, RateOption
+from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import FixedLengthScanner, FrameDecoder
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step, strip_padding
 from slipd.types.samples import WrenchSample
@@ -165,9 +166,8 @@ class Session(SensorSession[WrenchSample]):
     decoder: Decoder
 
     def __init__(self, torque_divider: float = 2000.0, output_hz: int = 333, filter_hz: int = 0) -> None:
-        for name, value, known in (("output_hz", output_hz, RATES_HZ[1:]), ("filter_hz", filter_hz, FILTERS_HZ)):
-            if value not in known:
-                raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, got {value}")
+        check_choice("output_hz", output_hz, RATES_HZ[1:])
+        check_choice("filter_hz", filter_hz, FILTERS_HZ)
         self._product = ""
         self._output_hz = output_hz
         code = FILTERS_HZ.index(filter_hz)

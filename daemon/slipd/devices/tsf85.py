@@ -146,27 +146,24 @@ def _measure(buffer: bytes, at: int) -> int:
     end = begin + head[3]
     if end == begin or not (head[2] in _SENSORS or head[2] == VERSION):
         return NO_FRAME
-    is_valid = _is_text(buffer[begin:end]) if head[2] == VERSION else _has_known_tags(buffer, begin, end)
+    content = buffer[begin:end]
+    is_valid = _TEXT.issuperset(content) if head[2] == VERSION else _has_known_tags(content, head[3])
     if not is_valid:
         return NO_FRAME
     return end - at if end <= len(buffer) else 0
 
 
-def _is_text(content: bytes) -> bool:
-    return _TEXT.issuperset(content)
-
-
-def _has_known_tags(buffer: bytes, begin: int, end: int) -> bool:
-    """Return whether known tags, each once, fill the data exactly, as far as received."""
+def _has_known_tags(received: bytes, size: int) -> bool:
+    """Return whether known tags, each once, fill the data of this size exactly, as far as received."""
     seen: set[int] = set()
-    at, received = begin, min(end, len(buffer))
-    while at < received:
-        tag = buffer[at]
+    at = 0
+    while at < len(received):
+        tag = received[at]
         if tag not in _BLOCK_BYTES or tag in seen:
             return False
         seen.add(tag)
         at += 1 + _BLOCK_BYTES[tag]
-    return at <= end
+    return at <= size
 
 
 def encode_packet(command: int, data: bytes = b"") -> bytes:

@@ -27,7 +27,7 @@ from slipd.devices.netft.netft_calibration import (
     rate_fault,
 )
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth, check_choice
 from slipd.devices.shared.sensor_session import RETRY_PAUSE_NS, SensorSession, StartupSequence, Step
 from slipd.types.arrays import Array
 from slipd.types.samples import WrenchSample
@@ -272,8 +272,7 @@ def inquiry(calibration: str = "tcp", output_hz: int = 0, **_others: Any) -> Inq
     Raises:
         ValueError: The calibration is not "tcp", "xml" or "config".
     """
-    if calibration not in _INQUIRIES:
-        raise ValueError(f"calibration must be one of {', '.join(_INQUIRIES)}, got {calibration!r}")
+    check_choice("calibration", calibration, _INQUIRIES)
     found = _INQUIRIES[calibration]
     return replace(found, change=partial(needed_change, output_hz)) if found is not None and output_hz else found
 

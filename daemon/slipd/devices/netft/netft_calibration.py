@@ -187,8 +187,6 @@ def _plain(unit: object) -> str:
 FASTEST_HZ = 7912
 """Highest output rate in the manual of the Axia."""
 
-_SET = "GET /comm.cgi?comrdtrate={} HTTP/1.0\r\n\r\n"
-
 
 def checked_output_hz(output_hz: int, calibration: str) -> int:
     """Return the rate to set, Hz; 0 for none.
@@ -210,7 +208,7 @@ def checked_output_hz(output_hz: int, calibration: str) -> int:
 
 def encode_change(output_hz: int) -> bytes:
     """Return the request that sets the output rate."""
-    return _SET.format(output_hz).encode()
+    return f"GET /comm.cgi?comrdtrate={output_hz} HTTP/1.0\r\n\r\n".encode()
 
 
 def needed_change(output_hz: int, page: bytes) -> bytes:

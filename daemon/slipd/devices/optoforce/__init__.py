@@ -12,13 +12,14 @@ from slipd.devices import Device, Need, RateOption
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_frames import Decoder
 from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.device_interface import check_choice, check_integer
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step, strip_padding
 from slipd.types.samples import WrenchSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
 
 
-FILTERS_HZ = (0.0, 500.0, 150.0, 50.0, 15.0, 5.0, 1.5)
+FILTERS_HZ = (0, 500, 150, 50, 15, 5, 1.5)
 """Cut-off frequency of each filter code; code 0 is no filter."""
 SERIAL_PERIODS_MS = (1, 3, 10, 33, 100)
 """Periods that the serial DAQ documents, 1000 to 10 Hz."""
@@ -49,18 +50,22 @@ class Session(SensorSession[WrenchSample]):
 
     def __init__(self, wiring: str = "serial", period_ms: int = 1, filter_hz: float = 150.0, **reading: Any) -> None:
         decoder = Decoder(wiring, **reading)
-        periods_ms = SERIAL_PERIODS_MS if wiring == "serial" else range(1, LONGEST_UDP_PERIOD_MS + 1)
-        if period_ms not in periods_ms:
-            known = f"one of {', '.join(map(str, periods_ms))}" if wiring == "serial" else "an integer from 1 to 255"
-            raise ValueError(f"period_ms must be {known}, got {period_ms}")
-        if filter_hz not in FILTERS_HZ:
-            raise ValueError(f"filter_hz must be one of {', '.join(f'{hz:g}' for hz in FILTERS_HZ)}, got {filter_hz}")
+        check_choice("filter_hz", filter_hz, FILTERS_HZ)
         filter_code = FILTERS_HZ.index(filter_hz)
         if wiring == "serial":
-            steps = _serial_steps(period_ms, filter_code)
-            stop = frames.encode_configuration(frames.Configuration(0, filter_code))
+            check_choice("period_ms", period_ms, SERIAL_PERIODS_MS)
+            steps = [
+                Step(_CONFIGURATION, frames.encode_configuration(period_ms, filter_code)),
+                Step(_SERIAL_NUMBER, frames.GET_SERIAL_NUMBER, "optional"),
+            ]
+            stop = frames.encode_configuration(0, filter_code)
         else:
-            steps = _udp_steps(period_ms, filter_code)
+            check_integer("period_ms", period_ms, 1, LONGEST_UDP_PERIOD_MS)
+            steps = [
+                Step("rate", rdt.encode_request(UDP_PERIOD, period_ms), "none"),
+                Step("filter", rdt.encode_request(UDP_FILTER, filter_code), "none"),
+                Step("start", rdt.encode_request(rdt.START), "none"),
+            ]
             stop = rdt.encode_request(rdt.STOP)
         super().__init__(decoder, StartupSequence(steps), stop)
 
@@ -72,22 +77,6 @@ class Session(SensorSession[WrenchSample]):
                 serial = strip_padding(body)
                 self.identity = f"S/N {serial}" if serial else ""
                 self._startup.handle_answer(now_ns)
-
-
-def _serial_steps(period_ms: int, filter_code: int) -> list[Step]:
-    configuration = frames.encode_configuration(frames.Configuration(period_ms, filter_code))
-    return [
-        Step(_CONFIGURATION, configuration),
-        Step(_SERIAL_NUMBER, frames.GET_SERIAL_NUMBER, "optional"),
-    ]
-
-
-def _udp_steps(period_ms: int, filter_code: int) -> list[Step]:
-    return [
-        Step("rate", rdt.encode_request(UDP_PERIOD, period_ms), "none"),
-        Step("filter", rdt.encode_request(UDP_FILTER, filter_code), "none"),
-        Step("start", rdt.encode_request(rdt.START), "none"),
-    ]
 
 
 DEVICE = Device(

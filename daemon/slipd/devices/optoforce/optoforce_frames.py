@@ -14,13 +14,12 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.device_interface import DecoderHealth, check_choice, check_integer
 from slipd.devices.shared.frame_scanner import NO_FRAME, FrameScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.types.samples import WrenchSample
@@ -49,19 +48,6 @@ CONFIGURE = b"\xaa\x00\x32\x03"
 _NO_TARE = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
-    """Settings of a configure request.
-
-    Attributes:
-        period_ms: Period of the frames, ms; 0 stops them.
-        filter_code: Code of the filter.
-    """
-
-    period_ms: int
-    filter_code: int
-
-
 def _measure(buffer: bytes, at: int) -> int:
     """Return the length of the valid frame from the DAQ at ``at``, 0 if it is incomplete, else `NO_FRAME`."""
     if at + HEADER > len(buffer):
@@ -84,9 +70,9 @@ def parse_report(nominal: bytes, counts: bytes) -> list[float]:
     return [count / load if load else 0.0 for count, load in zip(_REPORT.unpack(counts)[:6], loads, strict=True)]
 
 
-def encode_configuration(configuration: Configuration) -> bytes:
-    """Return the request that sets period and filter; it removes a tare and never sets one."""
-    return encode_frame(CONFIGURE, bytes((configuration.period_ms, configuration.filter_code, _NO_TARE)))
+def encode_configuration(period_ms: int, filter_code: int) -> bytes:
+    """Return the request that sets period (0: no frames) and filter; it removes a tare and never sets one."""
+    return encode_frame(CONFIGURE, bytes((period_ms, filter_code, _NO_TARE)))
 
 
 def sum_matches(frame: bytes) -> bool:
@@ -144,7 +130,6 @@ CHANNELS = 4
 
 UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM = 10_000.0, 100_000.0
 
-_WIRINGS = ("serial", "udp")
 _HEAD = struct.Struct(">HH")  # counter, status; the counts follow
 _COUNTS_AT = HEADER + _HEAD.size
 _THREE_COUNTS, _SIX_COUNTS = struct.Struct(">3h"), struct.Struct(">6h")
@@ -196,10 +181,8 @@ class Decoder:
         channel: int = 0,
         counted: bool = True,
     ) -> None:
-        if wiring not in _WIRINGS:
-            raise ValueError(f"wiring must be one of {', '.join(_WIRINGS)}, got {wiring!r}")
-        if channel not in range(CHANNELS):
-            raise ValueError(f"channel must be an integer from 0 to {CHANNELS - 1}, got {channel}")
+        check_choice("wiring", wiring, ("serial", "udp"))
+        check_integer("channel", channel, 0, CHANNELS - 1)
         for name, scales in (("counts_per_n", counts_per_n), ("counts_per_nm", counts_per_nm)):
             if len(scales) != 3 or not all(math.isfinite(scale) and scale for scale in scales):
                 raise ValueError(f"{name} must be three finite numbers, none of them zero, got {list(scales)}")

@@ -11,6 +11,7 @@ import numpy as np
 from slipd.devices import Device, RateOption
 from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.papillarray.papillarray_frames import PILLARS, SENSORS
+from slipd.devices.shared.device_interface import check_choice
 from slipd.devices.shared.frame_scanner import FrameDecoder, FrameScanner
 from slipd.devices.shared.sensor_session import SensorSession, StartupSequence, Step
 from slipd.devices.shared.sequence_tracker import SequenceTracker
@@ -99,10 +100,9 @@ class Session(SensorSession[TactileSample]):
     decoder: Decoder
 
     def __init__(self, rate_hz: int = 500) -> None:
-        if rate_hz not in RATES_HZ:
-            raise ValueError(f"rate_hz must be one of {', '.join(map(str, RATES_HZ))}, got {rate_hz!r}")
+        check_choice("rate_hz", rate_hz, RATES_HZ)
         # There is no last request, because the controller has no command that stops it.
-        super().__init__(Decoder(), StartupSequence([Step("rate", encode_rate(rate_hz), "none")]))
+        super().__init__(Decoder(), StartupSequence([Step("rate", f"f{rate_hz}\n".encode(), "none")]))
 
     def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``now_ns``; return the images they complete."""
@@ -110,11 +110,6 @@ class Session(SensorSession[TactileSample]):
         if self.decoder.has_frame:  # the controller sends, even if no sensor is connected
             self._startup.reading_received(now_ns)
         return samples
-
-
-def encode_rate(rate_hz: int) -> bytes:
-    """Return the command that sets a rate."""
-    return f"f{rate_hz}\n".encode()
 
 
 DEVICE = Device(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
@@ -255,3 +255,13 @@ def check_integer(name: str, value: object, least: int, most: int) -> None:
     """
     if not (isinstance(value, int) and least <= value <= most):
         raise ValueError(f"{name} must be an integer from {least} to {most}, got {value!r}")
+
+
+def check_choice(name: str, value: object, known: Collection[object]) -> None:
+    """Check an option of a decoder or session that has few values.
+
+    Raises:
+        ValueError: It is none of them.
+    """
+    if value not in known:
+        raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, got {value!r}")

@@ -20,8 +20,8 @@ from slipd.tools.sim.emulated_weiss import Dsacon32
 ASKED = [
     dsacon32.encode_query(dsacon32.CONTROLLER),
     dsacon32.encode_query(dsacon32.SENSOR),
-    dsacon32.encode_matrix_query(0),
-    dsacon32.encode_matrix_query(1),
+    dsacon32.encode_query(dsacon32.MATRIX, b"\0"),
+    dsacon32.encode_query(dsacon32.MATRIX, b"\1"),
 ]
 
 
