@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from slipd.fusion.limit.solve import GOAL, MAX_PASSES, solve_torque_limit
 from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.loads import active_loads
 from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED
-from slipd.fusion.streaming import contact_at, reading_at
+from slipd.fusion.streaming import contact_at, reading_at, wrench_at
 from slipd.motion.evidence import evidence_names
 from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import LEVELS
@@ -85,21 +84,6 @@ def distribute(rule: str, x: Array, y: Array, pressure: Array, contact: Contact)
     else:
         loads = active_loads(x, y, None if rule == "binary" else pressure, (contact.cx_m, contact.cy_m), outline)
     return LoadDistribution(x, y, loads, outline)
-
-
-class ForceReading(NamedTuple):
-    """One reading of the force, as far as it is known without an image; a `FingerState` holds the same.
-
-    Attributes:
-        wrench: Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers, NaN
-            where unknown. None where nothing is known.
-        status: Conditions that the device reported with the reading.
-        age_s: Age of the reading when it was received, s; None before the first.
-    """
-
-    wrench: tuple[float, ...] | None
-    status: tuple[str, ...]
-    age_s: float | None
 
 
 @dataclass(slots=True)
@@ -238,34 +222,31 @@ class VerdictBatch:
             return None
         return float(self.readings.rows["contact"]["normal_n"][-1])
 
-    def force_reading(self, k: int) -> ForceReading:
-        """Return the force of reading k, without the work of a whole state."""
+    def _make_state(self, k: int) -> FingerState:
         readings, phase = self.readings, self.phases[k]
         age_s = (readings.received_ns - readings.times_ns[k]) * 1e-9
+        state = FingerState(readings.times_ns[k], STREAM_STALE, age_s=age_s)
         if phase == LATE:
-            return ForceReading(None, (), age_s)
-        wrench = tuple(readings.rows["wrench"][k].tolist())
-        known = phase != UNTRUSTED or not math.isnan(wrench[2])
-        return ForceReading(wrench if known else None, readings.statuses[k], age_s)
-
-    def _make_state(self, k: int) -> FingerState:
-        phase, t_ns = self.phases[k], self.readings.times_ns[k]
-        wrench, status, age_s = self.force_reading(k)
-        state = FingerState(t_ns, STREAM_STALE, wrench, status=status, age_s=age_s)
+            return state
+        state.status = readings.statuses[k]
+        if phase == TOUCHING:
+            self._add_contact(state, k)
+            return state
+        state.wrench = wrench_at(readings.rows, k)
         if phase == UNTRUSTED:
-            state.verdict = Verdict("unknown", self.readings.untrusted.get(k, UNTARED.reasons))
+            state.verdict = Verdict("unknown", readings.untrusted.get(k, UNTARED.reasons))
+            state.wrench = None if math.isnan(state.wrench[2]) else state.wrench
         elif phase == PULLED:
             state.verdict = PAD_PULLED
-        elif phase == FREE:
+        else:
             state.verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
-            state.contact = contact_at(self.readings.rows, k)
-        elif phase != LATE:
-            self._add_contact(state, k)
+            state.contact = contact_at(readings.rows, k)
         return state
 
     def _add_contact(self, state: FingerState, k: int) -> None:
         """Fill in the state of a reading that touches."""
         reading, friction = reading_at(self.readings.rows, k), self.frictions[k]
+        state.wrench = tuple(reading.wrench.tolist())
         state.contact, state.friction, state.load_distribution = reading.contact, friction, self.load_distribution
         state.tipping_margin_m, state.assessment = reading.tipping_margin_m, reading.assessment
         used = None if math.isnan(reading.contact.spin_nm) else reading.utilisation

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
 from scipy.special import betainc
@@ -49,6 +50,7 @@ def evidence_mask(*kinds: str) -> int:
     return sum(1 << EVIDENCE.index(kind) for kind in set(kinds))
 
 
+@cache
 def evidence_names(mask: int) -> tuple[str, ...]:
     """Return the kinds of evidence in a bit mask, in the order of EVIDENCE."""
     return tuple(kind for bit, kind in enumerate(EVIDENCE) if mask >> bit & 1)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import cast
 
 from slipd.config import Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
-from slipd.finger.finger_state import FingerState, ForceReading, VerdictBatch
+from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import STALE, ImageChannel
 from slipd.finger.verdict import PAD_PULLED
 from slipd.friction.friction_state import FrictionState
-from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite
+from slipd.fusion import Contact
+from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite, numbers
+from slipd.types.arrays import finite_or_none
 from slipd_client.messages import (
     LEVELS,
     SEVERITY,
@@ -31,64 +32,74 @@ NEWTON, UNCALIBRATED = "N", "uncalibrated"
 
 def slip_body(finger: Finger, state: FingerState) -> Body:
     """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
-    contact = state.contact if state.contact is not None and state.contact.valid else None
-    used, distribution = state.utilisation, state.load_distribution
-    body = {
+    force, image, used, distribution = finger.force, finger.image, state.utilisation, state.load_distribution
+    return {
         **_verdict(finger, state),
-        "force_unit": _force_unit(finger, state.status),
-        "normal_n": _normal_n(state),
-        "tangential_n": None if contact is None else [contact.fx_n, contact.fy_n],
-        "spin_nm": None if contact is None else contact.spin_nm,
-        "centroid_m": None if contact is None else [contact.cx_m, contact.cy_m],
-        "centroid_std_m": None if contact is None else [contact.cx_std_m, contact.cy_std_m],
-        "friction_ratio": None if contact is None else contact.friction_ratio,
-        "friction_ratio_std": None if contact is None else contact.friction_ratio_std,
-        "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
+        "force_unit": _force_unit(finger, state),
+        "normal_n": finite_or_none(_normal_n(state)),
+        **_contact_body(state.contact),
+        "gravity": None if force is None else force.gravity.state(state.t_ns),
         **friction_body(state.friction or finger.friction.state),
         **_required_friction(state),
-        "utilisation": None if used is None else used.value,
-        "utilisation_lower": None if used is None else used.lower,
-        "utilisation_upper": None if used is None else used.upper,
+        "utilisation": None if used is None else finite_or_none(used.value),
+        "utilisation_lower": None if used is None else finite_or_none(used.lower),
+        "utilisation_upper": None if used is None else finite_or_none(used.upper),
         "torque_limit_nm": state.torque_limit_nm(),
         "grip_needed_n": state.needed_normal_n(finger.config),
         "pole_m": None if used is None else array(used.pole_m),
-        "tipping_margin_m": state.tipping_margin_m,
-        "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
-        "centroid_residual_m": None if distribution is None else distribution.loads.centroid_residual_m,
+        "tipping_margin_m": finite_or_none(state.tipping_margin_m),
+        "tipping_margin_std_m": None if image is None else 0.5 * image.geometry.pitch_m,
+        "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
         **tare_body(finger.main, state.t_ns),
         "age_s": state.age_s,
     }
-    return finite(body)
+
+
+def _contact_body(contact: Contact | None) -> Body:
+    """Return the forces of a contact and where they act, which takes a torque."""
+    if contact is None or not contact.valid:
+        return _NO_CONTACT
+    return {
+        "tangential_n": numbers((contact.fx_n, contact.fy_n)),
+        "spin_nm": finite_or_none(contact.spin_nm),
+        "centroid_m": numbers((contact.cx_m, contact.cy_m)),
+        "centroid_std_m": numbers((contact.cx_std_m, contact.cy_std_m)),
+        "friction_ratio": finite_or_none(contact.friction_ratio),
+        "friction_ratio_std": finite_or_none(contact.friction_ratio_std),
+    }
+
+
+_NO_CONTACT: Body = dict.fromkeys(
+    ("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "friction_ratio_std")
+)
 
 
 def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
     """Return ``warning``: the level of a finger is no longer ``previous``."""
-    body = {
+    return {
         **_verdict(finger, state),
         "previous": previous,
         "rising": SEVERITY[state.verdict.level] > SEVERITY[previous],
-        "utilisation": None if state.utilisation is None else state.utilisation.value,
+        "utilisation": None if state.utilisation is None else finite_or_none(state.utilisation.value),
     }
-    return finite(body)
 
 
-def wrench_body(finger: Finger, reading: ForceReading | FingerState) -> Body:
+def wrench_body(finger: Finger, state: FingerState) -> Body:
     """Return ``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
-    wrench = reading.wrench
-    body = {
+    wrench = state.wrench
+    return {
         "finger": finger.name,
-        "force_unit": _force_unit(finger, reading.status),
-        "force_n": None if wrench is None else list(wrench[:3]),
-        "torque_nm": None if wrench is None else list(wrench[3:]),
-        "normal_n": None if wrench is None else -wrench[2],
-        "tangential_n": None if wrench is None else list(wrench[:2]),
-        "status": list(reading.status),
+        "force_unit": _force_unit(finger, state),
+        "force_n": None if wrench is None else numbers(wrench[:3]),
+        "torque_nm": None if wrench is None else numbers(wrench[3:]),
+        "normal_n": None if wrench is None else finite_or_none(-wrench[2]),
+        "tangential_n": None if wrench is None else numbers(wrench[:2]),
+        "status": list(state.status),
         "tare_id": finger.tare.current.id,
-        "age_s": reading.age_s,
+        "age_s": state.age_s,
     }
-    return finite(body)
 
 
 def tactile_body(finger: Finger, image: ImageChannel) -> Body:
@@ -146,7 +157,7 @@ def friction_setter_body(finger: Finger) -> Body:
 
 def _required_friction(state: FingerState) -> Body:
     """Return what friction the load requires, beside what this grasp has carried."""
-    required = None if state.assessment is None else state.assessment.required_friction
+    required = None if state.assessment is None else finite_or_none(state.assessment.required_friction)
     carried = None if state.friction is None else state.friction.carried
     return {
         "required_friction": required,
@@ -166,8 +177,8 @@ def _verdict(finger: Finger, state: FingerState) -> Body:
     }
 
 
-def _force_unit(finger: Finger, status: Sequence[str]) -> str:
-    return NEWTON if finger.in_newtons and "raw" not in status else UNCALIBRATED
+def _force_unit(finger: Finger, state: FingerState) -> str:
+    return NEWTON if finger.in_newtons and "raw" not in state.status else UNCALIBRATED
 
 
 def _normal_n(state: FingerState) -> float | None:
@@ -202,25 +213,23 @@ class FingerPublisher:
 
     def publish_state(self, state: FingerState, out: list[Output]) -> None:
         """Append the messages about a new state of the finger."""
-        t_ns = state.t_ns
-        changed = state.verdict.level != self.level
+        finger, t_ns, level = self._finger, state.t_ns, cast("Level", state.verdict.level)
+        changed = level != self.level
         if changed:
-            self._publish_warning(state, out)
+            previous, self.level = self.level, level
+            self._append(WARNING_TOPIC, t_ns, warning_body(finger, state, previous), out)
         if self._slip.passes(t_ns, now=changed):
-            out.append(self._sequencer.message(self._slip_topic, t_ns, self._frame, slip_body(self._finger, state)))
+            self._append(self._slip_topic, t_ns, slip_body(finger, state), out)
         if self._wrench.passes(t_ns, now=changed):
-            self._publish_wrench(t_ns, state, out)
+            self._append(self._wrench_topic, t_ns, wrench_body(finger, state), out)
 
     def publish_batch(self, batch: VerdictBatch, out: list[Output]) -> None:
-        """Append the messages about the readings of one read: the same as about each of their states."""
+        """Append the messages about the readings of one read; the others need no state."""
         slip, wrench, times_ns = self._slip, self._wrench, batch.readings.times_ns
         for at, level in enumerate(batch.levels):
             t_ns = times_ns[at]
-            if t_ns >= slip.due_ns or LEVELS[level] != self.level:
+            if t_ns >= slip.due_ns or t_ns >= wrench.due_ns or LEVELS[level] != self.level:
                 self.publish_state(batch[at], out)
-            elif t_ns >= wrench.due_ns:
-                wrench.passes(t_ns)
-                self._publish_wrench(t_ns, batch.force_reading(at), out)
 
     def publish_image(self, t_ns: int, out: list[Output]) -> None:
         """Append the message about the newest image; at once where the image became usable or unusable."""
@@ -230,14 +239,7 @@ class FingerPublisher:
         changed = image.reasons != self._image_reasons
         self._image_reasons = image.reasons
         if self._tactile.passes(t_ns, now=changed):
-            body = tactile_body(finger, image)
-            out.append(self._sequencer.message(self._tactile_topic, t_ns, self._frame, body))
+            self._append(self._tactile_topic, t_ns, tactile_body(finger, image), out)
 
-    def _publish_wrench(self, t_ns: int, reading: ForceReading | FingerState, out: list[Output]) -> None:
-        body = wrench_body(self._finger, reading)
-        out.append(self._sequencer.message(self._wrench_topic, t_ns, self._frame, body))
-
-    def _publish_warning(self, state: FingerState, out: list[Output]) -> None:
-        previous, self.level = self.level, cast("Level", state.verdict.level)
-        body = warning_body(self._finger, state, previous)
-        out.append(self._sequencer.message(WARNING_TOPIC, state.t_ns, self._frame, body))
+    def _append(self, topic: str, t_ns: int, body: Body, out: list[Output]) -> None:
+        out.append(self._sequencer.message(topic, t_ns, self._frame, body))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
@@ -27,9 +28,14 @@ def finite(body: Body) -> Body:
     return body
 
 
+def numbers(values: Sequence[float]) -> list[float] | None:
+    """Return numbers as a list; None where one of them is not finite."""
+    return list(values) if all(map(isfinite, values)) else None
+
+
 def array(values: Array | None) -> list[float] | None:
-    """Return an array as a list, or None for None."""
-    return None if values is None else values.tolist()
+    """Return an array as a list; None for None, and where a number is not finite."""
+    return None if values is None else numbers(values.tolist())
 
 
 class MessageSequencer:
@@ -39,9 +45,6 @@ class MessageSequencer:
         boot: Id of this run.
         config_id: Id of the config in force.
         wall: Wall clock of the run.
-
-    Attributes:
-        published: Number of messages so far.
     """
 
     def __init__(self, boot: str, config_id: str, wall: WallClock) -> None:
@@ -49,7 +52,11 @@ class MessageSequencer:
         self._config_id = config_id
         self._wall = wall
         self._seq: dict[str, int] = {}
-        self.published = 0
+
+    @property
+    def published(self) -> int:
+        """Number of messages so far."""
+        return sum(self._seq.values())
 
     def message(self, topic: str, t_ns: int, frame: str, body: dict[str, Any]) -> Publish:
         """Return the next message of a topic.
@@ -62,8 +69,7 @@ class MessageSequencer:
         """
         seq = self._seq.get(topic, 0)
         self._seq[topic] = seq + 1
-        self.published += 1
-        head: dict[str, Any] = {
+        whole = {
             "v": PROTOCOL_VERSION,
             "seq": seq,
             "boot": self._boot,
@@ -71,9 +77,9 @@ class MessageSequencer:
             "timestamp": (t_ns + self._wall.minus_monotonic_ns) * 1e-9,
             "frame": frame,
             "config_id": self._config_id,
+            **body,
         }
-        head.update(body)
-        return Publish(topic, head, frame)
+        return Publish(topic, whole, frame)
 
 
 class Pace:
