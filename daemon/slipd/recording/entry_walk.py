@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from mcap.records import Channel, Chunk, McapRecord, Metadata
 from mcap.well_known import MessageEncoding
 
 from slipd.errors import RecordingError
-from slipd.events import Event
+from slipd.events import Event, Tick
 from slipd.recording import mcap_file
 from slipd.recording.event_codec import decode_event
 from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
@@ -44,39 +44,40 @@ class Entry(NamedTuple):
     content: Event | bytes
 
 
+Item = tuple[int, int, str, Event | bytes]
+"""What an `Entry` has, as it is read."""
+
+_UNDECODED = Tick()
+"""Stands for any event where events are not decoded."""
+
+
 class EntryWalk:
     """State of one pass over the records: the topic of each channel, and the next index.
 
     Args:
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC in the recorded run, ns.
         first: Index of the first entry.
-        on_event: Called with the time of each event, ns; events are then neither decoded nor yielded, which saves more
-            than half of a pass. None: they are.
+        decode: Whether events are decoded, which takes more than half of a pass.
 
     Attributes:
         lost: Number of entries missing so far.
-        fault: Why the recording stopped before the run did; None where it did not.
-        entry_count: Number of entries by the end record; None before it.
+        fault: Why entries are missing behind the last one; None where the recording ended with the run.
         file_bytes: Size of the file.
         next_n: Index that the next entry has if none is missing.
-        topics: Topic of each channel, by its number.
     """
 
-    def __init__(
-        self, wall_minus_monotonic_ns: int, first: int, on_event: Callable[[int], object] | None = None
-    ) -> None:
+    def __init__(self, wall_minus_monotonic_ns: int, first: int, *, decode: bool = True) -> None:
         self.lost = 0
-        self.fault: str | None = None
-        self.entry_count: int | None = None
+        self.fault: str | None = "ends without an end record"
         self.file_bytes = 0
+        self.next_n = first
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
-        self._on_event = on_event
-        self.topics: dict[int, str] = {}
+        self._decode = decode
+        self._topics: dict[int, str] = {}
         self._schemas = 0
         self._unpacked_bytes = 0
-        self.next_n = first
 
-    def entries(self, record: McapRecord) -> Iterator[Entry]:
+    def items(self, record: McapRecord) -> Iterator[Item]:
         """Yield the entries of a record.
 
         Raises:
@@ -87,27 +88,45 @@ class EntryWalk:
         elif isinstance(record, Metadata) and record.name == mcap_file.END:
             self._end(record)
 
-    def _chunk(self, chunk: Chunk) -> Iterator[Entry]:
+    def _chunk(self, chunk: Chunk) -> Iterator[Item]:
         self._unpacked_bytes += chunk.uncompressed_size
         if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
             raise DamageError(
                 f"unpacks to over {self._unpacked_bytes} bytes, which slipd cannot have written into {self.file_bytes}"
             )
         for opcode, body in inner_records(unpack_chunk(chunk)):
-            if opcode == Opcode.MESSAGE:
-                entry = self._entry(body)
-                if entry is not None:
-                    yield entry
-            elif len(body) > _CHANNEL_LIMIT_BYTES:
-                raise DamageError(f"has a channel or schema of {len(body)} bytes, which slipd cannot have written")
-            elif opcode == Opcode.CHANNEL:
-                self.announce(body)
-            else:
-                self._schemas += 1
-                if self._schemas > _CHANNELS_MAX:
-                    raise DamageError(f"has more than {_CHANNELS_MAX} schemas, which slipd cannot have written")
+            if opcode != Opcode.MESSAGE:
+                self._describe(opcode, body)
+                continue
+            if len(body) < _MESSAGE_HEAD.size:
+                raise DamageError(f"entry {self.next_n} is cut off")
+            channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
+            topic = self._topics.get(channel_id)
+            if topic is None:
+                raise DamageError(f"entry {self.next_n} is on a channel that was never announced")
+            n = self.next_n + ((sequence - self.next_n) & mcap_file.SEQUENCE_MASK)
+            t_ns = log_time_ns - self._wall_minus_monotonic_ns
+            payload = body[_MESSAGE_HEAD.size :]
+            content: Event | bytes = payload
+            if topic == mcap_file.EVENTS:
+                content = _event(payload, n, t_ns) if self._decode else _UNDECODED
+            if n != self.next_n:
+                self._skip_to(n)
+            self.next_n = n + 1
+            yield n, t_ns, topic, content
 
-    def announce(self, body: memoryview) -> None:
+    def _describe(self, opcode: int, body: bytes) -> None:
+        """Note a channel; a schema holds nothing that is needed."""
+        if len(body) > _CHANNEL_LIMIT_BYTES:
+            raise DamageError(f"has a channel or schema of {len(body)} bytes, which slipd cannot have written")
+        if opcode == Opcode.CHANNEL:
+            self.announce(body)
+            return
+        self._schemas += 1
+        if self._schemas > _CHANNELS_MAX:
+            raise DamageError(f"has more than {_CHANNELS_MAX} schemas, which slipd cannot have written")
+
+    def announce(self, body: bytes) -> None:
         """Note the topic of a channel.
 
         Raises:
@@ -119,28 +138,8 @@ class EntryWalk:
             raise DamageError(f"has a damaged channel: {error}") from error
         if channel.message_encoding != MessageEncoding.MessagePack:
             raise DamageError(f"channel {channel.topic!r:.80} is not msgpack")
-        if self.topics.setdefault(channel.id, channel.topic) != channel.topic or len(self.topics) > _CHANNELS_MAX:
+        if self._topics.setdefault(channel.id, channel.topic) != channel.topic or len(self._topics) > _CHANNELS_MAX:
             raise DamageError(f"channel {channel.topic!r:.80} has the number of another, or is one too many")
-
-    def _entry(self, body: memoryview) -> Entry | None:
-        if len(body) < _MESSAGE_HEAD.size:
-            raise DamageError(f"entry {self.next_n} is cut off")
-        channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
-        topic = self.topics.get(channel_id)
-        if topic is None:
-            raise DamageError(f"entry {self.next_n} is on a channel that was never announced")
-        n = self.next_n + ((sequence - self.next_n) & mcap_file.SEQUENCE_MASK)
-        t_ns = log_time_ns - self._wall_minus_monotonic_ns
-        entry: Entry | None = None
-        if topic != mcap_file.EVENTS:
-            entry = Entry(n, t_ns, topic, bytes(body[_MESSAGE_HEAD.size :]))
-        elif self._on_event is None:
-            entry = Entry(n, t_ns, topic, _event(bytes(body[_MESSAGE_HEAD.size :]), n, t_ns))
-        else:
-            self._on_event(t_ns)
-        self._skip_to(n)
-        self.next_n = n + 1
-        return entry
 
     def _end(self, end: Metadata) -> None:
         # Files of version 0.1 have no checksum here; a damaged key must not make this file one of those.
@@ -150,10 +149,11 @@ class EntryWalk:
         ):
             raise DamageError("its end is damaged: the number of entries does not match its checksum")
         try:
-            self.entry_count = int(end.metadata[mcap_file.ENTRIES])
+            count = int(end.metadata[mcap_file.ENTRIES])
         except (KeyError, ValueError) as error:
             raise DamageError(f"its end is damaged: {error}") from error
-        self._skip_to(self.entry_count)
+        self._skip_to(count)
+        self.fault = None
         if mcap_file.STOPPED in end.metadata:
             reason = end.metadata[mcap_file.STOPPED][:_REASON_LIMIT]
             self.fault = f"the recording stopped before the run did ({reason}); {self.lost} entries are missing"
@@ -162,6 +162,7 @@ class EntryWalk:
         if not 0 <= n - self.next_n <= mcap_file.SEQUENCE_MASK // 2:
             raise DamageError(f"entry {n} is where entry {self.next_n} should be")
         self.lost += n - self.next_n
+        self.next_n = n
 
 
 def _event(payload: bytes, n: int, t_ns: int) -> Event:

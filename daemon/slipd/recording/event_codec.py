@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import threading
 import zlib
+from collections.abc import Callable
+from operator import attrgetter, itemgetter
 from typing import Any
 
 import msgpack
@@ -30,29 +32,53 @@ from slipd_client import messages
 
 _CRC_BYTES = 4
 _NO_CRC = bytes(_CRC_BYTES)
-_INTEGERS = range(2**63)  # what fits in int64, with which the engine computes
-_FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
-    "bytes": (Bytes, {"link": str, "data": bytes}),
-    "link_up": (LinkUp, {"link": str, "identity": str}),
-    "link_down": (LinkDown, {"link": str, "reason": str}),
-    "request": (Request, {"client": bytes, "body": dict}),
-    "tick": (Tick, {"suspended_ns": int}),
-    "recording": (RecordingChanged, {"name": str, "path": str, "state": str, "reason": str, "lost": int}),
-    "incidents": (
-        IncidentsChanged,
-        {"saved": int, "failed": int, "lost": int, "dropped": int, "path": str, "reason": str},
-    ),
-    "notice": (HostNotice, {"topic": str, "text": str}),
-    "restored": (StateRestored, {"text": str, "problem": str}),
-    "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
+_NUMBER_LIMIT = 2**63  # the engine computes with int64
+
+
+class _Form:
+    """The map of one kind of event.
+
+    Args:
+        event_type: Type of the event.
+        omitted: Fields that a map may lack, with their values then; an event with these values is written without them.
+        fields: Type of each field of the event.
+
+    Attributes:
+        names: Names of all entries of a map, in their order.
+        attributes: Returns the fields of an event.
+        values: Returns the values of a map, in the order of the names.
+        types: Their types.
+        numbers: Places of the numbers among them.
+    """
+
+    def __init__(self, event_type: type[Event], omitted: dict[str, Any], **fields: type) -> None:
+        types = {"n": int, "t_ns": int, "kind": str, **fields, "crc32": bytes}
+        self.event_type: Callable[..., Event] = event_type
+        self.omitted = omitted
+        self.names = tuple(types)
+        self.attributes: Callable[[Event], tuple[Any, ...]] = attrgetter(*fields)
+        self.values: Callable[[dict[str, Any]], tuple[Any, ...]] = itemgetter(*types)
+        self.types = tuple(types.values())
+        self.numbers = [place for place, held in enumerate(self.types) if held is int]
+
+
+_OF_TICK = {"unread": False, "raw_ns": 0, "wall_minus_monotonic_ns": 0}  # older recordings lack them
+_OF_FAILURE = {"path": "", "state": "failed", "lost": 0}
+_FORMS = {
+    "recording_failed": _Form(RecordingChanged, _OF_FAILURE, name=str, path=str, state=str, reason=str, lost=int),
+    "bytes": _Form(Bytes, {}, link=str, data=bytes),
+    "link_up": _Form(LinkUp, {}, link=str, identity=str),
+    "link_down": _Form(LinkDown, {}, link=str, reason=str),
+    "request": _Form(Request, {}, client=bytes, body=dict),
+    "tick": _Form(Tick, _OF_TICK, suspended_ns=int, unread=bool, raw_ns=int, wall_minus_monotonic_ns=int),
+    "recording": _Form(RecordingChanged, {}, name=str, path=str, state=str, reason=str, lost=int),
+    "incidents": _Form(IncidentsChanged, {}, saved=int, failed=int, lost=int, dropped=int, path=str, reason=str),
+    "notice": _Form(HostNotice, {}, topic=str, text=str),
+    "restored": _Form(StateRestored, {}, text=str, problem=str),
 }
-_OPTIONAL: dict[str, dict[str, type]] = {
-    "tick": {"unread": bool, "raw_ns": int, "wall_minus_monotonic_ns": int}
-}  # omitted if false or 0, as in older recordings
-_KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
-_EXPECTED = {
-    kind: {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes} for kind, (_, types) in _FIELDS.items()
-}
+"""Forms of all kinds; "recording_failed" is in recordings of version 0.1 only."""
+
+_KINDS = {form.event_type: kind for kind, form in _FORMS.items()}
 _UNICODE_ERRORS = "surrogatepass"  # an error text of the system may contain undecodable bytes of a file name
 
 
@@ -75,12 +101,11 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
         event: The event; the body of a request must be one that ``slipd_client.messages`` can encode.
     """
     kind = _KINDS[type(event)]
-    whole: dict[str, Any] = {"n": n, "t_ns": t_ns, "kind": kind}
-    for name in _FIELDS[kind][1]:
-        whole[name] = getattr(event, name)
-    if kind in _OPTIONAL:
-        whole |= {name: held for name in _OPTIONAL[kind] if (held := getattr(event, name))}
-    whole["crc32"] = _NO_CRC
+    form = _FORMS[kind]
+    whole = dict(zip(form.names, (n, t_ns, kind, *form.attributes(event), _NO_CRC), strict=True))
+    for name, value in form.omitted.items():
+        if whole[name] == value:
+            del whole[name]
     body: bytes = _PACKING.packer.pack(whole)[:-_CRC_BYTES]
     return body + _crc(body)
 
@@ -95,33 +120,34 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
         raise RecordingError("an event's checksum does not match its bytes")
     whole = _unpack(payload)
     kind = whole.get("kind")
-    if not isinstance(kind, str) or kind not in _EXPECTED:
-        raise RecordingError(f"the kind of an event must be one of {', '.join(_FIELDS)}, got {kind!r:.40}")
-    (event_type, types), expected = _FIELDS[kind], _EXPECTED[kind]
-    if kind in _OPTIONAL:
-        optional = {name: held for name, held in _OPTIONAL[kind].items() if name in whole}
-        types, expected = types | optional, expected | optional
-    if {name: type(value) for name, value in whole.items()} != expected:
-        raise RecordingError(f"an event of kind {kind!r} must have the fields {', '.join(expected)}")
-    for name, held in expected.items():
-        if held is int and whole[name] not in _INTEGERS:
+    if not isinstance(kind, str) or kind not in _FORMS:
+        raise RecordingError(f"the kind of an event must be one of {', '.join(_FORMS)}, got {kind!r:.40}")
+    form = _FORMS[kind]
+    if form.omitted:
+        whole = form.omitted | whole
+    try:
+        values = form.values(whole)
+    except KeyError:
+        values = ()
+    if len(values) != len(whole) or tuple(map(type, values)) != form.types:
+        raise RecordingError(f"an event of kind {kind!r} must have the fields {', '.join(form.names)}")
+    for place in form.numbers:
+        if not 0 <= values[place] < _NUMBER_LIMIT:
             raise RecordingError(f"the numbers of an event of kind {kind!r} must be from 0 to 2**63 - 1")
-    if event_type is Request:
-        whole["body"] = _checked_request(whole["body"])
-    if kind == "recording_failed":
-        return whole["n"], whole["t_ns"], RecordingChanged(whole["name"], "", "failed", whole["reason"])
-    return whole["n"], whole["t_ns"], event_type(**{name: whole[name] for name in types})
+    n, t_ns, _, *fields, _ = values
+    event = form.event_type(*fields)
+    return n, t_ns, _checked(event) if isinstance(event, Request) else event
 
 
 def _crc(body: bytes) -> bytes:
     return zlib.crc32(body).to_bytes(_CRC_BYTES, "big")
 
 
-def _checked_request(body: dict[str, Any]) -> dict[str, Any]:
+def _checked(request: Request) -> Request:
     """Check a recorded request as strictly as one from a socket."""
     try:
-        data = msgpack.packb(body)
-        return messages.decode(data, messages.request_limits(data))
+        data = msgpack.packb(request.body)
+        return Request(request.client, messages.decode(data, messages.request_limits(data)))
     except (TypeError, ValueError) as error:
         raise RecordingError(f"a recorded request is not valid: {error}") from error
 

@@ -138,13 +138,13 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     return data
 
 
-def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
+def inner_records(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield opcode and body of each record of a chunk.
 
     Raises:
         DamageError: A record is cut off, or not of a kind that slipd writes.
     """
-    whole, size, at = memoryview(data), len(data), 0
+    size, at = len(data), 0
     while at < size:
         if size - at < HEAD.size:
             raise DamageError("has a chunk that ends within a record")
@@ -155,7 +155,7 @@ def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
         at = begin + length
         if at > size:
             raise DamageError("has a chunk that ends within a record")
-        yield opcode, whole[begin:at]
+        yield opcode, data[begin:at]
 
 
 class RecordStream:

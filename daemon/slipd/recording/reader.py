@@ -20,7 +20,7 @@ from slipd.config import Config, parse
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording import mcap_file
-from slipd.recording.entry_walk import Entry, EntryWalk
+from slipd.recording.entry_walk import Entry, EntryWalk, Item
 from slipd.recording.mcap_records import DamageError, data_records, ends_closed, open_mcap
 
 GAP_S = 0.1
@@ -117,7 +117,7 @@ class Recording:
 
     def events(self) -> Iterator[tuple[int, Event]]:
         """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""
-        return ((t_ns, content) for _, t_ns, _, content in self.entries() if not isinstance(content, bytes))
+        return ((t_ns, content) for _, t_ns, _, content in self._pass() if not isinstance(content, bytes))
 
     def messages(self, on_event: Callable[[int], object] = lambda _: None) -> Iterator[tuple[str, bytes]]:
         """Yield ``(topic, payload)`` of every published message, in the order in which they were published.
@@ -127,26 +127,28 @@ class Recording:
         Args:
             on_event: Called with the time of each event, ns, before the messages that it caused are yielded.
         """
-        return ((topic, content) for _, _, topic, content in self.entries(on_event) if isinstance(content, bytes))
+        for _, t_ns, topic, content in self._pass(decode=False):
+            if isinstance(content, bytes):
+                yield topic, content
+            else:
+                on_event(t_ns)
 
-    def entries(self, on_event: Callable[[int], object] | None = None) -> Iterator[Entry]:
+    def entries(self) -> Iterator[Entry]:
         """Yield events and messages in their total order, up to the first that cannot be read.
-
-        Args:
-            on_event: Called with the time of each event, ns, which is then neither decoded nor yielded.
 
         Raises:
             RecordingError: The file cannot be opened.
         """
-        walk = EntryWalk(self.wall_minus_monotonic_ns, self.first, on_event)
+        return map(Entry._make, self._pass())
+
+    def _pass(self, *, decode: bool = True) -> Iterator[Item]:
+        walk = EntryWalk(self.wall_minus_monotonic_ns, self.first, decode=decode)
         try:
             with open_mcap(self.path) as file:
                 self.size_bytes = walk.file_bytes = os.fstat(file.fileno()).st_size
                 for record in data_records(file):
                     self.read_bytes = file.tell()
-                    yield from walk.entries(record)
-            if walk.entry_count is None:
-                walk.fault = "ends without an end record"
+                    yield from walk.items(record)
         except (DamageError, OSError) as error:
             walk.fault = str(error)
         finally:  # also of a pass that its caller ends early

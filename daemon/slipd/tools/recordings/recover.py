@@ -168,7 +168,7 @@ class Recovered:
 
     def _chunk(self, place: int, chunk: Chunk) -> Iterator[Entry]:
         try:
-            for entry in self._walk.entries(chunk):
+            for entry in map(Entry._make, self._walk.items(chunk)):
                 if self.entries == 0:
                     self._begin_ns = self._last_ns = entry.t_ns
                 if entry.n > self.end:
@@ -182,14 +182,13 @@ class Recovered:
     def _end(self, place: int, record: Metadata) -> bool:
         """Read the end record; return whether it is intact."""
         try:
-            list(self._walk.entries(record))
+            list(self._walk.items(record))
         except DamageError as error:
             self.faults.append(f"at byte {place}: {error}")
             return False
-        count = self._walk.entry_count or 0
-        if count > self.end:
-            self._report_gap(place, count, "")
-        self.end, self.stopped = count, record.metadata.get(STOPPED, "")
+        if self._walk.next_n > self.end:
+            self._report_gap(place, self._walk.next_n, "")
+        self.end, self.stopped = self._walk.next_n, record.metadata.get(STOPPED, "")
         if self.stopped:
             self.faults.append(f"at byte {place}: the recording stopped before the run did ({self.stopped})")
         return True
@@ -241,13 +240,13 @@ def _record(data: mmap.mmap, place: int, end: int, kind: Opcode) -> Chunk | Meta
     return chunk
 
 
-def _summary_channels(data: mmap.mmap) -> list[memoryview]:
+def _summary_channels(data: mmap.mmap) -> list[bytes]:
     """Return the channels that the summary of a closed file repeats; none if it is damaged."""
     place = len(data) - len(MCAP0_MAGIC) - _FOOTER.size
     _, _, start, _, crc = _FOOTER.unpack_from(data, place)
     if not 0 < start < place or zlib.crc32(data[start : place + _FOOTER.size - _CRC_BYTES]) != crc:
         return []
-    found: list[memoryview] = []
+    found: list[bytes] = []
     with suppress(DamageError):  # other records follow the channels
         for opcode, body in inner_records(data[start:place]):
             if opcode == Opcode.CHANNEL:
