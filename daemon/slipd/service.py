@@ -137,8 +137,7 @@ async def _report_losses(links: Links) -> None:
         try:
             await asyncio.sleep(LOSS_REPORT_S)
         finally:
-            for name, refused in links.refused_writes.items():
-                lost = refused, links.overruns[name]
+            for name, lost in links.losses.items():
                 if lost != reported.get(name, (0, 0)):
                     _log.warning(
                         "%s: %d writes dropped, %d datagrams lost before they were read so far",

@@ -195,21 +195,13 @@ def _field(name: str, value: str) -> bytes:
     return b"%s\n%s%s\n" % (name.encode(), struct.pack("<Q", len(data)), data)
 
 
-class PriorityFormatter(logging.Formatter):
-    """Begin every line with its priority, as the journal reads it: ``<4>slipd.io.transport.link: …``.
-
-    Args:
-        inner: Formats the record.
-    """
-
-    def __init__(self, inner: logging.Formatter) -> None:
-        super().__init__()
-        self._inner = inner
+class PriorityFormatter(LogFormatter):
+    """Begin every line with its priority, as the journal reads it: ``<4>slipd.io.transport.link: …``."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the lines of a record; those of a traceback are lines of their own."""
         mark = f"<{_priority(record.levelno)}>"
-        return "\n".join(mark + line for line in self._inner.format(record).splitlines())
+        return "\n".join(mark + line for line in super().format(record).splitlines())
 
 
 def _priority(level: int) -> int:
@@ -259,7 +251,7 @@ def open_log(environment: Mapping[str, str] = os.environ, journal: str = JOURNAL
     """
     handler: logging.Handler = TerminalHandler()
     if is_journal(sys.stderr, environment):
-        handler.setFormatter(PriorityFormatter(LogFormatter("%(name)s: %(message)s")))
+        handler.setFormatter(PriorityFormatter("%(name)s: %(message)s"))
         handler = JournalHandler(journal, handler)
         handler.setFormatter(LogFormatter("%(name)s: %(message)s"))
     else:

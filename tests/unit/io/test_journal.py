@@ -17,7 +17,7 @@ from project import DAEMON, DOCS
 
 from slipd.io.log_lines import BURST, JournalHandler, PriorityFormatter, is_journal, open_log
 
-FORMATTER = PriorityFormatter(logging.Formatter("%(message)s"))
+FORMATTER = PriorityFormatter("%(message)s")
 
 
 def record(level: int = logging.WARNING, message: str = "gone", **fields: object) -> logging.LogRecord:

@@ -12,13 +12,15 @@ import logging
 import os
 import stat
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
+
+from zmq.utils import z85
 
 from slipd.config import Bus, missing_keys
 from slipd.errors import LinkError
 from slipd.io.zmtp.endpoint import Access
-from slipd.io.zmtp.mechanisms import decode_key
 from slipd_client.keys import KeyFileError, load_allowed, load_secret
 
 MAX_PID_BYTES = 20
@@ -33,23 +35,18 @@ may."""
 _log = logging.getLogger(__name__)
 
 
-class AllowList:
-    """The keys that may connect to one endpoint; a refusal is logged.
+def admits(endpoint: str, keys: frozenset[bytes], key: bytes) -> bool:
+    """Return whether a key is one of those that may connect to an endpoint; a refusal is logged.
 
     Args:
         endpoint: Name of the endpoint, for the log.
         keys: The keys, 40 letters of Z85 each.
+        key: The key.
     """
-
-    def __init__(self, endpoint: str, keys: frozenset[bytes]) -> None:
-        self._endpoint, self._keys = endpoint, keys
-
-    def admits(self, key: bytes) -> bool:
-        """Return whether a key may connect."""
-        allowed = key in self._keys
-        if not allowed:
-            _log.warning("%s: key %s is not allowed and was refused", self._endpoint, key.decode())
-        return allowed
+    allowed = key in keys
+    if not allowed:
+        _log.warning("%s: key %s is not allowed and was refused", endpoint, key.decode())
+    return allowed
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +75,7 @@ def guard(bus: Bus) -> Guard:
     if missing := list(missing_keys(bus)):
         raise LinkError("; ".join(f"{key}: {text}" for key, text in missing))
     try:
-        secret = None if bus.secret_key is None else decode_key(load_secret(bus.secret_key)[1])
+        secret = None if bus.secret_key is None else z85.decode(load_secret(bus.secret_key)[1])
         readers = None if bus.readers is None else load_allowed(bus.readers)
         requesters = None if bus.requesters is None else load_allowed(bus.requesters)
     except KeyFileError as error:
@@ -90,7 +87,7 @@ def guard(bus: Bus) -> Guard:
 def _access(bus: Bus, endpoint: str, secret: bytes | None, keys: frozenset[bytes] | None) -> Access:
     if keys is None:
         return Access(local_tcp=bus.allow_local_tcp)
-    return Access(secret, AllowList(endpoint, keys).admits, bus.allow_local_tcp)
+    return Access(secret, partial(admits, endpoint, keys), bus.allow_local_tcp)
 
 
 class RuntimeDirectory:

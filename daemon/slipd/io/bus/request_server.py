@@ -99,8 +99,8 @@ class RequestServer(Listener):
 
     def on_ready(self, peer: Peer) -> None:
         """Identify a client; of two connections with the same identity only the first is served."""
-        route = peer.route or b"\0" + next(self._unnamed).to_bytes(4, "big")
-        client = (peer.key or peer.address) + _BETWEEN + route
+        route = peer.protocol.route or b"\0" + next(self._unnamed).to_bytes(4, "big")
+        client = (peer.protocol.key or peer.address) + _BETWEEN + route
         known = self._clients.get(client)
         if known is not None and not known.is_gone():
             raise ProtocolError("another connection of this client has the same name")
@@ -123,7 +123,7 @@ class RequestServer(Listener):
             return
         if not self._is_within_rate(peer, body.get("op")):
             self._reply_error(client, body.get("id"), MessageError("busy", "too many requests; send fewer per second"))
-        elif self._requesters is not None and peer.key not in self._requesters:
+        elif self._requesters is not None and peer.protocol.key not in self._requesters:
             reason = "this key may only read; use a key from bus.requesters of the daemon"
             self._reply_error(client, body.get("id"), MessageError("read_only", reason))
         else:
@@ -135,7 +135,7 @@ class RequestServer(Listener):
         Raises:
             ProtocolError: It exceeded the rate too often.
         """
-        account = peer.key or b"%b#%d" % (peer.account.name, peer.slot)
+        account = peer.protocol.key or b"%b#%d" % (peer.account.name, peer.slot)
         now_ns = time.monotonic_ns()
         if self._limit.allows(account, now_ns):
             return True
@@ -153,7 +153,7 @@ class RequestServer(Listener):
 
 def _envelope(peer: Peer) -> tuple[bytes, ...]:
     """Return the frames before a request and its reply: a REQ socket sends and expects an empty one."""
-    return (b"",) if peer.kind == b"REQ" else ()
+    return (b"",) if peer.protocol.kind == b"REQ" else ()
 
 
 def _decode(frames: list[bytes], envelope: tuple[bytes, ...]) -> dict[str, Any]:

@@ -38,14 +38,9 @@ class Links:
         self._tasks: list[asyncio.Task[None]] = []
 
     @property
-    def refused_writes(self) -> dict[str, int]:
-        """Link name → writes dropped because the link was down or its device did not read."""
-        return {name: link.refused_writes for name, link in self._links.items()}
-
-    @property
-    def overruns(self) -> dict[str, int]:
-        """Link name → datagrams lost before they could be read."""
-        return {name: link.overruns for name, link in self._links.items()}
+    def losses(self) -> dict[str, tuple[int, int]]:
+        """Link name → writes dropped as the link was down or its device did not read, and datagrams lost unread."""
+        return {name: (link.refused_writes, link.overruns) for name, link in self._links.items()}
 
     def unread(self) -> list[str]:
         """Return the links on which bytes wait, as at the last call, although none were delivered since."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import os
 import select
+import socket
 from collections.abc import Callable
-from typing import Protocol
+from io import RawIOBase
 
 from slipd.io.zmtp.endpoint import is_ready
 
@@ -96,14 +97,6 @@ class Connection:
         """Stop reading and writing."""
 
 
-class Opened(Protocol):
-    """A port or socket."""
-
-    def fileno(self) -> int: ...  # noqa: D102
-
-    def close(self) -> object: ...  # noqa: D102
-
-
 class FileConnection(Connection):
     """A stream of bytes from and to a port or socket. It belongs to this object, and does not block.
 
@@ -113,7 +106,7 @@ class FileConnection(Connection):
         on_bytes: The consumer.
     """
 
-    def __init__(self, address: str, opened: Opened, on_bytes: OnBytes) -> None:
+    def __init__(self, address: str, opened: socket.socket | RawIOBase, on_bytes: OnBytes) -> None:
         super().__init__(address, on_bytes)
         self._address, self._opened, self._fd = address, opened, opened.fileno()
         self._rest = b""  # of a partial write

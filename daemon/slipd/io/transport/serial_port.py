@@ -9,10 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import functools
-import logging
 import os
-import re
 import termios
 from pathlib import Path
 
@@ -39,11 +36,6 @@ USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 LATENCY_MS = 1
 """Shortest latency timer of an FTDI adapter; its default is 16 ms."""
 
-_NUMBERED = re.compile(r"/dev/tty(USB|ACM)\d+")
-"""Paths that belong to whichever device is plugged in first."""
-
-_log = logging.getLogger(__name__)
-
 
 async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
     """Open a port exclusively and start to read it.
@@ -53,7 +45,6 @@ async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
     Raises:
         LinkError: The port cannot be opened; the text says why, and what to do.
     """
-    _warn_of_number(spec.address)
     opening = asyncio.get_running_loop().run_in_executor(None, _open_port, spec.address, spec.baud)
     try:
         port, identity, latency = await asyncio.shield(opening)
@@ -208,13 +199,6 @@ def identity_of(path: str) -> str:
     if found.vid is None:
         return path
     return f"{path}, usb {found.vid:04x}:{found.pid:04x} {found.serial_number or ''}".rstrip()
-
-
-@functools.cache
-def _warn_of_number(path: str) -> None:
-    """Log once that a path may later belong to another device."""
-    if _NUMBERED.fullmatch(path):
-        _log.warning("%s: belongs to whichever device is plugged in first; use a path below /dev/serial/by-id", path)
 
 
 def _close_unclaimed(opening: asyncio.Future[tuple[Port, str, str]]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import ipaddress
 import os
 import select
@@ -158,8 +157,7 @@ def _bind_tcp(server: socket.socket, endpoint: str) -> str:
 
 def _bind_path(server: socket.socket, endpoint: str) -> str:
     path = _path_of(endpoint)
-    with contextlib.suppress(FileNotFoundError):
-        os.unlink(path)  # noqa: PTH108 - bytes; `_check` found no server there
+    Path(os.fsdecode(path)).unlink(missing_ok=True)  # `_check` found no server there
     umask = os.umask(0o077)  # the mode of a socket is 0777 without these bits
     try:
         server.bind(path)

@@ -133,7 +133,9 @@ class Listener:
             return f"{self.endpoint} greets no client"
         unsent_before = self._unsent
         self._unsent = {
-            peer: peer.sent_bytes for peer in self.peers if peer.waiting and is_ready(peer.fileno, select.POLLOUT)
+            peer: peer.sent_bytes
+            for peer in self.peers
+            if peer.protocol.waiting and is_ready(peer.fileno, select.POLLOUT)
         }
         stalled = sum(unsent_before.get(peer) == sent for peer, sent in self._unsent.items())
         return f"messages are not sent to clients that read ({stalled})" if stalled else ""
@@ -212,8 +214,8 @@ class Listener:
         return oldest is not None
 
     def _admit(self, peer: Peer) -> None:
-        if peer.key:
-            account = self._accounts.of(peer.key)
+        if peer.protocol.key:
+            account = self._accounts.of(peer.protocol.key)
             if account.connections >= self._most_of_one:
                 raise ProtocolError(_TOO_MANY)
             peer.move(account)
@@ -225,7 +227,7 @@ class Listener:
         if peer in self._pending:
             self._pending.pop(peer).cancel()
         if peer.reason:
-            self._log_end(peer.key or peer.address, peer.reason)
+            self._log_end(peer.protocol.key or peer.address, peer.reason)
         if peer in self.peers:
             del self.peers[peer]
             self.on_close(peer)
@@ -241,7 +243,7 @@ class Listener:
 def _flush(peers: list[Peer]) -> None:
     """Send queued messages to the peers, for at most LINGER_S."""
     until_s = time.monotonic() + LINGER_S
-    while (waiting := {peer.fileno: peer for peer in peers if peer.waiting and not peer.closed}) and (
+    while (waiting := {peer.fileno: peer for peer in peers if peer.protocol.waiting and not peer.closed}) and (
         left_s := until_s - time.monotonic()
     ) > 0.0:
         poll = select.poll()

@@ -192,8 +192,3 @@ class Curve(Null):
     def _next_nonce(self) -> bytes:
         self._sent += 1
         return struct.pack(">Q", self._sent)
-
-
-def decode_key(key: bytes) -> bytes:
-    """Decode a key of 40 letters of Z85 to its 32 bytes."""
-    return z85.decode(key)

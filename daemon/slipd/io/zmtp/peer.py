@@ -36,6 +36,7 @@ class Peer:
 
     Attributes:
         address: As above.
+        protocol: As above.
         fileno: Descriptor of the connection.
         slot: Number of the connection within its account.
         sent_bytes: Bytes that the kernel accepted for the peer.
@@ -58,33 +59,13 @@ class Peer:
         self.closed, self.reason = False, ""
         self.sent_bytes = 0
         self._socket, self.fileno = connected, connected.fileno()
-        self._protocol, self._messages_per_wake = protocol, messages_per_wake
+        self.protocol, self._messages_per_wake = protocol, messages_per_wake
         self._on_ready, self._on_message, self._on_close = on_ready, on_message, on_close
         self._loop = asyncio.get_running_loop()
         self._unsent = self._listening = False
         self._done = True  # no complete frame is left of the last read
         self._listen(on=True)
         self.flush()
-
-    @property
-    def kind(self) -> bytes:
-        """Socket type of the peer."""
-        return self._protocol.kind
-
-    @property
-    def route(self) -> bytes:
-        """Name that the peer chose; b"" if it chose none."""
-        return self._protocol.route
-
-    @property
-    def key(self) -> bytes:
-        """Key that the peer proved; b"" without keys."""
-        return self._protocol.key
-
-    @property
-    def waiting(self) -> int:
-        """Number of messages queued until the peer reads."""
-        return self._protocol.waiting
 
     def move(self, account: TimeAccount) -> None:
         """Charge another account from now on, because the peer proved its identity."""
@@ -93,7 +74,7 @@ class Peer:
 
     def send(self, message: Message) -> bool:
         """Send a message, or queue it until the peer reads; return False if it is dropped."""
-        if self.closed or not self._protocol.send(message):
+        if self.closed or not self.protocol.send(message):
             return False
         if not self._unsent:
             self.flush()
@@ -101,7 +82,7 @@ class Peer:
 
     def flush(self) -> None:
         """Pass as much to the kernel as it accepts; the loop calls this again when it accepts more."""
-        data = self._protocol.data_to_send()
+        data = self.protocol.data_to_send()
         if self.closed or not data:
             return
         try:
@@ -112,7 +93,7 @@ class Peer:
             self.close()
             return
         self.sent_bytes += sent
-        unsent = self._protocol.sent(sent)
+        unsent = self.protocol.sent(sent)
         if unsent is not self._unsent:
             self._unsent = unsent
             if unsent:
@@ -184,7 +165,7 @@ class Peer:
         except OSError:  # the peer is gone
             data = b""
         if data:
-            self._protocol.receive_data(data)
+            self.protocol.receive_data(data)
         else:
             self.close()
 
@@ -192,7 +173,7 @@ class Peer:
         """Handle complete frames; return False if some may be left."""
         left = self._messages_per_wake
         while not self.closed:
-            event = self._protocol.next_event()
+            event = self.protocol.next_event()
             if event is Event.NEED_DATA:
                 break
             if event is Event.READY:

@@ -34,7 +34,7 @@ async def test_each_message_is_delivered_as_one_piece_and_nothing_is_written(end
         peer(zmq.PUSH, endpoint).socket.send(b"of another")
         await eventually(lambda: pieces(events)[-1] == b"of another")
         assert not links.write("left.wrench", b"zero")
-    assert links.refused_writes == {"left.wrench": 1}
+    assert links.losses == {"left.wrench": (1, 0)}
     assert events[0] == LinkUp("left.wrench", endpoint)
     assert pieces(events) == [*sent, b"part", b"part", b"of another"]
 

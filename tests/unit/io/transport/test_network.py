@@ -143,13 +143,13 @@ async def test_L9_what_the_kernel_drops_is_counted_over_all_connections(sensor: 
         await eventually(sensor.hears)
         for _ in range(20_000):  # the loop does not read meanwhile
             sensor.send(b"flood")
-        await eventually(lambda: len(pieces(events)) + links.overruns["left.wrench"] == 20_000)
-        dropped = links.overruns["left.wrench"]
+        await eventually(lambda: len(pieces(events)) + links.losses["left.wrench"][1] == 20_000)
+        dropped = links.losses["left.wrench"][1]
         assert dropped > 0
         assert not links.write("left.wrench", bytes(70_000))
         await eventually(lambda: kinds(events)[-1] is LinkUp)
         assert "too long" in downs(events)[0]
-        assert links.overruns["left.wrench"] == dropped
+        assert links.losses["left.wrench"][1] == dropped
 
 
 async def test_L9_a_flood_leaves_the_loop_its_turn(sensor: Sensor) -> None:

@@ -32,7 +32,7 @@ async def test_L7_a_missing_port_is_reported_once_and_opened_when_it_comes(devic
         assert downs(events)[0].startswith(f"{device.path}: no such port")
         device.plug()
         await eventually(lambda: ups(events))
-        assert (len(downs(events)), links.refused_writes) == (1, {"left.wrench": 1})
+        assert (len(downs(events)), links.losses) == (1, {"left.wrench": (1, 0)})
 
 
 async def test_L7_L8_a_port_that_another_program_holds_is_left_alone_until_it_is_free(
@@ -174,18 +174,6 @@ def test_L6_the_identity_of_a_port_names_its_usb_device(
 
     monkeypatch.setattr(serial_port, "SysFS", find)
     assert serial_port.identity_of("/dev/port") == identity
-
-
-async def test_L6_a_path_that_may_become_another_devices_is_warned_of_once(
-    caplog: pytest.LogCaptureFixture, quick: None
-) -> None:
-    serial_port._warn_of_number.cache_clear()
-    numbered = LinkSpec("a", "serial", "/dev/ttyUSB4711", 115200)
-    async with serving(numbered, LinkSpec("b", "serial", "/dev/serial/by-id/none", 115200)):
-        await asyncio.sleep(0.05)
-    assert [message for message in caplog.messages if "belongs to" in message] == [
-        "/dev/ttyUSB4711: belongs to whichever device is plugged in first; use a path below /dev/serial/by-id"
-    ]
 
 
 async def test_L12_a_latency_timer_is_shortened_or_named(

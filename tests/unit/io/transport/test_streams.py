@@ -64,7 +64,7 @@ async def test_L10_a_device_that_never_reads_refuses_commands_and_is_still_read(
         assert links.write("left.wrench", b"y" * HUGE)
         for _ in range(100):
             assert not links.write("left.wrench", b"must not get between")
-        assert links.refused_writes == {"left.wrench": 100, "right.wrench": 0}
+        assert links.losses == {"left.wrench": (100, 0), "right.wrench": (0, 0)}
         far.send(b"still here")
         other.send(b"and I")
         await eventually(lambda: received(events) == b"still here")

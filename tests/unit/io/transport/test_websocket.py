@@ -102,7 +102,7 @@ async def test_a_ping_is_answered_a_write_is_refused_and_the_end_is_a_proper_far
             await eventually(lambda: received(events) == b"answered")
             assert not links.write("left.wrench", b"zero")
         await eventually(lambda: codes)
-    assert (codes, links.refused_writes) == ([1000], {"left.wrench": 1})
+    assert (codes, links.losses) == ([1000], {"left.wrench": (1, 0)})
 
 
 async def test_a_message_in_fragments_is_handed_on() -> None:

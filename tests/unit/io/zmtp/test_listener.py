@@ -236,7 +236,7 @@ async def test_P2_messages_that_wait_are_a_stall_only_if_the_client_reads_and_no
         for _ in range(3):
             read(client)
             assert not await listener.stall(PATIENCE_S)
-        assert peer.waiting
+        assert peer.protocol.waiting
         loop.remove_writer(peer.fileno)
         read(client)
         stalled = "messages are not sent to clients that read (1)"

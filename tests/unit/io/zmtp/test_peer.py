@@ -51,10 +51,10 @@ async def test_what_a_peer_does_not_read_is_bounded_and_pings_add_nothing(endpoi
         await eventually(lambda: server.peers)
         (slow,) = server.peers
         sent = sum(slow.send((b"%06d" % number + bytes(50_000),)) for number in range(100))
-        assert slow.waiting == KEPT + 1
+        assert slow.protocol.waiting == KEPT + 1
         connection.send(PING * 100)
         await asyncio.sleep(0.05)
-        await eventually(lambda: heard.extend(read(connection)) or (not slow.waiting and not read(connection)))
+        await eventually(lambda: heard.extend(read(connection)) or (not slow.protocol.waiting and not read(connection)))
     assert [int(number) for number in re.findall(rb"\d{6}", heard)] == list(range(sent))
     assert PONG not in heard
 
