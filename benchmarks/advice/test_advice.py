@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from advice.__main__ import Outcome, carried, count, draw, report
+from advice.__main__ import Carry, Outcome, carried, count, draw, report
 from advice.safe_speed import holds_scale
 
 from slipd.tools.sim.scene_parts import GRAVITY_MPS2
@@ -30,11 +30,11 @@ def test_the_oracle_is_the_fastest_motion_that_holds() -> None:
 
 
 def test_the_report_has_slips_drops_and_the_cost(capsys: pytest.CaptureFixture[str]) -> None:
-    grasp = draw(0)
-    outcome = Outcome(grasp, 2, 1, 0, 0, (1.0, 2.0), (1.0, 1.0), (False, True), (0.5, 0.5), "")
+    advised = (Carry(0, 0, (2.0, 1.0)), Carry(1, 0, (1.0,), "no answer"))
+    outcome = Outcome(draw(0), Carry(2, 1, (1.0, 1.0)), advised, (1.0, 1.0))
     report([outcome, outcome])
     shown = capsys.readouterr().out
-    assert "without advice: slipped 2 of 2, dropped 2" in shown
-    assert "with advice: slipped 0 of 2, dropped 0" in shown
+    assert "without advice: 2 glasses, 2 slipped, 2 dropped, 0 not carried" in shown
     assert "mean +50.0 %" in shown
-    assert "moves with known advice: 2 of 4: time beside the oracle +100.0 %" in shown
+    assert "second carry with advice: 2 glasses, 2 slipped, 0 dropped, 2 not carried" in shown
+    assert "ended early: no answer" in shown

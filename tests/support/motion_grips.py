@@ -152,7 +152,7 @@ class Advised:
     ) -> None:  # fmt: skip
         self.grip, self._noise, self._rng = grip, noise, rng or np.random.default_rng(0)
         self.own = own or ObjectState(grip.mass_kg, 0.0, tuple(grip.com_m.tolist()), (0.0, 0.0, 0.0), "")
-        self.view = SimpleNamespace(object=self.own, level=lambda: "stable")
+        self.view = SimpleNamespace(object=self.own, lying=None, level=lambda: "stable")
         self._mu = grip.mu if mu_low is None else mu_low
         self.fingers = {name: self._finger(name) for name in PLACES}
         self._config = Grasp.model_validate({"pads": PLACES, "motion": {"wanted_acceleration_mps2": wanted_mps2}})
@@ -192,12 +192,15 @@ class Advised:
         config = SimpleNamespace(grip_safety=1.5, pad=SimpleNamespace(pitch_m=PITCH_M))
         return SimpleNamespace(name=name, force=force, config=config, state=None)
 
-    def feel(self, gravity: Array, couple: Array, turning: Array = STILL) -> None:
-        """Let 40 ms pass in which the gripper feels this, with angular velocity and acceleration."""
+    def feel(self, gravity: Array, couple: Array, turning: Array = STILL, carried: float = 1.0) -> None:
+        """Let 40 ms pass in which the gripper feels this, with angular velocity and acceleration.
+
+        A table carries the rest of the object.
+        """
         self.move(gravity, turning)
         felt = gravity - np.cross(turning[3:], self.grip.com_m)
         felt -= np.cross(turning[:3], np.cross(turning[:3], self.grip.com_m))
-        loads = pad_loads(self.grip, felt, couple)
+        loads = pad_loads(self.grip, carried * felt, couple)
         self.read([self._state(load, patch) for load, patch in zip(loads, self.grip.patches, strict=True)])
 
     def read(self, states: Iterable[FingerState]) -> None:

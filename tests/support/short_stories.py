@@ -53,6 +53,7 @@ def record(name: str, path: Path, *, with_messages: bool) -> tuple[SteppedDemo, 
     rig = VirtualRig(Scene(script), SEED, PvdfElectronics(rate_hz=PAD_HZ))
     demo, program = SteppedDemo(rig, text, recording_of(path, text), with_messages), RobotProgram("", "", plan)
     demo.play(program)
+    demo.finish()
     return demo, program
 
 

@@ -68,6 +68,7 @@ class SteppedDemo:
     events: int = 0
     asked: int = 0
     leased: bool = False
+    opened: bool = False
 
     def __post_init__(self) -> None:
         self.engine = Engine(config.parse(self.text, "demo.toml"), boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
@@ -157,9 +158,14 @@ class SteppedDemo:
 
     def __getattr__(self, op: str) -> Any:
         """Return the method of the client that sends an operation, such as ``gripper_close``."""
-        if not op.startswith(("gripper_", "grip_", "hello", "status", "motion_")):
+        if not op.startswith(("gripper_", "grip_", "hello", "status", "motion_", "object_")):
             raise AttributeError(op)
-        places = {"gripper_close": ("force_n",), "grip_set": ("force_n",), "motion_check": ("points",)}.get(op, ())
+        places = {
+            "gripper_close": ("force_n",),
+            "grip_set": ("force_n",),
+            "motion_check": ("points",),
+            "object_set": ("name",),
+        }.get(op, ())
         return lambda *values, **fields: self.ask(
             op.replace("_", "."), **dict(zip(places, values, strict=True)), **fields
         )
@@ -178,13 +184,18 @@ class SteppedDemo:
             for each in self.rig.scene.truth
         ]
 
-    def play(self, program: RobotProgram) -> None:
-        """Open the lines, run a robot program to its end, and finish the recording."""
+    def _open_lines(self) -> None:
+        self.opened = True
         for line in LINES:
             self.rig.devices[line].opened(0)
             self.feed(LinkUp(line.replace("-", "."), line))
         if self.rig.arm is not None:
             self.feed(LinkUp("arm", "arm"))
+
+    def play(self, program: RobotProgram) -> None:
+        """Run a robot program to its end; the first one finds the lines just opened."""
+        if not self.opened:
+            self._open_lines()
         ended: list[bool] = []
         program._ending = SimpleNamespace(  # type: ignore[assignment]
             wait=self.pass_time, is_set=lambda: bool(ended), set=lambda: ended.append(True)
@@ -196,5 +207,8 @@ class SteppedDemo:
             patch.setattr(robot_program, "Subscriber", self.endless)
             patch.setattr(robot_program, "GripClient", self.endless)
             program.run()
+
+    def finish(self) -> None:
+        """Finish the recording."""
         if self.file is not None:
             self.file.finish(self.events)

@@ -109,9 +109,13 @@ class GraspMotion(StrictModel):
     Attributes:
         wanted_acceleration_mps2: Largest acceleration of the arm at full speed, m/s²: the speed scale and the needed
             grip force refer to it. Wrong: too low, and the arm is slowed down too little; too high, too much.
+        regrip_std_m: How far an object with a name (``object.set``) may be gripped from where it was in the grasp
+            before, m, as a standard deviation of each component. Wrong: too low, and a lift may be too fast; too high,
+            and the advice before a lift is slow, or there is none.
     """
 
     wanted_acceleration_mps2: float = Field(default=3.0, gt=0.0, le=49.0)
+    regrip_std_m: float = Field(default=0.01, gt=0.0, le=0.1)
 
 
 class Grasp(StrictModel):

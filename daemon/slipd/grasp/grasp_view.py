@@ -25,7 +25,7 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
-from slipd.grasp.object_estimate import NOTHING_HELD
+from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
 from slipd.types.arrays import Array, finite_or_none
 from slipd_client.messages import SEVERITY
 
@@ -88,6 +88,9 @@ class GraspView:
         places: Poses of their pads.
         state: State at the last `update`.
         object: What is known of the object.
+        lying: What an earlier grasp showed of the named object, while something may still carry a part of its weight;
+            None: nothing is known, or it is carried.
+        regrip_std_m: See ``[grasp.motion]``.
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
@@ -95,6 +98,8 @@ class GraspView:
         self.places = tuple(Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self.fingers)
         self.object = NOTHING_HELD
+        self.lying: ObjectState | None = None
+        self.regrip_std_m = config.motion.regrip_std_m
         self.state = self.update(None)
 
     def levels(self) -> tuple[str, str]:

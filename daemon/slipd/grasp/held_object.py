@@ -24,6 +24,7 @@ from slipd.grasp.object_estimate import (
     Felt,
     ObjectEstimate,
     ObjectState,
+    gripped_again,
     unknown_object,
 )
 from slipd.types.arrays import Array, cross_matrix
@@ -99,6 +100,7 @@ class HeldObject:
         self._view, self._sides, self._arm, self._named = view, sides, arm, named
         self._known: dict[str, ObjectState] = {}
         self._same = 0
+        self._lying: ObjectState | None = None
         self._noise_n = min(side.noise_n for side in sides)
         self._estimate = ObjectEstimate()
         self._check = ArmCheck(math.hypot(*(side.noise_n for side in sides)))
@@ -133,7 +135,8 @@ class HeldObject:
             slow = self._slow_felt(t_ns)
             if slow is not None and (load := load or self._load(width_m, t_ns)) is not None:
                 self._learn(load, slow)
-        self._view.object = self._state(moves=slow is not None or (self._arm is not None and self._arm.is_used(t_ns)))
+        state = self._state(moves=slow is not None or (self._arm is not None and self._arm.is_used(t_ns)))
+        self._view.object, self._view.lying = state, self._lying if state.unknown == NOT_MOVED else None
         return self._next_ns
 
     def _state(self, *, moves: bool) -> ObjectState:
@@ -170,9 +173,13 @@ class HeldObject:
             return
         name, estimate = self._named.name, self._estimate
         known = None if name is None else self._known.get(name)
-        if known is not None and estimate.state.unknown == NOT_MOVED:
+        self._lying = None
+        if known is not None and estimate.state.com_m is None and not estimate.recognised:
             weight_n = (known.mass_kg or 0.0) * felt.gravity_mps2
-            same = np.linalg.norm(load.own[:3] - weight_n) <= SAME_WEIGHT * np.linalg.norm(weight_n)
+            error_n = SAME_WEIGHT * np.linalg.norm(weight_n)
+            if np.linalg.norm(load.own[:3]) <= np.linalg.norm(weight_n) + error_n:
+                self._lying = known
+            same = np.linalg.norm(load.own[:3] - weight_n) <= error_n
             self._same = self._same + 1 if same else 0
             if self._same == SAME_READINGS:
                 self._same = 0
@@ -180,7 +187,7 @@ class HeldObject:
         rise = 1.0 + SCALE_STD * load.grip_n / self._noise_n
         estimate.update(load.own, felt, load.geometry.noise, rise, load.geometry.lever_m)
         if name is not None and not estimate.state.unknown:
-            self._known[name] = estimate.state
+            self._known[name] = gripped_again(estimate.state, self._view.regrip_std_m)
 
     def _slow_felt(self, t_ns: int) -> Felt | None:
         """Return what a gripper feels whose orientation is set by requests, and which otherwise counts as at rest."""

@@ -96,7 +96,8 @@ class MotionAdvice:
         if t_ns < self._looked_ns + LOOK_NS:
             return self._looked_ns + LOOK_NS
         self._looked_ns = t_ns
-        com_m = self._view.object.com_m
+        lying = self._view.lying
+        com_m = (lying or self._view.object).com_m
         known = com_m is not None and self._arm is not None and self._arm.is_used(t_ns)
         states = [load.finger.state for load in self._loads] if known else []
         wrenches = [
@@ -111,7 +112,13 @@ class MotionAdvice:
             return t_ns + LOOK_NS
         for load, wrench in zip(self._loads, wrenches, strict=True):
             part = load.update(wrench)
-        felt = felt_at(np.array(com_m), np.array([self._row()]))[0]
+        if lying is None:
+            felt = felt_at(np.array(com_m), np.array([self._row()]))[0]
+        else:  # the pads carry only a part of its weight, or nothing
+            carried_n = sum(
+                load.place.rotation @ wrench[:3] for load, wrench in zip(self._loads, wrenches, strict=True)
+            )
+            felt = carried_n / (lying.mass_kg or math.inf)
         self._felt = self._felt + part * (felt - self._felt)
         return t_ns + LOOK_NS
 
@@ -136,7 +143,9 @@ class MotionAdvice:
         spun = np.concatenate((np.cross(held.com_m - held.middle_m, axis), -(GYRATION_M**2) * axis))
         turning = min(self._scale(held, rest, sense * spun, MOST_TURN_RADPS2) for sense in (1.0, -1.0))
         turn, gravity = self._worst_turn(held)
-        now = np.concatenate((felt_at(held.com_m, np.array([self._row()]))[0] - held.felt, np.zeros(3)))
+        now = np.zeros(6)
+        if self._view.lying is None:
+            now[:3] = felt_at(held.com_m, np.array([self._row()]))[0] - held.felt
         limit_mps2 = max(most_mps2 - ERROR_MPS2, 0.0)
         fastest = max(self.wanted_mps2, float(np.linalg.norm(held.gravity - np.array(self._gravity.felt_mps2))))
         return MotionLimits(
@@ -211,7 +220,7 @@ class MotionAdvice:
             return NO_ARM
         if not self._arm.is_used(t_ns):
             return ARM_SILENT
-        gravity, own = self._gravity.gravity(), self._view.object
+        gravity, own = self._gravity.gravity(), self._view.lying or self._view.object
         if gravity is None:
             return NO_GRAVITY
         first, second = (load.known(t_ns) for load in self._loads)

@@ -15,7 +15,7 @@ Source: Atkeson, An and Hollerbach, "Estimation of Inertial Parameters of Manipu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +54,17 @@ def unknown_object(why: str) -> ObjectState:
 NOTHING_HELD = unknown_object("nothing is held")
 
 
+def gripped_again(known: ObjectState, regrip_std_m: float) -> ObjectState:
+    """Return what an earlier grasp showed of an object for another grasp of it.
+
+    Args:
+        known: Mass and centre of mass, both known.
+        regrip_std_m: How far it may be gripped from where it was then, as a standard deviation of each component, m.
+    """
+    x, y, z = (math.hypot(std, regrip_std_m) for std in known.com_std_m or ())
+    return replace(known, com_std_m=(x, y, z))
+
+
 SCALE_STD = 0.01
 """Error of scale and axes of a force sensor, as a part of its load."""
 MODEL_STD = 0.02
@@ -76,9 +87,6 @@ SIGNIFICANT = 4.0
 """A lighter object than so many standard deviations is not known."""
 KNOWN_COM_M = 0.02
 """A component of the centre of mass with a larger standard deviation is unknown."""
-GRIPPED_ELSEWHERE_M = 0.01
-"""How far the centre of mass may lie from where it was in an earlier grasp of the same object, as a standard deviation:
-the gripper does not grip it at the same place."""
 AXES = "xyz"
 
 WAITING = "the load is weighed"
@@ -109,6 +117,7 @@ class ObjectEstimate:
 
     Attributes:
         state: What is known.
+        recognised: It goes on with what an earlier grasp showed.
     """
 
     def __init__(self) -> None:
@@ -119,7 +128,7 @@ class ObjectEstimate:
         free = FREE_MASS_KG * FREE_COM_M
         self._mean = np.zeros(10)
         self._covariance = np.diag([FREE_MASS_KG**2, free**2, free**2, free**2, *[0.0] * 6])
-        self._begun, self._rejected, self._recognised = False, 0, False
+        self._begun, self._rejected, self.recognised = False, 0, False
         self._least, self._most = np.full(3, math.inf), np.full(3, -math.inf)
         self.state = unknown_object(why)
 
@@ -127,16 +136,15 @@ class ObjectEstimate:
         """Go on with what an earlier grasp showed of the object: its weight shows that nothing else carries it.
 
         Args:
-            known: Mass and centre of mass, both known.
+            known: Mass and centre of mass, as `gripped_again` returns them.
         """
         mass, mass_std, com = known.mass_kg or 0.0, known.mass_std_kg or 0.0, np.array(known.com_m)
-        com_std = np.hypot(np.array(known.com_std_m), GRIPPED_ELSEWHERE_M)
         slope = np.block([[np.ones((1, 1)), np.zeros((1, 3))], [com[:, None], mass * np.eye(3)]])
         self._mean[:4] = mass, *(mass * com)
         self._covariance[:4, :] = 0.0
         self._covariance[:, :4] = 0.0
-        self._covariance[:4, :4] = slope @ np.diag([mass_std**2, *com_std**2]) @ slope.T
-        self._recognised = True
+        self._covariance[:4, :4] = slope @ np.diag([mass_std**2, *np.square(known.com_std_m or ())]) @ slope.T
+        self.recognised = True
 
     def update(self, load: Array, felt: Felt, noise: Array, rise: float, lever_m: float) -> None:
         """Learn from one reading.
@@ -192,7 +200,7 @@ class ObjectEstimate:
 
     def _summary(self, *, placed: bool, lever_m: float) -> ObjectState:
         """Return what is known, with the errors of scale that no turn can show."""
-        if not self._recognised and float(np.linalg.norm(self._most - self._least)) < MOVED_MPS2:
+        if not self.recognised and float(np.linalg.norm(self._most - self._least)) < MOVED_MPS2:
             return unknown_object(NOT_MOVED)
         mass, own = float(self._mean[0]), self._covariance
         mass_std = math.hypot(math.sqrt(own[0, 0]), SCALE_STD * mass)

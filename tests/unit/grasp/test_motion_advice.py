@@ -17,7 +17,7 @@ from slipd.fusion.contact import contact_of
 from slipd.grasp.arm_history import ERROR_MPS2, ArmGravity
 from slipd.grasp.motion_advice import ARM_SILENT, GYRATION_M, NO_ARM, NO_GRAVITY
 from slipd.grasp.motion_answers import MotionCheck, MotionLimits
-from slipd.grasp.object_estimate import NOTHING_HELD, ObjectState
+from slipd.grasp.object_estimate import NOT_MOVED, NOTHING_HELD, ObjectState, unknown_object
 from slipd.types.arrays import Array
 from slipd.types.samples import ArmSample
 
@@ -57,6 +57,20 @@ def test_a_turn_is_limited_by_the_inertia_and_by_the_lever_of_the_object() -> No
     aside = Advised(firm(0.4, (0.03, 0.0, 0.0))).limits()
     assert aside.angular_acceleration_radps2 < 0.7 * limit
     assert aside.mode == "rotation"
+
+
+@pytest.mark.parametrize("carried", [0.0, 0.4])
+def test_a_known_object_that_still_stands_on_a_table_is_advised_as_if_it_were_lifted(carried: float) -> None:
+    lifted, advised = Advised(firm(0.4)), Advised(firm(0.4))
+    advised.view.object, advised.view.lying = unknown_object(NOT_MOVED), advised.own
+    for _ in range(40):
+        advised.feel(DOWN, STILL, carried=carried)
+    limits = advised.limits()
+    assert limits.acceleration_mps2 == pytest.approx(lifted.limits().acceleration_mps2, rel=0.02)
+    assert limits.utilisation == pytest.approx(carried * lifted.limits().utilisation, rel=0.02, abs=0.01)
+    scales = [each.check(swing(1.0, 30.0)).time_scale for each in (advised, lifted)]
+    assert scales[0] == pytest.approx(scales[1], rel=0.02)
+    assert scales[1] < 1.0
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from slipd.grasp import object_estimate
 from slipd.grasp.arm_history import KEPT_NS, MOST_GAP_NS, MotionHistory
-from slipd.grasp.object_estimate import Felt, ObjectEstimate, ObjectState
+from slipd.grasp.object_estimate import Felt, ObjectEstimate, ObjectState, gripped_again
 from slipd.types.samples import ArmSample
 
 NOISE = np.diag((0.03**2,) * 3 + (0.001**2,) * 3)
@@ -100,7 +100,7 @@ def test_centre_of_mass_along_gravity_is_unknown_until_the_gripper_turns_and_wha
 def test_object_that_is_recognised_may_be_gripped_elsewhere_and_is_forgotten_if_it_was_another() -> None:
     estimate, com_std_m = ObjectEstimate(), (0.001, 0.001, 0.002)
     learn(estimate, load_of(DOWN), DOWN, 10)
-    estimate.recognise(ObjectState(0.5, 0.005, (0.01, 0.0, 0.02), com_std_m, ""))
+    estimate.recognise(gripped_again(ObjectState(0.5, 0.005, (0.01, 0.0, 0.02), com_std_m, ""), 0.01))
     learn(estimate, load_of(DOWN), DOWN)
     x_m, y_m, z_m = estimate.state.com_m
     assert (x_m, y_m, z_m) == pytest.approx((*COM_M[:2], 0.02), abs=0.002), "the load shows it across gravity"

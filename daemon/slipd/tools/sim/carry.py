@@ -125,15 +125,18 @@ class CarryScript(Script):
 
     Attributes:
         arm: Carries it.
+        com_m: Centre of mass from the middle of the contact, along X and Y of the left pad.
     """
 
     arm: Arm = field(default_factory=Arm)
+    com_m: tuple[float, float] = (0.0, 0.0)
 
     def weight(self, t_s: float, mass_kg: float) -> Load:
         """Return the load on both pads in the frame of the left one: X is down, Y is X of the base."""
         x_mps2, z_mps2 = self.arm.acceleration(t_s)
         carried_kg = self.arm.carried(t_s) * mass_kg
-        return carried_kg * (GRAVITY_MPS2 + z_mps2), carried_kg * x_mps2, 0.0
+        down_n, aside_n = carried_kg * (GRAVITY_MPS2 + z_mps2), carried_kg * x_mps2
+        return down_n, aside_n, self.com_m[0] * aside_n - self.com_m[1] * down_n
 
     def phase(self, t_s: float) -> str:
         """Return the name of the move, or that the arm stands still."""
@@ -152,6 +155,9 @@ FLOOR = 0.45
 
 STILL_S = 0.8
 """Rest before a move, s: the glass ceases to swing, and the load is weighed."""
+
+OBJECT = "glass"
+"""Name under which slipd keeps what it learns of the glass."""
 
 END_S = 1.0
 """Time from letting go to the end, s."""
@@ -172,6 +178,7 @@ rate_hz = 250.0
 
 [grasp.motion]
 wanted_acceleration_mps2 = 10.0
+regrip_std_m = 0.002
 """
 
 
@@ -215,6 +222,8 @@ class CarryProgram(RobotProgram):
         self._since_ns: int | None = None
 
     def _keep_to_plan(self, now_s: float, client: GripClient) -> None:
+        if self.report.activated_ns is None:
+            client.object_set(OBJECT)
         super()._keep_to_plan(now_s, client)
         now_ns = time.monotonic_ns()
         if self.report.closed_ns is None or self._since_ns is None or self._arrived() < len(self.scales):
