@@ -84,6 +84,15 @@ def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path, run: str) -> No
     assert (min(begins) >= 1.5, max(begins) <= 2.5) == (True, True)
 
 
+def test_two_runs_are_drawn_side_by_side_on_the_time_axis_of_the_longer_one(here: Path, run: str) -> None:
+    assert main(["plot", XELA, "--beside", run]) == 0
+    _, *both = (here / "xela.html").read_text(encoding="utf-8").split("<section>")
+    assert ["xela.mcap</h1>" in both[0], "run.mcap</h1>" in both[1]] == [True, True]
+    ticks = [re.findall(r'class="small middle"[^>]*>([\d.]+) s<', each) for each in both]
+    assert ticks[0] == ticks[1]
+    assert both[0].count("<rect") < both[1].count("<rect"), "each has its own spans"
+
+
 @pytest.mark.parametrize(
     ("call", "ends", "told"),
     [

@@ -100,6 +100,12 @@ RECORDING_COMMANDS = (
         (
             RECORDING,
             argument(
+                "--beside",
+                type=Path,
+                metavar="RECORDING",
+                help="draw this recording beside the first one, on the same time axis",
+            ),
+            argument(
                 "--out",
                 type=file_in(".html", "; a browser prints the page as a picture"),
                 metavar="FILE",

@@ -1,4 +1,4 @@
-"""The command ``slipd plot``: one recording as a page, self-contained, without scripts, readable dark and light.
+"""The command ``slipd plot``: one recording, or two side by side, as a self-contained page, dark and light.
 
 A recording of a run holds what the run published, and that is drawn: a replay takes twenty times as long. The recording
 is replayed where it holds no verdicts that this version can draw, and for another config.
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgpack
 
@@ -46,18 +46,39 @@ def is_plot(path: Path) -> bool:
 PLOT = Kind("a plot of slipd", is_plot)
 
 
-def plot_command(path: Path, out: Path | None, config_file: Path | None, begin_s: float, end_s: float) -> bool:
+class DrawnRun(NamedTuple):
+    """What a page shows of a run.
+
+    Attributes:
+        name: Name of the recording.
+        facts: What it is, in sentences.
+        fault: Why it is not complete; "" for a complete one.
+        tracks: What the run reported.
+        levels: The thresholds in force.
+    """
+
+    name: str
+    facts: Sequence[str]
+    fault: str
+    tracks: RunTracks
+    levels: Levels
+
+
+def plot_command(
+    path: Path, beside: Path | None, out: Path | None, config_file: Path | None, begin_s: float, end_s: float
+) -> bool:
     """Read or replay a recording, and write the page.
 
     Args:
         path: The recording.
+        beside: Another one, drawn beside it as its run reported it; None: there is none.
         out: The page; it replaces an earlier one once it is complete, and nothing else. None: in this folder.
         config_file: A config to replay with; None: what the run itself published is drawn.
         begin_s: Draw from this time of the run on, s.
         end_s: Draw up to this time, s.
 
     Returns:
-        Whether the recording is complete; if not, it is drawn as far as it goes.
+        Whether the recordings are complete; if not, they are drawn as far as they go.
 
     Raises:
         ConfigError: The config cannot be read or has faults.
@@ -67,23 +88,25 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, begin_s
     if not begin_s < end_s:
         raise UsageError(f"--from {begin_s:g} must be before --to {end_s:g}")
     out = out or Path(f"{path.stem}.html")
-    recording = open_recording(path)
+    recordings = [open_recording(each) for each in (path, beside) if each is not None]
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % of the recording")
-    inputs = [path] if config_file is None else [path, config_file]
+    inputs = [each for each in (path, beside, config_file) if each is not None]
     with draft(out, PLOT, inputs, overwrite=True) as written:
         with progress.shown() as show:
-            text = make_page(recording, config_file, Window(begin_s, end_s), show)
-        written.write_text(text, encoding="utf-8")
-    if recording.gap:
-        print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
+            configs = (config_file, None)
+            runs = [read_run(*each, Window(begin_s, end_s), show) for each in zip(recordings, configs, strict=False)]
+        written.write_text(page(runs), encoding="utf-8")
+    for recording in recordings:
+        if recording.gap:
+            print(f"slipd: the recording is incomplete: {printable(recording.gap)}", file=sys.stderr)
     print(f"{out}: written")
-    return recording.complete
+    return all(recording.complete for recording in recordings)
 
 
-def make_page(
+def read_run(
     recording: Recording, config_file: Path | None, window: Window, progress: Callable[[int, int], None]
-) -> str:
-    """Return the page of a recording.
+) -> DrawnRun:
+    """Return what a recording shows.
 
     Args:
         recording: The recording.
@@ -138,7 +161,7 @@ def make_page(
         shown = "Replayed with its own config" if replayed else "As the run itself reported it, with its own config"
         source = f"{shown} ({settings.config_id})."
     facts = [_recorded(recording, tracks, first[0]), source]
-    return page(recording.path.name, facts, recording.gap, tracks, settings.levels)
+    return DrawnRun(recording.path.name, facts, recording.gap, tracks, settings.levels)
 
 
 def _holds_verdicts(recording: Recording) -> bool:
@@ -171,17 +194,10 @@ def _recorded(recording: Recording, tracks: RunTracks, begin_ns: int) -> str:
     return f"Recorded by slipd {version} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {shown}."
 
 
-def page(name: str, facts: Sequence[str], fault: str, tracks: RunTracks, levels: Levels) -> str:
-    """Return the page of a run as HTML.
-
-    Args:
-        name: Name of the recording.
-        facts: What it is, in sentences.
-        fault: Why it is not complete; "" for a complete one.
-        tracks: What the run reported.
-        levels: The thresholds in force.
-    """
-    title = escape(name)
+def page(runs: Sequence[DrawnRun]) -> str:
+    """Return the page of one run, or of two side by side on one time axis, as HTML."""
+    title = escape(" · ".join(run.name for run in runs))
+    ends_s = max(run.tracks.window.end_s for run in runs)
     return "\n".join(
         [
             "<!doctype html>",
@@ -192,16 +208,23 @@ def page(name: str, facts: Sequence[str], fault: str, tracks: RunTracks, levels:
             '<meta name="color-scheme" content="light dark">',
             # a page from a file may ask nobody for anything
             """<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">""",
-            f"<style>{_STYLE}{_curve_styles()}</style></head><body>",
-            f"<h1>{title}</h1>",
-            f'<p class="fault">{escape(fault)}</p>' if fault else "",
-            *(f"<p>{escape(fact)}</p>" for fact in facts),
-            chart_svg(chart(tracks, levels), tracks.window),
-            *_snapshots(tracks.changes),
-            *_changes(tracks.changes),
+            f"<style>{_STYLE}{_curve_styles()}</style></head>",
+            f'<body class="runs{len(runs)}">',
+            *(line for run in runs for line in _section(run, run.tracks.window._replace(end_s=ends_s))),
             "</body></html>\n",
         ]
     )
+
+
+def _section(run: DrawnRun, window: Window) -> Iterator[str]:
+    yield f"<section><h1>{escape(run.name)}</h1>"
+    if run.fault:
+        yield f'<p class="fault">{escape(run.fault)}</p>'
+    yield from (f"<p>{escape(fact)}</p>" for fact in run.facts)
+    yield chart_svg(chart(run.tracks, run.levels), window)
+    yield from _snapshots(run.tracks.changes)
+    yield from _changes(run.tracks.changes)
+    yield "</section>"
 
 
 def _snapshots(log: ChangeLog) -> Iterator[str]:
@@ -268,6 +291,8 @@ _STYLE = """
 }
 body{margin:1.5rem auto;max-width:1200px;padding:0 1rem;background:var(--paper);color:var(--ink)}
 body{font:15px/1.45 sans-serif}
+@media(min-width:1400px){.runs2{max-width:2400px;display:grid;grid-template-columns:1fr 1fr;gap:2rem}}
+section{min-width:0}
 h1{font-size:1.4rem;overflow-wrap:anywhere}
 h2{font-size:1.1rem;margin-top:2rem}
 p{margin:.3rem 0}

@@ -5,11 +5,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 from slipd.config import Levels
-from slipd.tools.plot.plot_command import page
+from slipd.tools.plot.plot_command import DrawnRun, page
 
 
 def page_of(tracks: Any, *, title: str = "a.mcap", fault: str = "") -> str:
-    return page(title, ["Recorded."], fault, tracks, Levels())
+    return page([DrawnRun(title, ["Recorded."], fault, tracks, Levels())])
 
 
 def elements(text: str) -> list[ElementTree.Element]:
