@@ -5,7 +5,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from slipd.config import Levels
-from slipd.tools.plot.plot_command import DrawnRun, page
+from slipd.tools.plot.plot_page import DrawnRun, page
 
 
 def page_of(tracks: Any, *, title: str = "a.mcap", fault: str = "") -> str:
