@@ -6,10 +6,10 @@ events is a recording of the run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, cast
+from typing import cast
 
 from slipd.config import Config, Grasp
 from slipd.devices import GripperSession
@@ -160,6 +160,8 @@ class Engine:
             for name, link in self._links.items()
             if link.session is not None
         }
+        self._gripper_write = self._writes.get(GRIPPER_LINK, Deadline(_never, NEVER_NS))
+        self._readers = {name: self._reader(name) for name in config.streams()}
         self._grasp_due = self._advice_due = Deadline(_never)
         if view is not None and advice is not None:
             self._grasp_due = Deadline(GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz).publish)
@@ -227,30 +229,38 @@ class Engine:
         for read in link.receive(data, t_ns, arrival):
             if read.stream in self.kept.waiting:
                 self.kept.apply(read.stream, t_ns)
-            owner, _, kind = read.stream.partition(".")
-            if kind:
-                self._handle_finger(owner, kind, read, t_ns, out)
-            elif self._arm is not None and owner == "arm":
-                self._arm.update(cast("Sequence[Any]", read.samples), read.times_ns, self._gripper.width_m)
-            else:
-                self._handle_grasp_samples(read, out)
+            self._readers[read.stream](read, t_ns, out)
         if link.session is not None:
-            self._write_due(link, t_ns, out)
+            write = self._writes[link.spec.name]
+            write.due_ns = link.due_ns
+            if t_ns >= write.due_ns or link.failed:
+                write.run_now(t_ns, out)
         if link.spec.name == GRIPPER_LINK:
             self._gripper_check.run_now(t_ns, out)
             self._follow_release()
-        elif GRIPPER_LINK in self._writes and t_ns >= self._writes[GRIPPER_LINK].due_ns:
-            self._write_due(self._links[GRIPPER_LINK], t_ns, out)  # a command may wait for its own pause, no longer
+        elif t_ns >= self._gripper_write.due_ns:  # a command may wait for its own pause, no longer
+            self._gripper_write.run_now(t_ns, out)
 
-    def _handle_finger(self, owner: str, kind: str, read: Read, t_ns: int, out: list[Output]) -> None:
+    def _reader(self, stream: str) -> Callable[[Read, int, list[Output]], None]:
+        """Return what handles the readings of a stream."""
+        owner, _, kind = stream.partition(".")
+        if kind:
+            handle = self._handle_forces if kind == "wrench" else self._handle_images
+            return partial(self._handle_finger, self._fingers[owner], self._publishers[owner], handle)
+        return self._handle_arm if owner == "arm" else self._handle_grasp_samples
+
+    def _handle_finger(
+        self,
+        finger: Finger,
+        publisher: FingerPublisher,
+        handle: Callable[[Finger, Read, int, list[Output]], None],
+        read: Read,
+        t_ns: int,
+        out: list[Output],
+    ) -> None:
         """Handle the readings of one stream of a finger that came in one read."""
-        finger, publisher, arrival = self._fingers[owner], self._publishers[owner], read.arrival
         before = publisher.level
-        if kind == "wrench":
-            samples: Sequence[Any] = read.samples
-            self._publish_batches(finger, finger.decide(samples, read.times_ns, arrival), t_ns, out)
-        else:
-            self._handle_images(finger, read, t_ns, out)
+        handle(finger, read, t_ns, out)
         if found := self._motion.update_finger(finger):
             self._report_motion(found, t_ns, out)
         if publisher.level != before:
@@ -258,9 +268,12 @@ class Engine:
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
             self._grasp_due.run_now(t_ns, out)
 
+    def _handle_forces(self, finger: Finger, read: Read, t_ns: int, out: list[Output]) -> None:
+        self._publish_batches(finger, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
+
     def _handle_images(self, finger: Finger, read: Read, t_ns: int, out: list[Output]) -> None:
-        publisher, arrival, samples = self._publishers[finger.name], read.arrival, cast("Sequence[Any]", read.samples)
-        for sample, acquired_ns in zip(samples, read.times_ns, strict=True):
+        publisher, arrival = self._publishers[finger.name], read.arrival
+        for sample, acquired_ns in zip(read.samples, read.times_ns, strict=True):
             batch = finger.update_image(sample, acquired_ns, arrival)
             if batch is not None:
                 self._publish_batches(finger, (batch,), t_ns, out)
@@ -272,10 +285,12 @@ class Engine:
         if finger.quiet_until_ns < t_ns:  # an image that is late as it comes
             self._silence[finger.name].due_ns = 0
 
-    def _handle_grasp_samples(self, read: Read, out: list[Output]) -> None:
+    def _handle_arm(self, read: Read, _: int, __: list[Output]) -> None:
+        cast("ArmMotion", self._arm).update(read.samples, read.times_ns, self._gripper.width_m)
+
+    def _handle_grasp_samples(self, read: Read, _: int, out: list[Output]) -> None:
         """Handle readings of the gripper, or of the object by another process."""
-        samples: Sequence[Any] = read.samples
-        for sample, acquired_ns in zip(samples, read.times_ns, strict=True):
+        for sample, acquired_ns in zip(read.samples, read.times_ns, strict=True):
             if isinstance(sample, GripperSample):
                 self._gripper.update(sample)
                 self._gripper_publisher.publish(sample.t_ns, out)
@@ -300,7 +315,7 @@ class Engine:
         """Let the reflex act: its command is sent before the verdict that called for it is published."""
         act = reflex.react(t_ns)
         if act is not None:
-            self._write_due(self._links[GRIPPER_LINK], t_ns, out)
+            self._gripper_write.run_now(t_ns, out)
             self._gripper_publisher.publish(t_ns, out, act)
         return reflex.due_ns
 
@@ -313,7 +328,7 @@ class Engine:
         if (reply := self._handlers.answer(request, t_ns)) is not None:
             out.append(reply)
         for write in self._writes.values():
-            write.run(t_ns, out)
+            write.run_now(t_ns, out)
         for record in self._recordings.due():
             out.append(replace(record, opened=self.kept.first_events(t_ns)) if record.name else record)
             self._status.publish(t_ns, out)
@@ -392,7 +407,6 @@ class Engine:
             out += [Write(name, piece) for piece in pieces]
         if name == GRIPPER_LINK:
             self._gripper_check.due_ns = 0  # the session may have given up a command
-        self._writes[name].due_ns = link.due_ns
         return link.due_ns
 
     def _handle_wake_up(self, t_ns: int, out: list[Output]) -> None:

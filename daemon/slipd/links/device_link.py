@@ -190,25 +190,26 @@ class DeviceLink:
         self.received_ns = t_ns
         if self._begin_again_ns is not None:
             return []
+        session, guard, flood = self.session, self.guard, self.flood
         try:
             samples = self._decoder.receive(data, t_ns)
+            if session is not None:
+                deadline_ns = session.next_deadline()
+                self.due_ns = NEVER_NS if deadline_ns is None else deadline_ns
         except Exception as error:  # no bytes of a device may end the daemon or another stream
             self._fail(error, t_ns)
             return []
-        session, guard, flood = self.session, self.guard, self.flood
-        if session is not None:
-            self.due_ns = 0
-            if guard.mismatch or session.identity != guard.first:
-                guard.check(session)
+        if session is not None and (guard.mismatch or session.identity != guard.first):
+            guard.check(session)
         if not samples or guard.mismatch:
             return []
         if len(samples) > flood.left:
             samples = flood.limit(samples, t_ns)
         flood.left -= len(samples)
         reads = []
-        for source, run in groupby(samples, _SOURCE):
+        for source, run in groupby(samples, _SOURCE) if self.device.shared else (("", samples),):
             stream = self.streams.get(source)
-            if stream is not None and (read := stream.update(list(run), arrival)) is not None:
+            if stream is not None and (read := stream.update(run, arrival)) is not None:
                 reads.append(read)
         return reads
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from slipd.config import Arm, Gripper, ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
@@ -51,7 +50,7 @@ class Read(NamedTuple):
     """
 
     stream: str
-    samples: Sequence[Sample]
+    samples: Sequence[Any]
     times_ns: list[int]
     arrival: Arrival = PROMPT
 
@@ -98,47 +97,40 @@ class StreamMeter:
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
 
-    def update(self, samples: Sequence[Sample], arrival: Arrival = PROMPT) -> Read | None:
-        """Count and date the readings of one read, at least one; None where none of them fits the config."""
-        if self.shape or set(map(type, samples)) != {self.kind}:
-            self.misfit = self._misfit(samples[-1])
-            samples = [sample for sample in samples if not self._misfit(sample)]
-            if not samples:
-                return None
-        else:
-            self.misfit = ""
-        self.last_ns = samples[-1].t_ns
-        self.count += len(samples)
-        times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, arrival.late_ns)
-        if self.host_clock or times_ns[0] < self._dated_ns:
-            # charge and drift are integrated: their times must never go back
-            times_ns = list(accumulate(times_ns, max, initial=self._dated_ns))[1:]
-        self._dated_ns = times_ns[-1]
+    def update(self, samples: Iterable[Sample], arrival: Arrival = PROMPT) -> Read | None:
+        """Count and date the readings of one read; None where none of them fits the config."""
+        fitting: list[Sample] = []
+        times_ns: list[int] = []
+        for sample in samples:
+            self.misfit = self._misfit(sample)
+            if not self.misfit:
+                acquired_ns = self._host_time(sample) if self.host_clock else self._device_time(sample, arrival)
+                if acquired_ns > self._dated_ns:  # charge and drift are integrated: their times must never go back
+                    self._dated_ns = acquired_ns
+                fitting.append(sample)
+                times_ns.append(self._dated_ns)
+        if not fitting:
+            return None
+        self.last_ns = fitting[-1].t_ns
+        self.count += len(fitting)
         if arrival is not PROMPT:
             arrival = arrival._replace(dated=self.host_clock or self.clock.locked)
         if not self.judged:
-            self.freshness.update(self.last_ns, times_ns[-1], arrival)
-        return Read(self.name, samples, times_ns, arrival)
+            self.freshness.update(self.last_ns, self._dated_ns, arrival)
+        return Read(self.name, fitting, times_ns, arrival)
 
-    def _host_times(self, samples: Sequence[Sample]) -> list[int]:
-        times_ns = []
-        for sample in samples:
-            acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
-            if not believed and sample.device_time_ns is not None:
-                self.bad_time_ns = sample.t_ns
-            times_ns.append(acquired_ns)
-        return times_ns
+    def _host_time(self, sample: Sample) -> int:
+        acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
+        if not believed and sample.device_time_ns is not None:
+            self.bad_time_ns = sample.t_ns
+        return acquired_ns
 
-    def _device_times(self, samples: Sequence[Sample], late_ns: int) -> list[int]:
-        times_ns, map_time = [], self.clock.map
-        for sample in samples:
-            device_ns = sample.device_time_ns
-            if device_ns is not None and isinstance(sample, TactileSample):  # a scan is sent at its end
-                device_ns += (len(sample.values) - 1) * sample.dwell_ns
-            times_ns.append(map_time(device_ns, sample.t_ns))
-        if late_ns and not self.clock.locked:
-            return [t_ns - late_ns for t_ns in times_ns]
-        return times_ns
+    def _device_time(self, sample: Sample, arrival: Arrival) -> int:
+        device_ns = sample.device_time_ns
+        if device_ns is not None and isinstance(sample, TactileSample):  # a scan is sent at its end
+            device_ns += (len(sample.values) - 1) * sample.dwell_ns
+        acquired_ns = self.clock.map(device_ns, sample.t_ns)
+        return acquired_ns if self.clock.locked else acquired_ns - arrival.late_ns
 
     def _misfit(self, sample: Sample) -> str:
         if not isinstance(sample, self.kind):
