@@ -17,7 +17,7 @@ from slipd.grasp.grasp_view import NamedObject
 from slipd.grasp.stored_state import StoredGrip, StoredState, StoredTare, basis_of, read_state, rig_of, seal
 from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
-from slipd.links.device_link import DeviceLink, Identity
+from slipd.links.device_link import DeviceLink, IdentityGuard
 from slipd.signals.tare import Offset
 from slipd.types.arrays import finite_or_none
 from slipd.types.clocks import WallClock
@@ -124,7 +124,7 @@ class KeptState:
 
     def apply(self, name: str, t_ns: int) -> None:
         """Put the tare that waits for a stream in force, now that a reading of it came."""
-        tare, channel, device = self.waiting[name], self._channels[name], self._of_stream[name].identity
+        tare, channel, device = self.waiting[name], self._channels[name], self._of_stream[name].guard
         wanted = tare.device or tare.opened
         if tare.device and not device.reported:
             if self._until_ns is not None:
@@ -171,7 +171,7 @@ class KeptState:
         for name, channel in self._channels.items():
             offset = channel.tare.current
             if channel.tare.known:
-                tares[name] = self._stored(name, offset, self._of_stream[name].identity)
+                tares[name] = self._stored(name, offset, self._of_stream[name].guard)
         grip = self._gripper.kept()
         if grip is not None and grip is not self._grip:
             friction = {name: finger.friction.taught() for name, finger in self._fingers.items()}
@@ -184,10 +184,10 @@ class KeptState:
         """Set the wall clock; a tare keeps the wall time at which it was taken."""
         for name, channel in self._channels.items():
             if channel.tare.known:
-                self._stored(name, channel.tare.current, self._of_stream[name].identity)
+                self._stored(name, channel.tare.current, self._of_stream[name].guard)
         self._wall.minus_monotonic_ns = minus_monotonic_ns
 
-    def _stored(self, name: str, offset: Offset, device: Identity) -> StoredTare:
+    def _stored(self, name: str, offset: Offset, device: IdentityGuard) -> StoredTare:
         known = self._kept.get(name)
         if known is not None and known[0] is offset:
             return known[1]

@@ -6,32 +6,19 @@ from collections.abc import Mapping
 from contextlib import suppress
 from itertools import groupby
 from operator import attrgetter
-from typing import NamedTuple, cast
+from typing import cast
 
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
-from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.events import LinkSpec
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.links.stream_meter import FloodGuard, Read, StreamMeter, make_stream
+from slipd.links.stream_meter import FloodGuard, Read, StreamMeter
 from slipd.types.clocks import NEVER_NS
 
 RESTART_NS = 1_000_000_000
 """A session that failed restarts at once, but no more often than this."""
 _SOURCE = attrgetter("source")
-
-
-class Identity(NamedTuple):
-    """What is known of the device behind a link.
-
-    Attributes:
-        reported: Identity that it reports; "" if it did not yet, or never does.
-        opened: What was opened last, e.g. a path or an address; "" before.
-    """
-
-    reported: str
-    opened: str
 
 
 class IdentityGuard:
@@ -41,6 +28,7 @@ class IdentityGuard:
 
     Args:
         wanted: Identity that the config names, of the device or of what is opened; "" for any.
+        session: The conversation in which the device reports its identity; None for a device that sends unasked.
 
     Attributes:
         opened: What was opened last, e.g. a path or an address; "" before.
@@ -48,8 +36,8 @@ class IdentityGuard:
         mismatch: Why readings must not be used; "" where they may.
     """
 
-    def __init__(self, wanted: str) -> None:
-        self._wanted = wanted
+    def __init__(self, wanted: str, session: Session | None) -> None:
+        self._wanted, self._session = wanted, session
         self._first_opened = ""
         self.opened = self.first = self.mismatch = ""
 
@@ -60,9 +48,14 @@ class IdentityGuard:
         self.opened = opened
         return reopened
 
-    def check(self, session: Session | None) -> None:
+    @property
+    def reported(self) -> str:
+        """Identity that the device reports; "" if it did not yet, or never does."""
+        return self._session.identity if self._session is not None else ""
+
+    def check(self) -> None:
         """Compare what was opened, and the identity that the device reports, if any."""
-        identity = session.identity if session is not None else ""
+        session, identity = self._session, self.reported
         self.first = self.first or identity
         if self._wanted and self._wanted not in (identity, self.opened):
             self.mismatch = (
@@ -94,6 +87,7 @@ class DeviceLink:
         device: What is expected on the link.
         streams: The streams by sensor.
         session: The conversation with the device; None for a device that sends unasked.
+        counters: Counters of the decoder.
         due_ns: When `due` has bytes to write, as far as is known; the time may have moved on since.
         up: The link is open.
         message: Why it is not open, for people.
@@ -113,11 +107,12 @@ class DeviceLink:
         options = device_options(config)
         self.session: Session | None = self.device.session(**options) if self.device.session is not None else None
         self._decoder: Session | Decoder = self.session or self.device.decoder(**options)
+        self.counters = self._decoder.health
         self.streams: dict[str, StreamMeter] = {}
         self.up = self.failed = False
         self.message = "not opened yet"
         self.reconnects = 0
-        self.guard = IdentityGuard(config.hardware_id)
+        self.guard = IdentityGuard(config.hardware_id, self.session)
         self.flood = FloodGuard()
         self.opened_ns = self.bad_bytes_before = self.fault_ns = 0
         self.received_ns: int | None = None
@@ -139,7 +134,7 @@ class DeviceLink:
         self.opened_ns, self.received_ns = t_ns, None
         self.bad_bytes_before, self.fault = self.counters.bad_bytes, ""
         greeting = self._begin(t_ns)
-        self.guard.check(self.session)
+        self.guard.check()
         return greeting
 
     def _begin(self, t_ns: int) -> bytes:
@@ -155,16 +150,6 @@ class DeviceLink:
         except Exception as error:  # a device of another package ends no other stream
             self._fail(error, t_ns)
             return b""
-
-    @property
-    def counters(self) -> DecoderHealth:
-        """Counters of the decoder."""
-        return self._decoder.health
-
-    @property
-    def identity(self) -> Identity:
-        """What is known of the device."""
-        return Identity(self.session.identity if self.session is not None else "", self.guard.opened)
 
     def interrupt(self) -> None:
         """Forget the model of the device's clock after a gap in which time passed unseen."""
@@ -200,7 +185,7 @@ class DeviceLink:
             self._fail(error, t_ns)
             return []
         if session is not None and (guard.mismatch or session.identity != guard.first):
-            guard.check(session)
+            guard.check()
         if not samples or guard.mismatch:
             return []
         if len(samples) > flood.left:
@@ -263,5 +248,5 @@ def make_links(config: Config, freshness: Mapping[str, Freshness] = {}) -> dict[
             baud = (stream.baud or device.baud or 0) if transport == "serial" else 0
             spec = LinkSpec(name, transport, stream.port, baud, inquiry)
             link = by_address[stream.port] = DeviceLink(spec, stream)
-        link.add(stream.sensor, make_stream(name, stream, freshness.get(name)))
+        link.add(stream.sensor, StreamMeter(name, stream, freshness.get(name)))
     return {link.spec.name: link for link in by_address.values()}

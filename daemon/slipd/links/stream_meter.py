@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from slipd.config import Arm, Gripper, ObservedObject, Pad, Wrench, axes_of, stale_after_ns
@@ -55,19 +54,20 @@ class Read(NamedTuple):
     arrival: Arrival = PROMPT
 
 
-@dataclass(slots=True)
 class StreamMeter:
     """The readings of one sensor.
 
-    Attributes:
+    Args:
         name: Name, e.g. ``left.wrench``.
+        config: Its table of the config.
+        freshness: That of a finger's stream, which the finger keeps as it judges the readings; None: there is none.
+
+    Attributes:
+        name: Its name.
         expected_hz: Rate of the config.
-        freshness: Whether readings are missing; that of a finger's stream is kept by the finger, as it judges them.
-        judged: The finger keeps it.
+        freshness: Whether readings are missing.
         host_clock: The times of the readings are those of this host's CLOCK_MONOTONIC.
         clock: Model of the device's clock.
-        kind: Class of the readings.
-        shape: Shape of an image; empty where the readings are not images.
         rate_hint: How to set the rate on the device; "" where slipd does.
         last_ns: When the newest reading was received; None before the first.
         count: Number of readings.
@@ -77,25 +77,20 @@ class StreamMeter:
         bad_time_ns: When a reading last had a time that is not of this host's clock; None: never.
     """
 
-    name: str
-    expected_hz: float
-    freshness: Freshness
-    judged: bool
-    host_clock: bool
-    clock: DeviceClock
-    kind: type[Sample]
-    shape: tuple[int, ...] = ()
-    rate_hint: str = ""
-    last_ns: int | None = None
-    count: int = 0
-    rate_hz: float | None = None
-    damage: int = 0
-    misfit: str = ""
-    bad_time_ns: int | None = None
-    _dated_ns: int = field(default=0, repr=False)
-    _since_ns: int | None = field(default=None, repr=False)
-    _counted: int = field(default=0, repr=False)
-    _bad_bytes: int = field(default=0, repr=False)
+    def __init__(self, name: str, config: StreamConfig, freshness: Freshness | None = None) -> None:
+        device = DEVICES[config.device]
+        self.name, self.expected_hz = name, config.rate_hz
+        self.freshness, self._judged = freshness or Freshness(stale_after_ns(config)), freshness is not None
+        self.host_clock, self.rate_hint = device.host_clock, device.rate_hint
+        delay_ns, poll_ns = round(config.delay_s * 1e9), round(config.poll_s * 1e9)
+        self.clock = DeviceClock(device.clock_span_ns, delay_ns=delay_ns, poll_ns=poll_ns)
+        self._kind, self._shape = _KINDS[type(config)], _shape(config) if isinstance(config, Pad) else ()
+        self.last_ns: int | None = None
+        self.rate_hz: float | None = None
+        self.bad_time_ns: int | None = None
+        self.count = self.damage = self._dated_ns = self._counted = self._bad_bytes = 0
+        self.misfit = ""
+        self._since_ns: int | None = None
 
     def update(self, samples: Iterable[Sample], arrival: Arrival = PROMPT) -> Read | None:
         """Count and date the readings of one read; None where none of them fits the config."""
@@ -115,7 +110,7 @@ class StreamMeter:
         self.count += len(fitting)
         if arrival is not PROMPT:
             arrival = arrival._replace(dated=self.host_clock or self.clock.locked)
-        if not self.judged:
+        if not self._judged:
             self.freshness.update(self.last_ns, self._dated_ns, arrival)
         return Read(self.name, fitting, times_ns, arrival)
 
@@ -133,10 +128,10 @@ class StreamMeter:
         return acquired_ns if self.clock.locked else acquired_ns - arrival.late_ns
 
     def _misfit(self, sample: Sample) -> str:
-        if not isinstance(sample, self.kind):
+        if not isinstance(sample, self._kind):
             return f"readings of kind {type(sample).__name__}, which this stream does not have"
-        if isinstance(sample, TactileSample) and sample.values.shape != self.shape:
-            return f"images of {_shape(sample.values.shape)}, where the config says {_shape(self.shape)}"
+        if isinstance(sample, TactileSample) and sample.values.shape != self._shape:
+            return f"images of {_text(sample.values.shape)}, where the config says {_text(self._shape)}"
         return ""
 
     def measure(self, t_ns: int, bad_bytes: int, late_ns: int = 0) -> None:
@@ -157,29 +152,12 @@ class StreamMeter:
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
 
 
-def make_stream(name: str, config: StreamConfig, freshness: Freshness | None = None) -> StreamMeter:
-    """Return the stream of a table of the config; ``freshness``: that of a finger, which keeps it."""
-    device = DEVICES[config.device]
-    poll_ns = round(config.poll_s * 1e9)
-    clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
-    shape: tuple[int, ...] = ()
-    if isinstance(config, Pad):
-        taxels = config.rows * config.cols
-        shape = (taxels, 3) if axes_of(config) == 3 else (taxels,)
-    return StreamMeter(
-        name,
-        config.rate_hz,
-        freshness or Freshness(stale_after_ns(config)),
-        freshness is not None,
-        device.host_clock,
-        clock,
-        _KINDS[type(config)],
-        shape,
-        device.rate_hint,
-    )
+def _shape(config: Pad) -> tuple[int, ...]:
+    taxels = config.rows * config.cols
+    return (taxels, 3) if axes_of(config) == 3 else (taxels,)
 
 
-def _shape(shape: tuple[int, ...]) -> str:
+def _text(shape: tuple[int, ...]) -> str:
     axes = "three axes" if len(shape) > 1 else "one axis"
     return f"{shape[0]} taxels of {axes}"
 

@@ -105,7 +105,7 @@ class StatusPublisher:
         return {
             "health": int(worst_first[0][0]),
             "message": one_line("; ".join(text for _, text in worst_first if text)),
-            "hardware_id": one_line(link.identity.reported or link.identity.opened) or None,
+            "hardware_id": one_line(link.guard.reported or link.guard.opened) or None,
             "address": one_line(link.spec.address),
             "state": None if link.session is None else one_line(link.session.state),
             "expected_hz": stream.expected_hz,

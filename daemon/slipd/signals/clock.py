@@ -78,18 +78,7 @@ class DeviceClock:
     def __init__(self, span_ns: int | None, *, delay_ns: int = 0, poll_ns: int = 0) -> None:
         self._span_ns, self._delay_ns, self._poll_ns = span_ns, delay_ns, poll_ns
         self.slewed_ns = 0
-        self._mapped_ns = self._wanted_ns = self._device_ns = self._first_ns = 0
-        self._at_ns = self._lag_ns = self._base_ns = 0  # of the line, as its slope and bounds
-        self._slope = self._bound_ns = self._spread_ns = self._rate_bound = self._shared = self._uneven = 0.0
-        self._receipts = self._from_ns = self._slice_end_ns = self._grid_ns = 0
-        self._least: tuple[int, Slice] | None = None  # lag at the line's rate, and the reading
-        self._open = _NOTHING_OPEN
-        self.locked = False
-        self._slices: deque[Slice] = deque(maxlen=SLICES)
-        self._late: deque[Slice] = deque(maxlen=LATE_SLICES)
-        self._readings = 0
-        self._steepest = MOST_SLOPE
-        self._opens: deque[tuple[int, int]] = deque(maxlen=OPEN_SLICES)
+        self._mapped_ns = self._wanted_ns = self._readings = 0
         self.forget()
 
     def forget(self) -> None:
@@ -169,15 +158,12 @@ class DeviceClock:
             else:
                 self._device_ns += step
                 if fresh and not 0 < self._grid_ns <= FINEST_GRID_NS:
-                    self._note_step(step)
+                    # find the grid of the device times; if nearly every step is one of it, the device counts readings
+                    self._grid_ns = math.gcd(self._grid_ns, step)
+                    self._uneven += READ_SHARE * ((step != self._grid_ns) - self._uneven)
         if fresh:
             self._first_ns = self._device_ns
         self._raw_ns, self._receipt_ns = device_time_ns, receipt_ns
-
-    def _note_step(self, step: int) -> None:
-        """Find the grid of the device times; if nearly every step is one grid step, the device counts readings."""
-        self._grid_ns = math.gcd(self._grid_ns, step)
-        self._uneven += READ_SHARE * ((step != self._grid_ns) - self._uneven)
 
     def _commit(self, step: int) -> None:
         """Use the last reading of the previous read, the least delayed one of that read.
@@ -186,12 +172,14 @@ class DeviceClock:
         reads and readings beat slowly, many reads carry no more information.
         """
         device_ns, receipt_ns = self._device_ns, self._receipt_ns
-        lag = receipt_ns - device_ns
-        late = lag - self._lag_ns - int(self._slope * (device_ns - self._at_ns))
+        lag = tilted = receipt_ns - device_ns
+        tilted -= int(self._slope * (device_ns - self._at_ns))
+        late = tilted - self._lag_ns
         if late < 0:
             early = EARLY_NS + 3.0 * self._bound_at(device_ns) if self.locked else EARLY_SETTLING_NS
             if late < -early:  # the clock jumped ahead, or all previous readings were late
                 self._begin(device_ns, receipt_ns)
+                tilted = lag
             else:
                 self._lag_ns += late
                 self._base_ns += late
@@ -199,7 +187,6 @@ class DeviceClock:
         self._shared += READ_SHARE * ((device_ns != self._first_ns) - self._shared)
         if 0 <= step - late < self._open[0]:
             self._open = step - late, step
-        tilted = lag - int(self._slope * (device_ns - self._at_ns))
         if self._least is None or tilted < self._least[0]:
             self._least = tilted, (device_ns, lag, self._readings - 1)
         if receipt_ns >= self._slice_end_ns:
@@ -282,12 +269,12 @@ class DeviceClock:
         self._device_ns = self._at_ns = device_ns
         self._lag_ns = self._base_ns = receipt_ns - device_ns
         self._slope = self._bound_ns = self._spread_ns = self._rate_bound = 0.0
-        self._slices.clear()
-        self._late.clear()
+        self._slices: deque[Slice] = deque(maxlen=SLICES)
+        self._late: deque[Slice] = deque(maxlen=LATE_SLICES)
         self._steepest = MOST_SLOPE
-        self._least = None
+        self._least: tuple[int, Slice] | None = None  # lag at the line's rate, and the reading
         self._receipts = 0
         self._from_ns, self._slice_end_ns = receipt_ns, receipt_ns + SLICE_NS
         self._grid_ns, self._uneven = 0, 0.0
         self._first_ns, self._shared, self._open = device_ns, 0.0, _NOTHING_OPEN
-        self._opens.clear()
+        self._opens: deque[tuple[int, int]] = deque(maxlen=OPEN_SLICES)

@@ -11,7 +11,7 @@ from arm_rig import DOWN, RIG, STILL
 from slipd.config import Config
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.links.link_health import SHOWN_NS, Condition, _stream_condition
-from slipd.links.stream_meter import StreamMeter, make_stream
+from slipd.links.stream_meter import StreamMeter
 from slipd.types.samples import ArmSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -36,7 +36,7 @@ def reading(t_ns: int, device_ns: int | None) -> WrenchSample:
 
 
 def made(parse: Parse, text: str, name: str = "left.wrench") -> StreamMeter:
-    return make_stream(name, parse(text).streams()[name])
+    return StreamMeter(name, parse(text).streams()[name])
 
 
 @pytest.fixture

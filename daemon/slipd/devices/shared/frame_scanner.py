@@ -100,11 +100,6 @@ class FrameScanner:
         return buffer, found
 
     @property
-    def has_partial(self) -> bool:
-        """Whether the stream ends with bytes that may begin a frame."""
-        return bool(self._tail)
-
-    @property
     def in_sync(self) -> bool:
         """Whether the stream ends with a whole frame, so that the next bytes begin one."""
         return not self._tail and self._damage == 0

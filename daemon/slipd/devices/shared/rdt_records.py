@@ -104,7 +104,7 @@ class RecordScanner:
         """Read the usual datagram, whole records that follow the newest; return None, and change nothing, otherwise."""
         if len(data) % RECORD_LENGTH or len(data) <= RECORD_LENGTH:
             return None
-        if self._returned is None or self._frames.has_partial:  # out of sync, there is always a partial record
+        if self._returned is None or not self._frames.in_sync:
             return None
         number, clock = self._returned
         if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
