@@ -17,7 +17,7 @@ from typing import Any
 
 from slipd.config import Config
 from slipd.engine.engine import Engine
-from slipd.events import Event, HostNotice, Publish, Record, Reply, Request, Tick, Write
+from slipd.events import Event, HostNotice, Output, Publish, Reply, Request, Tick, Write
 from slipd.grasp.stored_state import rig_of
 from slipd.io.bus.access import RuntimeDirectory, guard
 from slipd.io.bus.publisher import Publisher
@@ -140,8 +140,11 @@ class ServiceRun:
         if self._over:
             return
         self.events_handled += 1
+        t_ns = self._now_ns() if t_ns is None else t_ns
         try:
-            self._handle(event, self._now_ns() if t_ns is None else t_ns)
+            self.recorders.event(event, t_ns)
+            for output in self.engine.handle(event, t_ns):
+                self._send(output, t_ns)
         except Exception as error:  # of any kind: the run must end and report it
             self._fail(error)
 
@@ -179,22 +182,20 @@ class ServiceRun:
         if self._failure is not None:
             raise self._failure
 
-    def _handle(self, event: Event, t_ns: int) -> None:
-        self.recorders.event(event, t_ns)
-        for output in self.engine.handle(event, t_ns):
-            if isinstance(output, Publish):
-                payload = encode(output.body)
-                self.publisher.publish(output.topic, payload, output.frame)
-                self.recorders.published(output, payload, t_ns)
-                if output.topic == STATUS_TOPIC:
-                    self._show_status(summary(output.body))
-            elif isinstance(output, Write):
-                if self.links is not None:
-                    self.links.write(output.link, output.data)
-            elif isinstance(output, Reply):
-                self.requests.reply(output.client, output.body)
-            elif isinstance(output, Record):
-                self.recorders.handle(output, t_ns)
+    def _send(self, output: Output, t_ns: int) -> None:
+        if isinstance(output, Publish):
+            payload = encode(output.body)
+            self.publisher.publish(output.topic, payload, output.frame)
+            self.recorders.published(output, payload, t_ns)
+            if output.topic == STATUS_TOPIC:
+                self._show_status(summary(output.body))
+        elif isinstance(output, Write):
+            if self.links is not None:
+                self.links.write(output.link, output.data)
+        elif isinstance(output, Reply):
+            self.requests.reply(output.client, output.body)
+        else:
+            self.recorders.handle(output, t_ns)
 
     def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
         self.handle(Request(client, body))

@@ -80,7 +80,7 @@ class Connection:
 
         `until_lost` raises the exception of the consumer: asyncio would only log it if the reader's callback raised it.
         """
-        if not self.ended:
+        if not self._lost.done():
             try:
                 self._on_bytes(data)
             except Exception as error:

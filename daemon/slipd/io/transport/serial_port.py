@@ -98,9 +98,7 @@ class SerialConnection(FileConnection, asyncio.Protocol):
         await super().close()
         await self._closed.wait()
 
-    def data_received(self, data: bytes) -> None:
-        """Deliver bytes; called by the library."""
-        self.deliver(data)
+    data_received = FileConnection.deliver  # called by the library
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End the connection; called by the library, which closes the port after this returns."""
