@@ -88,6 +88,24 @@ class DeviceClock:
         self._raw_ns, self._receipt_ns = _NEVER, -1
         self._begin(0, 0)
 
+    def _begin(self, device_ns: int, receipt_ns: int) -> None:
+        """Start a new line with a reading."""
+        self.locked = False
+        if self.state in ("locked", "delayed"):
+            self.state = "settling"
+        self._device_ns = self._at_ns = device_ns
+        self._lag_ns = self._base_ns = receipt_ns - device_ns
+        self._slope = self._bound_ns = self._spread_ns = self._rate_bound = 0.0
+        self._slices: deque[Slice] = deque(maxlen=SLICES)
+        self._late: deque[Slice] = deque(maxlen=LATE_SLICES)
+        self._steepest = MOST_SLOPE
+        self._least: tuple[int, Slice] | None = None  # lag at the line's rate, and the reading
+        self._receipts = 0
+        self._from_ns, self._slice_end_ns = receipt_ns, receipt_ns + SLICE_NS
+        self._grid_ns, self._uneven = 0, 0.0
+        self._first_ns, self._shared, self._open = device_ns, 0.0, _NOTHING_OPEN
+        self._opens: deque[tuple[int, int]] = deque(maxlen=OPEN_SLICES)
+
     def map(self, device_time_ns: int | None, receipt_ns: int) -> int:
         """Return the time of acquisition of a reading on CLOCK_MONOTONIC, never after its receipt.
 
@@ -261,20 +279,3 @@ class DeviceClock:
         """Give up an unusable clock and start a long probation."""
         self.state, self._settle_ns, self._jumps = "not_a_clock", PROBATION_NS, 0
         self._begin(self._device_ns, receipt_ns)
-
-    def _begin(self, device_ns: int, receipt_ns: int) -> None:
-        self.locked = False
-        if self.state in ("locked", "delayed"):
-            self.state = "settling"
-        self._device_ns = self._at_ns = device_ns
-        self._lag_ns = self._base_ns = receipt_ns - device_ns
-        self._slope = self._bound_ns = self._spread_ns = self._rate_bound = 0.0
-        self._slices: deque[Slice] = deque(maxlen=SLICES)
-        self._late: deque[Slice] = deque(maxlen=LATE_SLICES)
-        self._steepest = MOST_SLOPE
-        self._least: tuple[int, Slice] | None = None  # lag at the line's rate, and the reading
-        self._receipts = 0
-        self._from_ns, self._slice_end_ns = receipt_ns, receipt_ns + SLICE_NS
-        self._grid_ns, self._uneven = 0, 0.0
-        self._first_ns, self._shared, self._open = device_ns, 0.0, _NOTHING_OPEN
-        self._opens: deque[tuple[int, int]] = deque(maxlen=OPEN_SLICES)
