@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import zlib
 from collections.abc import Callable
-from operator import attrgetter, itemgetter
+from operator import itemgetter
 from typing import Any
 
 import msgpack
@@ -44,9 +44,8 @@ class _Form:
         fields: Type of each field of the event.
 
     Attributes:
-        names: Names of all entries of a map, in their order.
-        attributes: Returns the fields of an event.
-        values: Returns the values of a map, in the order of the names.
+        names: Names of all entries of a map, in their order, for people.
+        values: Returns the values of a map in this order.
         types: Their types.
         numbers: Places of the numbers among them.
     """
@@ -55,8 +54,8 @@ class _Form:
         types = {"n": int, "t_ns": int, "kind": str, **fields, "crc32": bytes}
         self.event_type: Callable[..., Event] = event_type
         self.omitted = omitted
-        self.names = tuple(types)
-        self.attributes: Callable[[Event], tuple[Any, ...]] = attrgetter(*fields)
+        self.fields = tuple(fields)
+        self.names = ", ".join(types)
         self.values: Callable[[dict[str, Any]], tuple[Any, ...]] = itemgetter(*types)
         self.types = tuple(types.values())
         self.numbers = [place for place, held in enumerate(self.types) if held is int]
@@ -102,10 +101,13 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
     """
     kind = _KINDS[type(event)]
     form = _FORMS[kind]
-    whole = dict(zip(form.names, (n, t_ns, kind, *form.attributes(event), _NO_CRC), strict=True))
+    whole: dict[str, Any] = {"n": n, "t_ns": t_ns, "kind": kind}
+    for name in form.fields:
+        whole[name] = getattr(event, name)
     for name, value in form.omitted.items():
         if whole[name] == value:
             del whole[name]
+    whole["crc32"] = _NO_CRC
     body: bytes = _PACKING.packer.pack(whole)[:-_CRC_BYTES]
     return body + _crc(body)
 
@@ -130,7 +132,7 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
     except KeyError:
         values = ()
     if len(values) != len(whole) or tuple(map(type, values)) != form.types:
-        raise RecordingError(f"an event of kind {kind!r} must have the fields {', '.join(form.names)}")
+        raise RecordingError(f"an event of kind {kind!r} must have the fields {form.names}")
     for place in form.numbers:
         if not 0 <= values[place] < _NUMBER_LIMIT:
             raise RecordingError(f"the numbers of an event of kind {kind!r} must be from 0 to 2**63 - 1")

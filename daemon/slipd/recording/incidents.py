@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from threading import Thread
 from typing import Any
 
@@ -24,17 +24,13 @@ from slipd.errors import RecordingError
 from slipd.events import Event, FirstEvents, IncidentsChanged
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
-from slipd.recording.mcap_records import trimmed
 from slipd.recording.run_files import RunFiles
-from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT
+from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT, looks
 
 KIND = "incident"
 
 LEVELS = ("caution", "warning", "slipping")
 """Levels that may count as an incident, the least alarming first."""
-
-_PERIOD_S = 0.05
-"""How often the thread empties the queue, s: waking for every entry would delay the live path."""
 
 BLOCK_NS = 1_000_000_000
 """Time between two places where a file may begin, ns: each costs the live path what the state of the run takes."""
@@ -97,7 +93,7 @@ class EntryRing:
         if self.next_n < len(first):  # the run has just begun: no entry would leave them an index
             return
         blocks = self._blocks
-        blocks[-1].pieces = [trimmed(self._compressor.compress(b"".join(blocks[-1].pieces)))]
+        blocks[-1].pieces = [_trimmed(self._compressor.compress(b"".join(blocks[-1].pieces)))]
         self._bytes += len(blocks[-1].pieces[0])
         blocks.append(_Block(first, t_ns))
         while len(blocks) > 2 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):
@@ -141,6 +137,11 @@ class EntryRing:
             yield from unpacker
         unpacker.feed(b"".join(self._blocks[-1].pieces))
         yield from unpacker
+
+
+def _trimmed(data: bytes) -> bytes:
+    """Return a copy that takes only its own size; compressed bytes keep the memory of the largest possible result."""
+    return bytes(memoryview(data))
 
 
 _Entry = tuple[str, Event | bytes, int]
@@ -243,20 +244,14 @@ class Incidents:
         self._thread.join(CLOSE_LIMIT_S)
 
     def _run(self) -> None:
-        while True:
-            try:
-                item = self._queue.get_nowait()
-            except Empty:
-                time.sleep(_PERIOD_S)
-                continue
-            if item is None:
-                break
-            if callable(item):
-                item()
-                continue
-            while self._due and item[-1] > self._due[0][1]:
-                self._save(self._due.pop(0)[0])
-            self._ring.add(*item)
+        for items in looks(self._queue):
+            for item in items:
+                if callable(item):
+                    item()
+                    continue
+                while self._due and item[-1] > self._due[0][1]:
+                    self._save(self._due.pop(0)[0])
+                self._ring.add(*item)
         for path, _ in self._due:
             self._save(path)
 
