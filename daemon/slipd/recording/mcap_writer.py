@@ -140,7 +140,9 @@ class McapWriter:
         self._channels: dict[str, int] = {}
         self._statistics = Statistics(0, 0, defaultdict(int), 0, 0, 0, 0, 0, 0)
         self._summary = {opcode: bytearray() for opcode in _SUMMARY}
-        self._compressor = zstandard.ZstdCompressor()
+        self._compressor = zstandard.ZstdCompressor(
+            level=1
+        )  # files of level 3 are no smaller, and cost half as much again
         self._index_compressor = zstandard.ZstdCompressor(level=1).compressobj()
         self._chunk_indexes = bytearray()  # compressed: fourteen chunks a second have 12 MB of them in an hour
         stream.write(MCAP0_MAGIC + encoded(Header(profile, library)))
