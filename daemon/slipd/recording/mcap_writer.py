@@ -81,14 +81,13 @@ class RecordStream:
         self.path = path
         self._written = self._whole = 0
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: bytes | bytearray) -> None:
         """Write all of ``data``; a disk that is nearly full may take only a part at first."""
         rest = memoryview(data)
         while rest:
             count = self._file.write(rest) or 0
             self._written += count
             rest = rest[count:]
-        return len(data)
 
     def tell(self) -> int:
         """Return the number of bytes written."""

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
-from typing import TypeVar
+from typing import Any
 
 from slipd.errors import RecordingError
 from slipd.events import Event, RecordingChanged
@@ -47,12 +47,10 @@ _log = logging.getLogger(__name__)
 _Entry = tuple[int, int, str, Event | bytes]
 """Arguments of `RecordingFile.add`."""
 
-T = TypeVar("T")
 
-
-def looks(queue: SimpleQueue[T | None]) -> Iterator[list[T]]:
+def looks(queue: SimpleQueue[Any]) -> Iterator[list[Any]]:
     """Yield what came into a queue since the last look, until it has None, its last item."""
-    found: list[T | None] = []
+    found: list[Any] = []
     while None not in found:
         time.sleep(LOOK_PERIOD_S)
         found = [queue.get() for _ in range(min(queue.qsize(), LOOK_ENTRIES))]
