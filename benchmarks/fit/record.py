@@ -104,9 +104,9 @@ def _record(task: tuple[str, str, int, Path]) -> None:
     columns: list[Array] = []
     judge = contact_estimator.judge_readings
 
-    def keep(rows: Rows, conditions: Rows, *rest: Any) -> None:
-        judge(rows, conditions, *rest)
-        columns.append(_columns(rows, conditions[0]))
+    def keep(rows: Rows, states: Rows, *rest: Any) -> None:
+        judge(rows, states, *rest)
+        columns.append(_columns(rows, states[0]["conditions"]))
 
     with mock.patch.object(contact_estimator, "judge_readings", keep):
         published = reports(scene, tape, variant)

@@ -57,7 +57,7 @@ def teach(finger: Finger, q: float, *, slips: bool = False) -> None:
     rows["assessment"]["required_friction"] = rows["contact"]["friction_ratio"] = q
     rows["assessment"]["peak_required"] = rows["assessment"]["plateau_required"] = math.nan
     rows["assessment"]["slips"][-1] = slips
-    learn(rows, finger.friction.learning, 0.0, True)
+    learn(rows, finger.friction.learning, 0.0, 0)
     finger.friction.begin_step([round(rows["t_s"][-1] * 1e9) + 20 * MS], 0)
 
 

@@ -58,7 +58,7 @@ class Hand:
         begin = 0
         while begin < len(values):
             end = self.estimate.begin_step(times_ns, begin)
-            learn(rows[begin:end], self.estimate.learning, shape, teaches)
+            learn(rows[begin:end], self.estimate.learning, shape, 0 if teaches else end)
             begin = end
         if pauses:
             self.pause()

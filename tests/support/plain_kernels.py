@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 import pytest
+
+
+def run_without_compilation(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
+    """Replace the kernels of modules by their source."""
+    for module in modules:
+        for name, kernel in list(vars(module).items()):
+            if hasattr(kernel, "py_func"):
+                patch.setattr(module, name, kernel.py_func)
 
 
 def check_without_compilation(kernel: Callable[..., Any], *arguments: Any) -> None:

@@ -41,7 +41,7 @@ def warm_up() -> None:
     tipping_margin(x, y, centre)
     contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
     Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
-    move_to_pad(new_readings([(0.0,) * 6], [0.0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).conditions)
+    move_to_pad(new_readings([(0.0,) * 6], [0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).state)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)

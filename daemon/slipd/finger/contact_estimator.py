@@ -1,7 +1,7 @@
 """Estimate the contact of one finger, read by read: contact phase, utilisation, tipping margin, slip, and level.
 
 All readings of one read go through the compiled kernels of `slipd.fusion` at once. What the next read continues from
-is kept in rows of the `ContactWatch`; `ContactWatch.conditions` shows why a verdict came out as it did.
+is kept in one row, `ContactWatch.state`; its conditions show why a verdict came out as it did.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ class ContactEstimator:
     Attributes:
         friction: Coefficients of friction in use.
         watch: Conditions in force, and the memory of the kernels.
+        certain: The readings are off by their noise alone, not by the unknown weight of the finger.
     """
 
     def __init__(self, config: FingerConfig, levels: Levels) -> None:
@@ -51,17 +52,17 @@ class ContactEstimator:
         self._caution = levels.caution
         self._drift_n, self._bias_n = _most_zero_n(config)
         self._friction_in_force: FrictionState | None = None
-        self._uncertainty_in_force: tuple[Uncertainty, bool] | None = None
+        self.certain = True
 
     @property
     def in_contact(self) -> bool:
         """The newest reading that could be trusted touches."""
-        return bool(self.watch.memory["in_contact"][0])
+        return bool(self.watch.state["memory"]["in_contact"][0])
 
     @property
     def least_normal_n(self) -> float:
         """Least normal force that counts as contact now, N."""
-        return float(self.watch.conditions["lasts_n" if self.in_contact else "begins_n"][0])
+        return float(self.watch.state["conditions"]["lasts_n" if self.in_contact else "begins_n"][0])
 
     def note_motion(self, until_ns: int, evidence: int) -> None:
         """Report slip until a time; see `ContactWatch.note_motion`."""
@@ -76,53 +77,47 @@ class ContactEstimator:
     def estimate(
         self,
         readings: WrenchBatch,
-        uncertainty: Uncertainty,
         image: ImageChannel | None,
+        oldest_ns: int,
         disagreement: tuple[str, ...] = (),
         image_fault: str = "",
         *,
         teaches: bool = False,
         image_free: bool = False,
-        zero_known: bool = True,
     ) -> VerdictBatch:
         """Estimate the contact at each reading of one read.
 
         Args:
             readings: The conditioned readings.
-            uncertainty: Of the readings, by noise and by the unknown weight of the finger.
             image: The pad; None without an image of the time of the readings.
+            oldest_ns: Readings from before this time are too old.
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
             teaches: The readings may teach friction, where there is no disagreement.
             image_free: The pad shows by itself that nothing presses. It decides where the unknown weight of the finger
                 may hide a contact from the force sensor.
-            zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
         """
         rows, times_ns, friction, watch = readings.rows, readings.times_ns, self.friction, self.watch
-        if (uncertainty, zero_known) != self._uncertainty_in_force:
-            self._set_uncertainty(uncertainty, zero_known=zero_known)
-        ends_at = find_contacts(rows, watch.conditions, watch.memory, readings.moved)
-        phases = rows["phase"].tolist()
-        distribution, count = None, len(phases)
-        if image is not None and TOUCHING in phases:
-            distribution = image.load_distribution(lambda: contact_at(rows, phases.index(TOUCHING)))
+        ends_at, phases = find_contacts(rows, watch.state, oldest_ns, readings.moved)
+        distribution, count = None, len(times_ns)
+        if image is not None and phases & 1 << TOUCHING:
+            distribution = image.load_distribution(rows)
         if disagreement:
             watch.forget_load()  # a wrong reading, and its end, look like a load that falls
             friction.discard_grasp()
-        frictions: list[FrictionState] = []
-        begin, end = 0, count
-        while begin < count:
-            if times_ns[-1] // STEP_NS != friction.step:
+        if times_ns[-1] // STEP_NS == friction.step:
+            frictions = [friction.state] * count
+            self._judge(rows, distribution, ends_at if disagreement else 0, teaches=teaches)
+        else:
+            frictions, begin = [], 0
+            while begin < count:
                 end = friction.begin_step(times_ns, begin)
-            frictions += [friction.state] * (end - begin)
-            agrees_at = min(max(ends_at, begin), end) if disagreement else begin
-            if begin < agrees_at:
-                self._judge(rows[begin:agrees_at], distribution, teaches=False)
-            if agrees_at < end:
-                self._judge(rows[agrees_at:end], distribution, teaches=teaches)
-            begin, end = end, count
+                frictions += [friction.state] * (end - begin)
+                agrees_at = ends_at - begin if disagreement else 0
+                self._judge(rows[begin:end], distribution, agrees_at, teaches=teaches)
+                begin = end
         levels = rows["assessment"]["level"].tolist()
-        for k, phase in enumerate(phases if disagreement or image_free else ()):
+        for k, phase in enumerate(rows["phase"].tolist() if disagreement or image_free else ()):
             if disagreement and phase == TOUCHING and k < ends_at:
                 levels[k] = UNKNOWN
             elif image_free and phase == FREE:
@@ -131,8 +126,8 @@ class ContactEstimator:
             readings, phases, distribution, frictions, self._caution, image_fault, disagreement, ends_at, levels
         )
 
-    def _judge(self, rows: Rows, distribution: LoadDistribution | None, *, teaches: bool) -> None:
-        """Solve and assess readings with one friction, learn from them, and keep what the next read continues from."""
+    def _judge(self, rows: Rows, distribution: LoadDistribution | None, agrees_at: int, *, teaches: bool) -> None:
+        """Solve and assess readings with one friction, and learn from those of index ``agrees_at`` or more."""
         friction, watch, arrays = self.friction, self.watch, _NO_TAXELS
         if friction.state is not self._friction_in_force:
             self._friction_in_force = friction.state
@@ -141,8 +136,9 @@ class ContactEstimator:
         if distribution is not None:
             shape_error, outline = SHAPE_ERROR / len(distribution.x), distribution.outline
             arrays = distribution.x, distribution.y, distribution.loads.loads, outline.x, outline.y
-        judge_readings(rows, watch.conditions, watch.memory, watch.drop, watch.ring, *arrays)
-        learn(rows, friction.learning, shape_error, teaches and self._certain and distribution is not None)
+        judge_readings(rows, watch.state, *arrays)
+        teaches = teaches and self.certain and distribution is not None
+        learn(rows, friction.learning, shape_error, agrees_at if teaches else len(rows))
         if friction.rotation.stated is not None:
             self._learn_rotation(rows, distribution)
 
@@ -155,14 +151,18 @@ class ContactEstimator:
         if not self.in_contact:
             self.friction.forget_turns()
 
-    def _set_uncertainty(self, uncertainty: Uncertainty, *, zero_known: bool) -> None:
-        """Put the uncertainty of the readings in force, and the negative normal force that it does not explain."""
-        self._uncertainty_in_force = uncertainty, zero_known
-        self._certain = uncertainty.force_n == 0.0
+    def set_uncertainty(self, uncertainty: Uncertainty, *, zero_known: bool) -> None:
+        """Put the uncertainty of the readings in force, and the negative normal force that it does not explain.
+
+        Args:
+            uncertainty: By noise and by the unknown weight of the finger.
+            zero_known: The zero of the force is known. Otherwise no reading shows a contact, or the want of one.
+        """
+        self.certain = uncertainty.force_n == 0.0
         self.watch.set_uncertainty(uncertainty)
         pulled_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
-        self.watch.conditions["pulled_n"] = pulled_n if zero_known else pulled_n + self._bias_n
-        self.watch.conditions["zero_known"] = zero_known
+        now = self.watch.state["conditions"]
+        now["pulled_n"], now["zero_known"] = pulled_n if zero_known else pulled_n + self._bias_n, zero_known
 
 
 def _most_zero_n(config: FingerConfig) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from slipd.config import Wrench
 from slipd.finger.finger_state import VerdictBatch
 from slipd.finger.image_channel import ImageChannel
-from slipd.fusion.rows import TOUCHING, Rows
+from slipd.fusion.rows import Rows
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
@@ -47,10 +47,9 @@ class ContactMotion:
 
     def update_force(self, batch: VerdictBatch) -> None:
         """Update with the force readings of one read."""
-        for phase in batch.phases:
-            if phase != TOUCHING:
-                self.forget()
-                return
+        if not batch.touches:
+            self.forget()
+            return
         self._known = True
         if self._vibration is None:
             return

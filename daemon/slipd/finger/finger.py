@@ -27,7 +27,7 @@ from slipd.finger.image_channel import ImageChannel, wrench_by_taxels
 from slipd.finger.trust import ContactPresence, Trust
 from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.fusion.levels import Uncertainty
-from slipd.fusion.rows import LATE, PULLED
+from slipd.fusion.rows import PULLED
 from slipd.motion.evidence import evidence_mask
 from slipd.types.samples import TactileSample, WrenchSample
 from slipd_client.messages import LEVELS
@@ -68,8 +68,8 @@ class Finger:
         wrench, pad = config.wrench, config.pad
         self.name, self.config = name, config
         self._estimator = ContactEstimator(config, levels)
-        self.friction, conditions = self._estimator.friction, self._estimator.watch.conditions
-        self.force = ForceChannel(wrench, conditions) if wrench is not None else None
+        self.friction, state = self._estimator.friction, self._estimator.watch.state
+        self.force = ForceChannel(wrench, state) if wrench is not None else None
         self.image = ImageChannel(pad, config) if pad is not None else None
         self.main, self.main_stream = self.channel(None), "pad" if wrench is None else "wrench"
         self.tare = self.main.tare
@@ -77,10 +77,11 @@ class Finger:
         self.in_newtons = wrench is not None or self.image_in_newtons
         self.freshness = self.main.freshness
         self._uncertainty = Uncertainty() if self.force is None else self.force.noise
+        self._in_force: tuple[Uncertainty, bool] | None = None
         self.presence, self.trust, self._guard = ContactPresence(self), Trust(self), TareGuard(self)
         self._check: ForceImageCheck | None = None
         if pad is not None and self.force is not None and self.image is not None:
-            self._check = ForceImageCheck(config, pad, self.force, self.image)
+            self._check = ForceImageCheck(config, pad, self.force, self.image, state)
         self.motion = None if wrench is None else ContactMotion(wrench, self.image)
         self._delayed: deque[DelayedRead] = deque()
         self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
@@ -190,54 +191,39 @@ class Finger:
 
     def _judge(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
-        force, check, times_ns = self.force, self._check, readings.times_ns
-        if readings.received_ns - min(times_ns) > self.freshness.stale_ns:
-            self._mark_late(readings, arrival)
+        force, check, received_ns, newest_ns = self.force, self._check, readings.received_ns, readings.times_ns[-1]
+        usable_ns = self.freshness.stale_ns
+        if arrival.waited_ns and not (arrival.dated and self._is_stale):
+            usable_ns += arrival.waited_ns  # the daemon let them wait, and the stream was not stale before them
+        sure = True
         if force is not None:  # an image has updated its own
-            self.freshness.update(readings.received_ns, times_ns[-1], arrival)
-        uncertainty = self._uncertainty
-        if force is not None and force.mass_kg > 0.0:
-            uncertainty = force.uncertainty(times_ns[-1])
-        sure = force is None or force.watch.rests or not force.watch.suspect
+            self.freshness.update(received_ns, newest_ns, arrival)
+            sure = force.watch.rests or not force.watch.suspect
+            if force.mass_kg > 0.0:
+                self._set_uncertainty(force.uncertainty(newest_ns))
         if arrival.waited_ns or arrival.unread_ns is not None:
-            image = self.image
-            serves = image is not None and image.serves(readings.times_ns[-1], readings.received_ns, arrival)
+            serves = self.image is not None and self.image.serves(newest_ns, received_ns, arrival)
         else:
-            serves = readings.received_ns <= self._image_until_ns
+            serves = received_ns <= self._image_until_ns
         batch = self._estimator.estimate(
             readings,
-            uncertainty,
             self.image if serves else None,
+            received_ns - usable_ns,
             () if check is None else check.disagreement,
             self._image_fault,
             teaches=sure and self._image_teaches and not arrival.waited_ns,
-            image_free=uncertainty.force_n > 0.0 and self.presence.is_free_by_image(),
-            zero_known=self.zero_known,
+            image_free=not self._estimator.certain and self.presence.is_free_by_image(),
         )
-        self._newest, self.level, self._is_stale = batch, LEVELS[batch.levels[-1]], batch.phases[-1] == LATE
-        if PULLED in batch.phases:
+        self._newest, self.level, self._is_stale = batch, LEVELS[batch.levels[-1]], batch.is_late
+        if batch.phases & 1 << PULLED:
             self.tare.reject("the normal force is clearly negative")
         if self.motion is not None:
             self.motion.update_force(batch)
-        if check is not None:
-            if batch.ends_at < len(batch.phases):
-                check.reset()
-            check.history.update(readings.rows, times_ns, batch.phases)
+        if check is not None and batch.ends_at < len(batch):
+            check.reset()
         if self._taring:
             self._guard.check_load()
         return batch
-
-    def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:
-        """Mark readings that are too old.
-
-        Time in which they waited for the daemon does not count, unless the stream was stale before them.
-        """
-        usable_ns = self.freshness.stale_ns
-        if arrival.waited_ns and not (arrival.dated and self._is_stale):
-            usable_ns += arrival.waited_ns
-        for k, t_ns in enumerate(readings.times_ns):
-            if readings.received_ns - t_ns > usable_ns:
-                readings.rows["phase"][k] = LATE
 
     def _is_untouched(self) -> bool | None:
         """Return whether nothing touches the finger; None: unknown."""
@@ -250,11 +236,18 @@ class Finger:
         """Follow a change of a tare; a new zero casts doubt on what was learned of friction with the one before."""
         self._taring = any(tare.busy for tare in self._tares)
         self.zero_known = self.main.zero.known
+        self._set_uncertainty(self._uncertainty)
         zeros, before = [tare.current for tare in self._tares], self._zeros
         if any(now is not then for now, then in zip(zeros, before, strict=True)):
             self._zeros = zeros
             self.friction.doubt()
         self._follow_image()
+
+    def _set_uncertainty(self, uncertainty: Uncertainty) -> None:
+        """Put the uncertainty of the readings in force, if it or what is known of the zero changed."""
+        if (uncertainty, self.zero_known) != self._in_force:
+            self._uncertainty, self._in_force = uncertainty, (uncertainty, self.zero_known)
+            self._estimator.set_uncertainty(uncertainty, zero_known=self.zero_known)
 
     def _follow_image(self) -> None:
         """Note until when the newest image serves, whether readings beside it teach friction, and what is wrong."""
@@ -399,7 +392,7 @@ class Finger:
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
         """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `FrictionEstimate.set`."""
         self.friction.set(mu_s, mu_d, by, t_ns)
-        self._estimator.watch.drop["least_drop"] = self.friction.drop
+        self._estimator.watch.state["drop"]["least_drop"] = self.friction.drop
 
     def begin_tare(
         self, t_ns: int, seconds: float, by: str, stream: str | None = None, *, unloaded: bool = False

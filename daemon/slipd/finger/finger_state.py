@@ -180,7 +180,7 @@ class VerdictBatch:
 
     Attributes:
         readings: The conditioned readings, with all that was found in their rows.
-        phases: Contact phase of each: PULLED, LATE, UNTRUSTED, FREE or TOUCHING.
+        phases: Contact phases that occur, a bit each: PULLED, LATE, UNTRUSTED, FREE and TOUCHING.
         load_distribution: Shares of the normal force on the taxels, for the readings that touch; None without a usable
             image.
         frictions: What was known of the friction at each.
@@ -192,7 +192,7 @@ class VerdictBatch:
     """
 
     readings: WrenchBatch
-    phases: list[int]
+    phases: int
     load_distribution: LoadDistribution | None
     frictions: list[FrictionState]
     caution: float
@@ -200,7 +200,7 @@ class VerdictBatch:
     disagreement: tuple[str, ...]
     ends_at: int
     levels: list[int]
-    _states: dict[int, FingerState] = field(default_factory=dict, init=False, repr=False)
+    _states: dict[int, FingerState] | None = field(default=None, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.levels)
@@ -210,20 +210,35 @@ class VerdictBatch:
 
     def __getitem__(self, index: int) -> FingerState:
         k = range(len(self.levels))[index]
-        state = self._states.get(k)
-        if state is None:
-            state = self._states[k] = self._make_state(k)
-        return state
+        if self._states is None:
+            self._states = {}
+        if k not in self._states:
+            self._states[k] = self._make_state(k)
+        return self._states[k]
+
+    def phase(self, k: int) -> int:
+        """Return the contact phase of reading k."""
+        return int(self.readings.rows["phase"][k])
+
+    @property
+    def touches(self) -> bool:
+        """All readings touch."""
+        return self.phases == 1 << TOUCHING
+
+    @property
+    def is_late(self) -> bool:
+        """The newest reading is too old."""
+        return bool(self.phases & 1 << LATE) and self.phase(-1) == LATE
 
     @property
     def normal_n(self) -> float | None:
         """Normal force of the newest reading as in its `FingerState`, without the work of one."""
-        if self.phases[-1] not in (FREE, TOUCHING):
+        if self.phase(-1) not in (FREE, TOUCHING):
             return None
         return float(self.readings.rows["contact"]["normal_n"][-1])
 
     def _make_state(self, k: int) -> FingerState:
-        readings, phase = self.readings, self.phases[k]
+        readings, phase = self.readings, self.phase(k)
         age_s = (readings.received_ns - readings.times_ns[k]) * 1e-9
         state = FingerState(readings.times_ns[k], STREAM_STALE, age_s=age_s)
         if phase == LATE:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +11,8 @@ import numpy as np
 from slipd.config import Wrench, stale_after_ns
 from slipd.finger.freshness import Arrival, Freshness
 from slipd.fusion.levels import Uncertainty
-from slipd.fusion.rows import PENDING, READING, UNTRUSTED, Rows, new_rows
-from slipd.fusion.streaming import move_to_pad
+from slipd.fusion.rows import GARBAGE, NOT_FINITE, PENDING, STUCK, UNTRUSTED, Rows
+from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FRESH_NS, FingerWeight, GravityCompensation
@@ -25,9 +24,6 @@ from slipd.types.samples import WrenchSample
 
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 """Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""
-GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
-
-_numbers_of, _status_of, _has_torque = attrgetter("numbers"), attrgetter("status"), attrgetter("has_torque")
 
 
 class WrenchBatch(NamedTuple):
@@ -57,7 +53,7 @@ class ForceChannel:
 
     Args:
         wrench: ``[finger.X.wrench]``.
-        conditions: One row of CONDITIONS, in which mounting, offset and weight are kept up to date.
+        state: One row of STATE, in whose conditions mounting, offset and weight are kept up to date.
 
     Attributes:
         freshness: Of the readings.
@@ -73,7 +69,7 @@ class ForceChannel:
         fault: Fault of the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
-    def __init__(self, wrench: Wrench, conditions: Rows) -> None:
+    def __init__(self, wrench: Wrench, state: Rows) -> None:
         self.freshness = Freshness(stale_after_ns(wrench))
         noise = wrench.force_std_n, wrench.torque_std_nm
         self.zero = self.tare = Tare(np.zeros(6), np.repeat(noise, 3))
@@ -84,8 +80,8 @@ class ForceChannel:
         self._gravity_before: Sequence[float] | Array | None = None  # the running tare; as it was known first
         self._gravity_since = Average((3,))
         pose = wrench.pad_from_sensor
-        self._conditions = conditions
-        conditions["matrix"] = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
+        self._state = state
+        state["conditions"]["matrix"] = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
         self.drift: DriftCompensation | None = None
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
@@ -112,26 +108,22 @@ class ForceChannel:
             times_ns: When each was acquired, CLOCK_MONOTONIC.
             untouched: Returns whether nothing touches the finger; None: unknown.
         """
-        numbers, statuses = list(map(_numbers_of, samples)), list(map(_status_of, samples))
-        rows = new_rows(READING, len(samples))
-        wrenches = rows["wrench"]
-        wrenches[:] = numbers
-        np.multiply(times_ns, 1e-9, out=rows["t_s"])
-        self.status = statuses[-1]
-        faults = self.watch.update(numbers, times_ns, wrenches)
-        self.fault = self.watch.fault
+        statuses = [sample.status for sample in samples]
+        rows = new_readings([sample.numbers for sample in samples], times_ns)
         untrusted: dict[int, tuple[str, ...]] = {}
-        if faults or any(statuses) or not self.watch.lively:
-            untrusted = self._find_untrusted(numbers, statuses, faults)
+        doubted = self.watch.update(rows)
+        self.status, self.fault = statuses[-1], self.watch.fault
+        if doubted or any(statuses):
+            untrusted = self._find_untrusted(rows, statuses)
             rows["phase"][list(untrusted)] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
-            self.tare.apply(wrenches[0], times_ns[0])
+            self.tare.apply(rows["wrench"][0], times_ns[0])
         if self.drift is not None:
-            move_to_pad(rows, self._conditions)
+            move_to_pad(rows, self._state)
             self._subtract_drift(self.drift, rows, times_ns, untouched())
-        measured = list(map(_has_torque, samples))
-        if not all(measured):
-            wrenches[np.logical_not(measured), 3:] = math.nan
+        for k, sample in enumerate(samples):
+            if not sample.has_torque:
+                rows["wrench"][k, 3:] = math.nan
         return WrenchBatch(times_ns, samples[-1].t_ns, rows, self.drift is not None, untrusted, statuses)
 
     def begin_read(self, first_ns: int, arrival: Arrival) -> None:
@@ -152,20 +144,18 @@ class ForceChannel:
             drift.update(wrench, t_ns, untouched if phase == PENDING and certain else None)
             wrench -= drift.value
 
-    def _find_untrusted(
-        self, readings: Sequence[Sequence[float]], statuses: Sequence[tuple[str, ...]], faults: dict[int, str]
-    ) -> dict[int, tuple[str, ...]]:
+    def _find_untrusted(self, rows: Rows, statuses: Sequence[tuple[str, ...]]) -> dict[int, tuple[str, ...]]:
         """Return the reasons a reading is not trusted, by index."""
-        untrusted = {}
-        for k, (reading, status) in enumerate(zip(readings, statuses, strict=True)):
-            found = tuple(sorted(UNTRUSTED_WORDS.intersection(status)))
-            if faults.get(k) in UNTRUSTED_FAULTS:
-                found = *found, faults[k]
-            if found in ((), GARBAGE) and not all(map(math.isfinite, reading)):
-                found = NOT_FINITE
-            if found:
-                untrusted[k] = found
-        if untrusted.get(len(readings) - 1) == NOT_FINITE:
+        untrusted: dict[int, tuple[str, ...]] = {}
+        for k, (doubts, status) in enumerate(zip(rows["doubts"].tolist(), statuses, strict=True)):
+            reported = sorted(UNTRUSTED_WORDS.intersection(status))
+            if doubts & NOT_FINITE and not reported and not doubts & STUCK:
+                untrusted[k] = ("not_finite",)
+            elif doubts & (STUCK | GARBAGE):
+                untrusted[k] = (*reported, "stuck" if doubts & STUCK else "garbage")
+            elif reported:
+                untrusted[k] = tuple(reported)
+        if untrusted.get(len(rows) - 1) == ("not_finite",):
             self.fault = "not_finite"
         return untrusted
 
@@ -191,7 +181,7 @@ class ForceChannel:
     def set_motion(self, gravity_mps2: Sequence[float], t_ns: int, fresh_ns: int) -> None:
         """Set the apparent gravity of a moving arm, as `set_gravity` does; it also explains how the load changes."""
         self.set_gravity(gravity_mps2, t_ns, fresh_ns)
-        now = self._conditions
+        now = self._state["conditions"]
         now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity_mps2[:2], t_ns * 1e-9, fresh_ns * 1e-9
 
     def _give_up_turned_tare(self, gravity_mps2: Sequence[float]) -> None:
@@ -221,4 +211,5 @@ class ForceChannel:
     def _set_conditions(self) -> None:
         """Put the offset and the weight in force."""
         weight = self.gravity.correction
-        self._conditions["offset"], self._conditions["weight"] = self._offset.value, 0.0 if weight is None else weight
+        now = self._state["conditions"]
+        now["offset"], now["weight"] = self._offset.value, 0.0 if weight is None else weight

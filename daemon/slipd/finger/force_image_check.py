@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
@@ -13,7 +12,7 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.fusion import Contact
 from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import Uncertainty
-from slipd.fusion.rows import FREE, TOUCHING, Rows
+from slipd.fusion.rows import PASTS, Rows
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 if TYPE_CHECKING:
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 
 MOVING_STDS = 6.0
 """The normal force moves where its range between two images exceeds this many standard deviations of its noise."""
-PAST_NS, PASTS = 1_000_000, 128
-"""One reading in this time is kept, and so many in all: the longest scan of a pad takes a tenth of a second."""
 COMPARE_NS = 10_000_000
 """At most one comparison in this time: a disagreement counts only once it has lasted for longer."""
 
@@ -53,30 +50,12 @@ class ForceHistory:
 
     Args:
         noise_n: Standard deviation of a force component, N.
+        state: One row of STATE, whose forces the kernels fill.
     """
 
-    def __init__(self, noise_n: float) -> None:
+    def __init__(self, noise_n: float, state: Rows) -> None:
         self._moving_n = MOVING_STDS * noise_n
-        self._low_n, self._high_n = math.inf, -math.inf
-        self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
-
-    def update(self, rows: Rows, times_ns: Sequence[int], phases: Sequence[int]) -> None:
-        """Add the readings of one read that can be trusted.
-
-        Args:
-            rows: Rows of READING, shape (n,).
-            times_ns: When each was acquired, CLOCK_MONOTONIC.
-            phases: Contact phase of each.
-        """
-        for k, normal_n in enumerate(rows["contact"]["normal_n"].tolist()):
-            if phases[k] not in (TOUCHING, FREE):
-                continue
-            if not self._past or times_ns[k] - self._past[-1][0] >= PAST_NS:
-                self._past.append((times_ns[k], tuple(rows["wrench"][k].tolist())))
-            if normal_n < self._low_n:
-                self._low_n = normal_n
-            if normal_n > self._high_n:
-                self._high_n = normal_n
+        self._state = state
 
     def take_summary(self, normal_n: float | None, *, free: bool, agrees: bool) -> ForceSummary:
         """Return what the force sensor measured since the image before, and begin the next interval.
@@ -88,24 +67,22 @@ class ForceHistory:
         """
         if normal_n is None:
             return NO_SUMMARY
-        moving = self._high_n - self._low_n > self._moving_n
-        self._low_n = self._high_n = normal_n
+        forces = self._state["forces"]
+        moving = bool(forces["high_n"][0] - forces["low_n"][0] > self._moving_n)
+        forces["low_n"] = forces["high_n"] = normal_n
         return ForceSummary(free, normal_n, moving, agrees)
 
     def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench of the kept readings between two times.
+        """Return the mean wrench of the kept readings between two times, after a first reading.
 
         If no reading is kept of that interval, this is the wrench of the reading nearest to its end.
 
         Args:
             since_ns: CLOCK_MONOTONIC; a reading of this time does not count.
             until_ns: Likewise; a reading of this time counts.
-
-        Raises:
-            IndexError: There was no reading yet.
         """
         found = []
-        for t_ns, wrench in reversed(self._past):
+        for t_ns, *wrench in self._newest_first():
             if t_ns <= since_ns:
                 break
             if t_ns <= until_ns:
@@ -116,17 +93,20 @@ class ForceHistory:
         return tuple([share * sum(component) for component in zip(*found, strict=True)])
 
     def wrench_at(self, t_ns: int) -> tuple[float, ...]:
-        """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers.
-
-        Raises:
-            IndexError: There was no reading yet.
-        """
-        nearest = self._past[-1]
-        for past in reversed(self._past):
-            if abs(past[0] - t_ns) > abs(nearest[0] - t_ns):
+        """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers."""
+        nearest: tuple[float, ...] = ()
+        for past in self._newest_first():
+            if nearest and abs(past[0] - t_ns) > abs(nearest[0] - t_ns):
                 break
             nearest = past
-        return nearest[1]
+        return nearest[1:]
+
+    def _newest_first(self) -> Iterator[Any]:
+        """Yield time and wrench of each kept reading."""
+        forces = self._state["forces"]
+        count, past = int(forces["count"][0]), forces["past"][0]
+        for k in range(count - 1, max(count - PASTS, 0) - 1, -1):
+            yield past.item(k % PASTS)
 
 
 class ForceImageCheck:
@@ -137,15 +117,16 @@ class ForceImageCheck:
         pad: ``[finger.X.pad]``.
         force: The force sensor.
         image: The pad.
+        state: One row of STATE, see `ForceHistory`.
 
     Attributes:
         history: Force readings of the recent past.
         disagreement: Reasons of a verdict: "disagreement_contact", "disagreement_centroid", "disagreement_force".
     """
 
-    def __init__(self, config: FingerConfig, pad: Pad, force: ForceChannel, image: ImageChannel) -> None:
+    def __init__(self, config: FingerConfig, pad: Pad, force: ForceChannel, image: ImageChannel, state: Rows) -> None:
         self._force, self._image = force, image
-        self.history = ForceHistory(force.noise.force_std_n)
+        self.history = ForceHistory(force.noise.force_std_n, state)
         self._agreement = Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)
         self._compared_ns = 0
         self.disagreement: tuple[str, ...] = ()

@@ -6,7 +6,6 @@ A pad whose taxels measure three axes each needs no force sensor behind it: its 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,9 +15,10 @@ from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.force_image_check import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.pad_zero import PadZero
-from slipd.fusion import Contact, ContactShape, contact_shape
+from slipd.fusion import ContactShape, contact_shape
 from slipd.fusion.rows import UNTRUSTED as UNTRUSTED_PHASE
-from slipd.fusion.streaming import new_readings
+from slipd.fusion.rows import Rows
+from slipd.fusion.streaming import first_contact, new_readings
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.pad import PadGeometry, taxel_wrench
@@ -230,9 +230,9 @@ class ImageChannel:
         """Three-axis images are stuck, see `is_stuck`."""
         return self._watch.fault == "stuck"
 
-    def is_stuck(self, wrenches: Array, t_ns: int) -> bool:
+    def is_stuck(self, readings: Rows) -> bool:
         """Return whether the wrench of three-axis taxels repeats (``stuck_after``); call it once for each image."""
-        self._watch.update([tuple(row) for row in wrenches.tolist()], (t_ns,), wrenches)
+        self._watch.update(readings)
         return self.repeats
 
     def shows_contact(self) -> bool | None:
@@ -244,15 +244,15 @@ class ImageChannel:
             return None
         return True if (self.pressure > self.zero.noise).any() else None if self.pressure.any() else False
 
-    def load_distribution(self, contact_of: Callable[[], Contact]) -> LoadDistribution | None:
+    def load_distribution(self, readings: Rows) -> LoadDistribution | None:
         """Return the shares of the normal force on the taxels; None without a usable image.
 
-        They are computed once for each image, with the contact that ``contact_of`` then returns.
+        They are computed once for each image, with the first contact of the readings that touch then.
         """
         if not self._usable:
             return None
         if not self._distributed:
-            self._distribution = distribute(self._rule, self.x, self.y, self.pressure, contact_of())
+            self._distribution = distribute(self._rule, self.x, self.y, self.pressure, first_contact(readings))
             self._distributed = True
         return self._distribution
 
@@ -279,8 +279,8 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
     wrench = image.wrench()
     if wrench is None:
         reasons = reasons or ("not_finite",)
-    rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns * 1e-9])
-    if wrench is not None and image.is_stuck(rows["wrench"], t_ns):
+    rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns])
+    if wrench is not None and image.is_stuck(rows):
         reasons = ("stuck", *reasons)
     if reasons:
         rows["phase"] = UNTRUSTED_PHASE

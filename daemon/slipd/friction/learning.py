@@ -65,14 +65,14 @@ present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a dr
 
 
 @compiled
-def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool) -> None:
+def learn(readings: Rows, rows: Rows, shape_error: float, teaches_from: int) -> None:
     """Learn from readings in sequence.
 
     Args:
         readings: Assessed rows of READING, shape (n,).
         rows: One row of LEARNING.
         shape_error: Relative standard deviation of q of a pure spin, by the few taxels that show the pressure.
-        teaches: The readings are trusted. Otherwise they only end a contact or a slip.
+        teaches_from: Index of the first reading that is trusted. Those before it only end a contact or a slip.
     """
     row = rows[0]
     for k in range(len(readings)):
@@ -91,7 +91,7 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool) -> None
         if reading["t_s"] - row["touched_s"] > GAP_S:
             end_grasp(rows)
         row["touched_s"] = reading["t_s"]
-        if not (teaches and 0.0 < q < math.inf):
+        if k < teaches_from or not 0.0 < q < math.inf:
             row["slipping"] = found["slips"]
             row["block_count"] = 0
             row["before"][0] = math.nan

@@ -33,21 +33,17 @@ NOISE_WIDTH = 4.0
 
 
 @compiled
-def assess_readings(
-    readings: Rows, conditions: Rows, watches: Rows, drops: Rows, ring: Rows, spin_utilisation_1n: float
-) -> None:
+def assess_readings(readings: Rows, states: Rows, spin_utilisation_1n: float) -> None:
     """Fill in the assessment of readings in sequence.
 
     Args:
         readings: Rows of READING with contacts and, where an image shows the rotation, margins and utilisations,
             shape (n,); their times rise.
-        conditions: One row of CONDITIONS.
-        watches: Memory: one row of WATCH.
-        drops: Settings and memory of its load: one row of DROP.
-        ring: Rows of BLOCK.
+        states: One row of STATE.
         spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
     """
-    now, watch, drop = conditions[0], watches[0], drops[0]
+    state = states[0]
+    now, watch, drop, ring = state["conditions"], state["memory"], state["drop"], state["ring"]
     mu, unknown_n = now["mu"], now["force_n"]
     for k in range(len(readings)):
         row = readings[k]

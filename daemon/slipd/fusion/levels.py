@@ -15,10 +15,16 @@ import numpy as np
 from slipd.fusion.assess import assess_readings
 from slipd.fusion.load_blocks import BLOCK_S, RING
 from slipd.fusion.load_drop import LOOKS
-from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, STABLE, WATCH, Rows, new_rows
+from slipd.fusion.rows import BLOCK, CONDITIONS, DROP, FORCES, STABLE, WATCH, Rows, new_rows
 
 CONTACT_HYSTERESIS = 0.8
 """A contact lasts down to this share of the normal force at which it begins."""
+
+STATE = np.dtype(
+    [("conditions", CONDITIONS), ("memory", WATCH), ("drop", DROP), ("ring", BLOCK, (RING,)), ("forces", FORCES)],
+    align=True,
+)
+"""All that the kernels know of one contact: what is in force for its readings, and what they keep from read to read."""
 
 
 class SlipSettings(Protocol):
@@ -107,37 +113,35 @@ class ContactWatch:
         begins_n: Normal force at which a contact begins, N.
 
     Attributes:
-        conditions: Conditions in force: one row of CONDITIONS.
-        memory: Of the contact: one row of WATCH.
-        drop: Of its load: one row of DROP.
-        ring: The course of its load: rows of BLOCK.
+        state: Both: one row of STATE.
     """
 
     def __init__(self, levels: LevelSettings, slip: SlipSettings, half_pitch_m: float, begins_n: float) -> None:
-        self.conditions, self.memory = new_rows(CONDITIONS, 1), new_rows(WATCH, 1)
-        self.drop, self.ring = new_rows(DROP, 1), new_rows(BLOCK, RING)
-        now = self.conditions
+        self.state = new_rows(STATE, 1)
+        now, drop, forces = self.state["conditions"], self.state["drop"], self.state["forces"]
         for name in ("caution", "warning", "hysteresis"):
             now[name] = getattr(levels, name)
         now["matrix"], now["zero_known"], now["spin_scale"] = np.eye(6), True, 1.0
         now["pulled_n"], now["mu"], now["half_pitch_m"] = math.inf, math.nan, half_pitch_m
         now["felt_s"] = -math.inf
         now["begins_n"], now["lasts_n"] = begins_n, CONTACT_HYSTERESIS * begins_n
-        self.drop["least_drop"], self.drop["window_s"], self.drop["hold_s"] = slip.drop, slip.window_s, slip.hold_s
-        self.drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / levels.false_alarms_per_hour)
+        drop["least_drop"], drop["window_s"], drop["hold_s"] = slip.drop, slip.window_s, slip.hold_s
+        forces["low_n"], forces["high_n"] = math.inf, -math.inf
+        drop["least_surprise"] = math.log(LOOKS * 3600.0 / BLOCK_S / levels.false_alarms_per_hour)
         self._forget_steps()
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the contact ended."""
-        memory = self.memory
+        memory = self.state["memory"]
         memory["in_contact"], memory["twist"], memory["settled"] = False, math.nan, 0.0
         memory["step"], memory["tipping_step"], memory["moving_until_s"] = STABLE, STABLE, -math.inf
         self.forget_load()
 
     def forget_load(self) -> None:
         """Forget the course of the load: what was before the next reading shows no fall."""
-        self.drop["last_s"], self.drop["sliding"] = -math.inf, False
+        drop = self.state["drop"]
+        drop["last_s"], drop["sliding"] = -math.inf, False
 
     def note_motion(self, until_s: float, evidence: int) -> None:
         """Report slip until a time, because other evidence than the load shows motion.
@@ -146,24 +150,28 @@ class ContactWatch:
             until_s: Time of the readings until which the object is taken to move, s.
             evidence: Its kinds: bits of `slipd.motion.evidence.EVIDENCE`.
         """
-        self.memory["moving_until_s"], self.memory["moving_evidence"] = until_s, evidence
+        memory = self.state["memory"]
+        memory["moving_until_s"], memory["moving_evidence"] = until_s, evidence
 
     def set_friction(self, mu: float, spin_scale: float = 1.0) -> None:
         """Put a coefficient of static friction in force, NaN if unknown; and how much more of it a spin uses."""
-        if mu != self.conditions["mu"][0]:
+        now = self.state["conditions"]
+        if mu != now["mu"][0]:
             self._forget_steps()
-        self.conditions["mu"], self.conditions["spin_scale"] = mu, spin_scale
+        now["mu"], now["spin_scale"] = mu, spin_scale
 
     def set_uncertainty(self, uncertainty: Uncertainty) -> None:
         """Put the uncertainty of the readings in force."""
-        if uncertainty.force_n < self.conditions["force_n"][0]:
+        now = self.state["conditions"]
+        if uncertainty.force_n < now["force_n"][0]:
             self._forget_steps()
         for name, value in zip(Uncertainty._fields, uncertainty, strict=True):
-            self.conditions[name] = value
+            now[name] = value
 
     def _forget_steps(self) -> None:
         """Hold no step that was not reached by the load."""
-        self.memory["held_s"], self.memory["tipping_held_s"] = -math.inf, -math.inf
+        memory = self.state["memory"]
+        memory["held_s"], memory["tipping_held_s"] = -math.inf, -math.inf
 
     def assess(self, readings: Rows, mu: float, uncertainty: Uncertainty, spin_utilisation_1n: float = 0.0) -> None:
         """Fill in the assessment of readings in sequence, with conditions that are put in force first.
@@ -176,4 +184,4 @@ class ContactWatch:
         """
         self.set_friction(mu)
         self.set_uncertainty(uncertainty)
-        assess_readings(readings, self.conditions, self.memory, self.drop, self.ring, spin_utilisation_1n)
+        assess_readings(readings, self.state, spin_utilisation_1n)

@@ -24,6 +24,8 @@ STABLE, CAUTION, WARNING = range(3)
 """Steps of a margin that shrinks; the level of a contact that holds is its step + 1."""
 NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
 """Level codes beside those."""
+STUCK, GARBAGE, INTERMITTENT, NOT_FINITE = 1, 2, 4, 8
+"""Bits of the doubts about a reading, see `slipd.signals.frozen`."""
 LOAD_DROP_BIT = 1
 """Bit of the evidence "load_drop", see `slipd.motion.evidence.EVIDENCE`."""
 UNSOLVED = -1
@@ -81,6 +83,8 @@ READING = np.dtype(
     [
         ("wrench", _FLOAT, (6,)),
         ("t_s", _FLOAT),
+        ("t_ns", _INTEGER),
+        ("doubts", _INTEGER),
         ("phase", _INTEGER),
         ("contact", CONTACT),
         ("tipping_margin_m", _FLOAT),
@@ -91,7 +95,8 @@ READING = np.dtype(
 )
 """A force reading on its way to a verdict: the sensor's wrench goes in, each kernel fills its own part.
 ``wrench`` is (F, M) in N and N·m, of the sensor until `slipd.fusion.streaming.move_to_pad` moves it into the pad frame;
-M is NaN where the sensor measures none. ``tipping_margin_m`` is NaN without an image."""
+M is NaN where the sensor measures none. ``t_s`` and ``t_ns`` are the same time. ``tipping_margin_m`` is NaN without an
+image."""
 
 CONDITIONS = np.dtype(
     [
@@ -159,6 +164,13 @@ DROP = np.dtype(
 
 BLOCK = np.dtype(_floats("q", "q2", "normal", "fx", "fy", "gx", "gy", "top", "carried", "rough", "swing"), align=True)
 """A block of readings in the ring of `slipd.fusion.load_drop`: sums up to it, and means and noise after it."""
+
+PASTS = 128
+"""Forces that are kept: the longest scan of a pad takes a tenth of a second, and they are a millisecond apart."""
+PAST = np.dtype([("t_ns", _INTEGER), *_floats("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")], align=True)
+"""A force of the recent past, in the pad frame."""
+FORCES = np.dtype([*_floats("low_n", "high_n"), ("count", _INTEGER), ("past", PAST, (PASTS,))], align=True)
+"""Forces that could be trusted: the range of the normal force since the newest image, and a ring of the last ones."""
 
 
 def new_rows(dtype: np.dtype[Any], count: int) -> Rows:

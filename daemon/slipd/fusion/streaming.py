@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from struct import Struct
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from slipd.fusion.assess import assess_readings
 from slipd.fusion.compiled import compiled
@@ -21,6 +24,8 @@ from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, solve_utilisation
 from slipd.fusion.limit_surface import Utilisation, pole_or_none
 from slipd.fusion.rows import (
     FREE,
+    LATE,
+    PASTS,
     PENDING,
     PULLED,
     READING,
@@ -29,12 +34,15 @@ from slipd.fusion.rows import (
     UNTRUSTED,
     Row,
     Rows,
-    new_rows,
 )
 from slipd.types.arrays import Array
 
 DECISION_GAP = 1e-6
 """Relative gap between the bounds of the utilisation; far below what a threshold or a message resolves."""
+PAST_NS = 1_000_000
+"""One force in this time is kept."""
+_GIVEN = Struct("7dq")
+"""The first fields of READING, which are given: wrench, time in s, and time in ns."""
 
 
 class Reading(NamedTuple):
@@ -43,6 +51,8 @@ class Reading(NamedTuple):
     Attributes:
         wrench: (F, M) on the finger in the pad frame, N and N·m, shape (6,); M is NaN where the sensor measures none.
         t_s: Time, s.
+        t_ns: The same, ns.
+        doubts: What speaks against the reading: bits.
         phase: PENDING, TOUCHING, FREE, PULLED, LATE or UNTRUSTED.
         contact: The contact; not valid unless TOUCHING.
         tipping_margin_m: Signed distance of the centroid to the outline of the contact, m; NaN without an image.
@@ -52,6 +62,8 @@ class Reading(NamedTuple):
 
     wrench: Array
     t_s: float
+    t_ns: int
+    doubts: int
     phase: int
     contact: Contact
     tipping_margin_m: float
@@ -59,33 +71,41 @@ class Reading(NamedTuple):
     assessment: Assessment
 
 
-def new_readings(wrenches: Sequence[Sequence[float]], times_s: Sequence[float]) -> Rows:
+def new_readings(wrenches: Sequence[Sequence[float]], times_ns: Sequence[int]) -> Rows:
     """Make PENDING readings.
 
     Args:
         wrenches: Force, N, and torque, N·m, of each: six numbers in the sensor's frame.
-        times_s: Time of each, s.
+        times_ns: Time of each, ns.
 
     Returns:
         Rows of READING, shape (n,).
     """
-    readings = new_rows(READING, len(wrenches))
-    readings["wrench"] = wrenches
-    readings["t_s"] = times_s
-    return readings
+    size = READING.itemsize
+    memory = bytearray(len(wrenches) * size)
+    for k, wrench in enumerate(wrenches):
+        t_ns = times_ns[k]
+        _GIVEN.pack_into(memory, k * size, *wrench, t_ns * 1e-9, t_ns)
+    return np.ndarray(len(wrenches), READING, memory)
 
 
 def reading_at(readings: Rows, index: int) -> Reading:
     """Return one row in Python's terms."""
     row: Any = readings.item(index)
-    wrench, t_s, phase, contact, margin_m, used, found = row
-    return Reading(wrench, t_s, phase, Contact(*contact), margin_m, _utilisation(*used), Assessment(*found))
+    wrench, t_s, t_ns, doubts, phase, contact, margin_m, used, found = row
+    used, found = _utilisation(*used), Assessment(*found)
+    return Reading(wrench, t_s, t_ns, doubts, phase, Contact(*contact), margin_m, used, found)
 
 
 def contact_at(readings: Rows, index: int) -> Contact:
     """Return the contact of one row."""
     numbers: Any = readings["contact"].item(index)
     return Contact(*numbers)
+
+
+def first_contact(readings: Rows) -> Contact:
+    """Return the contact of the first row that is TOUCHING."""
+    return contact_at(readings, readings["phase"].tolist().index(TOUCHING))
 
 
 def wrench_at(readings: Rows, index: int) -> tuple[float, ...]:
@@ -103,14 +123,14 @@ def _utilisation(
 
 
 @compiled
-def move_to_pad(readings: Rows, conditions: Rows) -> None:
+def move_to_pad(readings: Rows, states: Rows) -> None:
     """Move the wrenches of readings into the pad frame, in one order of arithmetic whatever their number.
 
     Args:
         readings: Rows of READING, shape (n,); their wrenches are replaced.
-        conditions: One row of CONDITIONS.
+        states: One row of STATE.
     """
-    now = conditions[0]
+    now = states[0]["conditions"]
     matrix, offset, weight = now["matrix"], now["offset"], now["weight"]
     for k in range(len(readings)):
         wrench = readings[k]["wrench"]
@@ -123,34 +143,36 @@ def move_to_pad(readings: Rows, conditions: Rows) -> None:
 
 
 @compiled
-def find_contacts(readings: Rows, conditions: Rows, watches: Rows, moved: bool) -> int:
+def find_contacts(readings: Rows, states: Rows, oldest_ns: int, moved: bool) -> tuple[int, int]:
     """Find phase and contact of readings in sequence; a contact lasts down to a lower force than it begins at.
 
     Without torque, the centroid and the spin of a contact are NaN.
 
     Args:
-        readings: Rows of READING, shape (n,), PENDING, UNTRUSTED or LATE. Their contacts are filled in, and nothing is
-            known yet of margin and utilisation.
-        conditions: One row of CONDITIONS.
-        watches: One row of WATCH, as the reading before left it.
+        readings: Rows of READING, shape (n,), PENDING or UNTRUSTED. Their contacts are filled in, and nothing is known
+            yet of margin and utilisation.
+        states: One row of STATE, as the reading before left it.
+        oldest_ns: Readings from before this time are LATE.
         moved: The wrenches are in the pad frame already. Otherwise they are moved into it.
 
     Returns:
-        Index of the first reading with which a contact ends; n where none does.
+        Index of the first reading with which a contact ends, n where none does; and the phases that occur, a bit each.
 
     Source: paper eqs. (1) to (4), see `slipd.fusion.contact`.
     """
     if not moved:
-        move_to_pad(readings, conditions)
-    now, in_contact = conditions[0], watches[0]["in_contact"]
+        move_to_pad(readings, states)
+    now, forces, in_contact = states[0]["conditions"], states[0]["forces"], states[0]["memory"]["in_contact"]
     force_std, torque_std = now["force_std_n"] + now["force_n"], now["torque_std_nm"] + now["torque_nm"]
-    ends_at = len(readings)
+    ends_at, phases = len(readings), 0
     for k in range(len(readings)):
         row = readings[k]
         wrench, phase = row["wrench"], row["phase"]
         fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
         normal = -fz
-        if phase == PENDING:
+        if row["t_ns"] < oldest_ns:
+            phase = LATE
+        elif phase == PENDING:
             pressed = normal >= (now["lasts_n"] if in_contact else now["begins_n"])
             phase = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
             if phase == FREE and normal < -now["pulled_n"]:
@@ -168,34 +190,46 @@ def find_contacts(readings: Rows, conditions: Rows, watches: Rows, moved: bool) 
         contact["friction_ratio"], contact["friction_ratio_std"] = numbers[8:]
         contact["valid"] = phase == TOUCHING
         row["phase"], row["tipping_margin_m"], row["utilisation"]["kind"] = phase, math.nan, UNSOLVED
+        phases |= 1 << phase
         if phase == UNTRUSTED:
             continue
         if in_contact and phase != TOUCHING and ends_at == len(readings):
             ends_at = k
         in_contact = phase == TOUCHING
-    return ends_at
+        if in_contact or phase == FREE:
+            _keep_force(forces, row["t_ns"], wrench)
+    return ends_at, phases
+
+
+@compiled
+def _keep_force(forces: Row, t_ns: int, wrench: Row) -> None:
+    """Add a force to the range since the newest image, and to those of the recent past."""
+    forces["low_n"], forces["high_n"] = min(forces["low_n"], -wrench[2]), max(forces["high_n"], -wrench[2])
+    past, count = forces["past"], forces["count"]
+    if count > 0 and t_ns - past[(count - 1) % PASTS]["t_ns"] < PAST_NS:
+        return
+    kept = past[count % PASTS]
+    kept["t_ns"], kept["fx_n"], kept["fy_n"], kept["fz_n"] = t_ns, wrench[0], wrench[1], wrench[2]
+    kept["mx_nm"], kept["my_nm"], kept["mz_nm"] = wrench[3], wrench[4], wrench[5]
+    forces["count"] = count + 1
 
 
 @compiled
 def judge_readings(
-    readings: Rows, conditions: Rows, watches: Rows, drops: Rows, ring: Rows, x: Array, y: Array, shares: Array,
-    outline_x: Array, outline_y: Array,
-) -> None:  # fmt: skip
+    readings: Rows, states: Rows, x: Array, y: Array, shares: Array, outline_x: Array, outline_y: Array
+) -> None:
     """Fill in margin, utilisation and assessment of readings in sequence, and keep what the next read continues from.
 
     Args:
         readings: Rows of READING with their contacts, shape (n,).
-        conditions: One row of CONDITIONS. Where μ is unknown, λ is solved for μ = 1: it is the required friction.
-        watches: One row of WATCH.
-        drops: One row of DROP.
-        ring: Rows of BLOCK.
+        states: One row of STATE. Where μ is unknown, λ is solved for μ = 1: it is the required friction.
         x: Centres of the active taxels, shape (k,), contiguous, m; k = 0 without an image.
         y: Likewise, shape (k,), m.
         shares: Load on each for a normal force of 1 N, shape (k,).
         outline_x: Corners of the outline of the active taxels, counter-clockwise, m.
         outline_y: Likewise, m.
     """
-    now, watch, spin_1n = conditions[0], watches[0], 0.0
+    now, watch, spin_1n = states[0]["conditions"], states[0]["memory"], 0.0
     if x.size > 0:
         mu = 1.0 if math.isnan(now["mu"]) else now["mu"]
         twist, nan = watch["twist"], math.nan
@@ -208,7 +242,7 @@ def judge_readings(
             spin_1n = solve_utilisation(x, y, shares, mu, 0.0, 0.0, spin_nm, 0.0, 0.0, nan, nan, nan, GOAL, MAX_PASSES)[
                 3
             ]
-    assess_readings(readings, conditions, watches, drops, ring, spin_1n)
+    assess_readings(readings, states, spin_1n)
     _remember(readings, watch, x.size > 0)
 
 

@@ -8,11 +8,11 @@ its counts for a while; neither is a fault.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from operator import mul
+
+import numpy as np
 
 from slipd.fusion.compiled import compiled
-from slipd.types.arrays import Array
+from slipd.fusion.rows import GARBAGE, INTERMITTENT, NOT_FINITE, STUCK, Row, Rows, new_rows
 
 STUCK_NS = 20_000_000
 """Shortest reported run, whatever the noise: a device may send several readings of one conversion."""
@@ -35,15 +35,43 @@ FORGET = 0.05
 """Number of impossible readings that each good one offsets: garbage ends after 60 good readings."""
 JUMP_SHARE = 0.25
 """Share of the range of the force that no real force changes by, from one reading to the next, back and forth."""
-_NEVER = 1 << 63
+_NEVER = 1 << 62
 """More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
-
-REPEATS, JUMPS, IMPOSSIBLE, NOT_FINITE = 1, 2, 4, 8
-"""Findings about a reading, which `compare` adds up."""
 
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
 """A stream that failed this often within ``FLICKER_NS`` is intermittent until it has been good for as long."""
+
+FAULTS = {0: "", STUCK: "stuck", GARBAGE: "garbage", INTERMITTENT: "intermittent"}
+"""Word for each fault of a stream."""
+_FAULT = STUCK | GARBAGE | INTERMITTENT
+_SUSPECT, _RESTS, _DOUBTED = 16, 32, 64
+"""Beside the faults of the newest reading: it is suspect, it rests, and some reading of the read is in doubt."""
+
+STREAM = np.dtype(
+    [
+        *[(name, "f8") for name in ("range_n", "range_nm", "jump_n", "impossible")],
+        ("before", "f8", (6,)),
+        ("step_n", "f8", (3,)),
+        *[(name, "i8") for name in ("stuck_after", "gap_ns", "equal", "since_ns", "last_ns", "failures")],
+        *[(name, "i8") for name in ("habit", "habit_before", "habit_since_ns", "fault")],
+        ("longest", "i8", (3,)),
+        ("failed_ns", "i8", (FLICKERS,)),
+        *[(name, "?") for name in ("garbage", "failing", "alert")],
+    ],
+    align=True,
+)
+"""Limits and memory of one force stream.
+
+``range_n``, ``range_nm``: more is impossible; ``jump_n``: a change of the force that no real force makes;
+``stuck_after``: repeats that mean a stuck sensor; ``gap_ns``: a longer silence is a failure. ``before`` is the newest
+reading, at ``last_ns``, and ``step_n`` the last change, NaN where it was no jump. ``equal`` readings repeat the one at
+``since_ns``. ``impossible`` counts impossible readings less the forgotten ones. ``failures`` are known, the newest last
+in ``failed_ns``. ``alert``: the stream failed lately. ``habit``: longest run of equal readings that is usual for the
+sensor, learned from runs that ended by themselves: the third longest of the last 10 to 20 s, as one or two longer runs
+are chance, or a sensor that hung for a moment. ``habit_before`` is that of the previous 10 s; ``longest`` are the runs
+since ``habit_since_ns``, the third longest first.
+"""
 
 
 class WrenchWatch:
@@ -59,7 +87,6 @@ class WrenchWatch:
 
     Attributes:
         fault: Fault of the newest reading, or "".
-        lively: All of the newest readings are finite, in range, and differ from the one before, by no jump.
         suspect: The newest reading jumped, or repeats the one before for longer than usual. It is used, but no grip is
             raised on it.
         rests: It is suspect only because it repeats, and ``repeats`` states that readings of this sensor may rest.
@@ -73,173 +100,138 @@ class WrenchWatch:
         repeats: int = DEFAULT_REPEATS,
         gap_ns: int = 20_000_000,
     ) -> None:
-        self._range_n, self._range_nm = range_n, range_nm
-        self._jump_n = JUMP_SHARE * range_n
-        self._repeats, self._gap_ns = repeats or _NEVER, gap_ns
-        self._row: Sequence[float] = (math.nan,) * 6
-        self._equal = 0
-        self._since_ns = self._last_ns = _NEVER
-        self._habit = Habit()
-        self._step: list[float] | None = None  # the last change, where it was a jump
-        self._impossible = 0.0
-        self._garbage = self._failing = self._alert = False
-        self._failed_ns: list[int] = []
+        self._stream = stream = new_rows(STREAM, 1)
+        stream["range_n"], stream["range_nm"], stream["jump_n"] = range_n, range_nm, JUMP_SHARE * range_n
+        stream["stuck_after"], stream["gap_ns"] = repeats or _NEVER, gap_ns
+        stream["before"] = stream["step_n"] = math.nan
+        stream["since_ns"] = stream["last_ns"] = _NEVER
+        self._found = 0
         self.fault = ""
-        self.lively = self.suspect = self.rests = False
+        self.suspect = self.rests = False
 
     def excuse(self, t_ns: int) -> None:
         """Count no gap until ``t_ns``, because the daemon did not read the stream."""
-        self._last_ns = t_ns
+        self._stream["last_ns"] = t_ns
 
-    def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int], rows: Array) -> dict[int, str]:
+    def update(self, readings: Rows) -> bool:
         """Update with readings as the sensor sent them, before tare and mounting.
 
         Args:
-            readings: Force, N, and torque, N·m (zeros where the device has none) of each: a tuple of six; at least one.
-            times_ns: Time of each.
-            rows: The same as an array, shape (n, 6).
+            readings: Rows of READING, shape (n,), n ≥ 1; the torque is 0 where the device has none. Their doubts are
+                filled in.
 
         Returns:
-            "stuck", "garbage" or "intermittent" of each reading with a fault, by its index.
+            Whether one of them is in doubt.
         """
-        limits = self._range_n, self._range_nm, self._jump_n
-        follows = not math.isnan(self._row[0]) and times_ns[-1] - self._last_ns <= self._gap_ns
-        self.lively = follows and not self._alert and not any_finding(self._row, rows, *limits)
-        if self.lively:
-            if self._equal:
-                self._end_run(honest=True)
-            self._row, self._last_ns, self._step, self.fault = readings[-1], times_ns[-1], None, ""
-            self.suspect = self.rests = False
-            return {}
-        found = {}
-        for at, reading in enumerate(readings):
-            findings = compare(self._row, rows[at], *limits)
-            self._check_closely(reading, times_ns[at], findings)
-            if self.fault:
-                found[at] = self.fault
-        return found
-
-    def _check_closely(self, row: Sequence[float], t_ns: int, findings: int) -> None:
-        """Check a reading for faults; `compare` returned ``findings``."""
-        before, self._row = self._row, row
-        gap, self._last_ns, last_ns = t_ns - self._last_ns > self._gap_ns, t_ns, self._last_ns
-        jumps, impossible, alike = bool(findings & JUMPS), bool(findings & IMPOSSIBLE), bool(findings & REPEATS)
-        if gap or not alike:
-            self._end_run(honest=not gap)
-        if alike:
-            if self._equal == 0:
-                self._since_ns = t_ns if gap else last_ns
-                self._habit.age(self._since_ns)
-            self._equal += 1
-        if jumps or impossible:
-            self._count_impossible(row[:3], before[:3], beyond_range=impossible)
-        else:
-            self._step = None
-        stuck = self._is_stuck(t_ns)
-        self.fault = self._find_fault(gap, stuck, t_ns) if gap or stuck or self._alert else ""
-        if impossible and self.fault != "stuck" and not findings & NOT_FINITE:
-            self.fault = "garbage"
-        rested = t_ns - self._since_ns > RESTED_NS
-        repeats = self._equal > 0 and (rested or self._equal > self._habit.repeats)
-        self.suspect = jumps or repeats
-        self.rests = repeats and not jumps and self._repeats == _NEVER
-
-    def _end_run(self, *, honest: bool) -> None:
-        """End a run of equal readings; one that was never reported as stuck is usual for this sensor."""
-        if honest and self.fault != "stuck":
-            self._habit.learn(self._equal)
-        self._equal = 0
-
-    def _is_stuck(self, t_ns: int) -> bool:
-        if self._equal >= self._repeats:
-            return t_ns - self._since_ns >= STUCK_NS
-        unusual = self._equal >= HABITS * (self._habit.repeats + 1)
-        return unusual and self._repeats <= DEFAULT_REPEATS and t_ns - self._since_ns >= HANG_NS
-
-    def _count_impossible(self, force_n: Sequence[float], last_n: Sequence[float], *, beyond_range: bool) -> None:
-        """Count a reading out of range or a jump back and forth; a single jump may be a blow."""
-        before, self._step = self._step, [now - last for now, last in zip(force_n, last_n, strict=True)]
-        back = before is not None and sum(map(mul, before, self._step)) < 0.0
-        if back or beyond_range:
-            self._impossible = min(self._impossible + 1.0, MOST_IMPOSSIBLE) + FORGET
-            self._alert = True
-
-    def _find_fault(self, gap: bool, stuck: bool, t_ns: int) -> str:
-        self._impossible = max(self._impossible - FORGET, 0.0)
-        self._garbage = self._impossible >= MOST_IMPOSSIBLE or (self._garbage and self._impossible > 0.0)
-        failing = stuck or gap or self._garbage
-        if failing and not self._failing:
-            self._failed_ns = [*self._failed_ns[1 - FLICKERS :], t_ns]
-        self._failing = failing
-        if not failing and self._failed_ns and t_ns - self._failed_ns[-1] > FLICKER_NS:
-            self._failed_ns = []
-        self._alert = failing or self._impossible > 0.0 or bool(self._failed_ns)
-        often = len(self._failed_ns) == FLICKERS and self._failed_ns[-1] - self._failed_ns[0] <= FLICKER_NS
-        return "stuck" if stuck else "garbage" if self._garbage else "intermittent" if often else ""
-
-
-class Habit:
-    """Longest run of equal readings that is usual for a sensor, learned from runs that ended by themselves.
-
-    Attributes:
-        repeats: Length of the third longest run of the last 10 to 20 s: one or two longer runs, by chance or because
-            the sensor hung for a moment, do not count as usual.
-    """
-
-    def __init__(self) -> None:
-        self.repeats = 0
-        self._before = 0  # of the previous 10 s
-        self._longest = [0, 0, 0]
-        self._since_ns = 0
-
-    def learn(self, repeats: int) -> None:
-        """Record the length of a run."""
-        if repeats > self._longest[0]:
-            self._longest = sorted((*self._longest[1:], repeats))
-
-    def age(self, t_ns: int) -> None:
-        """Update `repeats` for the time ``t_ns``."""
-        age_ns = t_ns - self._since_ns
-        if age_ns > HABIT_NS:
-            self._before = self._longest[0] if age_ns <= 2 * HABIT_NS else 0
-            self._longest, self._since_ns = [0, 0, 0], t_ns
-        self.repeats = max(self._before, self._longest[0])
+        found = check_readings(readings, self._stream)
+        if found != self._found:
+            self._found, self.fault = found, FAULTS[found & _FAULT]
+            self.suspect, self.rests = bool(found & _SUSPECT), bool(found & _RESTS)
+        return found >= _DOUBTED
 
 
 @compiled
-def compare(before: Sequence[float], row: Sequence[float], range_n: float, range_nm: float, jump_n: float) -> int:
-    """Return the sum of the findings about a reading; 0 if it is in range, and differs from the last, by no jump.
+def check_readings(readings: Rows, streams: Rows) -> int:
+    """Fill in the doubts about readings in sequence.
 
     Args:
-        before: Force and torque of the reading before; NaN if there is none.
-        row: Force and torque of the reading.
-        range_n: Largest possible force; NaN is impossible too.
-        range_nm: Largest possible torque; NaN is only not finite.
-        jump_n: Smallest change of the force that is a jump; a change from or to NaN is none.
+        readings: Rows of READING, shape (n,), of the sensor.
+        streams: One row of STREAM.
+
+    Returns:
+        Fault of the newest reading, whether it is suspect, whether it rests, and whether any reading is in doubt.
     """
-    repeats = finite = True
-    for i in range(6):
-        repeats = repeats and row[i] == before[i]
-        finite = finite and math.isfinite(row[i])
-    findings = 0
-    if repeats:
-        findings += REPEATS
-    if not finite:
-        findings += NOT_FINITE
-    if math.hypot(math.hypot(row[0] - before[0], row[1] - before[1]), row[2] - before[2]) >= jump_n:
-        findings += JUMPS
-    force_is_possible = math.hypot(math.hypot(row[0], row[1]), row[2]) <= range_n
-    if not force_is_possible or math.hypot(math.hypot(row[3], row[4]), row[5]) > range_nm:
-        findings += IMPOSSIBLE
-    return findings
+    stream, found, doubted = streams[0], 0, 0
+    for k in range(len(readings)):
+        t_ns, wrench, before = readings[k]["t_ns"], readings[k]["wrench"], stream["before"]
+        repeats = finite = True
+        for i in range(6):
+            repeats = repeats and wrench[i] == before[i]
+            finite = finite and math.isfinite(wrench[i])
+        gap = t_ns - stream["last_ns"] > stream["gap_ns"]
+        _follow_run(stream, t_ns, repeats, gap)
+        impossible, jumps = _find_impossible(stream, wrench)
+        fault = _find_fault(stream, t_ns, gap)
+        if impossible and finite and fault != STUCK:
+            fault = GARBAGE
+        for i in range(6):
+            before[i] = wrench[i]
+        stream["last_ns"], stream["fault"] = t_ns, fault
+        rested = t_ns - stream["since_ns"] > RESTED_NS
+        lasts = stream["equal"] > 0 and (rested or stream["equal"] > stream["habit"])
+        found = fault + (_SUSPECT if jumps or lasts else 0)
+        if lasts and not jumps and stream["stuck_after"] == _NEVER:
+            found += _RESTS
+        doubts = fault if finite else fault + NOT_FINITE
+        readings[k]["doubts"] = doubts
+        if doubts:
+            doubted = _DOUBTED
+    return found + doubted
 
 
 @compiled
-def any_finding(before: Sequence[float], rows: Array, range_n: float, range_nm: float, jump_n: float) -> bool:
-    """Return whether `compare` finds anything about one of several readings."""
-    if compare(before, rows[0], range_n, range_nm, jump_n):
-        return True
-    for k in range(1, len(rows)):  # noqa: SIM110 - Numba knows no generators
-        if compare(rows[k - 1], rows[k], range_n, range_nm, jump_n):
-            return True
-    return False
+def _follow_run(stream: Row, t_ns: int, repeats: bool, gap: bool) -> None:
+    """Count equal readings; a run that ends by itself, and was never reported as stuck, is usual for the sensor."""
+    longest, equal = stream["longest"], stream["equal"]
+    if gap or not repeats:
+        if not gap and stream["fault"] != STUCK and equal > longest[0]:
+            longest[0] = min(equal, longest[1])
+            longest[1] = min(max(equal, longest[1]), longest[2])
+            longest[2] = max(equal, longest[2])
+        equal = 0
+    if repeats and equal == 0:
+        since_ns = t_ns if gap else stream["last_ns"]
+        age_ns = since_ns - stream["habit_since_ns"]
+        if age_ns > HABIT_NS:
+            stream["habit_before"], stream["habit_since_ns"] = longest[0] if age_ns <= 2 * HABIT_NS else 0, since_ns
+            longest[:] = 0
+        stream["since_ns"], stream["habit"] = since_ns, max(stream["habit_before"], longest[0])
+    stream["equal"] = equal + 1 if repeats else 0
+
+
+@compiled
+def _find_impossible(stream: Row, wrench: Row) -> tuple[bool, bool]:
+    """Return whether a reading is out of range, and whether it jumps; count those that no sensor gives.
+
+    A single jump may be a blow, one that goes back is none. A force without a value is out of range, a torque without
+    one is not. A change from or to NaN is no jump.
+    """
+    step_n, before = stream["step_n"], stream["before"]
+    x, y, z = wrench[0] - before[0], wrench[1] - before[1], wrench[2] - before[2]
+    jumps = math.hypot(math.hypot(x, y), z) >= stream["jump_n"]
+    possible = math.hypot(math.hypot(wrench[0], wrench[1]), wrench[2]) <= stream["range_n"]
+    impossible = not possible or math.hypot(math.hypot(wrench[3], wrench[4]), wrench[5]) > stream["range_nm"]
+    along = step_n[0] * x + step_n[1] * y + step_n[2] * z
+    step_n[0], step_n[1], step_n[2] = x, y, z
+    if not (impossible or jumps):
+        step_n[0] = math.nan
+    elif impossible or along < 0.0:
+        stream["impossible"] = min(stream["impossible"] + 1.0, MOST_IMPOSSIBLE) + FORGET
+        stream["alert"] = True
+    return impossible, jumps
+
+
+@compiled
+def _find_fault(stream: Row, t_ns: int, gap: bool) -> int:
+    """Return the fault of the stream; 0 where it has none, and had none lately."""
+    equal, stuck_after, lasts_ns = stream["equal"], stream["stuck_after"], t_ns - stream["since_ns"]
+    hangs = equal >= HABITS * (stream["habit"] + 1) and stuck_after <= DEFAULT_REPEATS and lasts_ns >= HANG_NS
+    stuck = lasts_ns >= STUCK_NS if equal >= stuck_after else hangs
+    if not (gap or stuck or stream["alert"]):
+        return 0
+    impossible, failed_ns = max(stream["impossible"] - FORGET, 0.0), stream["failed_ns"]
+    garbage = impossible >= MOST_IMPOSSIBLE or (stream["garbage"] and impossible > 0.0)
+    failing = stuck or gap or garbage
+    if failing and not stream["failing"]:
+        for i in range(FLICKERS - 1):
+            failed_ns[i] = failed_ns[i + 1]
+        failed_ns[FLICKERS - 1] = t_ns
+        stream["failures"] = min(stream["failures"] + 1, FLICKERS)
+    elif not failing and t_ns - failed_ns[FLICKERS - 1] > FLICKER_NS:
+        stream["failures"] = 0
+    stream["impossible"], stream["garbage"], stream["failing"] = impossible, garbage, failing
+    stream["alert"] = failing or impossible > 0.0 or stream["failures"] > 0
+    if stuck or garbage:
+        return STUCK if stuck else GARBAGE
+    often = stream["failures"] == FLICKERS and failed_ns[FLICKERS - 1] - failed_ns[0] <= FLICKER_NS
+    return INTERMITTENT if often else 0

@@ -10,7 +10,8 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.force_image_check import ForceHistory
 from slipd.finger.stream_health import force_conditions
-from slipd.fusion.rows import CONDITIONS, new_rows
+from slipd.fusion.levels import STATE
+from slipd.fusion.rows import new_rows
 from slipd.fusion.streaming import move_to_pad, wrench_at
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
@@ -41,7 +42,7 @@ def heavy(left: str, parse: Parse) -> str:
 
 def side(text: str, parse: Parse) -> ForceChannel:
     wrench = parse(text).finger["left"].wrench
-    force = ForceChannel(wrench, new_rows(CONDITIONS, 1))
+    force = ForceChannel(wrench, new_rows(STATE, 1))
     force.tare.observe(T0)
     return force
 
@@ -52,7 +53,7 @@ def read(
     six = np.array(values, dtype=np.float64)
     taken = force.condition([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], lambda: untouched)
     if not taken.moved:
-        move_to_pad(taken.rows, force._conditions)
+        move_to_pad(taken.rows, force._state)
     return wrench_at(taken.rows, 0)
 
 
@@ -143,10 +144,9 @@ def test_drift_at_its_limit_is_reported(left: str, parse: Parse) -> None:
 
 
 def test_the_mean_is_that_of_the_readings_between_two_times(finger: Finger, wrench: Wrench) -> None:
-    history = ForceHistory(0.02)
+    history = ForceHistory(0.02, finger._estimator.watch.state)
     samples = [wrench(T0 + k * MS, 8.0 + k, (1.0, 0.0)) for k in range(6)]
-    for batch in finger.decide(samples, [sample.t_ns for sample in samples]):
-        history.update(batch.readings.rows, batch.readings.times_ns, batch.phases)
+    finger.decide(samples, [sample.t_ns for sample in samples])
     assert history.mean_wrench(T0 + MS, T0 + 4 * MS)[2] == pytest.approx(-11.0), "of the third to the fifth"
     assert history.mean_wrench(T0 + 5 * MS, T0 + 9 * MS) == history.wrench_at(T0 + 9 * MS), "there is none between"
     assert history.mean_wrench(0, T0) == history.wrench_at(T0)

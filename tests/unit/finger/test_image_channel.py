@@ -15,7 +15,9 @@ from slipd.config import Levels
 from slipd.finger.finger import Finger
 from slipd.finger.force_image_check import ForceSummary
 from slipd.finger.image_channel import ImageChannel
-from slipd.fusion import Contact, contact_from_wrench
+from slipd.fusion import contact_from_wrench
+from slipd.fusion.rows import TOUCHING, Rows
+from slipd.fusion.streaming import new_readings
 from slipd.types.samples import TactileSample
 
 MakePress = Callable[[Finger], Press]
@@ -104,14 +106,16 @@ def make(left: str, parse: Parse) -> Callable[..., ImageChannel]:
     return make
 
 
-def press(normal_n: float = 8.0, centroid_m: tuple[float, float] = (0.0, 0.0)) -> Contact:
-    force = np.array((0.0, 0.0, -normal_n))
-    return contact_from_wrench(force, np.cross((*centroid_m, 0.0), force))
+def pressed() -> Rows:
+    """Return a reading of 8 N at the middle of the pad."""
+    readings = new_readings([(0.0, 0.0, -8.0, 0.0, 0.0, 0.0)], [T0])
+    readings["phase"], readings["contact"] = TOUCHING, contact_from_wrench((0.0, 0.0, -8.0), (0.0, 0.0, 0.0))
+    return readings
 
 
 def known(pad: ImageChannel) -> tuple[bool, bool, bool]:
     """Return whether the pad knows a load distribution, a shape, and whether something touches."""
-    return pad.load_distribution(press) is not None, pad.shape() is not None, pad.shows_contact() is not None
+    return pad.load_distribution(pressed()) is not None, pad.shape() is not None, pad.shows_contact() is not None
 
 
 def test_an_image_is_known_from_its_coming_until_it_is_spoilt_or_forgotten(
@@ -151,7 +155,7 @@ def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChan
     assert pad.pressure == pytest.approx([0.0] * 3 + [2.0, 0.06] + [0.0] * 11)
     assert pad.shows_contact() is True
     pad.update(image(T0 + 1, np.full(16, 105.0)))
-    assert (pad.shows_contact(), pad.load_distribution(press)) == (False, None)
+    assert (pad.shows_contact(), pad.load_distribution(pressed())) == (False, None)
     shape = pad.shape()
     assert shape.active == 0
 

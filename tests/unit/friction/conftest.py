@@ -5,6 +5,7 @@ from __future__ import annotations
 import learning_hand
 import pytest
 from learning_hand import Hand
+from plain_kernels import run_without_compilation
 
 from slipd.friction import friction_estimate, learning
 
@@ -19,7 +20,4 @@ def hand() -> Hand:
 def both_ways(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run a test with the compiled kernels, and without compilation, which shows coverage their lines."""
     if request.param == "plain":
-        for module in (learning, friction_estimate, learning_hand):
-            for name, kernel in list(vars(module).items()):
-                if hasattr(kernel, "py_func"):
-                    monkeypatch.setattr(module, name, kernel.py_func)
+        run_without_compilation(monkeypatch, learning, friction_estimate, learning_hand)

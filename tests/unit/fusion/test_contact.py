@@ -85,16 +85,16 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
     nan = (math.nan,) * 3
     rows = new_readings(
         [(*force, -normal, *(torque or nan)) for _, normal, force, torque in readings],
-        [0.1 * k for k in range(len(readings))],
+        [100_000_000 * k for k in range(len(readings))],
     )
     rows["phase"] = [phase for phase, *_ in readings]
     moved = rows.copy()
     watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
     watch.set_uncertainty(Uncertainty(0.02, torque_std_nm))
-    watch.memory["in_contact"] = in_contact
-    move_to_pad(moved, watch.conditions)
-    ends_at = find_contacts(rows, watch.conditions, watch.memory, False)
-    ends = []
+    watch.state["memory"]["in_contact"] = in_contact
+    move_to_pad(moved, watch.state)
+    ends_at, phases = find_contacts(rows, watch.state, 0, False)
+    ends, found_phases = [], set()
     for k, (phase, *_, torque) in enumerate(readings):
         found, wrench = reading_at(rows, k), wrench_at(moved, k)
         *force, fz = wrench[:3]
@@ -109,7 +109,8 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
             )
         found_phase = phase if phase != PENDING else TOUCHING if expected.valid else FREE
         assert found.phase == found_phase
-        assert found.t_s == 0.1 * k
+        assert found.t_s == 100_000_000 * k * 1e-9
+        found_phases.add(found_phase)
         assert found.utilisation is None
         assert math.isnan(found.tipping_margin_m)
         assert np.array_equal(found.wrench, wrench, equal_nan=True)
@@ -118,6 +119,7 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
             ends += [k] if in_contact and not found.contact.valid else []
             in_contact = found.contact.valid
     assert ends_at == min(ends, default=len(rows))
+    assert phases == sum(1 << phase for phase in found_phases)
 
 
 def test_a_batch_of_any_size_is_transformed_like_single_readings() -> None:
@@ -125,26 +127,27 @@ def test_a_batch_of_any_size_is_transformed_like_single_readings() -> None:
     watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
     matrix, offset, weight = rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6)
     matrix[:3, 3:] = 0.0
-    watch.conditions["matrix"], watch.conditions["offset"], watch.conditions["weight"] = matrix, offset, weight
-    wrenches, times_s = rng.normal(size=(50, 6)), np.arange(50.0).tolist()
-    moved = new_readings(wrenches.tolist(), times_s)
-    move_to_pad(moved, watch.conditions)
+    now = watch.state["conditions"]
+    now["matrix"], now["offset"], now["weight"] = matrix, offset, weight
+    wrenches, times_ns = rng.normal(size=(50, 6)), list(range(50))
+    moved = new_readings(wrenches.tolist(), times_ns)
+    move_to_pad(moved, watch.state)
     expected = (wrenches - offset) @ matrix.T - weight
     assert moved["wrench"] == pytest.approx(expected)
-    assert moved["t_s"].tolist() == times_s
+    assert moved["t_s"].tolist() == [t_ns * 1e-9 for t_ns in times_ns]
     for k, wrench in enumerate(wrenches.tolist()):
-        alone = new_readings([wrench], [0.0])
-        move_to_pad(alone, watch.conditions)
+        alone = new_readings([wrench], [0])
+        move_to_pad(alone, watch.state)
         assert wrench_at(alone, 0) == wrench_at(moved, k), "to the last bit"
-    found = new_readings(wrenches.tolist(), times_s)
-    find_contacts(found, watch.conditions, watch.memory, False)
+    found = new_readings(wrenches.tolist(), times_ns)
+    find_contacts(found, watch.state, 0, False)
     assert np.array_equal(found["wrench"], moved["wrench"])
 
 
 def test_a_torque_that_is_not_measured_leaves_the_force_alone() -> None:
     watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
-    watch.conditions["matrix"][0, 3:, :3] = 0.02
-    reading = new_readings([(1.0, 2.0, -3.0, *[math.nan] * 3)], [0.0])
-    move_to_pad(reading, watch.conditions)
+    watch.state["conditions"]["matrix"][0, 3:, :3] = 0.02
+    reading = new_readings([(1.0, 2.0, -3.0, *[math.nan] * 3)], [0])
+    move_to_pad(reading, watch.state)
     assert reading["wrench"][0, :3].tolist() == [1.0, 2.0, -3.0]
     assert np.isnan(reading["wrench"][0, 3:]).all()

@@ -26,7 +26,7 @@ def slips(load: Array, felt: Array, turns_rad: Array | float = 0.0, mu: float = 
     along = np.column_stack((np.cos(turns_rad) * felt, np.sin(turns_rad) * felt))
     for k, gravity in enumerate(along):
         if not np.isnan(gravity).any():
-            now = contact.conditions
+            now = contact.state["conditions"]
             now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity, rows["t_s"][k], 0.002
         contact.assess(rows[k : k + 1], mu, Uncertainty(STD_N))
     return slips_at(rows["assessment"])

@@ -117,10 +117,10 @@ def test_a_growth_within_its_noise_does_not_count() -> None:
     growing.assess(contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE, 0.0)
     growth = 0.3 * GROWTH_S * MU
     for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
-        growing.drop["rough"] = growth / stds
-        assert grows(growing.drop[0], growing.ring, MU, 0.75) is found
-    growing.drop["rough"] = 0.0
-    assert not grows(growing.drop[0], growing.ring, MU, 0.85), "its mean has not reached that"
+        growing.state["drop"]["rough"] = growth / stds
+        assert grows(growing.state["drop"][0], growing.state["ring"][0], MU, 0.75) is found
+    growing.state["drop"]["rough"] = 0.0
+    assert not grows(growing.state["drop"][0], growing.state["ring"][0], MU, 0.85), "its mean has not reached that"
 
 
 def test_an_unknown_weight_adds_its_force_and_its_spin_to_the_load_and_takes_its_force_off_the_grip() -> None:

@@ -80,10 +80,10 @@ def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed
     wrench = np.tile((*f / loads.sum(), -1.0, 0.0, 0.0, spin / loads.sum()), (12, 1)) * rng.uniform(0.5, 1.0, (12, 6))
     wrench *= rng.uniform(2.0, 9.0, (12, 1))
     wrench[4, 2] = 1.0
-    readings = new_readings(wrench.tolist(), np.arange(12.0).tolist())
+    readings = new_readings(wrench.tolist(), list(range(12)))
     readings["phase"][8] = UNTRUSTED
     watch = ContactWatch(Levels(), Slip(), 0.001, 0.5)
-    find_contacts(readings, watch.conditions, watch.memory, False)
+    find_contacts(readings, watch.state, 0, False)
     assert readings["phase"][[4, 8]].tolist() == [FREE, UNTRUSTED]
     assert reading_at(readings, 0).utilisation is None, "not solved yet"
     singly, unknown = readings.copy(), (math.nan,) * 3

@@ -6,18 +6,31 @@ import math
 
 import numpy as np
 import pytest
+from plain_kernels import run_without_compilation
 
-from slipd.signals.frozen import DEFAULT_REPEATS, FLICKER_NS, Habit, WrenchWatch
+from slipd.fusion.rows import NOT_FINITE
+from slipd.fusion.streaming import new_readings
+from slipd.signals import frozen
+from slipd.signals.frozen import DEFAULT_REPEATS, FAULTS, FLICKER_NS, WrenchWatch
 from slipd.types.arrays import Array
 
 MS = 1_000_000
 
 
+@pytest.fixture(params=["compiled", "plain"])
+def both_ways(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a test with the compiled kernels, and without compilation."""
+    if request.param == "plain":
+        run_without_compilation(monkeypatch, frozen)
+
+
 def take(watch: WrenchWatch, force: Array, torque: Array, t_ns: int) -> str:
     """Return the fault that is reported of a reading that arrives alone."""
     six = (*force.tolist(), *torque.tolist())
-    said = watch.update([six], [t_ns], np.array([six]))
-    assert said == ({0: watch.fault} if watch.fault else {})
+    rows = new_readings([six], [t_ns])
+    doubted, doubts = watch.update(rows), int(rows["doubts"][0])
+    assert doubted == (doubts != 0)
+    assert (bool(doubts & NOT_FINITE), FAULTS[doubts & ~NOT_FINITE]) == (not np.isfinite(six).all(), watch.fault)
     return watch.fault
 
 
@@ -113,9 +126,10 @@ def test_F1_blows_are_not_garbage(blows: list[float]) -> None:
     stream = Stream()
     stream.send(100)
     assert {stream.give(0.01 * k, 0.0, force_n) for k, force_n in enumerate(blows)} == {""}
-    assert stream.watch.lively, "nothing of the blows is left"
+    assert not stream.watch.suspect, "nothing of the blows is left"
 
 
+@pytest.mark.usefixtures("both_ways")
 @pytest.mark.parametrize(("well", "found"), [(300, "intermittent"), (6_000, "")])
 def test_F1_a_stream_that_fails_again_and_again_is_intermittent_until_it_has_been_well_for_long(
     well: int, found: str
@@ -195,6 +209,7 @@ def test_F1_a_sensor_that_hung_twice_is_reported_as_soon_the_third_time() -> Non
     assert all(suspect[-18:])
 
 
+@pytest.mark.usefixtures("both_ways")
 @pytest.mark.parametrize(
     ("step_ms", "repeats", "runs", "stuck", "suspect"),
     [
@@ -220,6 +235,7 @@ def test_F1_a_sensor_is_stuck_and_suspect_from_these_repeats_on(
     assert (faults.index("stuck") if "stuck" in faults else None, suspicions.index(True)) == (stuck, suspect)
 
 
+@pytest.mark.usefixtures("both_ways")
 @pytest.mark.parametrize(
     ("force_n", "times", "found"),
     [
@@ -238,15 +254,16 @@ def test_F1_readings_to_and_fro_are_garbage_and_leave_this_much_of_it(
     assert (said[: 50 + times].count("garbage"), said[50 + times :].count("garbage")) == found
 
 
+@pytest.mark.usefixtures("both_ways")
 def test_F1_a_habit_is_forgotten() -> None:
-    habit = Habit()
-    for _ in range(3):
-        habit.age(0)
-        assert habit.repeats == 0, "one or two long runs are chance"
-        habit.learn(7)
-    for at_s, repeats in ((5, 7), (11, 7), (12, 7), (22, 0)):
-        habit.age(at_s * 1_000 * MS)
-        assert habit.repeats == repeats
+    """Runs of 7 repeats, which are a habit after the third; one or two are chance."""
+    watch = WrenchWatch(200.0, gap_ns=20_000 * MS)
+    for at_s, usual in ((0, 0), (1, 0), (2, 0), (5, 7), (11, 7), (12, 7), (25, 0)):
+        found = []
+        for k in range(9):
+            take(watch, (10.0 + at_s + 0.5 * (k == 8)) * ONES, NONE, (1_000 * at_s + k) * MS)
+            found.append(watch.suspect)
+        assert found == [False] + [usual == 0] * 7 + [False]
 
 
 def test_F1_a_run_that_ends_with_readings_that_come_together_is_a_habit_too() -> None:
@@ -260,6 +277,6 @@ def test_F1_a_run_that_ends_with_readings_that_come_together_is_a_habit_too() ->
         assert watch.suspect is (k < 3), "the fourth time it is used to two repeats"
         rows = rng.normal(size=(2, 6))
         t_ns += 2 * MS
-        assert watch.update([*map(tuple, rows.tolist())], [t_ns - MS, t_ns], rows) == {}
-        assert watch.lively
+        assert not watch.update(new_readings(rows.tolist(), [t_ns - MS, t_ns]))
+        assert (watch.fault, watch.suspect) == ("", False)
         six = rng.normal(size=6)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from plain_kernels import check_without_compilation
+from plain_kernels import run_without_compilation
 
-from slipd.signals.frozen import WrenchWatch, any_finding, compare
+from slipd.fusion.streaming import new_readings
+from slipd.signals import frozen
+from slipd.signals.frozen import WrenchWatch
 from slipd.types.arrays import Array
 
 MS = 1_000_000
@@ -49,21 +50,27 @@ def test_readings_that_arrive_together_are_judged_as_if_they_arrived_singly(
         times_ns = (t_ns + MS * np.cumsum([ms for _, ms in read])).tolist()
         found = {}
         for at, (row, row_ns) in enumerate(zip(rows, times_ns, strict=True)):
-            if singly.update([tuple(row.tolist())], [row_ns], row.reshape(1, 6)):
-                found[at] = singly.fault
-        assert together.update([*map(tuple, rows.tolist())], times_ns, rows) == found
+            alone = new_readings([row.tolist()], [row_ns])
+            if singly.update(alone):
+                found[at] = int(alone["doubts"][0])
+        readings = new_readings(rows.tolist(), times_ns)
+        assert together.update(readings) == bool(found)
+        assert readings["doubts"].tolist() == [found.get(at, 0) for at in range(len(rows))]
         assert (together.fault, together.suspect) == (singly.fault, singly.suspect)
         t_ns, last = times_ns[-1], rows[-1]
 
 
-@given(kinds=st.lists(ROWS, min_size=1, max_size=5), seed=st.integers(0, 99))
-def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed: int) -> None:
-    before, limits = (5.0,) * 6, (100.0, 10.0, 25.0)
-    rows = rows_of(kinds, np.random.default_rng(seed), np.array(before))
-    assert any_finding(before, rows, *limits) == (set(kinds) != {"well"})
-    check_without_compilation(any_finding, before, rows, *limits)
-    for last, row in pairwise((before, *map(tuple, rows.tolist()))):
-        check_without_compilation(compare, last, row, *limits)
+@given(kinds=st.lists(ROWS, min_size=1, max_size=20), seed=st.integers(0, 99), step_ms=st.sampled_from((1, 7, 30)))
+def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed: int, step_ms: int) -> None:
+    rows = rows_of(kinds, np.random.default_rng(seed), np.full(6, 5.0))
+    found = []
+    for plain in (False, True):
+        watch = WrenchWatch(100.0, 10.0)
+        readings = new_readings(rows.tolist(), [k * step_ms * MS for k in range(len(kinds))])
+        with pytest.MonkeyPatch.context() as patch, np.errstate(invalid="ignore"):
+            run_without_compilation(patch, *[frozen] * plain)
+            found.append((watch.update(readings), repr(readings), watch.suspect, repr(watch._stream)))
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize(
@@ -80,10 +87,9 @@ def test_N1_a_force_without_a_value_is_impossible_and_a_torque_without_one_is_no
 ) -> None:
     watch = WrenchWatch(100.0)
     good = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    watch.update([good], [0], np.array([good]))
-    watch.update([row], [MS], np.array([row]))
-    assert not watch.lively
+    watch.update(new_readings([good], [0]))
+    assert watch.update(new_readings([row], [MS]))
     assert watch.suspect is jumps
     for k in range(2, 6):
-        watch.update([row], [k * MS], np.array([row]))
+        watch.update(new_readings([row], [k * MS]))
     assert watch.fault == fault
