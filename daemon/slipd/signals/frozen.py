@@ -54,7 +54,7 @@ STREAM = np.dtype(
         ("before", "f8", (6,)),
         ("step_n", "f8", (3,)),
         *[(name, "i8") for name in ("stuck_after", "gap_ns", "equal", "since_ns", "last_ns", "failures")],
-        *[(name, "i8") for name in ("habit", "habit_before", "habit_since_ns", "fault")],
+        *[(name, "i8") for name in ("habit", "habit_before", "habit_since_ns", "fault_before")],
         ("longest", "i8", (3,)),
         ("failed_ns", "i8", (FLICKERS,)),
         *[(name, "?") for name in ("garbage", "failing", "alert")],
@@ -67,7 +67,7 @@ STREAM = np.dtype(
 ``stuck_after``: repeats that mean a stuck sensor; ``gap_ns``: a longer silence is a failure. ``before`` is the newest
 reading, at ``last_ns``, and ``step_n`` the last change, NaN where it was no jump. ``equal`` readings repeat the one at
 ``since_ns``. ``impossible`` counts impossible readings less the forgotten ones. ``failures`` are known, the newest last
-in ``failed_ns``. ``alert``: the stream failed lately. ``habit``: longest run of equal readings that is usual for the
+in ``failed_ns``; ``fault_before`` is that of the newest reading. ``alert``: the stream failed lately. ``habit``: longest run of equal readings that is usual for the
 sensor, learned from runs that ended by themselves: the third longest of the last 10 to 20 s, as one or two longer runs
 are chance, or a sensor that hung for a moment. ``habit_before`` is that of the previous 10 s; ``longest`` are the runs
 since ``habit_since_ns``, the third longest first.
@@ -156,7 +156,7 @@ def check_readings(readings: Rows, streams: Rows) -> int:
             fault = GARBAGE
         for i in range(6):
             before[i] = wrench[i]
-        stream["last_ns"], stream["fault"] = t_ns, fault
+        stream["last_ns"], stream["fault_before"] = t_ns, fault
         rested = t_ns - stream["since_ns"] > RESTED_NS
         lasts = stream["equal"] > 0 and (rested or stream["equal"] > stream["habit"])
         found = fault + (_SUSPECT if jumps or lasts else 0)
@@ -174,7 +174,7 @@ def _follow_run(stream: Row, t_ns: int, repeats: bool, gap: bool) -> None:
     """Count equal readings; a run that ends by itself, and was never reported as stuck, is usual for the sensor."""
     longest, equal = stream["longest"], stream["equal"]
     if gap or not repeats:
-        if not gap and stream["fault"] != STUCK and equal > longest[0]:
+        if not gap and stream["fault_before"] != STUCK and equal > longest[0]:
             longest[0] = min(equal, longest[1])
             longest[1] = min(max(equal, longest[1]), longest[2])
             longest[2] = max(equal, longest[2])

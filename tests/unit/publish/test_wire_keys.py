@@ -28,7 +28,7 @@ READERS = {"requests", "io"}
 """Rooms that read requests."""
 
 REQUEST_FIELDS = {field.name for field in ENVELOPE} | {name for op in OPS.values() for name in op.fields}
-ROW_ROOMS = {"fusion", "friction", "finger"}
+ROW_ROOMS = {"fusion", "signals", "friction", "finger"}
 """Rooms that address fields of rows, which are named by quantity and unit as keys are."""
 
 ROW_FIELDS = {name for dtype in vars(rows).values() if isinstance(dtype, np.dtype) for name in dtype.names or ()}
