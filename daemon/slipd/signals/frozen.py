@@ -65,12 +65,13 @@ STREAM = np.dtype(
 
 ``range_n``, ``range_nm``: more is impossible; ``jump_n``: a change of the force that no real force makes;
 ``stuck_after``: repeats that mean a stuck sensor; ``gap_ns``: a longer silence is a failure. ``before`` is the newest
-reading, at ``last_ns``, and ``step_n`` the last change, NaN where it was no jump. ``equal`` readings repeat the one at
-``since_ns``. ``impossible`` counts impossible readings less the forgotten ones. ``failures`` are known, the newest last
-in ``failed_ns``; ``fault_before`` is that of the newest reading. ``alert``: the stream failed lately. ``habit``: longest run of equal readings that is usual for the
-sensor, learned from runs that ended by themselves: the third longest of the last 10 to 20 s, as one or two longer runs
-are chance, or a sensor that hung for a moment. ``habit_before`` is that of the previous 10 s; ``longest`` are the runs
-since ``habit_since_ns``, the third longest first.
+reading, at ``last_ns``, with the fault ``fault_before``; ``step_n`` is the last change, NaN where it was no jump.
+``equal`` readings repeat the one at ``since_ns``. ``impossible`` counts impossible readings less the forgotten ones.
+``failures`` are known, the newest last in ``failed_ns``. ``alert``: the stream failed lately.
+
+``habit``: longest run of equal readings that is usual for the sensor, learned from runs that ended by themselves: the
+third longest of the last 10 to 20 s, as one or two longer runs are chance, or a sensor that hung for a moment.
+``habit_before`` is that of the previous 10 s; ``longest`` are the runs since ``habit_since_ns``, the longest last.
 """
 
 
