@@ -245,31 +245,30 @@ class Engine:
         """Return what handles the readings of a stream."""
         owner, _, kind = stream.partition(".")
         if kind:
-            handle = self._handle_forces if kind == "wrench" else self._handle_images
-            return partial(self._handle_finger, self._fingers[owner], self._publishers[owner], handle)
+            return partial(self._handle_finger, self._fingers[owner], self._publishers[owner], kind)
         return self._handle_arm if owner == "arm" else self._handle_grasp_samples
 
     def _handle_finger(
         self,
         finger: Finger,
         publisher: FingerPublisher,
-        handle: Callable[[Finger, Read, int, list[Output]], None],
+        kind: str,
         read: Read,
         t_ns: int,
         out: list[Output],
     ) -> None:
         """Handle the readings of one stream of a finger that came in one read."""
         before = publisher.level
-        handle(finger, read, t_ns, out)
+        if kind == "wrench":
+            self._publish_batches(finger, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
+        else:
+            self._handle_images(finger, read, t_ns, out)
         if found := self._motion.update_finger(finger):
             self._report_motion(found, t_ns, out)
         if publisher.level != before:
             self._advice_due.due_ns = 0
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
             self._grasp_due.run_now(t_ns, out)
-
-    def _handle_forces(self, finger: Finger, read: Read, t_ns: int, out: list[Output]) -> None:
-        self._publish_batches(finger, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
 
     def _handle_images(self, finger: Finger, read: Read, t_ns: int, out: list[Output]) -> None:
         publisher, arrival = self._publishers[finger.name], read.arrival
