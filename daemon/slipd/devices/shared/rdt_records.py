@@ -32,7 +32,6 @@ _REQUEST = struct.Struct(">HHI")  # header, command, data
 _REQUEST_HEADER = 0x1234
 _HEAD = struct.Struct(">III")  # rdt_sequence, ft_sequence, status
 _RECORD = struct.Struct(">III6i")
-_COUNTS_AT = _HEAD.size
 _SPAN = 1 << 32
 _FIRST = 1
 """Number of the first record after each start."""
@@ -57,7 +56,7 @@ _LATE_TICKS = 1 << 12
 
 AT_RAIL = 1 << 32
 """A 33rd status bit, never sent: a count is at the end of its range."""
-_RAILS = (-(1 << 31), (1 << 31) - 1)
+_RAILS = frozenset((-(1 << 31), (1 << 31) - 1))
 
 Head = tuple[int, int]
 """Ticks of the sensor's clock, unwrapped, and the status with `AT_RAIL`."""
@@ -93,51 +92,19 @@ class RecordScanner:
             The heads of the new records that they complete, and the counts of these, shape (records, 6): force x y z,
             torque x y z.
         """
-        heads, counts = self._scan_whole_records(data) or self._search(data)
-        lowest, highest = _RAILS
-        if heads and (counts.min() == lowest or counts.max() == highest):
-            at_rail = ((counts == lowest) | (counts == highest)).any(axis=1)
-            heads = [(ticks, status | AT_RAIL * bool(at)) for (ticks, status), at in zip(heads, at_rail, strict=True)]
-        return heads, counts
-
-    def _scan_whole_records(self, data: bytes) -> tuple[list[Head], Array] | None:
-        """Read the usual datagram, whole records that follow the newest; return None, and change nothing, otherwise."""
-        if len(data) % RECORD_LENGTH or len(data) <= RECORD_LENGTH:
-            return None
-        if self._returned is None or not self._frames.in_sync:
-            return None
-        number, clock = self._returned
-        if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
-            return None
-        words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
-        numbers, ticks, status = words[:, :3].astype(np.int64).T
-        steps = ticks - np.concatenate(((self._newest_ticks,), ticks[:-1]))
-        if not (
-            (numbers[1:] - numbers[:-1] == 1).all()
-            and 0 <= steps.min() <= steps.max() < _TICKS_WITHIN
-            and (status & self._reserved == self._reserved_bits).all()
-            and self._sequence.accept_run(int(numbers[0]), len(words))
-        ):
-            return None
-        clocks = (ticks + (clock - self._newest_ticks)).tolist()
-        self._newest, self._newest_ticks = int(numbers[-1]), int(ticks[-1])
-        self._returned = self._newest, clocks[-1]
-        return list(zip(clocks, status.tolist(), strict=True)), words.view(">i4")[:, 3:].astype(np.float64)
-
-    def _search(self, data: bytes) -> tuple[list[Head], Array]:
-        """Read any bytes."""
         buffer, found = self._frames.receive(data)
         heads: list[Head] = []
-        bodies: list[bytes] = []
+        rows: list[list[int]] = []
         for start, _ in found:
-            sequence, ticks, status = _HEAD.unpack_from(buffer, start)
+            sequence, ticks, status, *counts = _RECORD.unpack_from(buffer, start)
             if self._is_late(sequence, ticks):
                 self._health.duplicates += 1
             elif self._sequence.accept(sequence):
-                self._returned = sequence, self._unwrap(ticks)
-                heads.append((self._returned[1], status))
-                bodies.append(buffer[start + _COUNTS_AT : start + RECORD_LENGTH])
-        return heads, np.frombuffer(b"".join(bodies), ">i4").astype(np.float64).reshape(-1, 6)
+                clock = self._unwrap(ticks)
+                self._returned = sequence, clock
+                heads.append((clock, status if _RAILS.isdisjoint(counts) else status | AT_RAIL))
+                rows.append(counts)
+        return heads, np.array(rows, dtype=np.float64).reshape(-1, 6)
 
     def forget(self) -> None:
         """Drop a partial record, and expect the first record of a freshly opened stream."""
