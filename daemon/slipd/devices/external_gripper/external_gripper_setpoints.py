@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_message import Report
-from slipd.devices.shared.command_queue import SETS_FORCE, STOP, Command, CommandQueue
+from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
+from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP
 
 FORCE_TOLERANCE = 1e-6
 """Largest relative excess of the applied force over the requested one; single precision can cause it."""
@@ -69,13 +70,13 @@ class SetpointQueue(CommandQueue):
             return False
         self.handle_answer(now_ns, f"{command.name}: {report.error}" if report.error else "")
         if command.kind in SETS_FORCE and report.applied_n is not None:
-            self.echo_ok = report.applied_n <= (command.force or 0.0) * (1.0 + FORCE_TOLERANCE)
+            self.echo_ok = report.applied_n <= (command.force_n or 0.0) * (1.0 + FORCE_TOLERANCE)
         return True
 
-    def _make(self, operation: str, **values: float | None) -> Command:
+    def _make(self, operation: str, **values: float | None) -> QueuedCommand:
         self._made += 1
         data = wire.encode_setpoint(self._made, operation, **values)
-        return Command(operation, operation, data, self._made, values.get("force_n"))
+        return QueuedCommand(operation, values.get("force_n"), operation, data, self._made)
 
 
 _REGISTRATIONS = {Event.REGISTERED: State.WAITING, Event.STRANGER: State.UNREGISTERED}

@@ -13,7 +13,6 @@ from slipd.devices.robotiq_2f.robotiq_commands import (
     TRANSITIONS,
     Goal,
     RegisterWrite,
-    WriteKind,
     WriteQueue,
 )
 from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS, RobotiqLine
@@ -31,6 +30,7 @@ from slipd.devices.robotiq_2f.robotiq_registers import (
 from slipd.devices.shared import modbus
 from slipd.devices.shared.device_interface import DecoderHealth, check_integer
 from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine
+from slipd.devices.shared.waiting_commands import STOP
 from slipd.types.samples import GripperSample
 
 __all__ = ["DEVICE", "Decoder", "Session"]
@@ -38,8 +38,8 @@ __all__ = ["DEVICE", "Decoder", "Session"]
 LAST_UNIT = 247
 """Highest Modbus address."""
 
-_SENT = {WriteKind.CLEAR: Event.CLEAR_SENT, WriteKind.ACTIVATE: Event.ACTIVATION_SENT}
-_REPEATED = {WriteKind.CLEAR: Event.CLEAR_REPEATED, WriteKind.ACTIVATE: Event.ACTIVATION_REPEATED}
+_SENT = {"clear": Event.CLEAR_SENT, "activate": Event.ACTIVATION_SENT}
+_REPEATED = {"clear": Event.CLEAR_REPEATED, "activate": Event.ACTIVATION_REPEATED}
 
 
 class Session(GripperSessionBase[WriteQueue]):
@@ -86,7 +86,7 @@ class Session(GripperSessionBase[WriteQueue]):
         self.width_range_m, self.width_step_m = units.width_range_m, units.width_step_m
         self.speed_range_mps, self.force_range_n = units.speed_range_mps, units.force_range_n
         self._line = RobotiqLine(unit, round(poll_period_s * 1e9), self.health)
-        self._queue = WriteQueue(unit)
+        self._queue = WriteQueue(unit, units)
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
@@ -127,7 +127,7 @@ class Session(GripperSessionBase[WriteQueue]):
     def drop(self) -> bool:
         """Drop writes that are not sent yet, except a halt; do not repeat unanswered ones."""
         dropped = self._queue.drop()
-        if self._unanswered is not None and self._unanswered.kind is not WriteKind.HALT:
+        if self._unanswered is not None and self._unanswered.kind != STOP:
             self._unanswered = None
         self._revert_activation(Event.DROP)
         return dropped
@@ -146,7 +146,7 @@ class Session(GripperSessionBase[WriteQueue]):
         if request.function == modbus.WRITE:
             self.command_lost = False
             if write is not None and not reply.error:
-                self._queue.acknowledge(write)
+                self._queue.acknowledged(write)
             if reply.error:
                 self._give_up()
         elif not reply.error:
@@ -173,9 +173,6 @@ class Session(GripperSessionBase[WriteQueue]):
             self._reported = None
             self._machine.handle(_SENT[write.kind])
         return self._line.send(write.request, now_ns)
-
-    def _on_one_pad(self, force: int | None) -> float | None:
-        return None if force is None else self._units.newtons(force)
 
     def _activate(self, now_ns: int) -> bool:
         if not self._machine.handle(Event.ACTIVATE):

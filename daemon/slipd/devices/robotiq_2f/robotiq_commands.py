@@ -11,11 +11,11 @@ stops the fingers.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, auto
 
-from slipd.devices.robotiq_2f.robotiq_registers import ACTIVATE, FORCE_ADDRESS, GO, OUTPUT_ADDRESS
+from slipd.devices.robotiq_2f.robotiq_registers import ACTIVATE, FORCE_ADDRESS, FULL, GO, OUTPUT_ADDRESS, Units
 from slipd.devices.shared import modbus
 from slipd.devices.shared.gripper_session import MOTIONS, REPORTS, Event, State, Table
+from slipd.devices.shared.waiting_commands import STOP, Command, WaitingCommands
 
 _REPORTS = REPORTS | {Event.REPORTED_ACTIVATING: State.ACTIVATING}
 _ALWAYS = {Event.ACTIVATE: State.ACTIVATION_QUEUED, Event.FELL_SILENT: State.WAITING}
@@ -50,16 +50,6 @@ ACTIVATION = frozenset({State.ACTIVATION_QUEUED, State.CLEARED, State.ACTIVATING
 """In these states the gripper accepts no motion."""
 
 
-class WriteKind(Enum):
-    """Effect of a write; `CLEAR` and `ACTIVATE` together are an activation."""
-
-    CLEAR = auto()
-    ACTIVATE = auto()
-    GO = auto()
-    FORCE = auto()
-    HALT = auto()
-
-
 @dataclass(frozen=True, slots=True)
 class Goal:
     """Goal of the fingers: position byte and speed byte."""
@@ -69,75 +59,51 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True)
-class RegisterWrite:
-    """One register write.
+class RegisterWrite(Command):
+    """One register write; "clear" and "activate" together are an activation.
 
     Attributes:
-        kind: Effect of the write.
         request: Modbus request.
-        goal: Goal of a `GO`.
-        force: Force byte that it sets; None if it sets none.
+        goal: Goal of a "move".
     """
 
-    kind: WriteKind
     request: modbus.Request
-    goal: Goal | None = None
-    force: int | None = None
-
-    def force_after(self, force: int | None) -> int | None:
-        """Return the force byte in effect after this write, given the one before; an activation leaves none."""
-        activates = self.kind in (WriteKind.CLEAR, WriteKind.ACTIVATE)
-        return self.force if activates or self.force is not None else force
+    goal: Goal | None
 
 
-_WHOLE = {WriteKind.CLEAR, WriteKind.ACTIVATE, WriteKind.GO, WriteKind.HALT}
+_WHOLE = ("clear", "activate", "move", STOP)
 _SUPERSEDED_BY = {
-    WriteKind.ACTIVATE: _WHOLE,
-    WriteKind.GO: _WHOLE,
-    WriteKind.HALT: _WHOLE,
-    WriteKind.FORCE: {WriteKind.CLEAR, WriteKind.ACTIVATE, WriteKind.GO, WriteKind.FORCE},
+    "activate": _WHOLE,
+    "move": _WHOLE,
+    STOP: _WHOLE,
+    "force": ("clear", "activate", "move", "force"),
 }
-"""For each kind, the newer kinds after which an unanswered write is not repeated; a `CLEAR` always is."""
+"""For each kind, the newer kinds after which an unanswered write is not repeated; a "clear" always is."""
 
 
-class WriteQueue:
+class WriteQueue(WaitingCommands[RegisterWrite]):
     """Waiting writes, in order.
 
     Args:
         unit: Modbus address of the gripper.
+        units: Converts force bytes.
 
     Attributes:
-        waiting: Writes that are not sent yet.
         requested: Position byte sent last since the activation; None if none was sent.
-        acknowledged: Force byte acknowledged last since the activation; None if none was.
     """
 
-    def __init__(self, unit: int) -> None:
-        self._unit = unit
-        self._clear = self._write(WriteKind.CLEAR, (0, 0, 0))
-        self._activation = self._write(WriteKind.ACTIVATE, (ACTIVATE << 8, 0, 0))
-        self._halt = self._write(WriteKind.HALT, (ACTIVATE << 8,))
-        self.reset()
+    def __init__(self, unit: int, units: Units) -> None:
+        self._unit, self._units = unit, units
+        self._clear = self._write("clear", (0, 0, 0))
+        self._activation = self._write("activate", (ACTIVATE << 8, 0, 0))
+        self._halt = self._write(STOP, (ACTIVATE << 8,))
+        super().__init__()
 
     def reset(self) -> None:
         """Start again: nothing waits, nothing was sent."""
-        self.waiting: list[RegisterWrite] = []
+        super().reset()
         self.requested: int | None = None
         self._sent_goal = Goal(0, 0)
-        self._sent_force: int | None = None
-        self.acknowledged: int | None = None
-
-    @property
-    def force(self) -> int | None:
-        """Force byte in effect after all waiting writes; None if none was sent since the activation."""
-        force = self._sent_force
-        for write in self.waiting:
-            force = write.force_after(force)
-        return force
-
-    def forget_force(self) -> None:
-        """Forget the force that was sent, because the gripper is not active and no longer has it."""
-        self._sent_force = self.acknowledged = None
 
     def activate(self) -> None:
         """Queue an activation, and nothing else."""
@@ -151,21 +117,14 @@ class WriteQueue:
         """Queue a force; a move that waits, or is ``unanswered`` and would be repeated, is queued with that force."""
         newest = self.waiting[-1] if self.waiting else unanswered
         goal = None if newest is None else newest.goal
-        halts = [write for write in self.waiting if write.kind is WriteKind.HALT]
+        halts = [write for write in self.waiting if write.kind == STOP]
         self.waiting = [*halts, self._set(force) if goal is None else self._go(goal, force)]
 
     def halt(self) -> None:
         """Queue a halt before all else; keep a waiting force, but not that of a move that never began."""
-        forces = [write.force for write in self.waiting if write.force is not None]
+        forces = [write.request.registers[-1] & FULL for write in self.waiting if write.force_n is not None]
         starts_move = any(write.goal and write.goal.position != self._sent_goal.position for write in self.waiting)
         self.waiting = [self._halt] if starts_move else [self._halt, *map(self._set, forces[-1:])]
-
-    def drop(self) -> bool:
-        """Drop waiting writes except a halt; return whether there were any."""
-        kept = [write for write in self.waiting if write.kind is WriteKind.HALT]
-        dropped = len(kept) < len(self.waiting)
-        self.waiting = kept
-        return dropped
 
     def clear(self) -> None:
         """Drop all waiting writes."""
@@ -173,21 +132,16 @@ class WriteQueue:
 
     def send(self) -> RegisterWrite:
         """Take out the next write, which is sent now."""
-        write = self.waiting.pop(0)
-        self._sent_force = write.force_after(self._sent_force)
-        if write.kind is WriteKind.CLEAR:
+        write = super().send()
+        if write.kind == "clear":
             self.requested = None
         elif write.goal is not None:
             self.requested, self._sent_goal = write.goal.position, write.goal
         return write
 
-    def acknowledge(self, write: RegisterWrite) -> None:
-        """Record that the gripper acknowledged a write."""
-        self.acknowledged = write.force_after(self.acknowledged)
-
     def repeat(self, write: RegisterWrite) -> bool:
         """Queue an unanswered write again; return False if a newer one supersedes it."""
-        if write.kind is WriteKind.CLEAR:
+        if write.kind == "clear":
             self.activate()
             return True
         if any(newer.kind in _SUPERSEDED_BY[write.kind] for newer in self.waiting):
@@ -197,14 +151,14 @@ class WriteQueue:
 
     def _go(self, goal: Goal, force: int) -> RegisterWrite:
         registers = (ACTIVATE | GO) << 8, goal.position, goal.speed << 8 | force
-        return self._write(WriteKind.GO, registers, goal=goal, force=force)
+        return self._write("move", registers, goal=goal, force=force)
 
     def _set(self, force: int) -> RegisterWrite:
-        return self._write(WriteKind.FORCE, (self._sent_goal.speed << 8 | force,), FORCE_ADDRESS, force=force)
+        return self._write("force", (self._sent_goal.speed << 8 | force,), FORCE_ADDRESS, force=force)
 
     def _write(
         self,
-        kind: WriteKind,
+        kind: str,
         registers: tuple[int, ...],
         address: int = OUTPUT_ADDRESS,
         *,
@@ -212,4 +166,4 @@ class WriteQueue:
         force: int | None = None,
     ) -> RegisterWrite:
         request = modbus.Request(self._unit, modbus.WRITE, write_address=address, registers=registers)
-        return RegisterWrite(kind, request, goal, force)
+        return RegisterWrite(kind, None if force is None else self._units.newtons(force), request, goal)

@@ -14,50 +14,32 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import Event, GripperSessionBase, State, StateMachine, Table, check_range
+from slipd.devices.shared.waiting_commands import SETS_FORCE, STOP, Command, WaitingCommands
 
 ATTEMPTS = 3
 """A command that is unanswered this often is lost."""
 
-STOP = "stop"
-"""Kind of the command that no drop removes."""
-SETS_FORCE = ("move", "force")
-"""Kinds of the commands that only an active gripper obeys."""
-
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """One command.
+class QueuedCommand(Command):
+    """One command of a queue; a newer one of the same kind replaces an older one.
 
     Attributes:
-        name: Name of the command, for people.
-        kind: "activate", "move", "force", "stop", "acknowledge" or another; a newer command of the same kind replaces
-            an older one.
+        name: Its name, for people.
         data: Bytes to send.
         number: Number that identifies its answer.
-        force: Force that it sets or moves with, N on one pad; None if it has none.
     """
 
     name: str
-    kind: str
     data: bytes
     number: int
-    force: float | None = None
 
-    @property
-    def activates(self) -> bool:
-        """Whether it makes the gripper ready: earlier forces no longer apply, and unanswered ones are not repeated."""
-        return self.kind == "activate"
-
-    def force_after(self, force: float | None) -> float | None:
-        """Return the force in effect after this command, given the one before."""
-        return self.force if self.activates or self.force is not None else force
-
-    def supersedes(self, older: Command) -> bool:
+    def supersedes(self, older: QueuedCommand) -> bool:
         """Return whether an older, unanswered command is not repeated because this one waits."""
-        return self.kind == older.kind or (self.activates and older.force is not None)
+        return self.kind == older.kind or (self.activates and older.force_n is not None)
 
 
-class CommandQueue(ABC):
+class CommandQueue(WaitingCommands[QueuedCommand], ABC):
     """Commands that wait, and the one command whose answer is awaited; a subclass makes the commands of its gripper.
 
     Args:
@@ -65,25 +47,21 @@ class CommandQueue(ABC):
         health: Its ``lost`` counts unanswered commands.
 
     Attributes:
-        waiting: Commands that are not sent yet, in order.
         outstanding: The command that was sent and is not answered.
         failure: Why the last command was lost; "" if it was not.
-        acknowledged: The force that the gripper acknowledged last; None if none since it was made ready.
         echo_ok: Whether the gripper applied the force that it was sent last; None if it reported none yet.
     """
 
     def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
         self._answer_ns = answer_ns
         self._health = health
-        self.reset()
+        super().__init__()
 
     def reset(self) -> None:
         """Start again: nothing waits, nothing was lost."""
-        self.waiting: list[Command] = []
-        self.outstanding: Command | None = None
+        super().reset()
+        self.outstanding: QueuedCommand | None = None
         self.failure = ""
-        self._force: float | None = None  # sent last
-        self.acknowledged: float | None = None
         self.echo_ok: bool | None = None
         self._attempts = 0
         self._due_ns = 0
@@ -106,14 +84,6 @@ class CommandQueue(ABC):
         return self._due_ns if self.waiting or self.outstanding is not None else None
 
     @property
-    def force(self) -> float | None:
-        """The force in effect after all waiting commands; None if none was set."""
-        force = self._force
-        for command in self.waiting:
-            force = command.force_after(force)
-        return force
-
-    @property
     def activation_waits(self) -> bool:
         """Whether an activation waits to be sent."""
         return any(command.activates for command in self.waiting)
@@ -123,15 +93,9 @@ class CommandQueue(ABC):
         """Whether an activation was sent last, and is not answered."""
         return self.outstanding is not None and self.outstanding.activates
 
-    def forget_force(self) -> None:
-        """Record that the gripper no longer has the force that was sent."""
-        self._force = self.acknowledged = None
-
     def drop(self) -> bool:
         """Drop waiting commands except a stop, and repeat no other; return whether anything was dropped."""
-        kept = [command for command in self.waiting if command.kind == STOP]
-        dropped = len(kept) < len(self.waiting)
-        self.waiting = kept
+        dropped = super().drop()
         if self.outstanding is not None and self.outstanding.kind != STOP:
             self._attempts = ATTEMPTS
         return dropped
@@ -142,12 +106,12 @@ class CommandQueue(ABC):
         if any(command.kind in SETS_FORCE for command in (*self.waiting, *unanswered)):
             self.give_up(failure)
 
-    def replace(self, commands: Iterable[Command], keep: Collection[str] = ()) -> None:
+    def replace(self, commands: Iterable[QueuedCommand], keep: Collection[str] = ()) -> None:
         """Queue these commands in place of the waiting ones, after those of the kinds ``keep``."""
         self.waiting = [command for command in self.waiting if command.kind in keep]
         self.waiting += commands
 
-    def interrupt(self, command: Command) -> None:
+    def interrupt(self, command: QueuedCommand) -> None:
         """Send this command at once in place of all others, and await no other answer."""
         self.waiting, self.outstanding = [command], None
         self._attempts = self._due_ns = 0
@@ -161,8 +125,7 @@ class CommandQueue(ABC):
             self._handle_timeout(self.outstanding)
         if not self.waiting:
             return b""
-        self.outstanding = self.waiting.pop(0)
-        self._force = self.outstanding.force_after(self._force)
+        self.outstanding = self.send()
         self._attempts += 1
         self._due_ns = now_ns + self._answer_ns
         return self.outstanding.data
@@ -170,7 +133,7 @@ class CommandQueue(ABC):
     def handle_answer(self, now_ns: int, failure: str = "") -> None:
         """Handle the answer to the outstanding command; drop waiting commands if it reports a failure."""
         if self.outstanding is not None and not failure:
-            self.acknowledged = self.outstanding.force_after(self.acknowledged)
+            self.acknowledged(self.outstanding)
         self.outstanding, self.failure = None, ""
         self._attempts, self._due_ns = 0, now_ns
         if failure:
@@ -182,7 +145,7 @@ class CommandQueue(ABC):
         self._attempts = 0
         self.failure = failure
 
-    def _handle_timeout(self, command: Command) -> None:
+    def _handle_timeout(self, command: QueuedCommand) -> None:
         self._health.lost += 1
         self.outstanding = None
         if self._attempts >= ATTEMPTS:
@@ -258,9 +221,6 @@ class QueuedGripperSession(GripperSessionBase[Queue]):
         if self._fault:
             self._queue.acknowledge()
             self._follow_activation()
-
-    def _on_one_pad(self, force: float | None) -> float | None:
-        return force
 
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
         if not self._machine.accepts(Event.MOVE):

@@ -13,6 +13,7 @@ from enum import Enum
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 from slipd.devices.shared.device_interface import Session
+from slipd.devices.shared.waiting_commands import WaitingCommands
 from slipd.types.permit import Permit
 
 
@@ -197,19 +198,7 @@ class StateMachine:
         return True
 
 
-class ForceQueue(Protocol):
-    """Commands of a session; its forces are in the gripper's own unit."""
-
-    @property
-    def force(self) -> float | None:
-        """The force in effect after all waiting commands; None if none was set."""
-
-    @property
-    def acknowledged(self) -> float | None:
-        """The force that the gripper acknowledged last; None if none since it was made ready."""
-
-
-Queue = TypeVar("Queue", bound=ForceQueue)
+Queue = TypeVar("Queue", bound=WaitingCommands[Any])
 
 
 class GripperSessionBase(ABC, Generic[Queue]):
@@ -232,12 +221,12 @@ class GripperSessionBase(ABC, Generic[Queue]):
     @property
     def force_sent_n(self) -> float | None:
         """Force sent or queued last, N on one pad; None if there was none since the activation."""
-        return self._on_one_pad(self._queue.force)
+        return self._queue.force_n
 
     @property
     def force_acknowledged_n(self) -> float | None:
         """Force that the gripper acknowledged last, N on one pad; None if none since the activation."""
-        return self._on_one_pad(self._queue.acknowledged)
+        return self._queue.acknowledged_n
 
     def execute(self, permit: Permit, now_ns: int) -> bool:
         """Carry out a permit; see `slipd.devices.GripperSession.execute`.
@@ -259,10 +248,6 @@ class GripperSessionBase(ABC, Generic[Queue]):
         if permit.width_m is None:
             raise ValueError("a permit of kind 'move' must have a width")
         return self._move(permit.width_m, permit.speed_mps, force_n)
-
-    @abstractmethod
-    def _on_one_pad(self, force: Any) -> float | None:
-        """Return the force on one pad, N, of a force as this gripper counts it; None for None."""
 
     @abstractmethod
     def _activate(self, now_ns: int) -> bool:

@@ -10,9 +10,10 @@ so that the object is clamped again; if not, only the limit changes and nothing 
 from __future__ import annotations
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.command_queue import STOP, Command, CommandQueue
+from slipd.devices.shared.command_queue import CommandQueue, QueuedCommand
 from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.shared.gripper_session import FAULT_REPORTS, MOTIONS, Event, State, Table
+from slipd.devices.shared.waiting_commands import STOP
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_decoder import Reply
 from slipd.devices.wsg.wsg_messages import FINGERS
@@ -54,11 +55,11 @@ ANSWER_NS = 250_000_000
 ECHO_TOLERANCE_N = 0.01
 """Largest error of the force limit that was read back; it is written in the same format."""
 
-HOME = Command("homing", "activate", wire.home(), wire.HOME)
+HOME = QueuedCommand("activate", None, "homing", wire.home(), wire.HOME)
 
-_STOP = Command("stop", STOP, wire.encode(wire.STOP), wire.STOP)
-_ACKNOWLEDGE = Command("acknowledgement", "acknowledge", wire.acknowledge(), wire.ACKNOWLEDGE)
-_READ_BACK = Command("force limit", "read back", wire.encode(wire.GET_FORCE), wire.GET_FORCE)
+_STOP = QueuedCommand(STOP, None, "stop", wire.encode(wire.STOP), wire.STOP)
+_ACKNOWLEDGE = QueuedCommand("acknowledge", None, "acknowledgement", wire.acknowledge(), wire.ACKNOWLEDGE)
+_READ_BACK = QueuedCommand("read back", None, "force limit", wire.encode(wire.GET_FORCE), wire.GET_FORCE)
 _SUCCESS = {
     wire.PREPOSITION: (wire.OK, wire.PENDING, wire.ABORTED, wire.AXIS_BLOCKED),
     wire.HOME: (wire.OK, wire.PENDING),
@@ -141,8 +142,8 @@ class WsgCommandQueue(CommandQueue):
             return False
         succeeded = reply.status in _SUCCESS.get(reply.id, (wire.OK,))
         self.handle_answer(now_ns, "" if succeeded else f"{command.name}: {weiss.status_word(reply.status)}")
-        if succeeded and command.force is not None:
-            self._limit_n = command.force
+        if succeeded and command.force_n is not None:
+            self._limit_n = command.force_n
         elif succeeded and reply.id == wire.GET_FORCE:
             self.echo_ok = abs(wire.parse_number(reply.data) - self._limit_n * FINGERS) <= ECHO_TOLERANCE_N
         return True
@@ -156,7 +157,8 @@ class WsgCommandQueue(CommandQueue):
     def _grip(self, force_n: float, goal: Goal | None) -> None:
         limit = wire.at_most(force_n * FINGERS)
         force_n = limit / FINGERS
-        commands = [Command("force limit", "force", wire.set_force(limit), wire.SET_FORCE, force_n)]
+        commands = [QueuedCommand("force", force_n, "force limit", wire.set_force(limit), wire.SET_FORCE)]
         if goal is not None:
-            commands.append(Command("pre-position", "move", wire.preposition(*goal), wire.PREPOSITION, force_n))
+            move = QueuedCommand("move", force_n, "pre-position", wire.preposition(*goal), wire.PREPOSITION)
+            commands.append(move)
         self.replace([*commands, _READ_BACK], keep=(STOP,))
