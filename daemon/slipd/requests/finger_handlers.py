@@ -18,7 +18,7 @@ from slipd.publish import replies
 from slipd.publish.message_sequencer import Body
 from slipd.requests.motion_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
-from slipd.types.permit import Refusal, RefusalError, require
+from slipd.types.permit import RefusalError, require
 from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
@@ -121,7 +121,7 @@ class FingerHandlers:
     def _friction_set(self, request: Request, t_ns: int) -> Body:
         finger, mu_s = self._finger(request), float(request.body["mu_s"])
         mu_d = float(request.body["mu_d"]) if "mu_d" in request.body else None
-        require(_check_friction(finger, mu_s, mu_d))
+        _check_friction(finger, mu_s, mu_d)
         if finger.friction.is_more_lenient(mu_s, mu_d):
             change = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
             self._check_lenience(request, change, t_ns)
@@ -150,15 +150,14 @@ class FingerHandlers:
             raise RefusalError("lease_held", rule)
 
 
-def _check_friction(finger: Finger, mu_s: float, mu_d: float | None) -> Refusal | None:
+def _check_friction(finger: Finger, mu_s: float, mu_d: float | None) -> None:
     """Refuse coefficients out of range."""
     most = finger.config.most_mu
     if not 0.0 < mu_s <= most:
         rule = f"mu_s must be above 0 and at most {most:g}, the mu_max of finger {finger.name}, got {mu_s:g}"
-        return Refusal("out_of_range", rule, "mu_s")
+        raise RefusalError("out_of_range", rule, "mu_s")
     if mu_d is not None and not 0.0 < mu_d <= mu_s:
-        return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, got {mu_d:g}", "mu_d")
-    return None
+        raise RefusalError("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, got {mu_d:g}", "mu_d")
 
 
 def _change(finger: Finger, mu_s: float) -> str:

@@ -19,7 +19,7 @@ from slipd.requests.finger_handlers import FingerHandlers, require_lease
 from slipd.requests.motion_handlers import Handler, check_motion, grip_handlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import IdempotencyCache, check_request
-from slipd.types.permit import Refusal, RefusalError, require
+from slipd.types.permit import Refusal, RefusalError
 from slipd_client.messages.schema.ops import OPS, URGENT_OPS
 
 _FREED_BY = {
@@ -82,7 +82,7 @@ class RequestHandlers:
         """
         client, body = request.client, request.body
         try:
-            require(check_request(body, self._boot, t_ns))
+            check_request(body, self._boot, t_ns)
             urgent = body["op"] in URGENT_OPS and self._policy.lease.holder(t_ns) == client
             reply = self._kept.seen(client, body, t_ns, urgent=urgent)
         except RefusalError as error:

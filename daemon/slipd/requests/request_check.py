@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from slipd.types.permit import Refusal, RefusalError
+from slipd.types.permit import RefusalError
 from slipd_client.messages import PROTOCOL_VERSION, encode
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Kind
@@ -38,98 +38,81 @@ _TYPES = {
 """Names of the types of msgpack, for refusals."""
 
 
-def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
-    """Return why the envelope or the fields of a request are wrong; None where a handler may judge it."""
+def check_request(body: dict[str, Any], boot: str, t_ns: int) -> None:
+    """Go on if a handler may judge a request.
+
+    Raises:
+        RefusalError: Its envelope or its fields are wrong.
+    """
     if not INTEGER.fits(body.get("v")) or body["v"] != PROTOCOL_VERSION:
-        return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v")
+        raise RefusalError("unsupported_version", f"v must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v")
     if "id" not in body:
-        return Refusal("missing_field", "id is missing: it must be a string or an integer, new for every request", "id")
-    if not TEXT_OR_INTEGER.fits(body["id"]):
-        return Refusal("bad_type", f"id must be a string or an integer, got {_type_of(body['id'])}", "id")
+        rule = "id is missing: it must be a string or an integer, new for every request"
+        raise RefusalError("missing_field", rule, "id")
+    _check_value("id", body["id"], TEXT_OR_INTEGER)
     op = body.get("op")
     if not isinstance(op, str) or op not in OPS:
-        return Refusal("unknown_op", f"op must be one of {', '.join(OPS)}, {_found(body, 'op')}", "op")
-    return _check_freshness(body, op, boot, t_ns) or _check_fields(body, OPS[op].fields)
+        raise RefusalError("unknown_op", f"op must be one of {', '.join(OPS)}, {_found(body, 'op')}", "op")
+    if op != "hello":  # by this op a client learns the id of the run
+        _check_freshness(body, op, boot, t_ns)
+    _check_fields(body, OPS[op].fields)
 
 
-def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Refusal | None:
-    if op == "hello":
-        return None  # by this op a client learns the id of the run
+def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> None:
     for name in ("boot", "deadline_ns"):
         if name not in body and op not in OPEN_OPS:
-            return Refusal("missing_field", f"{name} is missing: the op hello returns boot and t_ns", name)
+            raise RefusalError("missing_field", f"{name} is missing: the op hello returns boot and t_ns", name)
     if body.get("boot", boot) != boot:
-        return Refusal("wrong_boot", f"boot must be {boot!r}, the id of this run, got {body['boot']!r:.40}", "boot")
+        raise RefusalError("wrong_boot", f"boot must be {boot!r}, the id of this run, got {body['boot']!r:.40}", "boot")
     if "deadline_ns" not in body:
-        return None
+        return
     deadline = body["deadline_ns"]
-    if not INTEGER.fits(deadline):
-        return Refusal("bad_type", f"deadline_ns must be an integer, got {_type_of(deadline)}", "deadline_ns")
-    if deadline <= t_ns:
-        late = (t_ns - deadline) * 1e-6
-        return Refusal(
-            "deadline_passed", f"deadline_ns must not have passed: it passed {late:.0f} ms ago", "deadline_ns"
-        )
+    _check_value("deadline_ns", deadline, INTEGER)
+    ahead_ms = (deadline - t_ns) * 1e-6
+    if ahead_ms <= 0:
+        rule = f"deadline_ns must not have passed: it passed {abs(ahead_ms):.0f} ms ago"
+        raise RefusalError("deadline_passed", rule, "deadline_ns")
     if deadline - t_ns > LONGEST_DEADLINE_NS:
-        ahead = (deadline - t_ns) * 1e-6
-        return Refusal(
-            "deadline_too_far",
-            f"deadline_ns must be at most {LONGEST_DEADLINE_NS * 1e-6:.0f} ms ahead, got {ahead:.0f} ms",
-            "deadline_ns",
-        )
-    return None
+        rule = f"deadline_ns must be at most {LONGEST_DEADLINE_NS * 1e-6:.0f} ms ahead, got {ahead_ms:.0f} ms"
+        raise RefusalError("deadline_too_far", rule, "deadline_ns")
 
 
-def _check_fields(body: dict[str, Any], fields: Mapping[str, Field]) -> Refusal | None:
+def _check_fields(body: dict[str, Any], fields: Mapping[str, Field]) -> None:
     for name in body:
         if name not in fields and name not in _ENVELOPE:
             known = ", ".join(fields) or "no fields of its own"
-            return Refusal("unknown_field", f"{name!r:.40} is an unknown field: {body['op']} has {known}", str(name))
+            rule = f"{name!r:.40} is an unknown field: {body['op']} has {known}"
+            raise RefusalError("unknown_field", rule, str(name))
     for name, field in fields.items():
         if name not in body:
             if field.required:
-                return Refusal("missing_field", f"{name} is missing", name)
-            continue
-        if body[name] is None and field.nullable:
-            continue
-        check = _check_triple if field.kind is TRIPLE else _check_value
-        refusal = check(name, body[name], field.kind) or _check_pattern(field, body[name])
-        if refusal is not None:
-            return refusal
-    return None
+                raise RefusalError("missing_field", f"{name} is missing", name)
+        elif body[name] is not None or not field.nullable:
+            _check_field(field, body[name])
 
 
-def _check_value(name: str, value: Any, kind: Kind) -> Refusal | None:
+def _check_field(field: Field, value: Any) -> None:
+    if field.kind is TRIPLE and isinstance(value, list):
+        if len(value) != 3:
+            rule = f"{field.name} must be {TRIPLE.phrase}, got a list of {len(value)}"
+            raise RefusalError("bad_type", rule, field.name)
+        for entry in value:
+            _check_value(field.name, entry, NUMBER)
+    else:
+        _check_value(field.name, value, field.kind)
+    if field.pattern and not re.fullmatch(field.pattern, value):
+        raise RefusalError("out_of_range", f"{field.name} must have {field.limit}, got {value!r:.80}", field.name)
+
+
+def _check_value(name: str, value: Any, kind: Kind) -> None:
     if not kind.fits(value):
-        return Refusal("bad_type", f"{name} must be {kind.phrase}, got {_type_of(value)}", name)
+        raise RefusalError("bad_type", f"{name} must be {kind.phrase}, got {_TYPES.get(type(value), 'nil')}", name)
     if kind is NUMBER and not math.isfinite(value):
-        return Refusal("not_finite", f"{name} must be finite, got {value}", name)
-    return None
-
-
-def _check_pattern(field: Field, value: Any) -> Refusal | None:
-    if not field.pattern or re.fullmatch(field.pattern, value):
-        return None
-    return Refusal("out_of_range", f"{field.name} must have {field.limit}, got {value!r:.80}", field.name)
-
-
-def _check_triple(name: str, value: Any, kind: Kind) -> Refusal | None:
-    if not isinstance(value, list) or len(value) != 3:
-        found = f"a list of {len(value)}" if isinstance(value, list) else _type_of(value)
-        return Refusal("bad_type", f"{name} must be {kind.phrase}, got {found}", name)
-    for entry in value:
-        refusal = _check_value(name, entry, NUMBER)
-        if refusal is not None:
-            return refusal
-    return None
+        raise RefusalError("not_finite", f"{name} must be finite, got {value}", name)
 
 
 def _found(body: dict[str, Any], name: str) -> str:
     return f"got {body[name]!r:.40}" if name in body else "but it is missing"
-
-
-def _type_of(value: Any) -> str:
-    return _TYPES.get(type(value), "nil")
 
 
 PER_CLIENT = 64

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.requests.request_check import check_request
+from slipd.types.permit import RefusalError
 from slipd_client.messages import ERROR_CODES
 from slipd_client.messages.schema.ops import OPS
 
@@ -18,7 +19,11 @@ GOOD = {"v": 1, "id": "a-1", "op": "grip.set", "boot": "b", "deadline_ns": T_NS 
 
 
 def refused(changes: dict[str, Any]) -> Any:
-    return check_request({name: value for name, value in (GOOD | changes).items() if value is not ...}, "b", T_NS)
+    try:
+        check_request({name: value for name, value in (GOOD | changes).items() if value is not ...}, "b", T_NS)
+    except RefusalError as error:
+        return error.refusal
+    return None
 
 
 def judge(**changes: Any) -> tuple[str, str] | None:
