@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices.shared.device_interface import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameDecoder
 from slipd.devices.shared.sensor_session import SILENCE_NS, SensorSession, StartupSequence, Step
 from slipd.devices.shared.weiss_packets import PREAMBLE, Packet, PacketScanner, encode, status_word
 from slipd.types.samples import TactileSample
@@ -44,7 +44,7 @@ Words = NDArray[np.uint16]
 """Cells of an image, or runs of cells."""
 
 
-class TactileDecoder(ABC):
+class TactileDecoder(FrameDecoder, ABC):
     """Find images and answers; the subclass decides which images are valid and makes samples of them.
 
     ``device_time_ns`` is the controller's millisecond clock as sent: it wraps every 2^32 ms (49.7 days). Images have no
@@ -61,18 +61,20 @@ class TactileDecoder(ABC):
         replies: Answers among the bytes received last.
     """
 
+    _frames: PacketScanner
+
     def __init__(self, seed: int, reply_sizes: Mapping[int, int], typical: int, text: bytes = b"") -> None:
-        self.health = DecoderHealth()
+        super().__init__()
         self.reply_sizes = reply_sizes
         self.replies: list[Packet] = []
         self._seed = seed
-        self._scanner = PacketScanner(seed, self._accepts, typical, self.health, text=text)
+        self._frames = PacketScanner(seed, self._accepts, typical, self.health, text=text)
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``t_ns``; return the images they complete."""
         samples: list[TactileSample] = []
         self.replies = []
-        for packet in self._scanner.packets(data):
+        for packet in self._frames.packets(data):
             if packet.id == FRAME:
                 time_ms, flags = _FRAME_HEAD.unpack_from(packet.payload)
                 samples += self._samples(bool(flags & RLE), _words(packet.payload), t_ns, time_ms * 1_000_000)
@@ -80,10 +82,6 @@ class TactileDecoder(ABC):
                 self.replies.append(packet)
         self.health.good += len(samples)
         return samples
-
-    def forget(self) -> None:
-        """Drop a partial packet, because the rest of it will not come."""
-        self._scanner.forget()
 
     def _accepts(self, packet_id: int, size: int, payload: bytes) -> bool:
         return self._fits(packet_id, size, payload) and not self._contains_packet(payload)

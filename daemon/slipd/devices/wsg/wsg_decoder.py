@@ -23,28 +23,6 @@ class Reply(NamedTuple):
     data: bytes
 
 
-class ReplyScanner(PacketScanner):
-    """Find the replies in a stream.
-
-    Args:
-        health: Receives ``bad`` and ``bad_bytes``.
-    """
-
-    def __init__(self, health: DecoderHealth) -> None:
-        super().__init__(SEED_WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, health)
-
-    def replies(self, data: bytes) -> list[Reply]:
-        """Scan the next bytes of the stream; return the replies they complete."""
-        return [
-            Reply(
-                packet.id,
-                int.from_bytes(packet.payload[: wire.STATUS_LENGTH], "little"),
-                packet.payload[wire.STATUS_LENGTH :],
-            )
-            for packet in self.packets(data)
-        ]
-
-
 def _is_reply(reply_id: int, size: int, payload: bytes) -> bool:
     expected = wire.REPLY_SIZES.get(reply_id)
     if expected is None or size not in (wire.STATUS_LENGTH, wire.STATUS_LENGTH + expected):
@@ -96,7 +74,7 @@ class Decoder:
     def __init__(self) -> None:
         self.health = DecoderHealth()
         self.words: frozenset[str] = frozenset()
-        self._scanner = ReplyScanner(self.health)
+        self._scanner = PacketScanner(SEED_WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, self.health)
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: number and data of the update
         self._count = 0  # of updates
 
@@ -112,7 +90,14 @@ class Decoder:
 
     def replies(self, data: bytes) -> list[Reply]:
         """Scan bytes; return every reply they complete, for `decode_reply`."""
-        return self._scanner.replies(data)
+        return [
+            Reply(
+                packet.id,
+                int.from_bytes(packet.payload[: wire.STATUS_LENGTH], "little"),
+                packet.payload[wire.STATUS_LENGTH :],
+            )
+            for packet in self._scanner.packets(data)
+        ]
 
     def decode_reply(self, reply: Reply, t_ns: int) -> GripperSample | None:
         """Decode a reply received at ``t_ns``; return the sample that it completes, if any."""

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices.shared import weiss_packets as weiss
-from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_decoder import Reply, ReplyScanner
+from slipd.devices.wsg.wsg_decoder import Decoder, Reply
 from slipd.devices.wsg.wsg_messages import Limits
 from slipd.tools.sim import emulated_wsg as sim
 
@@ -58,7 +57,7 @@ def test_worked_frames_are_written(made: bytes, sent: str) -> None:
 
 
 def read(data: bytes) -> list[Reply]:
-    return ReplyScanner(DecoderHealth()).replies(data)
+    return Decoder().replies(data)
 
 
 def test_worked_replies_are_read() -> None:
@@ -118,7 +117,7 @@ def test_every_state_bit_has_one_word() -> None:
     ],
 )
 def test_an_implausible_reply_is_rejected(packet: bytes) -> None:
-    replies = ReplyScanner(DecoderHealth())
+    replies = Decoder()
     assert replies.replies(packet) == []
     assert replies.replies(sim.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
 

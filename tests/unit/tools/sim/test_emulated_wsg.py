@@ -6,10 +6,9 @@ import pytest
 from driving import drive
 from permits import move
 
-from slipd.devices.shared.device_interface import DecoderHealth
 from slipd.devices.wsg import Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_decoder import Reply, ReplyScanner
+from slipd.devices.wsg.wsg_decoder import Decoder, Reply
 from slipd.tools.sim import emulated_wsg as sim
 from slipd.tools.sim.emulated_wsg import LIMITS, Gripper, make
 
@@ -18,7 +17,7 @@ Answers = list[tuple[int, int]]
 
 
 def read(said: list[bytes]) -> list[Reply]:
-    return ReplyScanner(DecoderHealth()).replies(b"".join(said))
+    return Decoder().replies(b"".join(said))
 
 
 def ask(gripper: Gripper, request: bytes | None, t_ns: int = 0) -> Answers:
