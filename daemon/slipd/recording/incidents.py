@@ -93,7 +93,8 @@ class EntryRing:
         if self.next_n < len(first):  # the run has just begun: no entry would leave them an index
             return
         blocks = self._blocks
-        blocks[-1].pieces = [_trimmed(self._compressor.compress(b"".join(blocks[-1].pieces)))]
+        packed = self._compressor.compress(b"".join(blocks[-1].pieces))
+        blocks[-1].pieces = [bytes(memoryview(packed))]  # it keeps the memory of the largest possible result
         self._bytes += len(blocks[-1].pieces[0])
         blocks.append(_Block(first, t_ns))
         while len(blocks) > 2 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):
@@ -137,11 +138,6 @@ class EntryRing:
             yield from unpacker
         unpacker.feed(b"".join(self._blocks[-1].pieces))
         yield from unpacker
-
-
-def _trimmed(data: bytes) -> bytes:
-    """Return a copy that takes only its own size; compressed bytes keep the memory of the largest possible result."""
-    return bytes(memoryview(data))
 
 
 _Entry = tuple[str, Event | bytes, int]

@@ -54,20 +54,17 @@ def start_metadata(
     config_text: str, boot: str, wall_minus_monotonic_ns: int, versions: dict[str, str] | None = None, first: int = 0
 ) -> dict[str, str]:
     """Return the metadata of the start; arguments as for `RecordingFile`."""
+    if versions is None:
+        versions = {"python": platform.python_version(), **{name: version(name) for name in _VERSIONED}}
     metadata = {
         "format": FORMAT,
         "boot": boot,
         "wall_minus_monotonic_ns": str(wall_minus_monotonic_ns),
-        **(own_versions() if versions is None else versions),
+        **versions,
     }
     if first:
         metadata[FIRST] = str(first)
     return metadata | {CRC32: checksum(metadata, config_text)}
-
-
-def own_versions() -> dict[str, str]:
-    """Return the versions of Python, slipd and its libraries."""
-    return {"python": platform.python_version(), **{name: version(name) for name in _VERSIONED}}
 
 
 def end_metadata(entries: int, stopped: str = "") -> dict[str, str]:

@@ -47,9 +47,11 @@ def test_the_file_is_that_of_the_library(tmp_path: Path, chunks: int, monkeypatc
     theirs.start("slipd", "slipd 1")
     theirs.add_attachment(0, 0, "config.toml", "application/toml", b"mu = 0.5")
     write(theirs, chunks)
-    ours = McapWriter(RecordStream(tmp_path / "run.mcap"), "slipd", "slipd 1")
+    stream = RecordStream(tmp_path / "run.mcap")
+    ours = McapWriter(stream, "slipd", "slipd 1")
     ours.add_attachment("config.toml", "application/toml", b"mu = 0.5")
     write(ours, chunks)
+    stream.close()
     assert (tmp_path / "run.mcap").read_bytes() == output.getvalue()
     summary = make_reader(BytesIO(output.getvalue())).get_summary()
     assert summary is not None
