@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Slip, Wrench
 from slipd.finger.finger import Finger
-from slipd.fusion import (
-    contact_from_wrench,
-    contact_shape,
-    grip_needed_n,
-    matched_loads,
-    tipping_margin,
-    torque_limit,
-    utilisation,
-)
+from slipd.finger.image_channel import ImageChannel
+from slipd.fusion import contact_from_wrench
 from slipd.fusion.held_pad import HeldPad, pad_use, tipping_edges, twist_net
 from slipd.fusion.levels import ContactWatch
-from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.motion_limits import nearest_limit, worst_turn
 from slipd.fusion.motion_scale import check_points, follow_gravity, largest_scale
 from slipd.fusion.streaming import move_to_pad, new_readings
@@ -32,17 +26,9 @@ from slipd.types.samples import TactileSample, WrenchSample
 def warm_up() -> None:
     """Call each kernel with arrays of the types that a run uses; with a warm cache this takes some 10 ms."""
     x, y = np.array((0.0, 0.01, 0.0, 0.01)), np.array((0.0, 0.0, 0.01, 0.01))
-    centre, force = np.array((0.005, 0.005)), np.array((0.1, 0.0))
-    loads = matched_loads(x, y, np.ones(4), 1.0, centre).loads
-    torque_limit(x, y, loads, 0.5, force, centre)
-    utilisation(x, y, loads, 0.5, force, 0.001, centre)
-    grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
-    relative_noise((0.1, 0.0), 0.001, (0.0, 0.0), (1.0, 0.0, 0.0), 0.02, 0.001)
-    tipping_margin(x, y, centre)
+    move_to_pad(new_readings([(0.0,) * 6], [0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).state)
     contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
     Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
-    move_to_pad(new_readings([(0.0,) * 6], [0]), ContactWatch(Levels(), Slip(), 0.0, 0.5).state)
-    contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)
@@ -50,7 +36,7 @@ def warm_up() -> None:
     for t_ns in (0, 2 * SETTLED_NS):
         vibration.update(t_ns, np.zeros((BLOCK, 6)))
     _judge_contact()
-    _advise_motion(x, y, loads)
+    _advise_motion(x, y, np.full(4, 0.25))
 
 
 def _judge_contact() -> None:
@@ -60,12 +46,13 @@ def _judge_contact() -> None:
     finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
     for tare in (channel.tare for channel in (finger.force, finger.image) if channel is not None):
         tare.observe(0)  # without a known zero nothing is a contact
-    finger.update_image(TactileSample(0, None, np.ones(4)))
     for torque in (np.zeros(3), None):
+        finger.update_image(TactileSample(0, None, np.ones(4)))
         samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(3)]
         for read in (samples[:2], samples[2:]):  # readings that arrive together and alone take different paths
-            for _ in finger.decide(read, [sample.t_ns for sample in read]):
-                pass
+            for batch in finger.decide(read, [sample.t_ns for sample in read]):
+                batch[-1].needed_normal_n(finger.config)
+    cast("ImageChannel", finger.image).shape()
 
 
 def _advise_motion(x: Array, y: Array, loads: Array) -> None:

@@ -27,9 +27,7 @@ from slipd.friction.learning import Z
 from slipd.fusion import Contact, Loads, Utilisation, grey_loads
 from slipd.fusion.hull import Outline
 from slipd.fusion.levels import Assessment
-from slipd.fusion.limit.grip_factor import solve_grip_factor
-from slipd.fusion.limit.solve import GOAL, MAX_PASSES, solve_torque_limit
-from slipd.fusion.load_noise import relative_noise
+from slipd.fusion.limit.grip_factor import solve_reserve
 from slipd.fusion.loads import active_loads
 from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED
 from slipd.fusion.streaming import contact_at, reading_at, wrench_at
@@ -103,8 +101,7 @@ class FingerState:
         status: Conditions that the device reported with the reading.
         age_s: Age of the reading when it was received, s; None before the first.
         friction: What was known of the friction; None where nothing touches or the reading says nothing.
-        needed_n: Least normal force that holds the load, N, once it was found.
-        needed_is_known: It has.
+        reserve: Needed normal force, N, and torque limit, N·m, once they were found.
     """
 
     t_ns: int
@@ -119,8 +116,7 @@ class FingerState:
     status: tuple[str, ...] = ()
     age_s: float | None = None
     friction: FrictionState | None = None
-    needed_n: float | None = field(default=None, init=False, compare=False)
-    needed_is_known: bool = field(default=False, init=False, compare=False)
+    reserve: tuple[float | None, float | None] | None = field(default=None, init=False, compare=False)
 
     @property
     def normal_n(self) -> float | None:
@@ -132,46 +128,39 @@ class FingerState:
         """What shows that the object moves, words of `slipd.motion.evidence.EVIDENCE`; empty where nothing does."""
         return () if self.assessment is None else evidence_names(self.assessment.evidence)
 
-    def torque_limit_nm(self) -> float | None:
-        """Return the torque in the sense of the spin that friction carries together with the tangential force, N·m.
-
-        None where it is not known. Like the next, it takes a search on the limit surface.
-        """
-        contact, distribution, friction = self.contact, self.load_distribution, self.friction
-        if contact is None or distribution is None or self.utilisation is None or friction is None or not friction.mu:
-            return None
-        sense = 1 if contact.spin_nm >= 0.0 else -1
-        _, torque_nm, *_ = solve_torque_limit(
-            distribution.x, distribution.y, distribution.loads.loads * contact.normal_n, friction.mu,
-            contact.fx_n, contact.fy_n, contact.cx_m, contact.cy_m, sense, GOAL, MAX_PASSES,
-        )  # fmt: skip
-        return finite_or_none(torque_nm / friction.spin_scale)
-
     def needed_normal_n(self, config: FingerConfig) -> float | None:
         """Return the least normal force on this pad that holds its load with the safety of ``[finger.X]``, N.
 
         It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not
         known, and where no force would hold the load.
         """
-        if not self.needed_is_known:
-            self.needed_n, self.needed_is_known = self._find_needed_n(config), True
-        return self.needed_n
+        return self._reserve(config)[0]
 
-    def _find_needed_n(self, config: FingerConfig) -> float | None:
+    def torque_limit_nm(self, config: FingerConfig) -> float | None:
+        """Return the torque in the sense of the spin that friction carries together with the tangential force, N·m.
+
+        None where it is not known.
+        """
+        return self._reserve(config)[1]
+
+    def _reserve(self, config: FingerConfig) -> tuple[float | None, float | None]:
+        """Return the force that is needed and the torque limit: a search on the limit surface, once for each state."""
+        if self.reserve is None:
+            self.reserve = self._find_reserve(config)
+        return self.reserve
+
+    def _find_reserve(self, config: FingerConfig) -> tuple[float | None, float | None]:
         contact, distribution, used, friction = self.contact, self.load_distribution, self.utilisation, self.friction
         if contact is None or distribution is None or used is None or friction is None or not friction.mu:
-            return None
-        force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
-        wrench, safety = config.wrench, config.grip_safety
-        if wrench is not None:  # otherwise the pad measures the force, of unknown noise
-            noise = relative_noise(force, contact.spin_nm, about, used.twist, wrench.force_std_n, wrench.torque_std_nm)
-            safety *= 1.0 + Z * noise
-        loads_n = distribution.loads.loads * contact.normal_n
-        factor = solve_grip_factor(
-            distribution.x, distribution.y, loads_n, friction.mu, safety * contact.fx_n, safety * contact.fy_n,
-            safety * (contact.spin_nm * friction.spin_scale), contact.cx_m, contact.cy_m, config.contact_growth,
+            return None, None
+        wrench, loads_n = config.wrench, distribution.loads.loads * contact.normal_n
+        noise = (0.0, 0.0) if wrench is None else (wrench.force_std_n, wrench.torque_std_nm)  # that of a pad: unknown
+        factor, torque_nm = solve_reserve(
+            distribution.x, distribution.y, loads_n, friction.mu, contact.fx_n, contact.fy_n, contact.spin_nm,
+            contact.cx_m, contact.cy_m, used.twist, *noise, Z, config.grip_safety, friction.spin_scale,
+            config.contact_growth,
         )  # fmt: skip
-        return finite_or_none(factor * float(loads_n.sum()))
+        return finite_or_none(factor * float(loads_n.sum())), finite_or_none(torque_nm)
 
 
 @dataclass(slots=True, eq=False)

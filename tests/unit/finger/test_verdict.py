@@ -74,16 +74,16 @@ def test_the_force_and_the_torque_that_a_contact_needs_and_holds(
 ) -> None:
     finger = make_finger(left.replace("mu = 0.5", "mu = 0.5\ncontact_growth = 0.2"), parse)
     press = make_press(finger)
-    assert finger.state.needed_normal_n(finger.config) is finger.state.torque_limit_nm() is None
+    assert finger.state.needed_normal_n(finger.config) is finger.state.torque_limit_nm(finger.config) is None
     state = press(10.0, (1.0, 0.5), spin, (0.001, 0.0))
     loads = state.load_distribution.loads.loads * 10.0
     taxels = state.load_distribution.x, state.load_distribution.y, loads, 0.5
     needed_n = grip_needed_n(*taxels, (1.0, 0.5), spin, (0.001, 0.0), growth=0.2, safety=finger.config.grip_safety)
     limit_nm = torque_limit(*taxels, (1.0, 0.5), (0.001, 0.0), 1 if spin > 0.0 else -1).torque_nm
     assert state.needed_normal_n(finger.config) == pytest.approx(needed_n, rel=1e-6)
-    assert state.torque_limit_nm() == pytest.approx(limit_nm, rel=1e-6)
+    assert state.torque_limit_nm(finger.config) == pytest.approx(limit_nm, rel=1e-6)
     unseen = press(10.0, (1.0, 0.5), spin, counts=EMPTY)
-    assert unseen.needed_normal_n(finger.config) is unseen.torque_limit_nm() is None
+    assert unseen.needed_normal_n(finger.config) is unseen.torque_limit_nm(finger.config) is None
 
 
 def test_noise_of_the_centroid_is_not_tipping(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
