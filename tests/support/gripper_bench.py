@@ -116,12 +116,12 @@ class Bench:
             "fault": policy.fault,
             "holder": policy.lease.holder(T0),
             "command": control.command,
-            "command_n": control.force_command_n,
+            "command_n": control.grip.command_n,
             "sample": control.sample,
             "holds": control.holds,
             "sent_n": session.force_sent_n,
             "commands": session.commands,
-            "kept": control.kept(),
+            "kept": control.grip.kept(),
             "conditions": [severity for severity, _ in control.conditions()],
         }
 

@@ -39,17 +39,18 @@ from slipd.grasp.held_object import HeldObject, make_held_object
 from slipd.grasp.motion_advice import MotionAdvice
 from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import LONGEST_PAUSE_NS, GripperControl
-from slipd.gripper.reflex import ReflexController, make_reflex_controller
+from slipd.gripper.reflex import ReflexAct, ReflexController, make_reflex_controller
 from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
-from slipd.publish.grasp_messages import GraspPublisher, GripperPublisher, MotionPublisher
-from slipd.publish.message_sequencer import MessageSequencer, Pace
+from slipd.publish.grasp_messages import GraspPublisher, MotionPublisher, gripper_body
+from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer, Pace
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.types.clocks import NEVER_NS, WallClock
 from slipd.types.samples import GripperSample
+from slipd_client.messages import GRIPPER_TOPIC
 
 SUSPENSION_NS = 50_000_000
 """A longer sleep of the host makes every stream stale and ends the lease."""
@@ -125,7 +126,7 @@ class Engine:
         self._publishers = {
             name: FingerPublisher(each, sequencer, config.rates) for name, each in self._fingers.items()
         }
-        self._gripper_publisher = GripperPublisher(self._gripper, sequencer)
+        self._sequencer = sequencer
         self._status = StatusPublisher(
             self._links,
             self._fingers,
@@ -263,8 +264,8 @@ class Engine:
             self._publish_batches(finger, finger.decide(read.samples, read.times_ns, read.arrival), t_ns, out)
         else:
             self._handle_images(finger, read, t_ns, out)
-        if found := self._motion.update_finger(finger):
-            self._report_motion(found, t_ns, out)
+        if finger.motion is not None and finger.motion.found:
+            self._report_motion(self._motion.update_finger(finger, finger.motion), t_ns, out)
         if publisher.level != before:
             self._advice_due.due_ns = 0
         if publisher.level != before or t_ns >= self._grasp_due.due_ns:
@@ -290,9 +291,9 @@ class Engine:
     def _handle_grasp_samples(self, read: Read, _: int, out: list[Output]) -> None:
         """Handle readings of the gripper, or of the object by another process."""
         for sample, acquired_ns in zip(read.samples, read.times_ns, strict=True):
-            if isinstance(sample, GripperSample):
+            if isinstance(sample, GripperSample) and isinstance(self._gripper, GripperControl):
                 self._gripper.update(sample)
-                self._gripper_publisher.publish(sample.t_ns, out)
+                self._publish_gripper(sample.t_ns, out)
             self._report_motion(self._motion.update_grasp(sample, acquired_ns), sample.t_ns, out)
 
     def _report_motion(self, found: Found, t_ns: int, out: list[Output]) -> None:
@@ -315,8 +316,14 @@ class Engine:
         act = reflex.react(t_ns)
         if act is not None:
             self._gripper_write.run_now(t_ns, out)
-            self._gripper_publisher.publish(t_ns, out, act)
+            self._publish_gripper(t_ns, out, act)
         return reflex.due_ns
+
+    def _publish_gripper(self, t_ns: int, out: list[Output], act: ReflexAct | None = None) -> None:
+        """Publish the state of the gripper, where there is one, with the act of the reflex that led to it."""
+        if isinstance(self._gripper, GripperControl):
+            body = gripper_body(self._gripper, t_ns, act)
+            out.append(self._sequencer.message(GRIPPER_TOPIC, t_ns, NO_FRAME, body))
 
     # Requests
 
@@ -376,7 +383,7 @@ class Engine:
     def _check_gripper(self, t_ns: int, out: list[Output]) -> int:
         """Publish at once that a fault was latched, or that a lease ended by itself."""
         if self._gripper.on_time(t_ns):
-            self._gripper_publisher.publish(t_ns, out)
+            self._publish_gripper(t_ns, out)
             self._status.publish(t_ns, out)
             self._make_all_due()
         return self._gripper.deadline_ns
@@ -411,7 +418,7 @@ class Engine:
     def _handle_wake_up(self, t_ns: int, out: list[Output]) -> None:
         """Handle the end of a suspend, in which CLOCK_MONOTONIC stood still: readings are old, the lease ends."""
         self._gripper.wake()
-        self._gripper_publisher.publish(t_ns, out)
+        self._publish_gripper(t_ns, out)
         for link in self._links.values():
             link.interrupt()
         for name, finger in self._fingers.items():
@@ -427,9 +434,9 @@ class Engine:
             owner, _, kind = stream.name.partition(".")
             if kind:
                 self._lose_stream(owner, kind, t_ns, out)
-            elif owner == GRIPPER_LINK:
+            elif isinstance(self._gripper, GripperControl) and owner == GRIPPER_LINK:
                 self._gripper.lose()
-                self._gripper_publisher.publish(t_ns, out)
+                self._publish_gripper(t_ns, out)
 
     def _lose_stream(self, owner: str, kind: str, t_ns: int, out: list[Output]) -> None:
         finger, publisher = self._fingers[owner], self._publishers[owner]

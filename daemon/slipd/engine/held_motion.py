@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from slipd.config import Grasp, Levels
+from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.grasp.pad_motion import make_pad_motion
@@ -36,7 +37,7 @@ class HeldMotion:
         self, fingers: Mapping[str, Finger], levels: Levels, grasp: Grasp | None, gripper: GripperControl | NoGripper
     ) -> None:
         self._gripper, self._pads = gripper, make_pad_motion(list(fingers.values()))
-        self._width = WidthChange(gripper.width_step_m) if isinstance(gripper, GripperControl) else None
+        self._width = WidthChange(gripper.session.width_step_m) if isinstance(gripper, GripperControl) else None
         observed = None if grasp is None else grasp.object
         self._outside = None if observed is None else OutsideMotion(observed.std_m, observed.rate_hz)
         self._risks: dict[str, MotionRisk] = {}
@@ -48,11 +49,8 @@ class HeldMotion:
             if looks:
                 self._risks[name] = MotionRisk(levels.false_alarms_per_hour, looks)
 
-    def update_finger(self, finger: Finger) -> Found:
+    def update_finger(self, finger: Finger, motion: ContactMotion) -> Found:
         """Judge the evidence that a finger's readings and images gave since the last call."""
-        motion = finger.motion
-        if motion is None or not motion.found:
-            return []
         found: Found = []
         for evidence in motion.take():
             kinds = self._risks[finger.name].update(evidence)

@@ -89,9 +89,9 @@ class KeptState:
                 self.problems[name] = f"{_TARE_NOT_USED}: {problem}"
             else:
                 self.waiting[name] = tare if same_run else tare.model_copy(update={"origin": "stored"})
-        if state.grip is not None and not gap:
+        if state.grip is not None and isinstance(self._gripper, GripperControl) and not gap:
             self._grip = grip = state.grip
-            self._gripper.restore(grip, lambda: self._resume(grip))
+            self._gripper.grip.restore(grip, lambda: self._resume(grip))
         return HostNotice(_TOPIC, "")
 
     def _resume(self, grip: StoredGrip) -> None:
@@ -172,7 +172,7 @@ class KeptState:
             offset = channel.tare.current
             if channel.tare.known:
                 tares[name] = self._stored(name, offset, self._of_stream[name].guard)
-        grip = self._gripper.kept()
+        grip = self._gripper.grip.kept() if isinstance(self._gripper, GripperControl) else None
         if grip is not None and grip is not self._grip:
             friction = {name: finger.friction.taught() for name, finger in self._fingers.items()}
             grip = grip.model_copy(update={"named": self._named.name, "friction": friction})

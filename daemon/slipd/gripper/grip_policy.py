@@ -7,13 +7,9 @@ The policy only keeps the state. `slipd.gripper.motion_gate` decides about motio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.lease import Lease
-from slipd.types.samples import GripperSample
-from slipd_client.messages import Health
 
 ROUNDING_N = 1e-9
 """Tolerance of force comparisons, N: 5.1 N - 3.1 N is not exactly 2 N. Far below the resolution of any gripper."""
@@ -270,20 +266,3 @@ class NoGripper:
 
     def drop_after_pause(self, pause_ns: int) -> None:
         """Do nothing."""
-
-    def update(self, sample: GripperSample) -> None:
-        """Do nothing."""
-
-    def lose(self) -> None:
-        """Do nothing."""
-
-    def restore(self, grip: StoredGrip, confirmed: Callable[[], None]) -> None:
-        """Do nothing."""
-
-    def kept(self) -> StoredGrip | None:
-        """Return no grip."""
-        return None
-
-    def conditions(self) -> list[tuple[Health, str]]:
-        """Return nothing."""
-        return []

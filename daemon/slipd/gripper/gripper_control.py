@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import cast
 
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
-from slipd.grasp.stored_state import StoredGrip
 from slipd.gripper.grip_in_force import AllFingers, GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
@@ -49,17 +48,19 @@ class GripperControl:
 
     Attributes:
         policy: The lease, the limits, the force in force and the latched fault.
+        session: As given.
+        grip: The grip in force.
         sample: The newest reading; None while nothing is known.
     """
 
     def __init__(self, config: GripperConfig, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
         self._config = config
-        self._session = session
+        self.session = session
         self._fingers = AllFingers(fingers)
         self._faults = GripperFaultDetector()
         self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
-        self._grip = GripInForce(self.policy, session, self._fingers)
+        self.grip = GripInForce(self.policy, session, self._fingers)
         self.sample: GripperSample | None = None
         self._goal_m: float | None = None  # of the last motion; None: not known
         self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
@@ -76,15 +77,7 @@ class GripperControl:
         self.policy.latch(self._faults.update(sample))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
-        self._grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
-
-    def restore(self, grip: StoredGrip, confirmed: Callable[[], None]) -> None:
-        """Put the grip of the run before in force again once the gripper confirms it, and then call ``confirmed``."""
-        self._grip.restore(grip, confirmed)
-
-    def kept(self) -> StoredGrip | None:
-        """Return the grip in force for the next run; None without one, or where its force is not known."""
-        return self._grip.kept()
+        self.grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
 
     def drop_after_pause(self, pause_ns: int) -> None:
         """Drop unsent commands after a pause of the daemon longer than `LONGEST_PAUSE_NS`, before any is written."""
@@ -105,7 +98,7 @@ class GripperControl:
 
     def on_time(self, t_ns: int) -> bool:
         """Update with the time; return True if the latched fault changed or a lease expired."""
-        before_lost, self._command_lost = self._command_lost, self._session.command_lost
+        before_lost, self._command_lost = self._command_lost, self.session.command_lost
         if self._command_lost and not before_lost:
             self.policy.latch(COMMAND_LOST)
         if self.sample is not None and t_ns - self._heard_ns > self._silence_ns:
@@ -150,16 +143,6 @@ class GripperControl:
         return None
 
     @property
-    def force_command_n(self) -> float | None:
-        """Force last sent to the gripper, N; None if none was sent or the gripper is inactive."""
-        return self._grip.command_n
-
-    @property
-    def width_step_m(self) -> float:
-        """Resolution of the width, m; 0: as fine as its numbers."""
-        return self._session.width_step_m
-
-    @property
     def holds(self) -> bool:
         """An object stopped the fingers, and no motion is under way."""
         sample = self.sample
@@ -168,7 +151,7 @@ class GripperControl:
     @property
     def command(self) -> tuple[float | None, float | None]:
         """Force, N, and width, m, last sent to the gripper; None where none was."""
-        return self._grip.command_n, self._grip.closed_to_m
+        return self.grip.command_n, self.grip.closed_to_m
 
     @property
     def width_m(self) -> float | None:
@@ -181,7 +164,7 @@ class GripperControl:
             return Refusal("not_ready", "the gripper had a grip in force and does not answer: wait until it answers")
         self.policy.acknowledge()
         self._faults.acknowledge()
-        self._session.acknowledge()
+        self.session.acknowledge()
         return None
 
     def conditions(self) -> list[tuple[Health, str]]:
@@ -202,7 +185,7 @@ class GripperControl:
 
     def _lose_sight(self) -> None:
         """Forget the reported state: others may move the gripper from here on."""
-        self._grip.lose_sight()
+        self.grip.lose_sight()
         self.sample = self._goal_m = self._goals_m = None
 
     def _follow(self, sample: GripperSample) -> None:
@@ -217,7 +200,7 @@ class GripperControl:
 
     def _situation(self, t_ns: int) -> Situation:
         """Return the input of the motion gate."""
-        sample, session = self.sample, self._session
+        sample, session = self.sample, self.session
         gripper = GripperState(
             answers=sample is not None,
             active=sample is not None and sample.active,
@@ -225,7 +208,7 @@ class GripperControl:
             fault="" if sample is None else sample.fault,
             moving=self._moves,
             goals_m=self._goals_m,
-            closed_to_m=self._grip.closed_to_m,
+            closed_to_m=self.grip.closed_to_m,
             width_range_m=session.width_range_m,
             speed_range_mps=session.speed_range_mps,
             force_range_n=session.force_range_n,
@@ -237,21 +220,21 @@ class GripperControl:
 
     def _applied_n(self, force_n: float | None) -> float | None:
         """Return the force of the gripper setting for ``force_n``, N: settings may be steps."""
-        return None if force_n is None or not math.isfinite(force_n) else self._session.applied_n(force_n)
+        return None if force_n is None or not math.isfinite(force_n) else self.session.applied_n(force_n)
 
     def _carry_out(self, permit: Permit, kind: IntentKind, t_ns: int) -> bool:
         """Hand a permit to the session and record its effect; return False if nothing will be sent."""
         if permit.kind == "halt":
-            return self._grip.undo(lambda: self._session.execute(permit, t_ns))
-        self._grip.prepare()
-        if not self._session.execute(permit, t_ns):
+            return self.grip.undo(lambda: self.session.execute(permit, t_ns))
+        self.grip.prepare()
+        if not self.session.execute(permit, t_ns):
             return False
         if permit.kind == "activate":
             self._faults.activate(t_ns)
-            self._grip.renew()
+            self.grip.renew()
             self._goal_m = self._goals_m = None
             return True
-        self._grip.record_sent(permit, kind, t_ns)
+        self.grip.record_sent(permit, kind, t_ns)
         if permit.kind == "move":
             self._goal_m = goal_m = cast("float", permit.width_m)
             narrowest_m, widest_m = self._goals_m or (goal_m, goal_m)
@@ -261,7 +244,7 @@ class GripperControl:
 
     def _drop(self) -> None:
         """Drop unsent commands; a dropped command is a fault."""
-        if self._grip.undo(self._session.drop):
+        if self.grip.undo(self.session.drop):
             self.policy.latch(COMMAND_LOST)
 
 

@@ -9,7 +9,7 @@ from slipd.events import Output
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, VerdictBatch
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.image_channel import STALE, ImageChannel
+from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact
@@ -20,7 +20,6 @@ from slipd_client.messages import (
     SEVERITY,
     WARNING_TOPIC,
     Level,
-    level_code,
     slip_topic,
     tactile_topic,
     wrench_topic,
@@ -44,7 +43,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "utilisation": None if used is None else finite_or_none(used.value),
         "utilisation_lower": None if used is None else finite_or_none(used.lower),
         "utilisation_upper": None if used is None else finite_or_none(used.upper),
-        "torque_limit_nm": state.torque_limit_nm(),
+        "torque_limit_nm": state.torque_limit_nm(finger.config),
         "grip_needed_n": state.needed_normal_n(finger.config),
         "pole_m": None if used is None else array(used.pole_m),
         "tipping_margin_m": finite_or_none(state.tipping_margin_m),
@@ -171,7 +170,7 @@ def _verdict(finger: Finger, state: FingerState) -> Body:
     return {
         "finger": finger.name,
         "level": state.verdict.level,
-        "level_code": level_code(state.verdict.level),
+        "level_code": LEVELS.index(state.verdict.level),
         "reasons": list(state.verdict.reasons),
         "evidence": list(state.evidence),
     }
@@ -209,18 +208,16 @@ class FingerPublisher:
         self.level: Level = "unknown"
         self._slip, self._wrench = Pace(rates.slip_hz), Pace(rates.wrench_hz)
         self._tactile = Pace(rates.tactile_hz)
-        self._image_reasons = STALE
 
     def publish_state(self, state: FingerState, out: list[Output]) -> None:
         """Append the messages about a new state of the finger."""
         finger, t_ns, level = self._finger, state.t_ns, cast("Level", state.verdict.level)
-        changed = level != self.level
-        if changed:
+        if level != self.level:
             previous, self.level = self.level, level
             self._append(WARNING_TOPIC, t_ns, warning_body(finger, state, previous), out)
-        if self._slip.passes(t_ns, now=changed):
+        if self._slip.passes(t_ns, level):
             self._append(self._slip_topic, t_ns, slip_body(finger, state), out)
-        if self._wrench.passes(t_ns, now=changed):
+        if self._wrench.passes(t_ns, level):
             self._append(self._wrench_topic, t_ns, wrench_body(finger, state), out)
 
     def publish_batch(self, batch: VerdictBatch, out: list[Output]) -> None:
@@ -234,11 +231,7 @@ class FingerPublisher:
     def publish_image(self, t_ns: int, out: list[Output]) -> None:
         """Append the message about the newest image; at once where the image became usable or unusable."""
         finger, image = self._finger, self._finger.image
-        if image is None:
-            return
-        changed = image.reasons != self._image_reasons
-        self._image_reasons = image.reasons
-        if self._tactile.passes(t_ns, now=changed):
+        if image is not None and self._tactile.passes(t_ns, image.reasons):
             self._append(self._tactile_topic, t_ns, tactile_body(finger, image), out)
 
     def _append(self, topic: str, t_ns: int, body: Body, out: list[Output]) -> None:

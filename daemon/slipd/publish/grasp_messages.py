@@ -11,8 +11,8 @@ from slipd.gripper.grip_policy import NoGripper
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.lease import Lease
 from slipd.gripper.reflex import ReflexAct
-from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer, Pace, array, finite
-from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, MOTION_TOPIC, level_code
+from slipd.publish.message_sequencer import Body, MessageSequencer, Pace, array, finite
+from slipd_client.messages import GRASP_TOPIC, MOTION_TOPIC, level_code
 
 GRASP_FRAME = "gripper"
 
@@ -35,16 +35,12 @@ class GraspPublisher:
         self._gripper = gripper
         self._sequencer = sequencer
         self._pace = Pace(rate_hz)
-        self._level = "unknown"
         self._hold = HoldState()
 
     def publish(self, t_ns: int, out: list[Output]) -> int:
         """Append the message at ``t_ns`` where it is due; return when the next one is."""
-        level = self._view.level()
-        releasing = self._gripper.policy.releasing
-        changed = self._hold.update(self._view.levels(), releasing=releasing, t_ns=t_ns) or level != self._level
-        if self._pace.passes(t_ns, now=changed):
-            self._level = level
+        self._hold.update(self._view.levels(), releasing=self._gripper.policy.releasing, t_ns=t_ns)
+        if self._pace.passes(t_ns, (self._hold.word, self._view.level())):
             self._view.update(self._gripper.width_m)
             body = grasp_body(self._view, self._hold, t_ns)
             out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, body))
@@ -89,31 +85,12 @@ def object_body(held: ObjectState) -> Body:
     }
 
 
-class GripperPublisher:
-    """Publish every state of the gripper, where there is one.
-
-    Args:
-        gripper: The gripper.
-        sequencer: Numbers and dates the messages.
-    """
-
-    def __init__(self, gripper: GripperControl | NoGripper, sequencer: MessageSequencer) -> None:
-        self._gripper = gripper
-        self._sequencer = sequencer
-
-    def publish(self, t_ns: int, out: list[Output], act: ReflexAct | None = None) -> None:
-        """Append the state at ``t_ns``, with the act of the reflex that led to it."""
-        if isinstance(self._gripper, GripperControl):
-            body = gripper_body(self._gripper, t_ns, act)
-            out.append(self._sequencer.message(GRIPPER_TOPIC, t_ns, NO_FRAME, body))
-
-
 def gripper_body(gripper: GripperControl, t_ns: int, act: ReflexAct | None = None) -> Body:
     """Return ``gripper``: the state of the gripper at ``t_ns``."""
     sample, policy = gripper.sample, gripper.policy
     body = {
         "width_m": None if sample is None else sample.width_m,
-        "force_command_n": gripper.force_command_n,
+        "force_command_n": gripper.grip.command_n,
         "force_limit_n": policy.limits.max_n,
         "active": None if sample is None else sample.active,
         "object": None if sample is None else sample.object,
@@ -154,13 +131,11 @@ class MotionPublisher:
     ) -> None:
         self._advice, self._view, self._gripper, self._sequencer = advice, view, gripper, sequencer
         self._pace = Pace(MOST_HZ)
-        self._level = "unknown"
 
     def publish(self, t_ns: int, out: list[Output]) -> int:
         """Follow the loads, append the message at ``t_ns`` where it is due, and return when to call this again."""
-        looks_ns, level = self._advice.follow(t_ns), self._view.level()
-        if self._pace.passes(t_ns, now=level != self._level):
-            self._level = level
+        looks_ns = self._advice.follow(t_ns)
+        if self._pace.passes(t_ns, self._view.level()):
             body = motion_body(self._advice, self._advice.limits(t_ns, self._gripper.width_m))
             out.append(self._sequencer.message(MOTION_TOPIC, t_ns, GRASP_FRAME, body))
         return min(looks_ns, self._pace.due_ns)

@@ -55,7 +55,7 @@ def lease_granted(ttl_ms: int) -> Body:
 
 def force_applied(gripper: GripperControl) -> Body:
     """Return the force that the gripper was sent: its setting for the one that was requested."""
-    return {"applied_n": gripper.force_command_n}
+    return {"applied_n": gripper.grip.command_n}
 
 
 def force_held(gripper: GripperControl) -> Body:

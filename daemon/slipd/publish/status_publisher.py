@@ -133,7 +133,7 @@ class StatusPublisher:
         owner, _, kind = stream.name.partition(".")
         if kind:
             found += finger_conditions(self._fingers[owner], kind, t_ns)
-        elif owner == "gripper":
+        elif isinstance(self._gripper, GripperControl) and owner == "gripper":
             found += self._gripper.conditions()
         elif owner == "arm" and self._arm is not None:
             found += self._arm.conditions()

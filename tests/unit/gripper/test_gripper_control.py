@@ -308,8 +308,8 @@ def test_a_grip_that_was_kept_goes_on_where_the_gripper_confirms_it(now: dict[st
     kept = KEPT.model_copy(update={"force_n": 6.0, "raised_n": 1.0, "reflexed_n": 2.0})
     bench, confirmed = Bench("", Pad(None), heard=False), []
     be(conditions=[])(bench)
-    bench.control.restore(kept, lambda: confirmed.append(True))
-    assert bench.control.kept() == kept
+    bench.control.grip.restore(kept, lambda: confirmed.append(True))
+    assert bench.control.grip.kept() == kept
     seen(0, **{"what": "contact_closing"} | now)(bench)
     policy = bench.control.policy
     be(force_n=force_n, conditions=[Health.ERROR] * (force_n is None))(bench)

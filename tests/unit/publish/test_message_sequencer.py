@@ -43,16 +43,16 @@ def test_every_message_has_the_head() -> None:
 @pytest.mark.parametrize(
     ("readings", "passed"),
     [
-        ([(k * MS, False) for k in range(9)], [0, 4, 8]),
-        ([(0, False), (1000 * MS, False), (1001 * MS, False)], [0, 1]),
-        ([(0, False), (1, False), (2, True)], [0, 2]),
-        ([*((k * MS, True) for k in range(1000)), *((k * MS, False) for k in range(1000, 1004))], [*range(1001)]),
+        ([(k * MS, 0) for k in range(9)], [0, 4, 8]),
+        ([(0, 0), (1000 * MS, 0), (1001 * MS, 0)], [0, 1]),
+        ([(0, 0), (1, 0), (2, 1), (3, 1)], [0, 2]),
+        ([*((k * MS, k) for k in range(1000)), *((k * MS, 999) for k in range(1000, 1004))], [*range(1001)]),
     ],
-    ids=["one in four", "no making up for silence", "urgent at once", "urgent ones do not delay the regular"],
+    ids=["one in four", "no making up for silence", "a change at once", "changes do not delay the regular"],
 )
-def test_a_pace_of_four_milliseconds(readings: list[tuple[int, bool]], passed: list[int]) -> None:
+def test_a_pace_of_four_milliseconds(readings: list[tuple[int, int]], passed: list[int]) -> None:
     pace = Pace(250.0)
-    assert [k for k, (t_ns, now) in enumerate(readings) if pace.passes(T0 + t_ns, now=now)] == passed
+    assert [k for k, (t_ns, stated) in enumerate(readings) if pace.passes(T0 + t_ns, stated)] == passed
 
 
 def test_a_pace_does_not_drift_against_readings_that_do_not_fit_it() -> None:
@@ -66,10 +66,10 @@ def test_a_pace_does_not_drift_against_readings_that_do_not_fit_it() -> None:
     steps=st.lists(st.tuples(st.integers(0, 20 * MS), st.booleans()), max_size=200),
 )
 def test_a_pace_is_never_exceeded(rate_hz: float, steps: list[tuple[int, bool]]) -> None:
-    pace, t_ns, passed = Pace(rate_hz), T0, []
-    for step_ns, now in steps:
-        t_ns += step_ns
-        if pace.passes(t_ns, now=now) and not now:
+    pace, t_ns, stated, passed = Pace(rate_hz), T0, 0, []
+    for step_ns, changes in steps:
+        t_ns, stated = t_ns + step_ns, stated + changes
+        if pace.passes(t_ns, stated) and not changes:
             passed.append(t_ns)
     for first in passed:
         assert len([t for t in passed if first <= t < first + 10 * 1e9 / rate_hz]) <= 11
