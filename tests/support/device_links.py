@@ -44,7 +44,7 @@ def status(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
     """What ``status`` says of a stream, beside what its finger knows."""
     publisher = StatusPublisher(
         {}, {}, NamedObject(), NoGripper(), None, Lateness(), lambda: (RecordingChanged("", "", "none"), None), {},
-        MessageSequencer("b", "c", WallClock(0)),
+        MessageSequencer("b", "c", WallClock(0)), 2.0,
     )  # fmt: skip
     stream = link.streams[source]
     name, stream.name = stream.name, "alone"

@@ -44,7 +44,7 @@ from slipd.links.device_link import DeviceLink, make_links
 from slipd.links.stream_meter import Read
 from slipd.publish.finger_messages import FingerPublisher
 from slipd.publish.grasp_messages import GraspPublisher, MotionPublisher, gripper_body
-from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer, Pace
+from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.status_publisher import StatusPublisher
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.recording_state import RecordingState
@@ -137,8 +137,8 @@ class Engine:
             self._recordings.newest,
             self.kept.problems,
             sequencer,
+            config.rates.status_hz,
         )
-        self._status_pace = Pace(config.rates.status_hz)
         self._handlers = RequestHandlers(
             boot,
             self._fingers,
@@ -171,7 +171,7 @@ class Engine:
         self._time_checks = [*self._silence.values(), self._gripper_check]
         self._deadlines = [
             *self._time_checks, self._reflex_due, *self._writes.values(), weigh, self._grasp_due, self._advice_due,
-            Deadline(self._pace_status),
+            Deadline(self._status.publish_due),
         ]  # fmt: skip
 
     @property
@@ -395,11 +395,6 @@ class Engine:
         if self._arm is not None and self._arm.misfit != misfit:
             self._status.publish(t_ns, out)
         return due_ns
-
-    def _pace_status(self, t_ns: int, out: list[Output]) -> int:
-        if self._status_pace.passes(t_ns):
-            self._status.publish(t_ns, out)
-        return self._status_pace.due_ns
 
     def _write_due(self, link: DeviceLink, t_ns: int, out: list[Output]) -> int:
         """Write what a session has to send; what relies on a session that failed forgets it first."""

@@ -19,36 +19,19 @@ SAME_WIDTH_M, SAME_FORCE_N = 1e-3, 1.0
 """A gripper that holds what it held reports the same width and force within this."""
 
 
-class AllFingers:
-    """All fingers of the gripper.
+def pressed_n(fingers: Mapping[str, Finger], t_ns: int) -> float | None:
+    """Return the largest normal force of a contact, N; None if there is none that is trusted."""
+    forces_n = (finger.presence.contact_force_n(t_ns) for finger in fingers.values())
+    return max((force_n for force_n in forces_n if force_n is not None), default=None)
 
-    Args:
-        fingers: The fingers by name.
-    """
 
-    def __init__(self, fingers: Mapping[str, Finger]) -> None:
-        self._fingers = fingers
-
-    def pressed(self) -> bool:
-        """Return whether any finger is known to be pressed."""
-        return any(finger.presence.is_pressed() for finger in self._fingers.values())
-
-    def pressed_n(self, t_ns: int) -> float | None:
-        """Return the larger normal force of a contact, N; None if there is none that is trusted."""
-        forces_n = (finger.presence.contact_force_n(t_ns) for finger in self._fingers.values())
-        return max((force_n for force_n in forces_n if force_n is not None), default=None)
-
-    def blind(self, t_ns: int) -> tuple[str, ...]:
-        """Return the fingers whose sensors are stale or not trusted."""
-        return tuple(name for name, finger in self._fingers.items() if not finger.trust.for_raise(t_ns))
-
-    def not_free(self, t_ns: int) -> tuple[str, ...]:
-        """Return the fingers that are pressed, or not known to be free."""
-        return tuple(
-            name
-            for name, finger in self._fingers.items()
-            if finger.presence.is_pressed() is not False or not finger.trust.at_rest(t_ns)
-        )
+def not_free(fingers: Mapping[str, Finger], t_ns: int) -> tuple[str, ...]:
+    """Return the fingers that are pressed, or not known to be free."""
+    return tuple(
+        name
+        for name, finger in fingers.items()
+        if finger.presence.is_pressed() is not False or not finger.trust.at_rest(t_ns)
+    )
 
 
 class _Before(NamedTuple):
@@ -74,14 +57,14 @@ class GripInForce:
     Args:
         policy: Keeps the force in force.
         session: Session with the gripper.
-        fingers: Contact and trust of all fingers.
+        fingers: The fingers by name.
 
     Attributes:
         command_n: Force last sent to the gripper, N; None if none was sent or the gripper is inactive.
         closed_to_m: Commanded width of the grip in force, m; None: no grip, or not known.
     """
 
-    def __init__(self, policy: GripPolicy, session: GripperSession, fingers: AllFingers) -> None:
+    def __init__(self, policy: GripPolicy, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
         self._policy, self._session, self._fingers = policy, session, fingers
         self.command_n: float | None = None
         self.closed_to_m: float | None = None
@@ -137,7 +120,11 @@ class GripInForce:
         elif answers_command:
             if sample.object.startswith("contact"):
                 self._held = True
-            elif self._held and sample.object == "none" and not self._fingers.pressed():
+            elif (
+                self._held
+                and sample.object == "none"
+                and not any(finger.presence.is_pressed() for finger in self._fingers.values())
+            ):
                 self._end_grasp()
             if not self._claimed:
                 self._adopt(sample)
@@ -187,9 +174,9 @@ class GripInForce:
 
     def _is_released(self, sample: GripperSample) -> bool:
         """Return whether the release is confirmed; while the fingers move, only fingers known to be free confirm it."""
-        if sample.object == "contact_closing" or self._fingers.pressed_n(sample.t_ns) is not None:
+        if sample.object == "contact_closing" or pressed_n(self._fingers, sample.t_ns) is not None:
             return False
-        return not sample.moving or not self._fingers.not_free(sample.t_ns)
+        return not sample.moving or not not_free(self._fingers, sample.t_ns)
 
     def _end_grasp(self) -> None:
         """End the grasp, its force and its budget."""
@@ -210,7 +197,7 @@ class GripInForce:
             self._policy.resume(stored.force_n, stored.requested_n, stored.raised_n, stored.reflexed_n)
             self._confirmed()
             return
-        measured_n = self._fingers.pressed_n(sample.t_ns)
+        measured_n = pressed_n(self._fingers, sample.t_ns)
         if not sample.object.startswith("contact") and measured_n is None:
             return
         self._held, self.closed_to_m = True, None

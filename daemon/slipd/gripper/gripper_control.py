@@ -12,7 +12,7 @@ from typing import cast
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
-from slipd.gripper.grip_in_force import AllFingers, GripInForce
+from slipd.gripper.grip_in_force import GripInForce, not_free
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
@@ -56,7 +56,7 @@ class GripperControl:
     def __init__(self, config: GripperConfig, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
         self._config = config
         self.session = session
-        self._fingers = AllFingers(fingers)
+        self._fingers = fingers
         self._faults = GripperFaultDetector()
         self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
@@ -216,7 +216,8 @@ class GripperControl:
             stops_at_lease_end=self._config.lease_end == "stop",
         )
         fingers, policy = self._fingers, self.policy
-        return Situation(policy.limits, policy.state(t_ns), gripper, fingers.blind(t_ns), fingers.not_free(t_ns))
+        blind = tuple(name for name, finger in fingers.items() if not finger.trust.for_raise(t_ns))
+        return Situation(policy.limits, policy.state(t_ns), gripper, blind, not_free(fingers, t_ns))
 
     def _applied_n(self, force_n: float | None) -> float | None:
         """Return the force of the gripper setting for ``force_n``, N: settings may be steps."""

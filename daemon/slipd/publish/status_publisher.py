@@ -22,7 +22,7 @@ from slipd.links.link_health import Condition, link_condition
 from slipd.links.stream_meter import StreamMeter
 from slipd.publish.finger_messages import friction_setter_body, tare_body
 from slipd.publish.grasp_messages import gripper_body, lease_body
-from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer
+from slipd.publish.message_sequencer import NO_FRAME, Body, MessageSequencer, Pace
 from slipd.types.arrays import finite_or_none
 from slipd.types.device_text import one_line
 from slipd_client.messages import STATUS_TOPIC, Health
@@ -41,6 +41,7 @@ class StatusPublisher:
         recordings: Returns the newest recording on request, and that of the whole run; None where there is none.
         not_restored: Why tares of the run before are not used, by stream.
         sequencer: Numbers and dates the messages.
+        rate_hz: ``rates.status_hz``.
     """
 
     def __init__(
@@ -54,11 +55,12 @@ class StatusPublisher:
         recordings: Callable[[], tuple[RecordingChanged, RecordingChanged | None]],
         not_restored: Mapping[str, str],
         sequencer: MessageSequencer,
+        rate_hz: float,
     ) -> None:
         self._streams = [(link, stream) for link in links.values() for stream in link.streams.values()]
         self._fingers, self._object, self._gripper, self._arm = fingers, named, gripper, arm
         self._lateness, self._recordings, self._not_restored = lateness, recordings, not_restored
-        self._sequencer = sequencer
+        self._sequencer, self._pace = sequencer, Pace(rate_hz)
         self._notices: dict[str, str] = {}
         self._incidents: IncidentsChanged | None = None
 
@@ -72,8 +74,14 @@ class StatusPublisher:
             self._notices[event.topic] = event.text
 
     def publish(self, t_ns: int, out: list[Output]) -> None:
-        """Append the state at ``t_ns``."""
+        """Append the state at ``t_ns``, due or not: something changed."""
         out.append(self._sequencer.message(STATUS_TOPIC, t_ns, NO_FRAME, self.body(t_ns)))
+
+    def publish_due(self, t_ns: int, out: list[Output]) -> int:
+        """Append the state at ``t_ns`` where it is due; return when the next one is."""
+        if self._pace.passes(t_ns):
+            self.publish(t_ns, out)
+        return self._pace.due_ns
 
     def body(self, t_ns: int) -> Body:
         """Return ``status``: the state at ``t_ns``; also the result of the request of that name."""
