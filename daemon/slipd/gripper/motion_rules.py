@@ -256,8 +256,8 @@ def open_only_widens(intent: Intent, situation: Situation) -> Refusal | None:
     gripper, wanted_m = situation.gripper, intent.width_wanted_m
     if wanted_m is None:
         return None
-    least_m = _widest(intent.width_now_m, None if gripper.goals_m is None else gripper.goals_m[1])
-    least_m = min(least_m, gripper.width_range_m[1])
+    widest_m = max((intent.width_now_m or 0.0, *(gripper.goals_m or ())))
+    least_m = min(widest_m, gripper.width_range_m[1])
     if wanted_m >= least_m:
         return None
     least = f"the present {math.ceil(least_m / _SHOWN_M - _SHOWN_ROUNDING) * _SHOWN_M:.4f} m"
@@ -274,21 +274,14 @@ def close_only_narrows(intent: Intent, situation: Situation) -> Refusal | None:
     gripper, wanted_m = situation.gripper, intent.width_wanted_m
     if wanted_m is None:
         return None
-    goal_m = None if gripper.goals_m is None else gripper.goals_m[0]
-    most_m = _narrowest(intent.width_now_m, goal_m, gripper.closed_to_m if situation.grip.grips else None)
+    closed_to_m = gripper.closed_to_m if situation.grip.grips else None
+    widths_m = intent.width_now_m, *(gripper.goals_m or ()), closed_to_m
+    most_m = min((width_m for width_m in widths_m if width_m is not None), default=math.inf)
     if wanted_m <= most_m:
         return None
     most = f"{math.floor(most_m / _SHOWN_M + _SHOWN_ROUNDING) * _SHOWN_M:.4f} m"
     rule = f"must be at most {most}, got {wanted_m:g}; use gripper.open to open"
     return _width("out_of_range", rule, "gripper.close only narrows: ")
-
-
-def _widest(*widths_m: float | None) -> float:
-    return max((width_m for width_m in widths_m if width_m is not None), default=0.0)
-
-
-def _narrowest(*widths_m: float | None) -> float:
-    return min((width_m for width_m in widths_m if width_m is not None), default=math.inf)
 
 
 def _change_n(intent: Intent) -> float:

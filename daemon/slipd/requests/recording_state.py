@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.types.clocks import WallClock
 from slipd.types.permit import RefusalError
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SPAN_S = 10**11
 """Largest wall time in a name, in the year 5138; a replayed file may contain any time."""
 
 
 def utc_stamp(wall_ns: int) -> str:
     """Return a wall time for the name of a file, such as "20261122T221300Z"."""
-    return (_EPOCH + timedelta(seconds=wall_ns // 10**9 % _SPAN_S)).strftime("%Y%m%dT%H%M%SZ")
+    return datetime.fromtimestamp(wall_ns // 10**9 % _SPAN_S, UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
 class RecordingState:

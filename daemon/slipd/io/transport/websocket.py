@@ -18,7 +18,7 @@ from websockets.uri import WebSocketURI, parse_uri
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.io.transport.link_connection import READ_BYTES, FileConnection, OnBytes
+from slipd.io.transport.link_connection import READ_BYTES, Connection, FileConnection, OnBytes
 from slipd.io.transport.network import connected
 
 MAX_MESSAGE_BYTES = 1 << 17
@@ -112,6 +112,7 @@ class WebsocketConnection(FileConnection):
     """A server that sends and is sent nothing but what the protocol needs; a pong that it does not read is dropped."""
 
     _read_bytes = READ_BYTES
+    write = Connection.write  # which sends nothing: sensors with a WebSocket server accept no commands
 
     def __init__(self, address: str, opened: socket.socket, protocol: ClientProtocol, on_bytes: OnBytes) -> None:
         self._protocol = protocol
@@ -122,11 +123,6 @@ class WebsocketConnection(FileConnection):
         self._unanswered = 0
         self._next_check = self._loop.call_later(PING_INTERVAL_S, self._check_alive)
         self._next_piece = self._loop.call_soon(self._handle_frames)  # frames that came with the handshake
-
-    def write(self, data: bytes) -> bool:
-        """Refuse: sensors with a WebSocket server accept no commands."""
-        del data
-        return False
 
     def unread(self) -> bool:
         """Return whether bytes wait that are not read at once; pings are read, but deliver nothing."""
