@@ -19,6 +19,8 @@ from slipd.fusion.streaming import move_to_pad, new_readings
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.force_image_agreement import Agreement
+from slipd.signals.taxel_blocks import BLOCK_NS, WINDOW
+from slipd.signals.taxel_health import TaxelHealth
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample
 
@@ -32,6 +34,9 @@ def warm_up() -> None:
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)
+    health = TaxelHealth(2, 2)
+    for k in range(WINDOW + 1):
+        health.update(np.zeros(4), k * BLOCK_NS, None, None)
     vibration = Vibration(LEAST_HZ)
     for t_ns in (0, 2 * SETTLED_NS):
         vibration.update(t_ns, np.zeros((BLOCK, 6)))

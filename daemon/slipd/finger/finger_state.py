@@ -72,7 +72,7 @@ def distribute(rule: str, x: Array, y: Array, pressure: Array, contact: Contact)
         pressure: Normal force on each taxel, 0 where it is inactive, shape (n,), any unit.
         contact: The contact by the force sensor.
     """
-    active = np.flatnonzero(pressure)
+    (active,) = pressure.nonzero()
     if active.size == 0:
         return None
     x, y, pressure = x[active], y[active], pressure[active]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from slipd.fusion.compiled import compiled
 from slipd.fusion.contact import not_numbers
 from slipd.fusion.hull import convex_hull
-from slipd.types.arrays import Array, Indices, Mask
+from slipd.types.arrays import Array, Mask
 
 CORNER_PITCHES = 0.6
 """A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a
@@ -67,23 +67,42 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
         raise not_numbers(x=x, y=y, pressure=pressure) from None
     if p.ndim != 2 or xs.shape != p.shape or ys.shape != p.shape:
         raise ValueError(f"x, y and pressure must share one shape (rows, cols), got {xs.shape}, {ys.shape}, {p.shape}")
+    active, cx, cy, xx, yy, xy = _moments(xs.ravel(), ys.ravel(), p.ravel())
+    if active == 0:
+        return ContactShape(0, 0.0, np.full(2, math.nan), math.nan, math.nan, 0, np.empty((0, 2)))
+    axis, elongation = _principal_axis(xx, yy, xy)
     on = p > 0.0
-    count = int(on.sum())
-    if count == 0:
-        nan2 = np.full(2, math.nan)
-        return ContactShape(0, 0.0, nan2, math.nan, math.nan, 0, np.empty((0, 2)))
-    ax, ay, weight = xs[on], ys[on], p[on] / p[on].sum()
-    centroid = np.array((weight @ ax, weight @ ay))
-    axis, elongation = _principal_axis(ax - centroid[0], ay - centroid[1])
-    corners = _corners(ax, ay, CORNER_PITCHES * pitch_m)
-    outline = np.stack((ax[corners], ay[corners]), axis=1)
-    return ContactShape(count, count * pitch_m**2, centroid, axis, elongation, _holes(on), outline)
+    corners = _corners(xs[on], ys[on], CORNER_PITCHES * pitch_m)
+    return ContactShape(active, active * pitch_m**2, np.array((cx, cy)), axis, elongation, _holes(on), corners)
 
 
-def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
-    """Return axis and elongation of the binary shape: pressures would make a tilted grip look long."""
-    dx, dy = dx - dx.mean(), dy - dy.mean()
-    xx, yy, xy = float(dx @ dx), float(dy @ dy), float(dx @ dy)
+@compiled
+def _moments(x: Array, y: Array, p: Array) -> tuple[int, float, float, float, float, float]:
+    """Return the number of active taxels, the centre of pressure, and the second moments of their centres, m².
+
+    The second moments do not weigh by pressure: pressures would make a tilted grip look long.
+    """
+    active, total, cx, cy, mx, my = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(p.size):
+        if p[k] > 0.0:
+            active += 1
+            total += p[k]
+            cx += p[k] * x[k]
+            cy += p[k] * y[k]
+            mx += x[k]
+            my += y[k]
+    xx, yy, xy = 0.0, 0.0, 0.0
+    for k in range(p.size):
+        if p[k] > 0.0:
+            dx, dy = x[k] - mx / active, y[k] - my / active
+            xx += dx * dx
+            yy += dy * dy
+            xy += dx * dy
+    return active, cx / total, cy / total, xx, yy, xy
+
+
+def _principal_axis(xx: float, yy: float, xy: float) -> tuple[float, float]:
+    """Return axis and elongation of a shape by its second moments."""
     radius = math.hypot(0.5 * (xx - yy), xy)
     large, small = 0.5 * (xx + yy) + radius, max(0.5 * (xx + yy) - radius, 0.0)
     if large == 0.0 or radius <= 1e-9 * large:
@@ -96,9 +115,11 @@ def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
 def _holes(on: Mask) -> int:
     """Count inactive regions that do not reach the border; taxels connect across corners, gaps only across sides."""
     rows, cols = on.shape
-    framed = np.zeros((rows + 2, cols + 2), np.bool_)  # so that all that is outside is one region
-    framed[1:-1, 1:-1] = on
-    done, waiting, regions = framed.ravel(), np.empty(framed.size, np.int64), 0
+    done = np.zeros((rows + 2) * (cols + 2), np.bool_)  # with a frame, so that all that is outside is one region
+    for row in range(rows):
+        for col in range(cols):
+            done[(row + 1) * (cols + 2) + col + 1] = on[row, col]
+    waiting, regions = np.empty(done.size, np.int64), 0
     for start in range(done.size):
         if done[start]:
             continue
@@ -116,8 +137,11 @@ def _holes(on: Mask) -> int:
 
 
 @compiled
-def _corners(ax: Array, ay: Array, least_m: float) -> Indices:
-    """Return the corners of the hull of the active taxels, without those that the grid makes: they are the flattest."""
+def _corners(ax: Array, ay: Array, least_m: float) -> Array:
+    """Return the corners of the hull of the active taxels, shape (k, 2), m.
+
+    Those that the grid makes are left out: they are the flattest.
+    """
     outline = convex_hull(ax, ay)
     while outline.size > 3:
         flattest, lowest_m = 0, math.inf
@@ -130,4 +154,4 @@ def _corners(ax: Array, ay: Array, least_m: float) -> Indices:
         if lowest_m >= least_m:
             break
         outline = np.concatenate((outline[:flattest], outline[flattest + 1 :]))
-    return outline
+    return np.column_stack((ax[outline], ay[outline]))

@@ -20,6 +20,7 @@ import math
 import numpy as np
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.ranked import ranked
 from slipd.types.arrays import Array
 
 OFFSET_TAU_S = 0.5
@@ -143,13 +144,13 @@ def _integrate(
         integral[k] += 0.5 * (charge + last[k]) * (elapsed_s / tau_s)
         last[k] = charge
         force[k] = charge + integral[k]
-    rising = np.sort(force)  # numba takes 7 s longer to compile np.partition
-    peak = max(rising[count - min(PEAK_RANK, count)] - common, 0.0)
+    by_rank = force.copy()
+    peak = max(ranked(by_rank, count - min(PEAK_RANK, count)) - common, 0.0)
     for k in range(count):
         unloaded[k] = not force[k] - common > LOADED_SHARE * peak
         rest += int(unloaded[k])
     if rest >= max(UNLOADED_TAXELS, UNLOADED_SHARE * count):
-        middle = rising[rest // 2]  # the unloaded taxels are those that read least
+        middle = ranked(by_rank, rest // 2)  # the unloaded taxels are those that read least
         common -= math.expm1(-elapsed_s / COMMON_TAU_S) * (middle - common)
         for k in range(count):
             if unloaded[k]:

@@ -6,9 +6,12 @@ the time for which the bits have not changed.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from slipd.types.arrays import Array, Indices, Mask
+from slipd.fusion.compiled import compiled
+from slipd.types.arrays import Array, Indices
 
 BLOCK_NS = 90_000_000
 """A block ends with the first image this long after the end of the previous block: three images at 30 Hz."""
@@ -16,8 +19,21 @@ WINDOW = 8
 """Number of blocks that are judged together: a lost taxel shows within 0.9 s, and a slow press changes readings."""
 GAP_NS = 500_000_000
 """After a longer gap the blocks are discarded."""
-BLOCK_IMAGES = 64
-"""Largest number of images in a block; above 700 Hz the later images of a block are ignored."""
+
+MEAN, SHEAR_X, SHEAR_Y, LEAST, PRESSURE, SQUARES, ROUGH, SHARED, REST, CHANGES, SHEAR_SQUARES = range(11)
+"""Statistics of one taxel over one block, by their row.
+
+- MEAN, SHEAR_X, SHEAR_Y: Mean reading and mean shear; 0 where the taxels measure none.
+- LEAST: Smallest magnitude of a reading.
+- PRESSURE: Pressure at the end of the block.
+- SQUARES: Sum of squares of the steps from image to image.
+- ROUGH: Sum of squares of the second differences.
+- SHARED: Sum of products of the taxel's steps with the summed steps of all others.
+- REST: Sum of squares of the summed steps of all others.
+- CHANGES: Number of images in which the taxel's bits changed.
+- SHEAR_SQUARES: Sum of squares of the steps of the shear, both axes together.
+"""
+_READING, _LAST_X, _LAST_Y, _STEP, _RUN = range(5)  # of the newest image that differs from the one before
 
 
 class Blocks:
@@ -28,19 +44,10 @@ class Blocks:
 
     Attributes:
         count: Number of blocks since the last gap.
-        means: Mean reading, shape (WINDOW, taxels), as the next ones down to `changes`.
-        pressures: Pressure at the end of the block.
-        least: Smallest magnitude of a reading.
-        squares: Sum of squares of the steps from image to image.
-        rough: Sum of squares of the second differences.
-        shared: Sum of products of the taxel's steps with the summed steps of all others.
-        rest: Sum of squares of the summed steps of all others.
-        changes: Number of images in which the taxel's bits changed.
+        window: Statistics of the taxels, shape (WINDOW, 11, taxels).
         new: Number of images in which any bits changed, shape (WINDOW,).
         free: Nothing touched the pad during the block, shape (WINDOW,).
         steady: The force did not move during the block, shape (WINDOW,).
-        shear: Mean shear, shape (WINDOW, taxels, 2); 0 where the taxels measure none.
-        shear_squares: Sum of squares of its steps, both axes together.
         run: Number of new images since the taxel's bits last changed, shape (taxels,).
 
     Many pads send each image several times. Steps are those between images that differ, or a held image would make any
@@ -49,17 +56,12 @@ class Blocks:
 
     def __init__(self, taxels: int) -> None:
         self.count = 0
-        self.means, self.least, self.pressures = np.zeros((3, WINDOW, taxels))
-        self.squares, self.rough, self.shared, self.rest = np.zeros((4, WINDOW, taxels))
-        self.changes = np.zeros((WINDOW, taxels), dtype=np.int64)
+        self.window = np.zeros((WINDOW, 11, taxels))
         self.new = np.zeros(WINDOW, dtype=np.int64)
-        self.free = np.zeros(WINDOW, dtype=bool)
-        self.steady = np.zeros(WINDOW, dtype=bool)
-        self.run = np.zeros(taxels, dtype=np.int64)
-        self.shear = np.zeros((WINDOW, taxels, 2))
-        self.shear_squares = np.zeros((WINDOW, taxels))
-        self._images = np.empty((BLOCK_IMAGES + 2, taxels))  # the first two are the last of the previous block
-        self._shears = np.zeros((BLOCK_IMAGES + 2, taxels, 2))
+        self.free, self.steady = np.zeros((2, WINDOW), dtype=bool)
+        self._sums, self._last = np.zeros((11, taxels)), np.zeros((5, taxels))
+        self.run = self._last[_RUN]
+        self._shear = np.zeros((2, taxels))
         self._last_ns: int | None = None
 
     def update(
@@ -82,111 +84,82 @@ class Blocks:
             pressure: Pressure, shape (taxels,), NaN if not known; None if the readings are the pressure.
             shear: Shear, shape (taxels, 2), all finite; None where the taxels measure none.
         """
+        if shear is not None:
+            self._shear[:] = shear.T
         if self._last_ns is None or not 0 <= t_ns - self._last_ns <= GAP_NS:
-            self._begin(values, t_ns, shear)
+            self.count = 0
+            self._last[:] = 0.0
+            self._last[_READING], self._last[_LAST_X : _LAST_Y + 1] = values, self._shear
+            self._begin_block(t_ns)
         self._last_ns = t_ns
-        if self._filled < len(self._images):
-            self._images[self._filled] = values
-            if shear is not None:
-                self._shears[self._filled] = shear
-            self._filled += 1
+        self._images += 1
+        self._new += _add(self._sums, self._last, values, self._shear)
         self._all_free &= free
         self._all_steady &= steady
         if t_ns - self._block_ns < BLOCK_NS:
             return False
-        self._end_block(t_ns, pressure)
+        slot = self.count % WINDOW
+        block = self.window[slot]
+        block[:] = self._sums
+        block[MEAN : SHEAR_Y + 1] /= self._images
+        block[PRESSURE] = block[MEAN] if pressure is None else np.where(np.isnan(pressure), 0.0, pressure)
+        self.new[slot], self.free[slot], self.steady[slot] = self._new, self._all_free, self._all_steady
+        self.count += 1
+        self._begin_block(t_ns)
         return True
 
     def last(self, blocks: int) -> Indices:
         """Return the indices of the last blocks, newest first."""
         return (self.count - 1 - np.arange(blocks)) % WINDOW
 
-    def jitter(self, squares: Array) -> Array:
-        """Return the standard deviation of the noise that explains the steps of each taxel, shape (taxels,).
-
-        Args:
-            squares: `squares`, or `shear_squares` for the noise of both axes of the shear together.
-        """
-        jitter: Array = np.sqrt(squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
-        return jitter
-
-    def change_rate(self) -> Array:
-        """Return the fraction of new images in which each taxel's bits changed, shape (taxels,)."""
-        rate: Array = self.changes.sum(axis=0) / max(int(self.new.sum()), 1)
-        return rate
-
-    def _begin(self, values: Array, t_ns: int, shear: Array | None) -> None:
-        self._images[:2] = values
-        self._sheared = shear is not None
-        if shear is not None:
-            self._shears[:2] = shear
-        self._filled = 2
+    def _begin_block(self, t_ns: int) -> None:
+        self._sums[:] = 0.0
+        self._sums[LEAST] = math.inf
+        self._images = self._new = 0
         self._all_free = self._all_steady = True
         self._block_ns = t_ns
-        self.count = 0
-        self.run[:] = 0
-
-    def _end_block(self, t_ns: int, pressure: Array | None) -> None:
-        """Replace the oldest block by the statistics of the images since."""
-        slot, images, shears = self.count % WINDOW, self._images[: self._filled], self._shears[: self._filled]
-        self.means[slot], self.least[slot] = images[2:].mean(axis=0), np.abs(images[2:]).min(axis=0)
-        self.pressures[slot] = self.means[slot] if pressure is None else np.where(np.isnan(pressure), 0.0, pressure)
-        new = np.ones(len(images), dtype=bool)
-        new[2:] = (images[2:] != images[1:-1]).any(axis=1)
-        newest = images[new]
-        steps = newest[1:] - newest[:-1]
-        step, bend = steps[1:], steps[1:] - steps[:-1]
-        others = step.sum(axis=1, keepdims=True) - step
-        self.squares[slot], self.rough[slot] = (step * step).sum(axis=0), (bend * bend).sum(axis=0)
-        self.shared[slot], self.rest[slot] = (step * others).sum(axis=0), (others * others).sum(axis=0)
-        if self._sheared:
-            slid = shears[new]
-            slide = slid[2:] - slid[1:-1]
-            self.shear[slot], self.shear_squares[slot] = shears[2:].mean(axis=0), (slide * slide).sum(axis=(0, 2))
-            shears[:2] = slid[-2:]
-        changed = step != 0.0
-        self.changes[slot], self.new[slot] = changed.sum(axis=0), len(step)
-        since = np.argmax(changed[::-1], axis=0) if len(step) else 0
-        self.run = np.where(changed.any(axis=0), since, self.run + len(step))
-        self.free[slot], self.steady[slot] = self._all_free, self._all_steady
-        images[:2] = newest[-2:]
-        self.count += 1
-        self._filled, self._block_ns = 2, t_ns
-        self._all_free = self._all_steady = True
 
 
-class Surroundings:
-    """Neighbours of each taxel, and which of them count.
+@compiled
+def _add(sums: Array, last: Array, values: Array, shear: Array) -> int:
+    """Add an image to the statistics of a block.
 
     Args:
-        around: Neighbours, shape (taxels, k), −1 beyond the border.
+        sums: Statistics, shape (11, taxels), with sums in place of means; updated.
+        last: Newest image that differed from the one before, shape (5, taxels); updated.
+        values: Readings, shape (taxels,).
+        shear: Shear, shape (2, taxels).
 
-    Attributes:
-        count: How many each taxel has, shape (taxels,).
+    Returns:
+        1 if a reading changed, else 0.
     """
-
-    def __init__(self, around: Indices) -> None:
-        self._around, taxels = around, len(around)
-        self._linked = np.zeros((taxels + 1, taxels))
-        self._linked[around, np.arange(taxels)[:, None]] = 1.0
-        self._linked = self._linked[:-1]  # the last one is beyond the border
-        self.trust(np.ones(taxels, dtype=bool))
-
-    def trust(self, trusted: Mask) -> Surroundings:
-        """Count these taxels only, shape (taxels,); return the same surroundings."""
-        self._trusted, self._known = trusted, (self._around >= 0) & trusted[self._around]
-        self.count = trusted @ self._linked
-        return self
-
-    def values(self, values: Array | Mask, otherwise: float) -> Array:
-        """Return the neighbours' values, shape (taxels, k); ``otherwise`` for one that does not count."""
-        return np.where(self._known, values.take(self._around), otherwise)
-
-    def mean(self, values: Array) -> Array:
-        """Return the mean of the neighbours' values, shape (…, taxels); 0 without any."""
-        return np.asarray((values * self._trusted) @ self._linked / np.maximum(self.count, 1.0))
-
-    def lowest(self, values: Array, rank: int | Indices, beyond: float) -> Array:
-        """Return the neighbours' value of a rank, 0 for the lowest; ``beyond``, above all, is one that is missing."""
-        found: Array = np.sort(self.values(values, beyond), axis=1)[np.arange(len(values)), rank]
-        return found
+    moved, steps = False, 0.0
+    for k in range(len(values)):
+        moved = moved or values[k] != last[_READING, k]
+        steps += values[k] - last[_READING, k]
+        sums[MEAN, k] += values[k]
+        sums[SHEAR_X, k] += shear[0, k]
+        sums[SHEAR_Y, k] += shear[1, k]
+        sums[LEAST, k] = min(sums[LEAST, k], abs(values[k]))
+    if not moved:
+        return 0
+    for k in range(len(values)):
+        step = values[k] - last[_READING, k]
+        bend, others = step - last[_STEP, k], steps - step
+        x, y = shear[0, k] - last[_LAST_X, k], shear[1, k] - last[_LAST_Y, k]
+        sums[SQUARES, k] += step * step
+        sums[ROUGH, k] += bend * bend
+        sums[SHARED, k] += step * others
+        sums[REST, k] += others * others
+        sums[SHEAR_SQUARES, k] += x * x + y * y
+        last[_READING, k], last[_LAST_X, k], last[_LAST_Y, k], last[_STEP, k] = (
+            values[k],
+            shear[0, k],
+            shear[1, k],
+            step,
+        )
+        last[_RUN, k] += 1.0
+        if step != 0.0:
+            sums[CHANGES, k] += 1.0
+            last[_RUN, k] = 0.0
+    return 1

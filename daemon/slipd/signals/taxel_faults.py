@@ -22,9 +22,25 @@ from enum import IntEnum
 
 import numpy as np
 
+from slipd.fusion.compiled import compiled
+from slipd.fusion.ranked import median, ranked
 from slipd.signals.pad import STEPS, neighbours
-from slipd.signals.taxel_blocks import Blocks, Surroundings
-from slipd.types.arrays import Array, Mask
+from slipd.signals.taxel_blocks import (
+    CHANGES,
+    LEAST,
+    MEAN,
+    PRESSURE,
+    REST,
+    ROUGH,
+    SHARED,
+    SHEAR_SQUARES,
+    SHEAR_X,
+    SHEAR_Y,
+    SQUARES,
+    WINDOW,
+    Blocks,
+)
+from slipd.types.arrays import Array, Indices, Mask
 
 STILL = 0.15
 """A taxel that moves less than this fraction of its neighbours' mean is still; gains differ by far less."""
@@ -39,8 +55,6 @@ CHANGING = 0.5
 """Fraction of images with changed bits from which the noise is wide enough that no taxel rests within one count."""
 CHANCE = -math.log(1e-12)
 """A run of unchanged bits counts if its probability is below 1e-12: once a year on 128 taxels."""
-SHORTEST_RUN = 9
-"""Shortest run of unchanged bits that counts."""
 FREE_BLOCKS = 5
 """Blocks for which a taxel must be high: longer than a touch takes to reach the force sensor."""
 HOT = 12.0
@@ -63,7 +77,7 @@ JITTER = 8.0
 """A jitter counts from this multiple of the pad's noise."""
 ALONE = 5.0
 """A taxel jitters alone from this multiple of its neighbours' jitter, or of the pad's, relative to the load."""
-ROUGH = 1.6
+ROUGHNESS = 1.6
 """Mean square of second over first differences: 3 for white noise, 2 for jumps, below 1 for well-sampled motion."""
 SHAKEN = 0.3
 """Fraction of the load by which a steady force can shake a reading."""
@@ -80,9 +94,6 @@ SATURATED_BLOCKS = 2
 LINE_TAXELS = 3
 """Least number of taxels that are rated by themselves in a line that is rated as a whole."""
 
-_OTHER_ROWS = [k for k, (down, _) in enumerate(STEPS) if down]
-_OTHER_COLS = [k for k, (_, right) in enumerate(STEPS) if right]
-
 
 class Kind(IntEnum):
     """Fault of a taxel, and the index of its row in the result of `TaxelFaults.judge`."""
@@ -91,6 +102,20 @@ class Kind(IntEnum):
     FROZEN = 1
     HOT = 2
     SATURATED = 3
+
+
+_STILL, _FROZEN, _HOT = int(Kind.STILL), int(Kind.FROZEN), int(Kind.HOT)
+_NOW, _SPAN, _TOP, _SLID, _JITTER, _RATE, _RUN, _FLOOR, _LOW, _HIGH = range(10)
+"""What one taxel did over the window, by its row.
+
+- NOW: Mean reading of the newest block.
+- SPAN, TOP: Range and maximum of the means.
+- SLID: Range of the mean shear.
+- JITTER: Standard deviation of the noise that explains the steps.
+- RATE: Fraction of the new images in which the bits changed.
+- RUN: Number of new images since they last changed.
+- FLOOR, LOW, HIGH: Smallest mean, and smallest and largest pressure, of the last FREE_BLOCKS blocks.
+"""
 
 
 class TaxelFaults:
@@ -112,25 +137,18 @@ class TaxelFaults:
         self, blocks: Blocks, rows: int, cols: int, full_scale: float, threshold: float, light_touch: float
     ) -> None:
         self._blocks = blocks
-        self._grid = rows, cols
         self._full = SATURATED * full_scale
         self._threshold, self._light_touch = threshold, light_touch
-        taxels = rows * cols
-        around = neighbours(rows, cols)
-        self._all, self._near = Surroundings(around), Surroundings(around)
-        self._corner = self._all.count == 3
-        row, col = np.divmod(np.arange(taxels), cols)
-        inner_row, inner_col = (row > 0) & (row < rows - 1), (col > 0) & (col < cols - 1)
-        self._directions = (
-            (False, inner_row, Surroundings(around[:, _OTHER_ROWS])),
-            (True, inner_col, Surroundings(around[:, _OTHER_COLS])),
-        )
+        self._around = around = neighbours(rows, cols)
+        lines = np.arange(rows * cols).reshape(rows, cols)
+        self._lines = [
+            (np.ascontiguousarray(each), np.ascontiguousarray(around[:, [step[axis] != 0 for step in STEPS]]))
+            for axis, each in enumerate((lines, lines.T))
+        ]
         self._noise = self._shear_noise = self._spread = math.inf
         self._peak = 0.0
-        self._active = self._pressed = threshold
         self._noisy_rest = False
-        self._masked: Mask = np.zeros(taxels, dtype=bool)
-        self.away: Mask = np.zeros(taxels, dtype=bool)
+        self.away: Mask = np.zeros(rows * cols, dtype=bool)
 
     def judge(self, masked: Mask) -> tuple[Mask, Mask]:
         """Rate the taxels by the last blocks.
@@ -141,133 +159,212 @@ class TaxelFaults:
         Returns:
             Taxels that each test rates bad, and good; each of shape (4, taxels), first axis `Kind`.
         """
-        self._masked = masked
-        self._near.trust(~masked)
-        blocks = self._blocks
-        jitter = blocks.jitter(blocks.squares)
-        floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
-        self._noise = _lowest(self._noise, floor)
-        self._shear_noise = _lowest(self._shear_noise, float(blocks.jitter(blocks.shear_squares).min()))
-        mean = blocks.means[blocks.last(1)[0]]
-        self._peak *= 1.0 - 1.0 / PEAK_TIMES
-        self._peak = max(self._peak, float(np.where(masked, 0.0, mean).max()))
-        middle = float(np.median(mean))
-        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - middle))))
-        self._active = max(self._threshold, JITTER * self._noise)
-        self._pressed = max(self._active, LOADED * self._spread)
-        rest = max(HOT_THRESHOLDS * self._threshold, HOT * self._noise, HOT * self._spread)
+        blocks, window, threshold = self._blocks, self._blocks.window, self._threshold
+        images, total = max(int(blocks.new.sum()), 1), window.sum(axis=0)
+        span, recent = np.ptp(window, axis=0), window[blocks.last(FREE_BLOCKS)]
+        mean, jitter, rate = recent[0, MEAN], np.sqrt(total[SQUARES] / (2 * images)), total[CHANGES] / images
+        pressures = recent[:, PRESSURE]
+        did = np.array((
+            mean, span[MEAN], window[:, MEAN].max(axis=0), np.hypot(span[SHEAR_X], span[SHEAR_Y]), jitter, rate,
+            blocks.run, recent[:, MEAN].min(axis=0), pressures.min(axis=0), pressures.max(axis=0),
+        ))  # fmt: skip
+        self._noise = _lowest(self._noise, ranked(jitter.copy(), jitter.size // 4))
+        shear_noise = math.sqrt(float(total[SHEAR_SQUARES].min()) / (2 * images))
+        self._shear_noise = _lowest(self._shear_noise, shear_noise)
+        self._peak = max(self._peak * (1.0 - 1.0 / PEAK_TIMES), float(np.where(masked, 0.0, mean).max()))
+        middle = median(mean.copy())
+        self._spread = _lowest(self._spread, 1.4826 * median(np.abs(mean - middle)))
+        active = max(threshold, JITTER * self._noise)
+        pressed = max(active, LOADED * self._spread)
+        rest = max(HOT_THRESHOLDS * threshold, HOT * self._noise, HOT * self._spread)
         self.away = np.abs(mean) > rest
-        full, _ = saturated = self._saturated()
-        tests = (
-            self._still(jitter),
-            self._frozen(np.abs(mean) <= self._pressed),
-            self._hot(jitter, rest, max(middle, 0.0)),
-        )
-        bad, well = zip(*((bad & ~full, well) for bad, well in tests), saturated, strict=True)
-        return np.array(bad), np.array(well)
-
-    def _still(self, jitter: Array) -> tuple[Mask, Mask]:
-        """Find taxels that rest while their surroundings move: single taxels, and lines by the lines beside them."""
-        means = self._blocks.means
-        span = np.ptp(means, axis=0)
-        pressed_span = np.where(means.max(axis=0) > self._active, span, -1.0)
-
-        def surroundings(near: Surroundings) -> tuple[Array, Mask]:
-            moves = np.ptp(near.mean(means), axis=0)
-            noise = np.maximum(self._threshold, ABOVE_NOISE * near.mean(jitter))
-            along = (near.values(pressed_span, -1.0) >= MOVING * moves[:, None]).sum(axis=1)
-            return moves, (moves > noise) & (near.count >= 3) & (along >= near.count - (near.count >= 7))
-
-        moves, judged = surroundings(self._near)
-        plateau = self._all.lowest(span, 0, math.inf) >= PLATEAU * span.max()
-        sheared = self._sheared()
-        bad = judged & (span <= STILL * moves) & (plateau | ~self._corner) & ~sheared
-        well = judged & ((span >= MOVING * moves) | sheared)
-        rests = span <= np.maximum(self._threshold, ABOVE_NOISE * jitter)
-        for down, inner, beside in self._directions:
-            if self._lines(rests & inner, down=down).any():
-                moves, judged = surroundings(beside.trust(~self._masked))
-                still = judged & inner & (span <= STILL * moves) & ~sheared
-                bad |= self._lines(still | rests, down=down) & self._several(still, down=down)
-            if self._masked.any():
-                well |= self._lines(well | self._masked, down=down) & self._several(well, down=down)
+        resting = rate[(np.abs(mean) <= pressed) & ~masked]
+        if 2 * resting.size > rate.size:  # otherwise a lost row might be most of the resting taxels
+            self._noisy_rest = median(resting) >= CHANGING
+        limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + max(middle, 0.0)
+        if not blocks.free[blocks.last(FREE_BLOCKS)].all():
+            limit = math.inf
+        bad, well = np.zeros((2, len(Kind), masked.size), dtype=bool)
+        sheared, rests, alone = np.zeros((3, masked.size), dtype=bool)
+        _rate(
+            self._around, masked, did, window, threshold, active, pressed, limit, self._shear_noise,
+            bad, well, sheared, rests, alone,
+        )  # fmt: skip
+        for lines, beside in self._lines:
+            _rate_lines(lines, beside, masked, did, window, threshold, active, bad, well, sheared, rests)
+        if alone.any():
+            bad[Kind.HOT] |= alone & self._jumps(total, jitter, masked, active, pressed)
+        bad[Kind.FROZEN] &= self.away | self._noisy_rest
+        well[Kind.HOT] = ~bad[Kind.HOT] & (well[Kind.HOT] | ~self.away)
+        full = window[blocks.last(SATURATED_BLOCKS), LEAST].min(axis=0) >= self._full
+        bad &= ~full
+        bad[Kind.SATURATED], well[Kind.SATURATED] = full, ~full
         return bad, well
 
-    def _sheared(self) -> Mask:
-        """Return the taxels whose shear moves beyond the pad's noise, and not much less than their neighbours'."""
-        span = np.hypot(*np.ptp(self._blocks.shear, axis=0).T)
-        usual = self._near.mean(span)
-        moves: Mask = span > np.maximum(ABOVE_NOISE * self._shear_noise, STILL * usual)
-        return moves
+    def _jumps(self, total: Array, jitter: Array, masked: Mask, active: float, pressed: float) -> Mask:
+        """Return the taxels whose jitter is neither a step, a knock, nor that of the force.
 
-    def _lines(self, which: Mask, *, down: bool) -> Mask:
-        """Return the taxels in rows of which every taxel is set; ``down``: in such columns."""
-        return self._in_lines(which, self._grid[not down], down=down)
-
-    def _several(self, which: Mask, *, down: bool) -> Mask:
-        """Return the taxels in rows, or columns, of which at least three taxels are set."""
-        return self._in_lines(which, LINE_TAXELS, down=down)
-
-    def _in_lines(self, which: Mask, least: int, *, down: bool) -> Mask:
-        """Return the taxels in rows, or columns, of which at least ``least`` taxels are set."""
-        lines = which.reshape(self._grid).sum(axis=0 if down else 1, keepdims=True) >= least
-        return np.broadcast_to(lines, self._grid).ravel()
-
-    def _frozen(self, resting: Mask) -> tuple[Mask, Mask]:
-        """Find taxels whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
-        rate = self._blocks.change_rate()
-        resting = resting & ~self._masked
-        if 2 * np.count_nonzero(resting) > resting.size:  # otherwise a lost row might be most of the resting taxels
-            self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
-
-        def frozen(near: Surroundings, least: int) -> Mask:
-            lowest = near.lowest(rate, 1, 1.0)  # a frozen neighbour does not hide it
-            unlikely = -self._blocks.run * np.log1p(-np.minimum(lowest, 0.95))
-            found: Mask = (near.count >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
-            return found
-
-        bad = frozen(self._near, 3)
-        for down, _, beside in self._directions:
-            if self._lines(self._blocks.run >= SHORTEST_RUN, down=down).any():
-                bad |= self._lines(frozen(beside.trust(~self._masked), 2), down=down)
-        return bad & (self.away | self._noisy_rest), rate >= 0.5 * CHANGING
-
-    def _hot(self, jitter: Array, rest: float, middle: float) -> tuple[Mask, Mask]:
-        """Find taxels that are high without a load, or jitter alone."""
-        recent = self._blocks.last(FREE_BLOCKS)
-        limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + middle
-        bad = self._blocks.means[recent].min(axis=0) > (limit if self._blocks.free[recent].all() else math.inf)
-        low, top = self._blocks.pressures[recent].min(axis=0), self._blocks.pressures[recent].max(axis=0)
-        loaded = self._near.values(low > self._pressed, 0.0).sum(axis=1)
-        most = (loaded >= 3) & (loaded >= AROUND * self._near.count)
-        bad |= most & (low > SPIRE * self._near.values(top, 0.0).max(axis=1))
-        bad |= self._jitters_alone(jitter)
-        return bad, ~bad & ((loaded >= 3) | ~self.away)
-
-    def _jitters_alone(self, jitter: Array) -> Mask:
-        usual = self._near.lowest(jitter, self._near.count.astype(np.int64) // 2, math.inf)  # the median
-        blocks = self._blocks.squares > 2 * self._active**2 * np.maximum(self._blocks.new, 1)[:, None]
-        alone: Mask = (jitter > np.maximum(self._active, ALONE * usual)) & (blocks.sum(axis=0) >= JUMPY_BLOCKS)
-        if not alone.any():
-            return alone
-        squares = self._blocks.squares.sum(axis=0)
-        alone &= np.sort(self._blocks.squares, axis=0)[:-KNOCK_BLOCKS].sum(axis=0) > BESIDE_KNOCK * squares
-        alone &= self._blocks.rough.sum(axis=0) > ROUGH * squares
-        power = squares * self._blocks.rest.sum(axis=0)
-        alone &= np.square(self._blocks.shared.sum(axis=0)) < EXPLAINED * power
-        if self._blocks.free.all():
-            return alone
-        load = self._blocks.means.mean(axis=0)
-        alone &= jitter > SHAKEN * np.abs(load)
-        pressed = int(np.count_nonzero(~self._masked & (load > self._pressed)))
-        return alone if self._blocks.steady.all() or pressed >= 4 else np.zeros_like(alone)
-
-    def _saturated(self) -> tuple[Mask, Mask]:
-        recent = self._blocks.last(SATURATED_BLOCKS)
-        bad = self._blocks.least[recent].min(axis=0) >= self._full
-        return bad, ~bad
+        Args:
+            total: Sums of the statistics over the window.
+            jitter: Jitter of each taxel.
+            masked: Taxels that are not trusted.
+            active: Reading from which a taxel is active.
+            pressed: Reading from which it is pressed.
+        """
+        blocks, sum_of_squares = self._blocks, total[SQUARES]
+        squares = blocks.window[:, SQUARES]
+        loud = (squares > 2 * active**2 * np.maximum(blocks.new, 1)[:, None]).sum(axis=0) >= JUMPY_BLOCKS
+        lasts = np.sort(squares, axis=0)[:-KNOCK_BLOCKS].sum(axis=0) > BESIDE_KNOCK * sum_of_squares
+        own = np.square(total[SHARED]) < EXPLAINED * (sum_of_squares * total[REST])
+        jumps: Mask = loud & lasts & (total[ROUGH] > ROUGHNESS * sum_of_squares) & own
+        if blocks.free.all():
+            return jumps
+        load = total[MEAN] / WINDOW
+        several = int(np.count_nonzero(~masked & (load > pressed))) >= 4
+        jumps &= (jitter > SHAKEN * np.abs(load)) & (several or bool(blocks.steady.all()))
+        return jumps
 
 
 def _lowest(known: float, seen: float) -> float:
     """Return the updated resting level: a contact raises it for a while, so it rises slowly and falls at once."""
     return seen if seen < known else known + SLOWLY * (seen - known)
+
+
+@compiled
+def _rate(
+    around: Indices, masked: Mask, did: Array, window: Array, threshold: float, active: float, pressed: float,
+    limit: float, shear_noise: float, bad: Mask, well: Mask, sheared: Mask, rests: Mask, alone: Mask,
+) -> None:  # fmt: skip
+    """Rate each taxel by its neighbours.
+
+    Args:
+        around: Neighbours of each taxel, shape (taxels, 8).
+        masked: Taxels that are no reference.
+        did: What each taxel did.
+        window: Statistics of the blocks.
+        threshold: Reading from which a taxel may be active.
+        active: Likewise, above the noise.
+        pressed: Reading from which a taxel is pressed.
+        limit: Mean above which a taxel is hot without a load.
+        shear_noise: Noise of the shear.
+        bad: Set where a taxel is still, frozen or hot, shape (4, taxels).
+        well: Set where it moves, changes, or is among loaded neighbours.
+        sheared: Set where its shear moves beyond the pad's noise, and not much less than its neighbours'.
+        rests: Set where it rests by itself.
+        alone: Set where it jitters more than its neighbours.
+    """
+    near, jitters = np.empty(8, np.int64), np.empty(8)
+    widest = 0.0
+    for k in range(len(masked)):
+        widest = max(widest, did[_SPAN, k])
+    for k in range(len(masked)):
+        corner, narrowest, slid, loaded, highest = 0, math.inf, 0.0, 0, 0.0
+        for j in around[k]:
+            if j >= 0:
+                corner += 1
+                narrowest = min(narrowest, did[_SPAN, j])
+        count = _trusted(around[k], masked, near)
+        for n in range(count):
+            j = near[n]
+            slid += did[_SLID, j]
+            loaded += int(did[_LOW, j] > pressed)
+            highest = max(highest, did[_HIGH, j])
+            jitters[n] = did[_JITTER, j]
+        usual = ranked(jitters[:count], count // 2) if count > 0 else math.inf
+        span, jitter = did[_SPAN, k], did[_JITTER, k]
+        moves, judged = _movement(near[:count], did, window, threshold, active)
+        sheared[k] = did[_SLID, k] > max(ABOVE_NOISE * shear_noise, STILL * slid / max(count, 1))
+        rounded = corner == 3 and narrowest < PLATEAU * widest
+        bad[_STILL, k] = judged and span <= STILL * moves and not rounded and not sheared[k]
+        well[_STILL, k] = judged and (span >= MOVING * moves or sheared[k])
+        rests[k] = span <= max(threshold, ABOVE_NOISE * jitter)
+        bad[_FROZEN, k] = _is_frozen(k, near[:count], did, 3)
+        well[_FROZEN, k] = did[_RATE, k] >= 0.5 * CHANGING
+        spire = loaded >= 3 and loaded >= AROUND * count and did[_LOW, k] > SPIRE * highest
+        bad[_HOT, k], well[_HOT, k] = did[_FLOOR, k] > limit or spire, loaded >= 3
+        alone[k] = jitter > max(active, ALONE * usual)
+
+
+@compiled
+def _rate_lines(
+    lines: Indices, beside: Indices, masked: Mask, did: Array, window: Array, threshold: float, active: float,
+    bad: Mask, well: Mask, sheared: Mask, rests: Mask,
+) -> None:  # fmt: skip
+    """Rate rows or columns by those beside them: a lost one is still or frozen as a whole.
+
+    Args:
+        lines: Taxels of each line, shape (lines, k).
+        beside: Neighbours of each taxel in other lines, shape (taxels, 6).
+        masked: As for `_rate`, like the next four.
+        did: Likewise.
+        window: Likewise.
+        threshold: Likewise.
+        active: Likewise.
+        bad: As `_rate` left it, updated.
+        well: Likewise.
+        sheared: As `_rate` left it.
+        rests: Likewise.
+    """
+    near, lost = np.empty(8, np.int64), False
+    for line in lines[1:-1]:
+        resting = 0
+        for k in line:
+            resting += int(rests[k])
+        lost = lost or resting == len(line)
+    for at in range(len(lines)):
+        line, still, idle, frozen, moving, trusted = lines[at], 0, 0, 0, 0, 0
+        for k in line:
+            count = _trusted(beside[k], masked, near)
+            moves, judged = _movement(near[:count], did, window, threshold, active)
+            is_still = judged and did[_SPAN, k] <= STILL * moves and not sheared[k]
+            still += int(is_still)
+            idle += int(is_still or rests[k])
+            frozen += int(_is_frozen(k, near[:count], did, 2))
+            moving += int(well[_STILL, k])
+            trusted += int(not (well[_STILL, k] or masked[k]))
+        dead = lost and 0 < at < len(lines) - 1 and idle == len(line) and still >= LINE_TAXELS
+        for k in line:
+            bad[_STILL, k] |= dead
+            bad[_FROZEN, k] |= frozen == len(line)
+            well[_STILL, k] |= trusted == 0 and moving >= LINE_TAXELS
+
+
+@compiled
+def _trusted(around: Indices, masked: Mask, near: Indices) -> int:
+    """Fill in the neighbours of one taxel that are not masked; return their number."""
+    count = 0
+    for j in around:
+        if j >= 0 and not masked[j]:
+            near[count] = j
+            count += 1
+    return count
+
+
+@compiled
+def _movement(near: Indices, did: Array, window: Array, threshold: float, active: float) -> tuple[float, bool]:
+    """Return how far the mean of some neighbours moves, and whether nearly all of them move with it."""
+    count, jitter, along, lowest, highest = len(near), 0.0, 0, math.inf, -math.inf
+    for block in range(WINDOW):
+        total = 0.0
+        for j in near:
+            total += window[block, MEAN, j]
+        lowest, highest = min(lowest, total), max(highest, total)
+    moves = (highest - lowest) / max(count, 1)
+    for j in near:
+        jitter += did[_JITTER, j]
+        along += int(did[_TOP, j] > active and did[_SPAN, j] >= MOVING * moves)
+    beyond_noise = moves > max(threshold, ABOVE_NOISE * jitter / max(count, 1))
+    return moves, beyond_noise and count >= 3 and along >= count - int(count >= 7)
+
+
+@compiled
+def _is_frozen(k: int, near: Indices, did: Array, least: int) -> bool:
+    """Return whether the bits of a taxel rest for longer than chance allows beside some neighbours."""
+    lowest, second = 1.0, 1.0  # a frozen neighbour does not hide it
+    for j in near:
+        if did[_RATE, j] < lowest:
+            lowest, second = did[_RATE, j], lowest
+        elif did[_RATE, j] < second:
+            second = did[_RATE, j]
+    unlikely = -did[_RUN, k] * math.log1p(-min(second, 0.95))
+    return len(near) >= least and second >= CHANGING and unlikely >= CHANCE

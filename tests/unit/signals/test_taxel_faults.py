@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from plain_kernels import without_compilation
 from project import CONFIG, TRIAL
 from taxel_images import COLS, END_S, LOST_S, N_PER_COUNT, NOISE, OFFSET, ROWS, TAXELS, WIDE, counts, feed, swing, watch
 
+from slipd.signals import taxel_blocks, taxel_faults
 from slipd.signals.taxel_health import TaxelHealth
 from slipd.tools.sim.scene_parts import Patch
 from slipd.types.arrays import Array
@@ -314,6 +316,19 @@ def test_T1_a_taxel_that_is_lost_beside_two_lost_ones_is_masked_too() -> None:
     course.noise(1.0, 5.0, 69, 70)
     course.noise(2.5, 5.0, 86)
     assert course.report() == {"dead": [69, 70, 86]}
+
+
+def test_T1_taxels_are_rated_the_same_by_kernels_that_are_not_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    course = Course(30.0, 5.0)
+    course.noise(1.0, 5.0, 69, 70)
+    course.images[60:, 16:32] = course.images[60, 16:32]
+    course.images[100:110] = course.images[100]
+    compiled = course.watch()[1]
+    for module in (taxel_blocks, taxel_faults):
+        without_compilation(monkeypatch, module)
+    for (t_s, masked), (plain_t_s, plain) in zip(compiled, course.watch()[1], strict=True):
+        assert t_s == plain_t_s
+        assert_array_equal(masked, plain)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
