@@ -28,7 +28,7 @@ def ranked(values: Array, rank: int) -> float:
             low = i
         if rank < i:
             high = j
-    return values[rank]
+    return float(values[rank])
 
 
 @compiled
