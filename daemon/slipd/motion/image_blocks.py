@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slipd.fusion.compiled import compiled
 from slipd.signals.pad import PadGeometry
 from slipd.types.arrays import Array, Mask
 
@@ -24,8 +25,9 @@ SAME_CENTROID_M = 1e-3
 """The contact centroid is the same within this, m: a tilt moves it further before it opens a gap."""
 NOISE_STDS = 4.0
 """All of them also within this many standard deviations of the noise."""
-RECENT_IMAGES = 400
-"""Images over which the noise of the taxels is averaged."""
+KEPT = 1.0 - 1.0 / 400
+"""The noise of the taxels is averaged over 400 images."""
+_LAST, _JUMPS, _TOTAL = range(3)  # newest image, averaged squares of the changes, sum of the images of the block
 
 
 class LoadNoise(NamedTuple):
@@ -90,14 +92,13 @@ class ImageBlocks:
     def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
         self._noise_n, self._noise_nm = NOISE_STDS * noise.force_n, NOISE_STDS * noise.torque_nm
         self._reach_m = 0.25 * math.hypot(geometry.rows, geometry.cols) * geometry.pitch_m
+        self._sums = np.zeros((3, geometry.taxels))
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the contact ended, or the images did."""
         self._since_ns: int | None = None
-        self._begun_ns, self._last = 0, np.zeros(0)
-        self._jumps, self._jump_count = np.zeros(0), 0.0
-        self._images: list[Array] = []
+        self._begun_ns, self._jump_count = 0, 0.0
         self._wrenches: list[tuple[float, ...]] = []
 
     def update(self, t_ns: int, forces: Array, wrench: tuple[float, ...], usable: Mask | None = None) -> Block | None:
@@ -107,18 +108,18 @@ class ImageBlocks:
         """
         if self._since_ns is None:
             self._since_ns = self._begun_ns = t_ns
-            self._jumps = np.zeros_like(forces)
+            self._sums[:] = 0.0
+            self._sums[_LAST] = forces
         else:
-            kept, jump = 1.0 - 1.0 / RECENT_IMAGES, forces - self._last
-            self._jumps = self._jumps * kept + jump * jump
-            self._jump_count = self._jump_count * kept + 1.0
-        self._last = forces
-        self._images.append(forces)
+            self._jump_count = self._jump_count * KEPT + 1.0
+        _add(self._sums, forces)
         self._wrenches.append(wrench)
         if t_ns - self._begun_ns < BLOCK_S * 1e9:
             return None
-        image, wrenches = np.mean(self._images, axis=0), np.array(self._wrenches)
-        self._begun_ns, self._images, self._wrenches = t_ns, [], []
+        wrenches = np.array(self._wrenches)
+        image = self._sums[_TOTAL] / len(wrenches)
+        self._sums[_TOTAL] = 0.0
+        self._begun_ns, self._wrenches = t_ns, []
         load = _load(wrenches.mean(axis=0))
         if t_ns - self._since_ns < SETTLED_S * 1e9 or not (load[2] > 0.0 and np.isfinite(image).all()):
             return None
@@ -126,7 +127,7 @@ class ImageBlocks:
         if not (np.ptp(wrenches[:, :3], axis=0) <= 2.0 * tolerance[:3]).all():
             return None
         count = len(wrenches)
-        variance = self._jumps / (2.0 * max(self._jump_count, 1.0) * count)
+        variance = self._sums[_JUMPS] / (2.0 * max(self._jump_count, 1.0) * count)
         rise_n = RISE_SHARE * math.hypot(load[0], load[1]) + self._noise_n / math.sqrt(count)
         return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches, usable)
 
@@ -137,6 +138,16 @@ class ImageBlocks:
         along, centroid = tangential + self._noise_n, SAME_CENTROID_M + self._noise_nm / normal
         spin = self._reach_m * tangential + self._noise_nm
         return np.array((along, along, GRIP_SHARE * normal + self._noise_n, spin, centroid, centroid))
+
+
+@compiled
+def _add(sums: Array, forces: Array) -> None:
+    """Add an image to that of the block and to the noise, and keep it."""
+    for k in range(len(forces)):
+        jump = forces[k] - sums[_LAST, k]
+        sums[_JUMPS, k] = sums[_JUMPS, k] * KEPT + jump * jump
+        sums[_TOTAL, k] += forces[k]
+        sums[_LAST, k] = forces[k]
 
 
 def _load(wrench: Array) -> Array:

@@ -12,7 +12,8 @@ import numpy as np
 
 from slipd.signals.pad import neighbours
 from slipd.signals.taxel_blocks import WINDOW, Blocks
-from slipd.signals.taxel_faults import Kind, TaxelFaults
+from slipd.signals.taxel_faults import TaxelFaults
+from slipd.signals.taxel_neighbours import Kind
 from slipd.types.arrays import Array, Mask
 
 FROZEN_IMAGES = 3
