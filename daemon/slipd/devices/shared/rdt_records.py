@@ -47,6 +47,9 @@ _NEW_STREAM_NEEDS = 3
 The counts of a resting sensor sometimes look like one such record, but not like three.
 """
 
+_FEW = 6
+"""Up to this many records are read one by one as fast as together."""
+
 _NEW_STREAM_OFFSETS = range(0, _NEW_STREAM_NEEDS * RECORD_LENGTH, RECORD_LENGTH)
 _SEEK_BLOCK = 1024
 """Places that a search checks at once: enough to make the overhead of NumPy small."""
@@ -56,7 +59,8 @@ _LATE_TICKS = 1 << 12
 
 AT_RAIL = 1 << 32
 """A 33rd status bit, never sent: a count is at the end of its range."""
-_RAILS = frozenset((-(1 << 31), (1 << 31) - 1))
+_LOWEST, _HIGHEST = -(1 << 31), (1 << 31) - 1
+_RAILS = frozenset((_LOWEST, _HIGHEST))
 
 Head = tuple[int, int]
 """Ticks of the sensor's clock, unwrapped, and the status with `AT_RAIL`."""
@@ -92,15 +96,45 @@ class RecordScanner:
             The heads of the new records that they complete, and the counts of these, shape (records, 6): force x y z,
             torque x y z.
         """
+        return self._scan_whole_records(data) or self._search(data)
+
+    def _scan_whole_records(self, data: bytes) -> tuple[list[Head], Array] | None:
+        """Read a long datagram, whole records that follow the newest; return None, and change nothing, otherwise."""
+        if len(data) % RECORD_LENGTH or len(data) <= _FEW * RECORD_LENGTH:
+            return None
+        if self._returned is None or not self._frames.in_sync:
+            return None
+        number, clock = self._returned
+        if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
+            return None
+        words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
+        numbers, ticks, status = words[:, :3].astype(np.int64).T
+        steps = ticks - np.concatenate(((self._newest_ticks,), ticks[:-1]))
+        if not (
+            (numbers[1:] - numbers[:-1] == 1).all()
+            and 0 <= steps.min() <= steps.max() < _TICKS_WITHIN
+            and (status & self._reserved == self._reserved_bits).all()
+            and self._sequence.accept_run(int(numbers[0]), len(words))
+        ):
+            return None
+        clocks = (ticks + (clock - self._newest_ticks)).tolist()
+        self._newest, self._newest_ticks = int(numbers[-1]), int(ticks[-1])
+        self._returned = self._newest, clocks[-1]
+        counts = words.view(">i4")[:, 3:].astype(np.float64)
+        status |= ((counts == _LOWEST) | (counts == _HIGHEST)).any(axis=1) * AT_RAIL
+        return list(zip(clocks, status.tolist(), strict=True)), counts
+
+    def _search(self, data: bytes) -> tuple[list[Head], Array]:
+        """Read any bytes, record by record."""
         buffer, found = self._frames.receive(data)
         heads: list[Head] = []
         rows: list[list[int]] = []
         for start, _ in found:
             sequence, ticks, status, *counts = _RECORD.unpack_from(buffer, start)
-            if self._is_late(sequence, ticks):
+            clock = self._clock_of(sequence, ticks)
+            if clock is None:
                 self._health.duplicates += 1
             elif self._sequence.accept(sequence):
-                clock = self._unwrap(ticks)
                 self._returned = sequence, clock
                 heads.append((clock, status if _RAILS.isdisjoint(counts) else status | AT_RAIL))
                 rows.append(counts)
@@ -183,18 +217,14 @@ class RecordScanner:
             and not (next_status ^ status) & self._reserved
         )
 
-    def _is_late(self, sequence: int, ticks: int) -> bool:
-        """Return whether a record was overtaken by one that has been returned."""
-        if self._returned is None or sequence == _FIRST:
-            return False
-        number, clock = self._returned
-        return 0 < (number - sequence) % _SPAN < _SPAN // 2 and 0 < (clock - ticks) % _SPAN < _LATE_TICKS
-
-    def _unwrap(self, ticks: int) -> int:
+    def _clock_of(self, sequence: int, ticks: int) -> int | None:
+        """Return the unwrapped clock of a record; None if it was overtaken by one that has been returned."""
         if self._returned is None:
             return ticks
-        before = self._returned[1]
+        number, before = self._returned
         step = (ticks - before + _SPAN // 2) % _SPAN - _SPAN // 2
+        if -_LATE_TICKS < step < 0 and sequence != _FIRST and 0 < (number - sequence) % _SPAN < _SPAN // 2:
+            return None
         return before + step if step > -_TICKS_WITHIN else ticks  # a clock that jumps far back was reset
 
 

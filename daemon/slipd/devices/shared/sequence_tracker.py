@@ -66,6 +66,13 @@ class SequenceTracker:
         self._newest, self._old = number, None
         return True
 
+    def accept_run(self, first: int, count: int) -> bool:
+        """Track ``count`` consecutive numbers if they follow the newest; return False, and change nothing, if not."""
+        if self._newest is None or first != self._newest + 1 or first + count > self._span:
+            return False
+        self._newest, self._old = first + count - 1, None
+        return True
+
     def forget(self) -> None:
         """Start again: the next number follows nothing."""
         self._newest = self._old = None

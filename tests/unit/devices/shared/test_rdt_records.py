@@ -163,12 +163,15 @@ def test_many_records_come_from_one_piece_with_all_their_counts_which_own_their_
     assert (later[0, 1], later.dtype) == (3000, np.float64)
 
 
-def test_the_heads_of_whole_datagrams_are_unsigned() -> None:
+def test_whole_datagrams_are_read_without_a_search_and_their_heads_are_unsigned(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     records = scanner()
     middle, status = SPAN // 2, 0x8001_0000
-    sent = [rdt.encode_record((n, 0, 0, 0, 0, 0), middle + n, middle + 7 * n, status) for n in range(10)]
+    sent = [rdt.encode_record((n, 0, 0, 0, 0, 0), middle + n, middle + 7 * n, status) for n in range(20)]
     assert len(records.receive(b"".join(sent[:4]))[0]) == 4
-    for numbers in (range(4, 7), range(7, 10)):
+    monkeypatch.setattr(records, "_search", None)
+    for numbers in (range(4, 11), range(11, 20)):
         heads, counts = records.receive(b"".join(sent[n] for n in numbers))
         assert heads == [(middle + 7 * n, status) for n in numbers]
         assert counts[:, 0].tolist() == [*numbers]

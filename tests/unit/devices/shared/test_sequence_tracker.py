@@ -94,9 +94,40 @@ def test_D3_of_these_numbers_these_are_new(name: str) -> None:
     assert (accepted, counted(health)) == (new, counts)
 
 
-def test_a_new_number_forgets_an_old_one_and_after_forgetting_any_number_is_the_next() -> None:
+@given(
+    st.sampled_from([128, 256]), st.integers(0, 255), st.lists(st.integers(-3, 3), max_size=3), st.integers(-2, 2),
+    st.integers(1, 12), st.lists(st.integers(-40, 40), max_size=4), st.booleans(),
+)  # fmt: skip
+def test_a_run_of_numbers_is_accepted_as_it_is_one_by_one(
+    span: int, begin: int, before: list[int], gap: int, count: int, after: list[int], in_order: bool
+) -> None:
+    health, plain = DecoderHealth(), DecoderHealth()
+    together, singly = (SequenceTracker(span, counts, in_order=in_order) for counts in (health, plain))
+    number = begin % span
+    for step in [0, *before]:
+        number = (number + step) % span
+        assert together.accept(number) == singly.accept(number)
+    first = (begin + sum(before) + 1) % span + gap
+    if together.accept_run(first, count):
+        assert first + count <= span
+        assert all(singly.accept(number) for number in range(first, first + count))
+    for number in after:
+        assert together.accept((first + number) % span) == singly.accept((first + number) % span)
+    assert health == plain
+
+
+def test_a_run_needs_a_newest_number_and_does_not_cross_the_wrap() -> None:
+    tracker = SequenceTracker(256, DecoderHealth())
+    assert (tracker.accept_run(0, 1), tracker.accept(250)) == (False, True)
+    assert not tracker.accept_run(251, 6), "the last would be 0"
+    assert not tracker.accept_run(252, 1)
+    assert (tracker.accept_run(251, 5), tracker.accept(0)) == (True, True)
+
+
+def test_a_run_forgets_an_old_number_and_after_forgetting_any_number_is_the_next() -> None:
     health = DecoderHealth()
     tracker = SequenceTracker(256, health, in_order=True)
-    assert [tracker.accept(number) for number in (5, 3, 6, 7, 4)] == [True, False, True, True, False]
+    accepted = [tracker.accept(5), tracker.accept(3), tracker.accept_run(6, 2), tracker.accept(4)]
+    assert accepted == [True, False, True, False]
     tracker.forget()
     assert (tracker.accept(200), counted(health)) == (True, (0, 2, 0))
