@@ -10,7 +10,6 @@ import itertools
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from slipd.types.permit import RefusalError
@@ -123,12 +122,6 @@ MOST_CLIENTS = 1024
 clients are refused, and never one of those kept."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    content: bytes
-    reply: dict[str, Any]
-
-
 class IdempotencyCache:
     """Keep every reply until the deadline of its request, as the request may be sent again until then.
 
@@ -138,7 +131,7 @@ class IdempotencyCache:
 
     def __init__(self) -> None:
         self._now_ns = 0
-        self._clients: dict[bytes, dict[str | int, _Kept]] = {}
+        self._clients: dict[bytes, dict[str | int, tuple[bytes, dict[str, Any]]]] = {}  # request, reply
         self._senders: dict[bytes, bytes] = {}
         self._deadlines: list[tuple[int, int, bytes, str | int]] = []
         self._numbers = itertools.count()
@@ -162,10 +155,10 @@ class IdempotencyCache:
             raise RefusalError("deadline_passed", "the deadline has passed", "deadline_ns")
         content = _content(body)
         mine = self._clients.get(client, {})
-        kept = mine.get(body["id"])
-        if kept is not None:
-            if kept.content == content:
-                return kept.reply
+        if body["id"] in mine:
+            kept, reply = mine[body["id"]]
+            if kept == content:
+                return reply
             rule = "id must be new for every request: this one was used for another request"
             raise RefusalError("repeated_id", rule, "id")
         if content in self._senders:
@@ -181,7 +174,7 @@ class IdempotencyCache:
             return
         self._forget(t_ns)
         content = _content(body)
-        self._clients.setdefault(client, {})[body["id"]] = _Kept(content, reply)
+        self._clients.setdefault(client, {})[body["id"]] = content, reply
         self._senders[content] = client
         heapq.heappush(self._deadlines, (body["deadline_ns"], next(self._numbers), client, body["id"]))
 
@@ -191,7 +184,7 @@ class IdempotencyCache:
         while self._deadlines and self._deadlines[0][0] <= self._now_ns:
             _, _, client, name = heapq.heappop(self._deadlines)
             mine = self._clients[client]
-            del self._senders[mine.pop(name).content]
+            del self._senders[mine.pop(name)[0]]
             if not mine:
                 del self._clients[client]
 

@@ -35,25 +35,23 @@ class Decoder(FrameDecoder):
     `health.lost`, `duplicates` and `restarts` count frames by the controller's counter, `good` counts samples.
 
     The only status name is "invalid": a value is not finite.
+
+    Attributes:
+        bodies: Frames that the bytes received last completed.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._frames = FrameScanner(frames.START, self._measure, _TYPICAL_LENGTH, self.health)
         self._sequence = SequenceTracker(_COUNTER_SPAN, self.health, in_order=True)
-        self._bodies: list[frames.Body] = []
-
-    @property
-    def has_frame(self) -> bool:
-        """Whether the bytes received last completed a frame."""
-        return bool(self._bodies)
+        self.bodies: list[frames.Body] = []
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``t_ns``; return the images they complete."""
-        self._bodies = []
+        self.bodies = []
         self._frames.receive(data)
         samples: list[TactileSample] = []
-        for body in self._bodies:
+        for body in self.bodies:
             if self._sequence.accept(body.counter):
                 samples += _samples(body, t_ns)
         self.health.good += len(samples)
@@ -68,7 +66,7 @@ class Decoder(FrameDecoder):
         """Measure a frame for `FrameScanner`, which calls this once per valid frame, and keep its content."""
         length, body = frames.parse(buffer, at)
         if body is not None:
-            self._bodies.append(body)
+            self.bodies.append(body)
         return length
 
 
@@ -107,7 +105,7 @@ class Session(SensorSession[TactileSample]):
     def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
         """Decode bytes received at ``now_ns``; return the images they complete."""
         samples = super().receive(data, now_ns)
-        if self.decoder.has_frame:  # the controller sends, even if no sensor is connected
+        if self.decoder.bodies:  # the controller sends, even if no sensor is connected
             self._startup.reading_received(now_ns)
         return samples
 

@@ -222,7 +222,7 @@ class Session(GripperSessionBase[WriteQueue]):
             self._machine.handle(_REPEATED[write.kind])
 
     def _give_up(self) -> None:
-        self._queue.clear()
+        self._queue.waiting = []
         self._revert_activation(Event.GIVE_UP)
         self.command_lost = True
 

@@ -126,10 +126,6 @@ class WriteQueue(WaitingCommands[RegisterWrite]):
         starts_move = any(write.goal and write.goal.position != self._sent_goal.position for write in self.waiting)
         self.waiting = [self._halt] if starts_move else [self._halt, *map(self._set, forces[-1:])]
 
-    def clear(self) -> None:
-        """Drop all waiting writes."""
-        self.waiting = []
-
     def send(self) -> RegisterWrite:
         """Take out the next write, which is sent now."""
         write = super().send()

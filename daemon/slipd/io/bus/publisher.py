@@ -57,11 +57,6 @@ class Publisher(Listener):
         self._readers: dict[str, dict[Peer, None]] = {}  # subscribers of each topic
         self._limit = RateLimit(SUBSCRIPTIONS_PER_S)
 
-    @property
-    def subscriptions(self) -> int:
-        """Number of subscriptions of all clients."""
-        return sum(map(len, self._wanted.values()))
-
     def publish(self, topic: str, payload: bytes, finger: str = "") -> None:
         """Send to every subscriber of ``topic``; never block, and never fail because of a subscriber.
 
