@@ -178,11 +178,19 @@ class ForceChannel:
         if self.tare.busy:
             self._give_up_turned_tare(gravity_mps2)
 
-    def set_motion(self, gravity_mps2: Sequence[float], t_ns: int, fresh_ns: int) -> None:
-        """Set the apparent gravity of a moving arm, as `set_gravity` does; it also explains how the load changes."""
+    def set_motion(self, gravity_mps2: Sequence[float], turn_radps: float, t_ns: int, fresh_ns: int) -> None:
+        """Set the apparent gravity of a moving arm, as `set_gravity` does; it also explains how the load changes.
+
+        Args:
+            gravity_mps2: As in `set_gravity`.
+            turn_radps: Angular velocity about the normal of the pad.
+            t_ns: When they were measured.
+            fresh_ns: For how long they are valid.
+        """
         self.set_gravity(gravity_mps2, t_ns, fresh_ns)
         now = self._state["conditions"]
-        now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity_mps2[:2], t_ns * 1e-9, fresh_ns * 1e-9
+        now["felt_mps2"], now["turn_radps"] = gravity_mps2[:2], turn_radps
+        now["felt_s"], now["felt_lasts_s"] = t_ns * 1e-9, fresh_ns * 1e-9
 
     def _give_up_turned_tare(self, gravity_mps2: Sequence[float]) -> None:
         """Give up a tare over which the mean weight differs from that at its begin by more than the noise."""

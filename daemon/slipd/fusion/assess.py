@@ -128,7 +128,8 @@ def _find_motion(row: Row, now: Row, watch: Row, drop: Row, ring: Rows, exact: b
     gx, gy = now["felt_mps2"][0], now["felt_mps2"][1]
     if not abs(row["t_s"] - now["felt_s"]) <= now["felt_lasts_s"]:
         gx, gy = math.nan, math.nan
-    dropped = follow_load(drop, ring, row["t_s"], q, normal, contact["fx_n"], contact["fy_n"], std, mu, gx, gy)
+    force = contact["fx_n"], contact["fy_n"]
+    dropped = follow_load(drop, ring, row["t_s"], q, normal, *force, std, mu, gx, gy, now["turn_radps"])
     if dropped:
         found["evidence"], found["drop_surprise"] = LOAD_DROP_BIT, drop["surprise"]
         if exact:

@@ -1,8 +1,11 @@
-"""Whether the motion of the arm explains a fall of the load.
+"""Whether the motion of the arm explains how the load changes.
 
 The tangential force of an object that sticks is its mass times the apparent gravity γ along the pad. So the force after
-a fall over that before is γ after over γ before, in length and in direction, and the required friction falls by the
-same part, whatever the mass and the axes of γ are. Friction of an object that slides does not follow γ.
+a change over that before is γ after over γ before, in length and in direction, whatever the mass and the axes of γ are.
+Friction of an object that slides does not follow γ.
+
+The spin need not follow: where the centre of mass is aside, the object swings on its soft pads after the arm has moved,
+so that the required friction falls and jumps. Only a fall while the arm keeps its motion shows a slip by rotation.
 """
 
 from __future__ import annotations
@@ -10,17 +13,24 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.load_blocks import RING
+from slipd.fusion.load_blocks import LEVEL, RING
 from slipd.fusion.rows import Row, Rows
 
 LEFT = 0.4
 """Motion that explains a fall leaves at most this part of it. In simulated grasps that are carried it leaves mostly
 less than 0.3 where the object sticks, and more than 0.6 where it slides."""
+SWING_S = 0.1
+"""For so long after a motion the object may begin to swing back, s."""
+MOVED, TURNED_RADPS = 0.1, 0.1
+"""The arm has moved if γ changed by this part, or the speed of its turn about the normal of the pad by so much."""
+CARRIED_S, FOLLOWS = 0.1, 0.15
+"""An object was carried if its force has followed γ for the first value, s, within the second, a part of γ. In
+simulated grasps an object that sticks stays within 0.14; one that slides as it is lifted leaves more than 0.45."""
 
 
 @compiled
 def is_explained(drop: Row, ring: Rows, p: int, top: int, b: int, low: float, high: float) -> bool:
-    """Return whether a fall follows the motion of the arm; False where that was not known all the time.
+    """Return whether a fall follows a motion of the arm; False where that was not known all the time.
 
     The stream may lag by some milliseconds, so its newest value counts as well as the mean since the fall.
 
@@ -33,17 +43,72 @@ def is_explained(drop: Row, ring: Rows, p: int, top: int, b: int, low: float, hi
         low: Mean q of the former.
         high: Mean q of the latter.
     """
-    k = drop["block"]
-    if drop["unfelt"] > top - b:
+    if drop["unfelt"] > top - b or not _has_moved(drop, ring, top):
         return False
+    left = min(_unexplained(drop, ring, p, p, top, b), _unexplained(drop, ring, p, 1, top, b))
+    return left <= LEFT * (1.0 - low / high)
+
+
+@compiled
+def is_carried(drop: Row, ring: Rows, p: int, top: int) -> bool:
+    """Return whether the force has followed the motion of the arm since before a jump.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        p: Newest blocks, after the jump.
+        top: The last block before it.
+    """
+    b = int(CARRIED_S / drop["dt"] + 0.5)
+    if max(drop["unfelt"], drop["block"] - drop["count"]) > top - b:
+        return False
+    now, then = _mean_motion(ring, drop["block"], 1), _mean_motion(ring, top, b)
+    return _unexplained(drop, ring, p, 1, top, b) * math.hypot(*then[:2]) <= FOLLOWS * math.hypot(*now[:2])
+
+
+@compiled
+def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
+    """Return whether the motion of the arm changed since shortly before block ``top``."""
+    k = drop["block"]
+    gx, gy, turn = _mean_motion(ring, k, 1)
+    known = min(k - top + int(SWING_S / drop["dt"]), k - drop["unfelt"], drop["count"])
+    for back in range(LEVEL, known - LEVEL, LEVEL):
+        gx_then, gy_then, turn_then = _mean_motion(ring, k - back, LEVEL)
+        moved = math.hypot(gx - gx_then, gy - gy_then) > MOVED * math.hypot(gx_then, gy_then)
+        if moved or abs(turn - turn_then) > TURNED_RADPS:
+            return True
+    return False
+
+
+@compiled
+def _mean_motion(ring: Rows, end: int, count: int) -> tuple[float, float, float]:
+    """Return the mean apparent gravity of the blocks up to ``end``, and the mean speed of the turn."""
+    last, first = ring[end % RING], ring[(end - count) % RING]
+    return (last["gx"] - first["gx"]) / count, (last["gy"] - first["gy"]) / count, (last["turn"] - first["turn"]) / count
+
+
+@compiled
+def _unexplained(drop: Row, ring: Rows, p: int, felt: int, top: int, b: int) -> float:
+    """Return what γ leaves unexplained of a change of the force, as a part of the force; infinite where either was 0.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        p: Newest blocks, after the change.
+        felt: Newest blocks of γ that belong to them.
+        top: The last block before the change.
+        b: Blocks up to that one.
+    """
+    k = drop["block"]
     now, end, then, begin = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]
-    fx, fy, share = then["fx"] - begin["fx"], then["fy"] - begin["fy"], b / p
-    force = _ratio(share * (now["fx"] - end["fx"]), share * (now["fy"] - end["fy"]), fx, fy)
-    gx, gy = then["gx"] - begin["gx"], then["gy"] - begin["gy"]
-    mean = _ratio(share * (now["gx"] - end["gx"]), share * (now["gy"] - end["gy"]), gx, gy)
-    last = ring[(k - 1) % RING]
-    newest = _ratio(b * (now["gx"] - last["gx"]), b * (now["gy"] - last["gy"]), gx, gy)
-    return min(_left(force, low / high, mean), _left(force, low / high, newest)) <= LEFT * (1.0 - low / high)
+    fx, fy = (now["fx"] - end["fx"]) / p, (now["fy"] - end["fy"]) / p
+    fx_then, fy_then = (then["fx"] - begin["fx"]) / b, (then["fy"] - begin["fy"]) / b
+    gx, gy, _ = _mean_motion(ring, k, felt)
+    gx_then, gy_then, _ = _mean_motion(ring, top, b)
+    along, across = _ratio(fx, fy, fx_then, fy_then)
+    felt_along, felt_across = _ratio(gx, gy, gx_then, gy_then)
+    left = math.hypot(along - felt_along, across - felt_across)
+    return math.inf if math.isnan(left) else left
 
 
 @compiled
@@ -51,10 +116,3 @@ def _ratio(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
     """Return the quotient of two vectors as complex numbers: how the first is scaled and turned; NaN where b is 0."""
     size = bx * bx + by * by
     return (ax * bx + ay * by) / size, (ay * bx - ax * by) / size
-
-
-@compiled
-def _left(force: tuple[float, float], q: float, felt: tuple[float, float]) -> float:
-    """Return what γ leaves unexplained of the change of the force, and of q, as ratios; infinite where γ was 0."""
-    left = max(math.hypot(force[0] - felt[0], force[1] - felt[1]), abs(q - math.hypot(felt[0], felt[1])))
-    return math.inf if math.isnan(left) else left

@@ -59,7 +59,7 @@ def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
     drop["top"], drop["smooth"], drop["crest"], drop["trough"] = q, q, q, q
     row = ring[0]
     row["q"], row["q2"], row["normal"], row["fx"], row["fy"] = 0.0, 0.0, 0.0, 0.0, 0.0
-    row["gx"], row["gy"], drop["unfelt"] = 0.0, 0.0, 0
+    row["gx"], row["gy"], row["turn"], drop["unfelt"] = 0.0, 0.0, 0.0, 0
 
 
 @compiled
@@ -128,11 +128,12 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
 
 @compiled
 def _add_motion(drop: Row, before: Row, row: Row, k: int) -> None:
-    """Add the apparent gravity along the pad to the sums of block ``k``; where it is unknown, the sums restart at 0."""
+    """Add the motion of the arm to the sums of block ``k``; where it is unknown, the sums restart at 0."""
     if math.isnan(drop["gx"]):
-        row["gx"], row["gy"], drop["unfelt"] = 0.0, 0.0, k
+        row["gx"], row["gy"], row["turn"], drop["unfelt"] = 0.0, 0.0, 0.0, k
     else:
         row["gx"], row["gy"] = before["gx"] + drop["gx"], before["gy"] + drop["gy"]
+        row["turn"] = before["turn"] + drop["turn"]
 
 
 @compiled

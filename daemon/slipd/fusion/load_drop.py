@@ -92,7 +92,7 @@ from the mean over the third, s, where the fall is deeper."""
 @compiled
 def follow_load(
     drop: Row, ring: Rows, t_s: float, q: float, normal: float, fx: float, fy: float, std: float, mu: float,
-    gx: float, gy: float,
+    gx: float, gy: float, turn: float,
 ) -> bool:  # fmt: skip
     """Add a reading and return whether the load shows that the object slides.
 
@@ -108,6 +108,7 @@ def follow_load(
         mu: Coefficient of static friction; NaN: unknown.
         gx: Apparent gravity along the pad by the arm's motion, m/s²; NaN: unknown.
         gy: Likewise.
+        turn: Angular velocity of the arm about the normal of the pad, rad/s.
     """
     if not math.isfinite(q) or t_s <= drop["last_s"]:
         return bool(drop["sliding"])
@@ -120,7 +121,7 @@ def follow_load(
     drop["normal"] += normal
     drop["fx"] += fx
     drop["fy"] += fy
-    drop["gx"], drop["gy"] = gx, gy
+    drop["gx"], drop["gy"], drop["turn"] = gx, gy, turn
     if t_s - drop["end_s"] >= 0.9 * BLOCK_S:
         close_block(drop, ring, t_s, std / math.sqrt(n))
         if drop["sliding"]:

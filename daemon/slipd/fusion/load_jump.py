@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.explained import is_carried
 from slipd.fusion.load_blocks import RING, is_closing, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, surprise_of
@@ -60,7 +61,9 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
         surprise = _jump_surprise(drop, ring, p, low, rise, before["rough"])
         if surprise < drop["least_surprise"] or p < 1 + CORNER * _half_rise(drop, ring, k - p, low, steep):
             continue
-        if not is_closing(ring, k, count) and not _loosened(ring, k, p, steep, rise / low):
+        if is_closing(ring, k, count) or _loosened(ring, k, p, steep, rise / low):
+            continue
+        if not is_carried(drop, ring, p, k - p - steep):
             begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
             return
 
@@ -87,7 +90,9 @@ def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
             if rise < max(JUMPED * low, SWINGS * before["swing"]) or low < BEYOND * before["carried"]:
                 continue
             surprise = _overshoot_surprise(drop, ring, p, gap, low)
-            if p * dt >= SETTLED_S and surprise >= drop["least_surprise"] and not is_closing(ring, k, count):
+            if p * dt < SETTLED_S or surprise < drop["least_surprise"] or is_closing(ring, k, count):
+                continue
+            if not is_carried(drop, ring, p, k - p - gap):
                 begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
                 return
 

@@ -107,7 +107,7 @@ CONDITIONS = np.dtype(
         ("zero_known", _FLAG),
         *_floats("mu", "spin_scale", "half_pitch_m", "caution", "warning", "hysteresis"),
         ("felt_mps2", _FLOAT, (2,)),
-        *_floats("felt_s", "felt_lasts_s"),
+        *_floats("turn_radps", "felt_s", "felt_lasts_s"),
     ],
     align=True,
 )
@@ -118,8 +118,9 @@ A contact begins at the normal force ``begins_n`` and lasts down to ``lasts_n``;
 ``force_std_n`` and ``torque_std_nm`` are the noise of a component, ``force_n`` and ``torque_nm`` what the unknown
 weight of the finger may add. Without ``zero_known`` no reading shows a contact, or the want of one. ``mu``: NaN if
 unknown; ``spin_scale``: how many times as much friction a spin uses. ``caution``, ``warning`` and ``hysteresis`` are
-thresholds of the level. ``felt_mps2`` is the apparent gravity along the pad by the arm's motion at ``felt_s``; it is
-known of readings that are at most ``felt_lasts_s`` away from that."""
+thresholds of the level. ``felt_mps2`` is the apparent gravity along the pad by the arm's motion at ``felt_s``, and
+``turn_radps`` its angular velocity about the normal of the pad; they are known of readings that are at most
+``felt_lasts_s`` away from that."""
 
 WATCH = np.dtype(
     [
@@ -143,7 +144,7 @@ utilisation that counts."""
 DROP = np.dtype(
     [
         *_floats("least_drop", "window_s", "hold_s", "least_surprise"),
-        *_floats("last_s", "end_s", "dt", "q", "normal", "fx", "fy", "gx", "gy", "std"),
+        *_floats("last_s", "end_s", "dt", "q", "normal", "fx", "fy", "gx", "gy", "turn", "std"),
         *_floats("top", "smooth", "carried", "white", "rough", "swing", "crest", "trough", "seen"),
         *_floats("since_s", "most", "peak", "plateau", "surprise"),
         ("n", _INTEGER),
@@ -162,7 +163,9 @@ DROP = np.dtype(
 ``unfelt`` the last block for which the motion of the arm was not known.
 """
 
-BLOCK = np.dtype(_floats("q", "q2", "normal", "fx", "fy", "gx", "gy", "top", "carried", "rough", "swing"), align=True)
+BLOCK = np.dtype(
+    _floats("q", "q2", "normal", "fx", "fy", "gx", "gy", "turn", "top", "carried", "rough", "swing"), align=True
+)
 """A block of readings in the ring of `slipd.fusion.load_drop`: sums up to it, and means and noise after it."""
 
 PASTS = 128

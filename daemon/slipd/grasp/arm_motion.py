@@ -83,7 +83,7 @@ class ArmMotion:
             if self.misfit:
                 continue
             for name, gravity in felt.items():
-                self._fingers[name].force.set_motion(gravity, acquired_ns, self._stale_ns)
+                self._fingers[name].set_motion(gravity, sample.angular_velocity_radps, acquired_ns, self._stale_ns)
             self._fresh_until_ns = acquired_ns + self._stale_ns
         self.gravity.update(samples[-1], times_ns[-1])
 
@@ -177,3 +177,8 @@ class _WeighedFinger:
         at_com = gravity_at(self._centre_m, sample.gravity_mps2, velocity, acceleration)
         in_pad: list[float] = (at_com @ self._place.rotation).tolist()
         return in_pad
+
+    def set_motion(self, gravity_mps2: list[float], velocity_radps: Sequence[float], t_ns: int, fresh_ns: int) -> None:
+        """Set what the finger feels, in the pad frame, at an angular velocity of the gripper."""
+        turn_radps = float(self._place.rotation[:, 2] @ velocity_radps)
+        self.force.set_motion(gravity_mps2, turn_radps, t_ns, fresh_ns)

@@ -20,14 +20,29 @@ LAG = 8
 AFTER_A_GAP = np.where(np.arange(FALLEN.size) < 795, np.nan, FALLEN)
 
 
-def slips(load: Array, felt: Array, turns_rad: Array | float = 0.0, mu: float = MU) -> list[int]:
-    """Return where a slip begins, for a load and a gravity that is known for 2 ms; NaN: it is not sent."""
+def slips(
+    load: Array,
+    felt: Array,
+    turns_rad: Array | float = 0.0,
+    mu: float = MU,
+    *,
+    spun: Array | None = None,
+    turn_radps: Array | None = None,
+) -> list[int]:
+    """Return where a slip begins, for a load and a gravity that is known for 2 ms; NaN: it is not sent.
+
+    With spin, q is that of ``spun`` N; the arm turns about the normal of the pad at ``turn_radps``.
+    """
     rows, contact = readings(load, mu=mu), watch()
+    if spun is not None:
+        rows["utilisation"] = readings(spun, mu=mu)["utilisation"]
     along = np.column_stack((np.cos(turns_rad) * felt, np.sin(turns_rad) * felt))
     for k, gravity in enumerate(along):
+        now = contact.state["conditions"]
         if not np.isnan(gravity).any():
-            now = contact.state["conditions"]
             now["felt_mps2"], now["felt_s"], now["felt_lasts_s"] = gravity, rows["t_s"][k], 0.002
+        if turn_radps is not None:
+            now["turn_radps"] = turn_radps[k]
         contact.assess(rows[k : k + 1], mu, Uncertainty(STD_N))
     return slips_at(rows["assessment"])
 
@@ -67,3 +82,57 @@ def test_any_other_fall_is_reported_as_without_an_arm(load: Array, felt: Array, 
     (at,) = slips(load, np.full(load.size, np.nan))
     assert slips(load, felt, turns_rad) == [at]
     assert 800 < at < 900
+
+
+def stepped(before: float, after: float, at: int, count: int, within: int = 10) -> Array:
+    """Return a course that changes once, at a reading."""
+    return line((before, before, at), (before, after, within), (after, after, count - at - within))
+
+
+PUSHED = stepped(5.0, 6.0, 740, FALLEN.size)
+
+
+@pytest.mark.parametrize("spun", [FALLEN, SLOWLY])
+@pytest.mark.parametrize(
+    ("load", "felt", "turn_radps", "swings"),
+    [
+        (PUSHED, 2.0 * PUSHED, 0.0, True),
+        (STAYS, STAYS, stepped(1.0, 0.8, 760, FALLEN.size), True),
+        (STAYS, STAYS, stepped(1.0, 0.95, 760, FALLEN.size), False),  # not enough
+        (STAYS, STAYS, stepped(1.0, 0.8, 650, FALLEN.size), False),  # long ago
+        (STAYS, STAYS, 1.0, False),
+        (FALLEN, STAYS, stepped(1.0, 0.8, 760, FALLEN.size), False),  # the force gives way, too
+    ],
+)
+def test_a_fall_of_the_spin_alone_is_a_swing_if_the_arm_just_moved(
+    load: Array, felt: Array, turn_radps: Array | float, swings: bool, spun: Array
+) -> None:
+    load, felt, turns = load[: spun.size], felt[: spun.size], (turn_radps * np.ones(FALLEN.size))[: spun.size]
+    (at,) = slips(load, np.full(load.size, np.nan), spun=spun)
+    assert slips(load, felt, spun=spun, turn_radps=turns) == ([] if swings else [at])
+
+
+JUMP = line((2.0, 2.0, 500), (2.0, 5.5, 5), (5.5, 5.5, 300))
+OVERSHOT = line((2.0, 2.0, 500), (2.0, 4.0, 6), (4.0, 3.6, 4), (3.6, 3.6, 300))
+LIFTED = line((0.1, 0.1, 440), (0.1, 2.0, 60), (2.0, 4.0, 6), (4.0, 3.6, 4), (3.6, 3.6, 300))
+STILL = np.full(OVERSHOT.size, 9.81)
+
+
+@pytest.mark.parametrize(
+    ("load", "felt", "explained"),
+    [
+        (JUMP, 2.0 * JUMP, True),
+        (JUMP, 2.0 * JUMP**0.7, False),
+        (JUMP, STILL, False),
+        (OVERSHOT, stepped(10.0, 18.0, 500, OVERSHOT.size, 6), True),
+        (OVERSHOT, stepped(10.0, 18.0, 504, OVERSHOT.size, 6), True),  # its stream lags
+        (OVERSHOT, stepped(10.0, 25.0, 500, OVERSHOT.size, 6), False),  # friction does not carry what the arm asks for
+        (OVERSHOT, STILL, False),
+        (OVERSHOT, np.where(np.arange(OVERSHOT.size) < 450, np.nan, 5.0 * OVERSHOT), False),
+        (LIFTED, stepped(10.0, 18.0, 500, OVERSHOT.size, 6), False),  # it was not carried before
+    ],
+)
+def test_a_jump_that_the_arm_makes_is_no_slip(load: Array, felt: Array, explained: bool) -> None:
+    felt = felt[: load.size]
+    (at,) = slips(load, np.full(load.size, np.nan))
+    assert slips(load, felt) == ([] if explained else [at])
