@@ -84,7 +84,11 @@ def _has_moved(drop: Row, ring: Rows, top: int) -> bool:
 def _mean_motion(ring: Rows, end: int, count: int) -> tuple[float, float, float]:
     """Return the mean apparent gravity of the blocks up to ``end``, and the mean speed of the turn."""
     last, first = ring[end % RING], ring[(end - count) % RING]
-    return (last["gx"] - first["gx"]) / count, (last["gy"] - first["gy"]) / count, (last["turn"] - first["turn"]) / count
+    return (
+        (last["gx"] - first["gx"]) / count,
+        (last["gy"] - first["gy"]) / count,
+        (last["turn"] - first["turn"]) / count,
+    )
 
 
 @compiled
