@@ -22,10 +22,12 @@ less than 0.3 where the object sticks, and more than 0.6 where it slides."""
 SWING_S = 0.1
 """For so long after a motion the object may begin to swing back, s."""
 MOVED, TURNED_RADPS = 0.1, 0.1
-"""The arm has moved if γ changed by this part, or the speed of its turn about the normal of the pad by so much."""
+"""The arm has moved if the apparent gravity changed by this part, or the speed of its turn about the normal of the pad
+by so much."""
 CARRIED_S, FOLLOWS = 0.1, 0.15
-"""An object was carried if its force has followed γ for the first value, s, within the second, a part of γ. In
-simulated grasps an object that sticks stays within 0.14; one that slides as it is lifted leaves more than 0.45."""
+"""An object was carried if its force has followed the apparent gravity for the first value, s, within the second, a
+part of it. In simulated grasps an object that sticks stays within 0.14; one that slides as it is lifted leaves 0.45 or
+more."""
 
 
 @compiled

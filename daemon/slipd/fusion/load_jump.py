@@ -1,8 +1,8 @@
 """A load that jumps beyond the limit: q stops within a millisecond, or overshoots once and is flat at once.
 
 A load that jumps and holds swings about its new value on the springs of the pads: the crest of that swing is short
-beside its rise, and a trough follows it. A contact that slides has no such spring. A jump that the arm makes is no slip:
-the force has followed the motion since before it (`slipd.fusion.explained`).
+beside its rise, and a trough follows it. A contact that slides has no such spring. A jump that the arm makes is no
+slip: the force has followed the motion since before it (`slipd.fusion.explained`).
 """
 
 from __future__ import annotations
