@@ -24,6 +24,7 @@ from slipd.errors import RecordingError
 from slipd.events import Event, FirstEvents, IncidentsChanged
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.mcap_records import trimmed
 from slipd.recording.run_files import RunFiles
 from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT, looks
 
@@ -93,8 +94,7 @@ class EntryRing:
         if self.next_n < len(first):  # the run has just begun: no entry would leave them an index
             return
         blocks = self._blocks
-        packed = self._compressor.compress(b"".join(blocks[-1].pieces))
-        blocks[-1].pieces = [bytes(memoryview(packed))]  # it keeps the memory of the largest possible result
+        blocks[-1].pieces = [trimmed(self._compressor.compress(b"".join(blocks[-1].pieces)))]
         self._bytes += len(blocks[-1].pieces[0])
         blocks.append(_Block(first, t_ns))
         while len(blocks) > 2 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):

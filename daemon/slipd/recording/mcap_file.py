@@ -20,16 +20,18 @@ import platform
 import zlib
 from importlib.metadata import version
 from pathlib import Path
+from typing import IO, cast
 
 import msgpack
+from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer, Metadata
-from mcap.writer import MCAP0_MAGIC
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording.event_codec import encode_event
-from slipd.recording.mcap_records import ENTRY_LIMIT_BYTES
-from slipd.recording.mcap_writer import McapWriter, RecordStream, encoded
+from slipd.recording.mcap_records import RecordStream, keep_index_packed
 
 PROFILE = "slipd"
 FORMAT = "1"
@@ -40,6 +42,15 @@ CONFIG = "config.toml"
 EVENTS = "slipd/event"
 SEQUENCE_MASK = 0xFFFF_FFFF
 """The sequence number of MCAP has 32 bits."""
+
+CHUNK_BYTES = 256 * 1024
+"""Size of a chunk: closing one of 256 KiB occupies the writer for 6 ms, a larger one for much longer."""
+
+ENTRY_LIMIT_BYTES = 2 * 1024 * 1024
+"""Longest entry, bytes: 32 times the longest piece of bytes that a transport hands on."""
+
+RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES
+"""Longest record, bytes: a chunk has CHUNK_BYTES and at most one entry more."""
 
 _VERSIONED = ("slipd", "numpy", "numba", "msgpack", "mcap")
 
@@ -54,17 +65,20 @@ def start_metadata(
     config_text: str, boot: str, wall_minus_monotonic_ns: int, versions: dict[str, str] | None = None, first: int = 0
 ) -> dict[str, str]:
     """Return the metadata of the start; arguments as for `RecordingFile`."""
-    if versions is None:
-        versions = {"python": platform.python_version(), **{name: version(name) for name in _VERSIONED}}
     metadata = {
         "format": FORMAT,
         "boot": boot,
         "wall_minus_monotonic_ns": str(wall_minus_monotonic_ns),
-        **versions,
+        **(own_versions() if versions is None else versions),
     }
     if first:
         metadata[FIRST] = str(first)
     return metadata | {CRC32: checksum(metadata, config_text)}
+
+
+def own_versions() -> dict[str, str]:
+    """Return the versions of Python, slipd and its libraries."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _VERSIONED}}
 
 
 def end_metadata(entries: int, stopped: str = "") -> dict[str, str]:
@@ -125,16 +139,20 @@ class RecordingFile(RecordStream):
         first: int = 0,
     ) -> None:
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self._channels: dict[str, int] = {}
         try:
             check_new(path)
             super().__init__(path)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
+        output = cast("IO[bytes]", self)  # the writer uses only write, tell and flush
+        self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        keep_index_packed(self._writer)
         try:
-            self._writer = McapWriter(self, PROFILE, f"slipd {version('slipd')}")
+            self._writer.start(profile=PROFILE, library=f"slipd {version('slipd')}")
             metadata = start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first)
             self._writer.add_metadata(START, metadata)
-            self._writer.add_attachment(CONFIG, "application/toml", config_text.encode())
+            self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
             self.end_chunk()
         except OSError as error:
             self.remove()
@@ -152,18 +170,19 @@ class RecordingFile(RecordStream):
         payload = content if isinstance(content, bytes) else encode_event(n, t_ns, content)
         if len(payload) > ENTRY_LIMIT_BYTES:
             raise ValueError(f"an entry must have at most {ENTRY_LIMIT_BYTES} bytes, got {len(payload)} on {topic}")
-        self._writer.add_message(topic, n & SEQUENCE_MASK, t_ns + self._wall_minus_monotonic_ns, payload)
+        wall_ns = t_ns + self._wall_minus_monotonic_ns
+        channel = self._channels.get(topic) or self._register(topic)
+        self._writer.add_message(channel, wall_ns, payload, wall_ns, n & SEQUENCE_MASK)
 
     def end_chunk(self) -> None:
         """Pass all entries to the kernel, so that they survive the end of the process."""
-        self._writer.end_chunk()
-        self.mark()
+        self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self, entries: int, stopped: str = "") -> None:
         """Close the file in good order; arguments as for `end_metadata`."""
         self.end_chunk()  # metadata would precede a chunk that is still open
         self._writer.add_metadata(END, end_metadata(entries, stopped))
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self.sync()
         self.close()
 
@@ -176,10 +195,19 @@ class RecordingFile(RecordStream):
             entries: Number of entries, lost ones included.
             reason: Why the others are missing.
         """
-        records = (Metadata(END, end_metadata(entries, reason)), DataEnd(0), Footer(0, 0, 0))
+        builder = RecordBuilder()
+        Metadata(name=END, metadata=end_metadata(entries, reason)).write(builder)
+        DataEnd(data_section_crc=0).write(builder)
+        Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
         self.cut_back()
         try:
-            self.write(b"".join(map(encoded, records)) + MCAP0_MAGIC)
+            self.write(bytes(builder.end()) + MCAP0_MAGIC)  # type: ignore[no-untyped-call]
             self.sync()
         except OSError:
             self.cut_back()
+
+    def _register(self, topic: str) -> int:
+        # msgpack needs no schema, but MCAP readers fail if a channel has none.
+        schema = self._writer.register_schema(f"slipd.{topic}", SchemaEncoding.SelfDescribing, b"")
+        self._channels[topic] = self._writer.register_channel(topic, MessageEncoding.MessagePack, schema)
+        return self._channels[topic]

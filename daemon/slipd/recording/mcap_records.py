@@ -1,25 +1,29 @@
-"""Read the records of an MCAP file, but only kinds and lengths that slipd writes.
+"""Read and write the records of an MCAP file, but only kinds and lengths that slipd writes.
 
 The ``mcap`` library decodes each record; this module decides which records it gets, and up to what length.
 """
 
 from __future__ import annotations
 
+import errno
+import os
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
 import zstandard
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Chunk, Header, McapRecord, Metadata
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Attachment, Chunk, ChunkIndex, Header, McapRecord, Metadata
+from mcap.writer import MCAP0_MAGIC, Writer
 
 from slipd.errors import RecordingError
+from slipd.recording import mcap_file
 
 HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
 _INDEX_HEAD = struct.Struct("<HI")  # channel, and length of the offsets
@@ -31,15 +35,8 @@ _READ: dict[int, type[Header | Metadata | Attachment | Chunk]] = {
 }
 _INNER = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
 BAD_RECORD = (McapError, ValueError, struct.error, OverflowError, zstandard.ZstdError)
-
-CHUNK_BYTES = 256 * 1024
-"""Size of a chunk: closing one of 256 KiB occupies the writer for 6 ms, a larger one for much longer."""
-
-ENTRY_LIMIT_BYTES = 2 * 1024 * 1024
-"""Longest entry, bytes: 32 times the longest piece of bytes that a transport hands on."""
-
-RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES
-"""Longest record, bytes: a chunk has CHUNK_BYTES and at most one entry more."""
+BLOCK_CHUNKS = 256
+"""Chunks whose entries are compressed together."""
 
 
 class DamageError(Exception):
@@ -89,7 +86,7 @@ def data_records(file: BinaryIO) -> Iterator[McapRecord]:
         opcode, length = HEAD.unpack(head)
         if opcode == Opcode.DATA_END:
             return
-        if length > RECORD_LIMIT_BYTES:
+        if length > mcap_file.RECORD_LIMIT_BYTES:
             raise DamageError(f"is damaged at byte {place}: a record of {length} bytes")
         body = _read(file, length, place)
         if opcode in _READ:
@@ -130,7 +127,7 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     try:
         # The library would allocate whatever length the compressed data claims.
         if chunk.compression != "zstd" or not (
-            zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= RECORD_LIMIT_BYTES
+            zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= mcap_file.RECORD_LIMIT_BYTES
         ):
             raise DamageError("has a chunk that slipd cannot have written")
         data = zstandard.decompress(chunk.data)
@@ -159,3 +156,116 @@ def inner_records(data: bytes) -> Iterator[tuple[int, bytes]]:
         if at > size:
             raise DamageError("has a chunk that ends within a record")
         yield opcode, data[begin:at]
+
+
+class RecordStream:
+    """A new file, written record by record.
+
+    Nothing is buffered here, so no part of a failed record can reach the file later.
+
+    Args:
+        path: File to create; an existing one is never overwritten.
+
+    Attributes:
+        path: The file.
+
+    Raises:
+        OSError: The file exists or cannot be created. All methods except `cut_back`, `remove` and `close` raise it when
+            the disk fails.
+    """
+
+    def __init__(self, path: Path) -> None:
+        # A device file exists already, and holds nothing that could be lost.
+        self._file = path.open("wb" if path.is_char_device() else "xb", buffering=0)
+        self.path = path
+        self._written = self._whole = 0
+
+    def write(self, data: bytes) -> int:
+        """Write all of ``data``; a disk that is nearly full may take only a part at first."""
+        rest = memoryview(data)
+        while rest:
+            count = self._file.write(rest) or 0
+            self._written += count
+            rest = rest[count:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes written."""
+        return self._written
+
+    def flush(self) -> None:
+        """Mark everything written so far as complete records; the kernel has them already."""
+        self._whole = self._written
+
+    def sync(self) -> None:
+        """Pass everything to the disk, so that it survives a power cut; a file that was deleted is a failed disk."""
+        os.fdatasync(self._file.fileno())
+        if not os.fstat(self._file.fileno()).st_nlink:
+            raise OSError(errno.ENOENT, "the file was deleted while it was written")
+
+    def cut_back(self) -> None:
+        """Remove everything after the last `flush`; leave a device file unchanged."""
+        with suppress(OSError):
+            os.ftruncate(self._file.fileno(), self._whole)
+            self._file.seek(self._whole)
+        self._written = self._whole
+
+    def remove(self) -> None:
+        """Close the file, and remove it from its folder."""
+        with suppress(OSError):
+            if not self.path.is_char_device():
+                self.path.unlink()
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        with suppress(OSError):
+            self._file.close()
+
+
+class PackedIndex:
+    """Entries of the index as bytes, which the library writes one after another."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    def write(self, stream: RecordBuilder) -> None:
+        """Write them."""
+        stream.write(self._data)
+
+
+class PackedChunkIndices:
+    """Keeps the index of the chunks small until it is written at the end.
+
+    The library keeps an object for each chunk, about 1 kB, and the recorder writes fourteen chunks a second. This takes
+    the place of its list, of which it uses `append` and iteration.
+    """
+
+    def __init__(self) -> None:
+        self._blocks: list[bytes] = []
+        self._open: list[bytes] = []
+
+    def append(self, index: ChunkIndex) -> None:
+        """Add the entry of a chunk."""
+        builder = RecordBuilder()
+        index.write(builder)
+        self._open.append(bytes(builder.end()))  # type: ignore[no-untyped-call]
+        if len(self._open) == BLOCK_CHUNKS:
+            self._blocks.append(trimmed(zstandard.compress(b"".join(self._open), level=1)))
+            self._open = []
+
+    def __iter__(self) -> Iterator[PackedIndex]:
+        """Yield all entries, in order."""
+        for block in self._blocks:
+            yield PackedIndex(zstandard.decompress(block))
+        yield PackedIndex(b"".join(self._open))
+
+
+def trimmed(data: bytes) -> bytes:
+    """Return a copy that takes only its own size; compressed bytes keep the memory of the largest possible result."""
+    return bytes(memoryview(data))
+
+
+def keep_index_packed(writer: Writer) -> None:
+    """Let a writer without chunks keep its index packed."""
+    writer._Writer__chunk_indices = PackedChunkIndices()  # type: ignore[attr-defined]  # noqa: SLF001 - no public way

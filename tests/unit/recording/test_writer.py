@@ -17,8 +17,7 @@ from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
 from slipd.recording import writer
 from slipd.recording.entry_walk import Entry
-from slipd.recording.mcap_file import EVENTS
-from slipd.recording.mcap_records import ENTRY_LIMIT_BYTES
+from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES, EVENTS
 from slipd.recording.run_files import Room
 from slipd.recording.writer import Recorder
 
