@@ -13,8 +13,8 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.stream_health import finger_conditions
-from slipd.friction.learning import learn
 from slipd.fusion import torque_limit
+from slipd.fusion.friction_learning import learn
 from slipd.fusion.rows import READING, TOUCHING, new_rows
 from slipd.types.arrays import Array
 from slipd.types.samples import TactileSample, WrenchSample

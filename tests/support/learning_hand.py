@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
-from slipd.friction.learning import learn
+from slipd.fusion.friction_learning import learn
 from slipd.fusion.rows import FREE, READING, TOUCHING, new_rows
 
 STEP_S = 0.005

@@ -15,9 +15,8 @@ from slipd.config import Levels
 from slipd.finger.finger_state import LoadDistribution, VerdictBatch
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
-from slipd.friction.friction_estimate import STEP_NS, FrictionEstimate
+from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
-from slipd.friction.learning import learn
 from slipd.fusion.levels import ContactWatch, Uncertainty
 from slipd.fusion.rows import FREE, NO_CONTACT, TOUCHING, UNKNOWN, Rows
 from slipd.fusion.streaming import contact_at, find_contacts, judge_readings
@@ -28,7 +27,7 @@ SHAPE_ERROR = 0.7
 4 to 40 taxels (`tests/unit/finger/test_shape_error.py`)."""
 LARGEST_BIAS_N = 10.0
 """A force sensor may read this much without load before its first tare, N."""
-_NO_TAXELS = (np.empty(0),) * 5
+_NO_TAXELS = (*(np.empty(0),) * 5, math.nan)
 
 
 class ContactEstimator:
@@ -52,6 +51,8 @@ class ContactEstimator:
         self._caution = levels.caution
         self._drift_n, self._bias_n = _most_zero_n(config)
         self._friction_in_force: FrictionState | None = None
+        self._distribution: LoadDistribution | None = None
+        self._arrays = _NO_TAXELS
         self.certain = True
 
     @property
@@ -105,17 +106,14 @@ class ContactEstimator:
         if disagreement:
             watch.forget_load()  # a wrong reading, and its end, look like a load that falls
             friction.discard_grasp()
-        if times_ns[-1] // STEP_NS == friction.step:
-            frictions = [friction.state] * count
-            self._judge(rows, distribution, ends_at if disagreement else 0, teaches=teaches)
-        else:
-            frictions, begin = [], 0
-            while begin < count:
-                end = friction.begin_step(times_ns, begin)
-                frictions += [friction.state] * (end - begin)
-                agrees_at = ends_at - begin if disagreement else 0
-                self._judge(rows[begin:end], distribution, agrees_at, teaches=teaches)
-                begin = end
+        frictions: list[FrictionState] = []
+        begin = 0
+        while begin < count:
+            end = friction.begin_step(times_ns, begin)
+            frictions += [friction.state] * (end - begin)
+            part = rows if end - begin == count else rows[begin:end]
+            self._judge(part, distribution, ends_at - begin if disagreement else 0, teaches=teaches)
+            begin = end
         levels = rows["assessment"]["level"].tolist()
         for k, phase in enumerate(rows["phase"].tolist() if disagreement or image_free else ()):
             if disagreement and phase == TOUCHING and k < ends_at:
@@ -128,17 +126,24 @@ class ContactEstimator:
 
     def _judge(self, rows: Rows, distribution: LoadDistribution | None, agrees_at: int, *, teaches: bool) -> None:
         """Solve and assess readings with one friction, and learn from those of index ``agrees_at`` or more."""
-        friction, watch, arrays = self.friction, self.watch, _NO_TAXELS
+        friction, watch = self.friction, self.watch
         if friction.state is not self._friction_in_force:
             self._friction_in_force = friction.state
             watch.set_friction(math.nan if friction.state.mu is None else friction.state.mu, friction.state.spin_scale)
-        shape_error = math.nan
-        if distribution is not None:
-            shape_error, outline = SHAPE_ERROR / len(distribution.x), distribution.outline
-            arrays = distribution.x, distribution.y, distribution.loads.loads, outline.x, outline.y
-        judge_readings(rows, watch.state, *arrays)
-        teaches = teaches and self.certain and distribution is not None
-        learn(rows, friction.learning, shape_error, agrees_at if teaches else len(rows))
+        if distribution is not self._distribution:
+            self._distribution, self._arrays = distribution, _NO_TAXELS
+            if distribution is not None:
+                outline, shape_error = distribution.outline, SHAPE_ERROR / len(distribution.x)
+                self._arrays = (
+                    distribution.x,
+                    distribution.y,
+                    distribution.loads.loads,
+                    outline.x,
+                    outline.y,
+                    shape_error,
+                )
+        teaches_from = agrees_at if teaches and self.certain and distribution is not None else len(rows)
+        judge_readings(rows, watch.state, friction.learning, *self._arrays, teaches_from)
         if friction.rotation.stated is not None:
             self._learn_rotation(rows, distribution)
 

@@ -23,8 +23,8 @@ from slipd.finger.verdict import (
     contact_verdict,
 )
 from slipd.friction.friction_state import FrictionState
-from slipd.friction.learning import Z
 from slipd.fusion import Contact, Loads, Utilisation, grey_loads
+from slipd.fusion.friction_learning import Z
 from slipd.fusion.hull import Outline
 from slipd.fusion.levels import Assessment
 from slipd.fusion.limit.grip_factor import solve_reserve

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from slipd.friction.friction_state import FrictionState, RotationFriction, Taught
-from slipd.friction.learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp
+from slipd.fusion.friction_learning import KEPT, LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp
 from slipd.fusion.rows import new_rows
 from slipd.types.arrays import finite_or_none
 
@@ -48,7 +48,7 @@ class FrictionEstimate:
         set_by: Client that set the coefficients last; None: only the config did.
         set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
         rotation: What is learned of rotation.
-        learning: What is learned: one row of LEARNING, for `slipd.friction.learning.learn`.
+        learning: What is learned: one row of LEARNING, for `slipd.fusion.friction_learning.learn`.
         step: Number of the 20 ms since when ``state`` is in force; see `begin_step`.
     """
 
@@ -218,6 +218,8 @@ class FrictionEstimate:
         Returns:
             Index of the first reading after it for which the state has to be taken over again, or their number.
         """
+        if times_ns[-1] // STEP_NS == self.step:
+            return len(times_ns)
         step = times_ns[begin] // STEP_NS
         if step != self.step:
             self.step = step

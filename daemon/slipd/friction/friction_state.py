@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from slipd.friction.learning import FADING, KEPT
+from slipd.fusion.friction_learning import FADING, KEPT
 
 ONSET_S = 0.3
 """The largest spin of this time before a motion is seen is the one at which it began, s: three looks at images."""

@@ -1,8 +1,8 @@
 """Force readings in sequence: from the sensor's wrench to contact, utilisation and level, in rows of READING.
 
 Two kernels take all readings of one read at once: `find_contacts` moves them into the pad frame and finds their
-contact phase, `judge_readings` solves and assesses them with the loads on the taxels, which may depend on the contact.
-Both read the conditions in force and keep what the next read continues from. Nothing here checks its arguments.
+contact phase, `judge_readings` solves and assesses them with the loads on the taxels, which may depend on the contact,
+and learns friction from them. Both read the conditions in force and keep what the next read continues from. Nothing here checks its arguments.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from slipd.fusion.assess import assess_readings
 from slipd.fusion.compiled import compiled
 from slipd.fusion.contact import Contact, contact_numbers
+from slipd.fusion.friction_learning import learn
 from slipd.fusion.hull import fill_margins
 from slipd.fusion.levels import Assessment
 from slipd.fusion.limit.batch import solve_readings
@@ -216,18 +217,22 @@ def _keep_force(forces: Row, t_ns: int, wrench: Row) -> None:
 
 @compiled
 def judge_readings(
-    readings: Rows, states: Rows, x: Array, y: Array, shares: Array, outline_x: Array, outline_y: Array
-) -> None:
-    """Fill in margin, utilisation and assessment of readings in sequence, and keep what the next read continues from.
+    readings: Rows, states: Rows, learnings: Rows, x: Array, y: Array, shares: Array, outline_x: Array,
+    outline_y: Array, shape_error: float, teaches_from: int,
+) -> None:  # fmt: skip
+    """Fill in margin, utilisation and assessment of readings in sequence, and learn friction from them.
 
     Args:
         readings: Rows of READING with their contacts, shape (n,).
         states: One row of STATE. Where μ is unknown, λ is solved for μ = 1: it is the required friction.
+        learnings: One row of LEARNING.
         x: Centres of the active taxels, shape (k,), contiguous, m; k = 0 without an image.
         y: Likewise, shape (k,), m.
         shares: Load on each for a normal force of 1 N, shape (k,).
         outline_x: Corners of the outline of the active taxels, counter-clockwise, m.
         outline_y: Likewise, m.
+        shape_error: As of `learn`.
+        teaches_from: Likewise.
     """
     now, watch, spin_1n = states[0]["conditions"], states[0]["memory"], 0.0
     if x.size > 0:
@@ -243,6 +248,7 @@ def judge_readings(
                 3
             ]
     assess_readings(readings, states, spin_1n)
+    learn(readings, learnings, shape_error, teaches_from)
     _remember(readings, watch, x.size > 0)
 
 

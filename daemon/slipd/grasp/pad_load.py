@@ -10,7 +10,7 @@ import numpy as np
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import LoadDistribution
 from slipd.finger.trust import is_trusted
-from slipd.friction.learning import Z
+from slipd.fusion.friction_learning import Z
 from slipd.fusion.held_pad import NET_SHARE, HeldPad, tipping_edges, twist_net
 from slipd.fusion.levels import Uncertainty
 from slipd.grasp.grasp_view import Place

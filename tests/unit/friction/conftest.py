@@ -7,7 +7,8 @@ import pytest
 from learning_hand import Hand
 from plain_kernels import run_without_compilation
 
-from slipd.friction import friction_estimate, learning
+from slipd.friction import friction_estimate
+from slipd.fusion import friction_learning
 
 
 @pytest.fixture
@@ -20,4 +21,4 @@ def hand() -> Hand:
 def both_ways(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run a test with the compiled kernels, and without compilation, which shows coverage their lines."""
     if request.param == "plain":
-        run_without_compilation(monkeypatch, learning, friction_estimate, learning_hand)
+        run_without_compilation(monkeypatch, friction_learning, friction_estimate, learning_hand)
