@@ -170,8 +170,7 @@ class Finger:
         before_ns = t_ns if image.t_ns is None else image.t_ns
         if check is not None:
             normal_n = self._newest.normal_n
-            free, agrees = self.level == PAD_FREE.level, not check.disagreement
-            summary = check.history.take_summary(normal_n, free=free, agrees=agrees)
+            summary = check.take_summary(normal_n, free=self.level == PAD_FREE.level)
         image.update(sample, t_ns, summary, arrival)
         if check is not None and self.motion is not None:
             check.update_image(t_ns, self._estimator, known=normal_n is not None)
@@ -185,7 +184,7 @@ class Finger:
     ) -> None:
         """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
         if self.in_contact and image.is_independent and not check.disagreement:
-            motion.update_image(image, t_ns, check.history.mean_wrench(before_ns, t_ns))
+            motion.update_image(image, t_ns, check.mean_wrench(before_ns, t_ns))
         else:
             motion.forget_image()
 

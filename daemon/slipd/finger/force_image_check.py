@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
@@ -12,7 +11,8 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.fusion import Contact
 from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import Uncertainty
-from slipd.fusion.rows import PASTS, Rows
+from slipd.fusion.rows import Rows
+from slipd.fusion.streaming import begin_range, mean_wrench
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 if TYPE_CHECKING:
@@ -45,70 +45,6 @@ NO_SUMMARY: ForceSummary = ForceSummary()
 """No force sensor, or its contact is not known."""
 
 
-class ForceHistory:
-    """Range of the normal force since the newest image, and wrenches of the last 128 ms at least.
-
-    Args:
-        noise_n: Standard deviation of a force component, N.
-        state: One row of STATE, whose forces the kernels fill.
-    """
-
-    def __init__(self, noise_n: float, state: Rows) -> None:
-        self._moving_n = MOVING_STDS * noise_n
-        self._state = state
-
-    def take_summary(self, normal_n: float | None, *, free: bool, agrees: bool) -> ForceSummary:
-        """Return what the force sensor measured since the image before, and begin the next interval.
-
-        Args:
-            normal_n: Normal force now, N; None: it is not known.
-            free: Nothing touches the pad by it.
-            agrees: Force and images did not contradict each other so far.
-        """
-        if normal_n is None:
-            return NO_SUMMARY
-        forces = self._state["forces"]
-        moving = bool(forces["high_n"][0] - forces["low_n"][0] > self._moving_n)
-        forces["low_n"] = forces["high_n"] = normal_n
-        return ForceSummary(free, normal_n, moving, agrees)
-
-    def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench of the kept readings between two times, after a first reading.
-
-        If no reading is kept of that interval, this is the wrench of the reading nearest to its end.
-
-        Args:
-            since_ns: CLOCK_MONOTONIC; a reading of this time does not count.
-            until_ns: Likewise; a reading of this time counts.
-        """
-        found = []
-        for t_ns, *wrench in self._newest_first():
-            if t_ns <= since_ns:
-                break
-            if t_ns <= until_ns:
-                found.append(wrench)
-        if not found:
-            return self.wrench_at(until_ns)
-        share = 1.0 / len(found)
-        return tuple([share * sum(component) for component in zip(*found, strict=True)])
-
-    def wrench_at(self, t_ns: int) -> tuple[float, ...]:
-        """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers."""
-        nearest: tuple[float, ...] = ()
-        for past in self._newest_first():
-            if nearest and abs(past[0] - t_ns) > abs(nearest[0] - t_ns):
-                break
-            nearest = past
-        return nearest[1:]
-
-    def _newest_first(self) -> Iterator[Any]:
-        """Yield time and wrench of each kept reading."""
-        forces = self._state["forces"]
-        count, past = int(forces["count"][0]), forces["past"][0]
-        for k in range(count - 1, max(count - PASTS, 0) - 1, -1):
-            yield past.item(k % PASTS)
-
-
 class ForceImageCheck:
     """What force sensor and image of one finger contradict each other about.
 
@@ -117,19 +53,34 @@ class ForceImageCheck:
         pad: ``[finger.X.pad]``.
         force: The force sensor.
         image: The pad.
-        state: One row of STATE, see `ForceHistory`.
+        state: One row of STATE, whose forces the kernels keep.
 
     Attributes:
-        history: Force readings of the recent past.
         disagreement: Reasons of a verdict: "disagreement_contact", "disagreement_centroid", "disagreement_force".
     """
 
     def __init__(self, config: FingerConfig, pad: Pad, force: ForceChannel, image: ImageChannel, state: Rows) -> None:
         self._force, self._image = force, image
-        self.history = ForceHistory(force.noise.force_std_n, state)
+        self._state, self._moving_n = state, MOVING_STDS * force.noise.force_std_n
         self._agreement = Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)
         self._compared_ns = 0
         self.disagreement: tuple[str, ...] = ()
+
+    def take_summary(self, normal_n: float | None, *, free: bool) -> ForceSummary:
+        """Return what the force sensor measured since the image before, and begin the next interval.
+
+        Args:
+            normal_n: Normal force now, N; None: it is not known.
+            free: Nothing touches the pad by it.
+        """
+        if normal_n is None:
+            return NO_SUMMARY
+        moving = begin_range(self._state, normal_n) > self._moving_n
+        return ForceSummary(free, normal_n, moving, not self.disagreement)
+
+    def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
+        """Return the mean wrench of the force sensor between two times, see `slipd.fusion.streaming.mean_wrench`."""
+        return mean_wrench(self._state, since_ns, until_ns)
 
     def update_image(self, t_ns: int, estimator: ContactEstimator, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
@@ -147,7 +98,7 @@ class ForceImageCheck:
             return
         self._compared_ns = t_ns
         uncertainty = self._force.uncertainty(t_ns)
-        contact = _contact(self.history.wrench_at(t_ns), uncertainty, estimator.least_normal_n)
+        contact = _contact(mean_wrench(self._state, t_ns, t_ns), uncertainty, estimator.least_normal_n)
         found = self._agreement.update(
             t_ns, contact, uncertainty.force_std_n + uncertainty.force_n, image.x, image.y, image.pressure
         )

@@ -170,8 +170,8 @@ BLOCK = np.dtype(
 
 PASTS = 128
 """Forces that are kept: the longest scan of a pad takes a tenth of a second, and they are a millisecond apart."""
-PAST = np.dtype([("t_ns", _INTEGER), *_floats("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")], align=True)
-"""A force of the recent past, in the pad frame."""
+PAST = np.dtype([("t_ns", _INTEGER), ("wrench", _FLOAT, (6,))], align=True)
+"""A reading of the recent past, in the pad frame."""
 FORCES = np.dtype([*_floats("low_n", "high_n"), ("count", _INTEGER), ("past", PAST, (PASTS,))], align=True)
 """Forces that could be trusted: the range of the normal force since the newest image, and a ring of the last ones."""
 

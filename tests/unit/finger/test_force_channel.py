@@ -8,11 +8,10 @@ from finger_bench import FULL, MS, T0, Image, Parse, Wrench, make_finger, read_f
 
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.force_image_check import ForceHistory
 from slipd.finger.stream_health import force_conditions
 from slipd.fusion.levels import STATE
 from slipd.fusion.rows import new_rows
-from slipd.fusion.streaming import move_to_pad, wrench_at
+from slipd.fusion.streaming import mean_wrench, move_to_pad, wrench_at
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 
@@ -144,9 +143,14 @@ def test_drift_at_its_limit_is_reported(left: str, parse: Parse) -> None:
 
 
 def test_the_mean_is_that_of_the_readings_between_two_times(finger: Finger, wrench: Wrench) -> None:
-    history = ForceHistory(0.02, finger._estimator.watch.state)
     samples = [wrench(T0 + k * MS, 8.0 + k, (1.0, 0.0)) for k in range(6)]
     finger.decide(samples, [sample.t_ns for sample in samples])
-    assert history.mean_wrench(T0 + MS, T0 + 4 * MS)[2] == pytest.approx(-11.0), "of the third to the fifth"
-    assert history.mean_wrench(T0 + 5 * MS, T0 + 9 * MS) == history.wrench_at(T0 + 9 * MS), "there is none between"
-    assert history.mean_wrench(0, T0) == history.wrench_at(T0)
+    state = finger._estimator.watch.state
+    assert mean_wrench(state, T0 + MS, T0 + 4 * MS)[2] == pytest.approx(-11.0), "of the third to the fifth"
+    for since_ns, until_ns, k in (
+        (T0 + 5 * MS, T0 + 9 * MS, 5),
+        (0, T0, 0),
+        (T0 + MS, T0 + MS, 1),
+        (T0 - 9, T0 - 1, 0),
+    ):
+        assert mean_wrench(state, since_ns, until_ns)[2] == pytest.approx(-8.0 - k), "there is none between"
