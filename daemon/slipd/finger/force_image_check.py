@@ -11,8 +11,8 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.fusion import Contact
 from slipd.fusion.contact import contact_of
 from slipd.fusion.levels import Uncertainty
+from slipd.fusion.recent_forces import begin_range, mean_wrench
 from slipd.fusion.rows import Rows
-from slipd.fusion.streaming import begin_range, mean_wrench
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class ForceImageCheck:
         return ForceSummary(free, normal_n, moving, not self.disagreement)
 
     def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench of the force sensor between two times, see `slipd.fusion.streaming.mean_wrench`."""
+        """Return the mean wrench of the force sensor between two times, see `slipd.fusion.recent_forces.mean_wrench`."""
         return mean_wrench(self._state, since_ns, until_ns)
 
     def update_image(self, t_ns: int, estimator: ContactEstimator, *, known: bool) -> None:

@@ -10,8 +10,9 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.stream_health import force_conditions
 from slipd.fusion.levels import STATE
+from slipd.fusion.recent_forces import mean_wrench
 from slipd.fusion.rows import new_rows
-from slipd.fusion.streaming import mean_wrench, move_to_pad, wrench_at
+from slipd.fusion.streaming import move_to_pad, wrench_at
 from slipd.types.samples import WrenchSample
 from slipd_client.messages import Health
 
