@@ -79,7 +79,7 @@ class ForceImageCheck:
         return ForceSummary(free, normal_n, moving, not self.disagreement)
 
     def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench of the force sensor between two times, see `slipd.fusion.recent_forces.mean_wrench`."""
+        """Return the mean wrench of the force sensor between two times; see the kernel of this name."""
         return mean_wrench(self._state, since_ns, until_ns)
 
     def update_image(self, t_ns: int, estimator: ContactEstimator, *, known: bool) -> None:
