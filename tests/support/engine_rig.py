@@ -88,6 +88,7 @@ width_table = [[0.0, 0.085], [1.0, 0.0]]
 speed_table = [[0, 0.02], [255, 0.15]]
 max_force_n = 25.0
 """
+RIG = LEFT + RIGHT + GRIPPER
 MOVES: dict[str, dict[str, Any]] = {
     "grip.set": {"force_n": 5.0},
     "grip.adjust": {"delta_n": 0.5},

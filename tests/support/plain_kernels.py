@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 
-from slipd.fusion.compiled import KERNELS
-
 
 def run_without_compilation(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
     """Replace the kernels of modules by their source."""
@@ -28,10 +26,3 @@ def check_without_compilation(kernel: Callable[..., Any], *arguments: Any) -> No
         found.append((each(*given) or 0.0, *given))
     for compiled, plain in zip(*found, strict=True):
         assert plain == pytest.approx(compiled, rel=1e-9, abs=1e-15, nan_ok=True)
-
-
-def without_compilation(patch: pytest.MonkeyPatch, module: ModuleType) -> None:
-    """Let a module call its kernels without compilation."""
-    for name, found in list(vars(module).items()):
-        if any(found is kernel for kernel in KERNELS):
-            patch.setattr(module, name, getattr(found, "py_func", found))

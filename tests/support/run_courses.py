@@ -26,6 +26,14 @@ def follow(run: Run, steps: Sequence[Step]) -> None:
         step(run)
 
 
+def play(text: str, steps: Sequence[Step] = (), *, zeros: bool = True) -> Run:
+    """Carry out a course on a rig whose links are all up, and return its run."""
+    run = Run(text, zeros=zeros)
+    run.up()
+    follow(run, steps)
+    return run
+
+
 def matches(found: Any, expected: Any) -> bool:
     """Return whether a value is as expected; a map may hold more than is expected of it."""
     if isinstance(expected, dict):

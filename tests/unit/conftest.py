@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import FULL_IMAGE, GRIPPER, LEFT, RIGHT, Run, wrench_of
+from engine_rig import FULL_IMAGE, GRIPPER, LEFT, RIG, RIGHT, Run, wrench_of
+from run_courses import play
 
 from slipd import config
 from slipd.config import Config
@@ -35,15 +36,13 @@ def gripper() -> str:
 @pytest.fixture
 def rig() -> str:
     """Config text of both fingers and the gripper; ends in the gripper's table."""
-    return LEFT + RIGHT + GRIPPER
+    return RIG
 
 
 @pytest.fixture
 def run() -> Run:
     """Two fingers and a gripper, all links up."""
-    run = Run(LEFT + RIGHT + GRIPPER)
-    run.up()
-    return run
+    return play(RIG)
 
 
 @pytest.fixture

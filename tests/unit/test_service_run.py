@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import pytest_asyncio
-from engine_rig import GRIPPER, LEFT, RIGHT, T0
+from engine_rig import RIG, T0
 
 from slipd import config
 from slipd.events import Bytes, LinkUp, Tick
@@ -34,7 +34,7 @@ class Wires:
 
 @pytest_asyncio.fixture
 async def run(tmp_path: Path) -> AsyncIterator[ServiceRun]:
-    settings = config.parse(LEFT + RIGHT + GRIPPER + BUS.format(folder=tmp_path), "rig.toml")
+    settings = config.parse(RIG + BUS.format(folder=tmp_path), "rig.toml")
     with ServiceRun(settings, None, asyncio.Event(), lambda _: None, lambda: T0) as run:
         run.open()
         run.links = Wires()  # type: ignore[assignment]

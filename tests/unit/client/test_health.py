@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from engine_rig import RIG, Run
 from project import DOCS
 
 from slipd.events import HostNotice, LinkDown, RecordingChanged
@@ -124,7 +124,7 @@ def test_every_repair_has_its_section_in_the_documents() -> None:
 
 
 def test_the_status_of_a_real_engine_becomes_repairs() -> None:
-    run = Run(LEFT + RIGHT + GRIPPER)
+    run = Run(RIG)
     run.tick()
     run.feed(HostNotice("config", "kept"))
     run.feed(RecordingChanged("", "/r.mcap", "failed", "disk full"))

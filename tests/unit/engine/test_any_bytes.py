@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from engine_rig import LEFT, RIG
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from run_courses import play
 
 from slipd.devices import bota
 from slipd.events import Bytes
@@ -25,8 +26,7 @@ LINKS = ("left.wrench", "left.pad", "right.pad", "gripper")
 @settings(max_examples=60, deadline=None)
 def test_no_reading_of_a_force_sensor_breaks_a_message(values: list[tuple[Any, ...]]) -> None:
     """Every 32-bit float and status, on full, partial and empty images; `feed` checks everything that is published."""
-    run = Run(LEFT)
-    run.up()
+    run = play(LEFT)
     for *wrench, status, fresh, active in values:
         if fresh:
             run.image(np.where(np.arange(16) < active, 100, 0).reshape(4, 4))
@@ -40,8 +40,7 @@ def test_no_reading_of_a_force_sensor_breaks_a_message(values: list[tuple[Any, .
 @given(chunks=st.lists(st.tuples(st.sampled_from(LINKS), st.binary(max_size=200)), max_size=20))
 @settings(max_examples=60, deadline=None)
 def test_garbage_on_any_line_gives_no_message_and_good_frames_follow(chunks: list[tuple[str, bytes]]) -> None:
-    run = Run(LEFT + RIGHT + GRIPPER)
-    run.up()
+    run = play(RIG)
     for link, data in chunks:
         run.feed(Bytes(link, data))
     run.tick()

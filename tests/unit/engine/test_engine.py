@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from arm_rig import ARM, ArmRun
 from arm_rig import RIG as ARM_RIG
-from engine_rig import GRIPPER, LEFT, MS, RIGHT, WALL_NS, Run, wrench_of
+from engine_rig import LEFT, MS, RIG, RIGHT, WALL_NS, Run, wrench_of
 from grasp_table import grasp_table
 from run_courses import (
     Step,
@@ -24,6 +24,7 @@ from run_courses import (
     let_lease_be,
     level,
     newest,
+    play,
     serve,
     skin,
     sleep,
@@ -42,7 +43,6 @@ from slipd.requests.recording_state import utc_stamp
 from slipd.tools.sim.emulated_pads import encode_message
 from slipd_client.messages import Health
 
-RIG = LEFT + RIGHT + GRIPPER
 GRASP = RIG + grasp_table()
 TWINS = RIGHT + RIGHT.replace("finger.right", "finger.third").replace('"2"', '"1"')
 WSG = LEFT + '[gripper]\ndevice = "wsg"\nport = "tcp://127.0.0.1:1000"\nrate_hz = 50.0\nmax_force_n = 25.0\n'
@@ -301,10 +301,7 @@ def set_equal(found: Any, words: str) -> None:
 
 @pytest.mark.parametrize("name", COURSES)
 def test_L11_a_course_of_events(name: str) -> None:
-    text, steps = COURSES[name]
-    run = Run(text)
-    run.up()
-    follow(run, steps)
+    play(*COURSES[name])
 
 
 def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(run: Run) -> None:

@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
+from engine_rig import LEFT, MS, RIG, RIGHT, Run
 from grasp_table import grasp_table
-from run_courses import Step, bring_up, down, feel, follow, grip, gripper, image, newest, serve, tick, wait, wrench
+from run_courses import (
+    Step,
+    bring_up,
+    down,
+    feel,
+    follow,
+    grip,
+    gripper,
+    image,
+    newest,
+    play,
+    serve,
+    tick,
+    wait,
+    wrench,
+)
 
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
@@ -67,9 +82,7 @@ CLOSED: list[Step] = [bring_up, grip(5.0), gripper(position=120)]
 
 
 def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
-    run, rng = Run(FINE), np.random.default_rng(1)
-    run.up()
-    follow(run, FREE)
+    run, rng = play(FINE, FREE), np.random.default_rng(1)
     for x_m in (-0.001, 0.0):
         follow(run, [wrench(0.0)] * 3)
         hold(run, 1.0, 0.0, rng, x_m)
@@ -89,9 +102,7 @@ def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
 
 def test_a_vibration_alone_is_no_motion() -> None:
     """A tool that shakes the finger in the plane of its pad only supports other evidence."""
-    run, rng = Run(FINE), np.random.default_rng(1)
-    run.up()
-    follow(run, FREE)
+    run, rng = play(FINE, FREE), np.random.default_rng(1)
     for seconds, noise_n in ((1.5, 0.02), (0.3, 0.06), (0.3, 0.02), (0.2, 0.1), (0.1, 0.02)):
         hold(run, seconds, 0.0, rng, noise_n=noise_n)
     assert slips(run) == []
@@ -99,17 +110,14 @@ def test_a_vibration_alone_is_no_motion() -> None:
 
 @pytest.mark.parametrize("steps", [1, 4])
 def test_jaws_that_move_by_themselves_are_a_slip_of_both_fingers(steps: int) -> None:
-    run = Run(LEFT + RIGHT + GRIPPER)
-    run.up()
     held: list[Step] = [serve(20), feel(5.0), serve(20), feel(5.0), feel(5.0)] * 60
-    follow(run, [*CLOSED, *held, gripper(position=120 + steps), *held])
+    run = play(RIG, [*CLOSED, *held, gripper(position=120 + steps), *held])
     for finger in ("left", "right"):
         assert [body["evidence"] for body in slips(run, finger)][:1] == ([] if steps == 1 else [["width"]])
 
 
 def test_an_object_that_another_process_sees_move_is_a_slip() -> None:
-    run, rng = Run(LEFT + RIGHT + OBSERVED), np.random.default_rng(2)
-    run.up()
+    run, rng = play(LEFT + RIGHT + OBSERVED), np.random.default_rng(2)
 
     def see(seconds: float, speed_mps: float, *status: str) -> None:
         for k in range(round(seconds * 50)):

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from engine_rig import BOOT, GRIPPER, LEFT, RIGHT, WALL_NS, Run
+from engine_rig import BOOT, RIG, WALL_NS, Run
 from run_courses import (
     Step,
     ask,
@@ -38,7 +38,6 @@ from slipd.engine.engine import Engine
 from slipd.events import LinkUp, StateRestored
 from slipd.grasp.stored_state import seal
 
-RIG = LEFT + RIGHT + GRIPPER
 SECOND = 1_000_000_000
 EARLIER = BOOT.replace("b", "a")
 

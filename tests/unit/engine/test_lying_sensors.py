@@ -9,7 +9,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
+from engine_rig import LEFT, MS, RIG, Run
 from grasp_table import grasp_table
 from run_courses import (
     Step,
@@ -23,6 +23,7 @@ from run_courses import (
     health,
     image,
     level,
+    play,
     serve,
     skin,
     sleep,
@@ -52,7 +53,7 @@ class Hand(Run):
     """Both fingers hold an object with 5 N; readings carry noise unless their values are given."""
 
     def __init__(self, more: str = "", **changes: str) -> None:
-        text = LEFT + RIGHT + GRIPPER + more
+        text = RIG + more
         for old, new in (SENSORS | changes).items():
             assert old in text
             text = text.replace(old, new, 1)
@@ -306,16 +307,14 @@ def test_F1_a_course_of_a_hand(name: str) -> None:
 
 
 def test_a_finger_without_a_pad_publishes_no_image() -> None:
-    run = Run(PADLESS)
-    run.up()
-    follow(run, [wrench(5.0), tick, wait(5), sleep(1_000 * MS), level("unknown", "stale"), count("tactile.left", 0)])
+    play(PADLESS, [wrench(5.0), tick, wait(5), sleep(1_000 * MS), level("unknown", "stale"), count("tactile.left", 0)])
 
 
 @pytest.mark.parametrize("stuck_after", [50, 0])
 def test_a_pad_that_measures_the_force_and_repeats_never_raises_and_is_stuck_unless_it_may_rest(
     stuck_after: int,
 ) -> None:
-    run = Run((LEFT + RIGHT + GRIPPER).replace('sensor = "2"', f'sensor = "2"\nstuck_after = {stuck_after}'))
+    run = Run(RIG.replace('sensor = "2"', f'sensor = "2"\nstuck_after = {stuck_after}'))
     run.exact, levels = True, []
     run.up()
 

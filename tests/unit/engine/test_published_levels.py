@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from engine_rig import LEFT, RIG, Run
 from run_courses import (
     Step,
     count,
     down,
-    follow,
     image,
     level,
     newest,
+    play,
     skin,
     tick,
     up,
@@ -25,7 +25,6 @@ from run_courses import (
 
 from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
 
-RIG = LEFT + RIGHT + GRIPPER
 STALE, HELD_LIGHTLY = ("unknown", "stale"), wrench(10.0, (1.0, 0.0))
 NEAR = wrench(10.0, (4.6, 0.0))
 CONTACTS: dict[str, list[tuple[Any, ...]]] = {
@@ -191,10 +190,7 @@ def set_equal(found: Any, words: str) -> None:
 
 @pytest.mark.parametrize("name", COURSES)
 def test_a_course_of_readings(name: str) -> None:
-    text, steps = COURSES[name]
-    run = Run(text)
-    run.up()
-    follow(run, steps)
+    play(*COURSES[name])
 
 
 def test_the_largest_message_is_within_the_limits_of_a_client() -> None:

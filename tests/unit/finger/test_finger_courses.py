@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, NO_IMAGE, RIGHT, Run
+from engine_rig import GRIPPER, LEFT, NO_IMAGE, RIG, RIGHT, Run
 from run_courses import (
     Step,
     ask,
@@ -21,6 +21,7 @@ from run_courses import (
     level,
     newest,
     no_image,
+    play,
     serve,
     skin,
     status,
@@ -32,7 +33,6 @@ from run_courses import (
 from slipd.events import Bytes
 from slipd.tools.sim.emulated_pads import encode_message
 
-RIG = LEFT + RIGHT + GRIPPER
 RAW_PAD = RIGHT.partition("tare =")[0]
 PADLESS = LEFT.partition("[finger.left.pad]")[0]
 L: dict[str, Any] = {"finger": "left"}
@@ -265,9 +265,7 @@ COURSES: dict[str, tuple[str, bool, list[Step]]] = {
 @pytest.mark.parametrize("name", COURSES)
 def test_a_course_of_a_finger(name: str) -> None:
     text, zeros, steps = COURSES[name]
-    run = Run(text, zeros=zeros)
-    run.up()
-    follow(run, steps)
+    play(text, steps, zeros=zeros)
 
 
 ENDS: dict[str, tuple[str, str, Callable[[str], list[Step]]]] = {
@@ -299,12 +297,11 @@ def test_a_tare_is_given_up(run: Run, stream: str, event: str) -> None:
 def test_tare_of_a_charge_pad_keeps_its_loads() -> None:
     loads = []
     for tares in (False, True):
-        run = Run(LEFT + "charge_tau_s = 2.0\n")
-        run.up()
         tare = [ask("tare", seconds=0.1, **PAD)] if tares else []
         held = [*images(30, 40, 0.0), wrench(16.0, ms=0.0), *images(20, 140, 16.0)]
         offset = pytest.approx([40.0 if tares else 0.0] * 16)
-        follow(run, [*images(10, 40, 0.0), *tare, *held, ask("tare.get", {"offset": offset}, **PAD)])
+        course = [*images(10, 40, 0.0), *tare, *held, ask("tare.get", {"offset": offset}, **PAD)]
+        run = play(LEFT + "charge_tau_s = 2.0\n", course)
         loads.append(run.published("tactile.left")[-1]["loads_n"])
     assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
     assert loads[1] == pytest.approx(loads[0], abs=1e-9)

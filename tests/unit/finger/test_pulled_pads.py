@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from engine_rig import LEFT, RIG, RIGHT, Run
 from run_courses import (
     Step,
     ask,
@@ -19,6 +19,7 @@ from run_courses import (
     image,
     level,
     newest,
+    play,
     serve,
     skin,
     status,
@@ -29,7 +30,6 @@ from run_courses import (
 
 from slipd_client.messages import Health
 
-RIG = LEFT + RIGHT + GRIPPER
 UPSIDE_DOWN = RIGHT.replace("-0.001", "0.001")
 L: dict[str, Any] = {"finger": "left"}
 R: dict[str, Any] = {"finger": "right"}
@@ -173,9 +173,7 @@ COURSES: dict[str, tuple[str, bool, list[Step]]] = {
 @pytest.mark.parametrize("name", COURSES)
 def test_a_course_of_a_pulled_finger(name: str) -> None:
     text, zeros, steps = COURSES[name]
-    run = Run(text, zeros=zeros)
-    run.up()
-    follow(run, steps)
+    play(text, steps, zeros=zeros)
 
 
 def test_taxels_pressed_during_a_pull_are_not_masked_as_hot(run: Run) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
+from engine_rig import LEFT, MS, RIG, RIGHT, Run
 from grasp_table import grasp_table
 from run_courses import (
     Step,
@@ -17,6 +17,7 @@ from run_courses import (
     gripper,
     image,
     newest,
+    play,
     serve,
     skin,
     slip,
@@ -144,6 +145,4 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
 @pytest.mark.parametrize("name", COURSES)
 def test_A7_a_course_of_a_held_object(name: str) -> None:
     more, steps = COURSES[name]
-    run = Run(more if more is NO_GRIPPER else LEFT + RIGHT + GRIPPER + more)
-    run.up()
-    follow(run, steps)
+    play(more if more is NO_GRIPPER else RIG + more, steps)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from engine_rig import Run
 from grasp_table import grasp_table
+from run_courses import bring_up, grip, play
 from wire_check import body_faults, faults_of
 
 from slipd.events import Publish
@@ -51,10 +52,7 @@ REQUESTS: list[tuple[str, dict[str, Any]]] = [
 @pytest.fixture
 def run(rig: str) -> Run:
     """A run in which everything is published, and every op is carried out at least once."""
-    run = Run(rig + GRASP)
-    run.up()
-    run.bring_up()
-    run.grip(5.0)
+    run = play(rig + GRASP, [bring_up, grip(5.0)])
     run.image()
     run.skin(5.0)
     run.wrench(5.0, (2.4, 0.0))

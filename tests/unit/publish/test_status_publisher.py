@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from arm_rig import ArmRun
 from engine_rig import LEFT, RIGHT, Run
-from run_courses import follow, gripper, serve, status, tick, wait, wrench
+from run_courses import follow, gripper, play, serve, status, tick, wait, wrench
 
 
 def test_status_has_the_clock_of_each_stream_the_lateness_and_a_latched_fault_at_the_gripper(run: Run) -> None:
@@ -17,8 +17,7 @@ def test_status_has_the_clock_of_each_stream_the_lateness_and_a_latched_fault_at
 
 
 def test_status_has_the_drift_of_a_zero_and_whether_it_is_followed() -> None:
-    run = Run(LEFT.replace("stuck_after = 0", "stuck_after = 0\ndrift_tau_s = 1.0") + RIGHT)
-    run.up()
+    run = play(LEFT.replace("stuck_after = 0", "stuck_after = 0\ndrift_tau_s = 1.0") + RIGHT)
     follow(run, [*[wrench(0.0, ms=5.0), tick] * 1000, status(streams={"left.wrench": {"drift_frozen": False}})])
     follow(run, [*[wrench(5.0, ms=5.0), tick] * 50, status(streams={"left.wrench": {"drift_frozen": True}})])
     assert len(run.ask("status")["result"]["streams"]["left.wrench"]["drift"]) == 6

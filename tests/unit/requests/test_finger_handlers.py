@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from arm_rig import ARM, RIG, ArmRun
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from arm_rig import ARM, ArmRun
+from arm_rig import RIG as ARM_RIG
+from engine_rig import LEFT, RIG
 from grasp_table import grasp_table
 from run_courses import (
     Step,
@@ -18,6 +19,7 @@ from run_courses import (
     level,
     mu,
     newest,
+    play,
     sleep,
     status,
     tick,
@@ -29,7 +31,6 @@ BEN: dict[str, Any] = {"by": b"ben"}
 L: dict[str, Any] = {"finger": "left"}
 NO_LEASE, NOT_READY = ("no_lease", ""), ("not_ready", "finger")
 FREE = "\n[requests]\nfriction_without_lease = true\n"
-RIG_OF_TWO = LEFT + RIGHT + GRIPPER
 DOWN, TURNED = {"gravity_mps2": [0.0, 0.0, -9.8]}, {"gravity_mps2": [0.0, 0.0, 9.8]}
 NEAR = wrench(10.0, (4.6, 0.0))
 
@@ -37,7 +38,7 @@ NEAR = wrench(10.0, (4.6, 0.0))
 COURSES: dict[str, tuple[str, list[Step]]] = {
     # friction
     "friction is set for one finger and published": (
-        RIG_OF_TWO,
+        RIG,
         [
             lease,
             ask("friction.set", {"mu": 0.8, "mu_source": "request", "mu_by": "ann", **L}, mu_s=0.8, mu_d=0.6, **L),
@@ -48,7 +49,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "only the lease holder raises mu, and what is refused changes nothing": (
-        RIG_OF_TWO,
+        RIG,
         [
             bring_up,
             image(),
@@ -65,11 +66,11 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "a lease that ran out raises nothing": (
-        RIG_OF_TWO,
+        RIG,
         [ask("friction.set", NO_LEASE, mu_s=0.6, **L), lease, wait(200), ask("friction.set", NO_LEASE, mu_s=0.6, **L)],
     ),
     "every client may set a stricter mu, or the same": (
-        RIG_OF_TWO,
+        RIG,
         [
             lease,
             ask("friction.set", times=2, mu_s=0.3, **L, **BEN),
@@ -79,7 +80,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "a lower mu_d is more lenient, because a smaller fall is a slip": (
-        RIG_OF_TWO,
+        RIG,
         [
             ask("friction.set", mu_s=0.5, mu_d=0.49, **L),
             ask("friction.set", NO_LEASE, mu_s=0.5, mu_d=0.2, **L),
@@ -131,7 +132,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     ),
     # the object
     "an object is named with the friction in use for it": (
-        RIG_OF_TWO,
+        RIG,
         [
             lease,
             ask(
@@ -149,7 +150,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "another name needs the lease, the same does not": (
-        RIG_OF_TWO,
+        RIG,
         [
             ask("object.set", NO_LEASE, name="mug"),
             lease,
@@ -161,7 +162,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "a refusal says whether the lease can be had": (
-        RIG_OF_TWO,
+        RIG,
         [
             ask("object.set", ": acquire the lease first (lease.acquire)", name="mug"),
             ask("friction.set", ": acquire the lease first (lease.acquire)", mu_s=0.6, **L),
@@ -172,7 +173,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     ),
     # gravity
     "the gravity that the holder sends is set by no other client while it is fresh": (
-        RIG_OF_TWO,
+        RIG,
         [
             ask("gravity.set", {"gravity": "none"}, by=b"arm", **DOWN, **L),
             lease,
@@ -188,7 +189,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     # a reflex acts on what a client states
     **{
         f"with a reflex, {op} needs the lease unless {key} is set": (
-            f"{RIG_OF_TWO}\n[reflex]\nenabled = true\n{grasp_table()}\n[requests]\n{key} = true\n",
+            f"{RIG}\n[reflex]\nenabled = true\n{grasp_table()}\n[requests]\n{key} = true\n",
             [
                 ask("friction.set", None if key.startswith("friction") else NO_LEASE, mu_s=0.3, **L),
                 ask("object.set", None if key.startswith("friction") else NO_LEASE, name="mug"),
@@ -210,7 +211,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
     },
     # every other request is refused, and changes nothing
     "a wrong request is refused with its code and field": (
-        RIG_OF_TWO,
+        RIG,
         [
             lease,
             *(
@@ -259,10 +260,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
 
 @pytest.mark.parametrize("name", COURSES)
 def test_a_course_of_requests(name: str) -> None:
-    text, steps = COURSES[name]
-    run = Run(text)
-    run.up()
-    follow(run, steps)
+    play(*COURSES[name])
 
 
 def test_no_client_may_set_the_gravity_that_an_arm_stream_gives() -> None:
@@ -270,4 +268,4 @@ def test_no_client_may_set_the_gravity_that_an_arm_stream_gives() -> None:
     given = ask("gravity.set", gravity_mps2=[9.8, 0.0, 0.0], **L)
     carry, carry_long = ArmRun.carry, lambda run: run.carry_for(1100)
     follow(run, [given, carry_long, lease, refused, wait(21), given, carry, refused])
-    follow(ArmRun(RIG.replace(ARM, "")), [given])
+    follow(ArmRun(ARM_RIG.replace(ARM, "")), [given])

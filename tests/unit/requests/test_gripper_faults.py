@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from engine_rig import GRIPPER, LEFT, MOVES, RIGHT, Run
+from engine_rig import LEFT, MOVES, RIG, Run
 from run_courses import (
     Step,
     ask,
@@ -19,6 +19,7 @@ from run_courses import (
     lease,
     let_lease_be,
     newest,
+    play,
     serve,
     sleep,
     status,
@@ -31,7 +32,6 @@ from run_courses import (
 from slipd.requests.request_check import MOST_CLIENTS, PER_CLIENT
 
 MS = 1_000_000
-RIG = LEFT + RIGHT + GRIPPER
 BEN: dict[str, Any] = {"by": b"ben"}
 NO_LEASE, LATCHED = ("no_lease", ""), ("fault_latched", "")
 CLOSE = {"force_n": 5.0}
@@ -233,17 +233,12 @@ def check_held(run: Run, expected: list[bool]) -> None:
 
 @pytest.mark.parametrize("name", COURSES)
 def test_A6_D4_D5_a_course_of_faults_and_leases(name: str) -> None:
-    text, steps = COURSES[name]
-    run = Run(text)
-    run.up()
-    follow(run, steps)
+    play(*COURSES[name])
 
 
 @pytest.mark.parametrize(("ms", "suspended_ns"), [(200, 0), (5, 10**9)])
 def test_a_rig_without_gripper_publishes_the_end_of_a_lease_at_once(ms: int, suspended_ns: int) -> None:
-    run = Run(LEFT + "[rates]\nstatus_hz = 0.001\n")
-    run.up()
-    follow(run, [tick, ask("lease.acquire", ttl_ms=200)])
+    run = play(LEFT + "[rates]\nstatus_hz = 0.001\n", [tick, ask("lease.acquire", ttl_ms=200)])
     before = len(run.published("status"))
     for wait_ms, slept_ns, ends in ((5, 0, []), (ms, suspended_ns, [False]), (5, suspended_ns, [False])):
         follow(run, [wait(wait_ms), sleep(slept_ns)])
@@ -253,9 +248,8 @@ def test_a_rig_without_gripper_publishes_the_end_of_a_lease_at_once(ms: int, sus
 @pytest.mark.parametrize("lease_end", ["hold", "stop"])
 @pytest.mark.parametrize("moving", [True, False])
 def test_A5_the_end_of_a_lease_is_published_within_a_tick_and_opens_nothing(lease_end: str, moving: bool) -> None:
-    run, stops = Run(RIG + f'lease_end = "{lease_end}"\n'), lease_end == "stop" and moving
-    run.up()
-    follow(run, [*CLOSED, gripper(found=0 if moving else 2), serve(100), wrote(), let_lease_be, ask("lease.renew")])
+    course = [*CLOSED, gripper(found=0 if moving else 2), serve(100), wrote(), let_lease_be, ask("lease.renew")]
+    run, stops = play(RIG + f'lease_end = "{lease_end}"\n', course), lease_end == "stop" and moving
     ends_ns, before = run.t_ns + 200 * MS, len(run.published("gripper"))
     run.serve_gripper(205)
     ended = next(body for body in run.published("gripper")[before:] if not body["lease"]["held"])

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from engine_rig import FULL_IMAGE, GRIPPER, LEFT, MOVES, RIGHT, Run
+from engine_rig import FULL_IMAGE, GRIPPER, LEFT, MOVES, RIG, Run
 from run_courses import (
     Step,
     ask,
@@ -22,6 +22,7 @@ from run_courses import (
     let_lease_be,
     level,
     newest,
+    play,
     serve,
     skin,
     sleep,
@@ -32,7 +33,6 @@ from run_courses import (
     wrote,
 )
 
-RIG = LEFT + RIGHT + GRIPPER
 NO_LIMIT = LEFT + GRIPPER.replace("max_force_n", "# max_force_n")
 COARSE = RIG.replace("[[0, 3.0], [255, 28.5]]", "[[0, 20.0], [255, 235.0]]").replace("25.0", "120.0")
 WEAK = RIG.replace("[255, 28.5]", "[255, 20.0]").replace("= 25.0", "= 20.0")
@@ -81,9 +81,7 @@ def test_A3_a_motion_that_a_rule_forbids_is_refused_and_nothing_is_sent(
     [*((LEFT, op, "no_gripper") for op in (*MOVES, "fault.ack")), *((NO_LIMIT, op, "no_limit") for op in MOVES)],
 )
 def test_a_rig_that_cannot_move_refuses_every_motion(text: str, op: str, code: str) -> None:
-    run = Run(text)
-    run.up()
-    follow(run, [serve(50), lease, ask(op, (code, ""), **MOVES.get(op, {})), serve(100), wrote(0)])
+    play(text, [serve(50), lease, ask(op, (code, ""), **MOVES.get(op, {})), serve(100), wrote(0)])
 
 
 def adjusted(applied_n: float, setting: int, op: str, **fields: float) -> list[Step]:
@@ -268,10 +266,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
 
 @pytest.mark.parametrize("name", COURSES)
 def test_A6_A8_G3_a_course_of_requests(name: str) -> None:
-    text, steps = COURSES[name]
-    run = Run(text)
-    run.up()
-    follow(run, steps)
+    play(*COURSES[name])
 
 
 NOT_FREE: dict[str, list[Step]] = {
@@ -320,9 +315,8 @@ def test_nothing_moves_without_a_request(run: Run) -> None:
 
 def test_A8_the_force_falls_no_faster_than_the_limit_also_in_coarse_settings() -> None:
     """Settings are 0.84 N apart, so that every request changes the force by at least that."""
-    run = Run(COARSE)
-    run.up()
-    follow(run, [bring_up, grip(60.0), serve(1000), ask("grip.adjust", DELTA_OUT, delta_n=-1.9)])  # it would be 2.5 N
+    too_much = ask("grip.adjust", DELTA_OUT, delta_n=-1.9)  # it would be 2.5 N
+    run = play(COARSE, [bring_up, grip(60.0), serve(1000), too_much])
     first_n = force_n = run.published("gripper")[-1]["force_command_n"]
     began_ns = run.t_ns
     for _ in range(50):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from engine_rig import RIG, Run
 from grasp_table import grasp_table
 from run_courses import ask, count, follow, newest, tick
 
@@ -40,7 +40,7 @@ CASES: list[tuple[dict[str, Any], str, str]] = [
 
 
 def test_a_wrong_motion_is_refused_and_its_first_wrong_row_is_named() -> None:
-    run, bare = Run(LEFT + RIGHT + GRIPPER + grasp_table()), Run(LEFT + RIGHT + GRIPPER)
+    run, bare = Run(RIG + grasp_table()), Run(RIG)
     for fields, code, field in CASES:
         error = run.ask("motion.check", **fields)["error"]
         assert (error["code"], error["field"]) == (code, field), (fields, error)

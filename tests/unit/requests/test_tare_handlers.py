@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from engine_rig import GRIPPER, LEFT, RIG, RIGHT, Run
 from run_courses import (
     Step,
     approx,
@@ -20,6 +20,7 @@ from run_courses import (
     level,
     newest,
     no_image,
+    play,
     skin,
     tick,
     wait,
@@ -29,7 +30,6 @@ from run_courses import (
 BEN: dict[str, Any] = {"by": b"ben"}
 L: dict[str, Any] = {"finger": "left"}
 NO_LEASE, IN_CONTACT, NOT_READY = ("no_lease", ""), ("in_contact", "finger"), ("not_ready", "finger")
-RIG_OF_TWO = LEFT + RIGHT + GRIPPER
 BIASED = wrench(25.0, (3.0, 0.0))
 ONCE: dict[str, Any] = {"id": "c-1", "deadline_ns": 100_400_000_000, "finger": "left"}
 
@@ -41,7 +41,7 @@ def tared(number: int, **more: Any) -> Step:
 COURSES: dict[str, tuple[str, list[Step]]] = {
     # tares
     "a free finger is tared and verified": (
-        RIG_OF_TWO,
+        RIG,
         [
             no_image,
             wrench(0.2, (0.1, 0.0)),
@@ -58,7 +58,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "a tared finger in contact is not tared again": (
-        RIG_OF_TWO,
+        RIG,
         [
             bring_up,
             wrench(5.0),
@@ -67,17 +67,17 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
             ask("tare", {"seconds": 0.5, "verified": True}, **L),
         ],
     ),
-    "a finger whose image is pressed is not tared": (RIG_OF_TWO, [image(), wrench(0.0), ask("tare", IN_CONTACT, **L)]),
+    "a finger whose image is pressed is not tared": (RIG, [image(), wrench(0.0), ask("tare", IN_CONTACT, **L)]),
     "a silent finger is not tared": (
-        RIG_OF_TWO,
+        RIG,
         [ask("tare", NOT_READY, **L), wrench(0.0), wait(100), tick, ask("tare", NOT_READY, **L)],
     ),
     "A2 a tare that was refused stays refused": (
-        RIG_OF_TWO,
+        RIG,
         [ask("tare", NOT_READY, **ONCE), wrench(0.0), ask("tare", NOT_READY, **ONCE)],
     ),
     "an averaging time out of range is refused": (
-        RIG_OF_TWO,
+        RIG,
         [
             wrench(0.0),
             *(ask("tare", ("out_of_range", "seconds"), seconds=s, **L) for s in (0, -1.0, 10.1, 1e300)),
@@ -85,7 +85,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "readings that are not finite stay out of a tare": (
-        RIG_OF_TWO,
+        RIG,
         [
             wrench(0.0),
             ask("tare", seconds=0.02, **L),
@@ -94,7 +94,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "undo restores the tare before, once": (
-        RIG_OF_TWO,
+        RIG,
         [
             ask("tare.undo", NOT_READY, **L),
             bring_up,
@@ -104,7 +104,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "no other client tares the sensors of the holder": (
-        RIG_OF_TWO,
+        RIG,
         [
             bring_up,
             *(
@@ -120,7 +120,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
         ],
     ),
     "only the holder undoes a tare in contact": (
-        RIG_OF_TWO,
+        RIG,
         [
             bring_up,
             ask("lease.release"),
@@ -136,7 +136,7 @@ COURSES: dict[str, tuple[str, list[Step]]] = {
 
 UNTARED: dict[str, tuple[str, list[Step]]] = {
     "a bias that looks like a contact can be tared but not verified": (
-        RIG_OF_TWO,
+        RIG,
         [BIASED, ask("tare", {"verified": False}, seconds=0.01, **L), *[BIASED] * 12, level("no_contact")],
     ),
     "what a grip holds is not tared away by a sensor that nothing else vouches for": (
@@ -153,9 +153,7 @@ UNTARED: dict[str, tuple[str, list[Step]]] = {
 @pytest.mark.parametrize("name", COURSES | UNTARED)
 def test_A2_a_course_of_tares(name: str) -> None:
     text, steps = (COURSES | UNTARED)[name]
-    run = Run(text, zeros=name in COURSES)
-    run.up()
-    follow(run, steps)
+    play(text, steps, zeros=name in COURSES)
 
 
 def test_a_pad_that_measures_the_force_is_tared_by_its_taxels(run: Run) -> None:

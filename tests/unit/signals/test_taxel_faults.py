@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from plain_kernels import without_compilation
+from plain_kernels import run_without_compilation
 from project import CONFIG, TRIAL
 from taxel_images import COLS, END_S, LOST_S, N_PER_COUNT, NOISE, OFFSET, ROWS, TAXELS, WIDE, counts, feed, swing, watch
 
@@ -324,8 +324,7 @@ def test_T1_taxels_are_rated_the_same_by_kernels_that_are_not_compiled(monkeypat
     course.images[60:, 16:32] = course.images[60, 16:32]
     course.images[100:110] = course.images[100]
     compiled = course.watch()[1]
-    for module in (taxel_blocks, taxel_neighbours):
-        without_compilation(monkeypatch, module)
+    run_without_compilation(monkeypatch, taxel_blocks, taxel_neighbours)
     for (t_s, masked), (plain_t_s, plain) in zip(compiled, course.watch()[1], strict=True):
         assert t_s == plain_t_s
         assert_array_equal(masked, plain)
