@@ -1,7 +1,7 @@
 """Keep what a detector of slip sees of simulated grasps, and what really happened, so that it is scored in seconds.
 
-A grasp runs through sensors and engine once. Kept are the course of its load, the evidence and the level
-that were published, and the true course of the contact.
+A grasp runs through sensors and engine once. Kept are the course of its load, the images of its pad, the evidence and
+the level that were published, and the true course of the contact.
 """
 
 from __future__ import annotations
@@ -9,17 +9,22 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
-from evaluate.offline_grasp import BEGIN_NS
-from evaluate.running import Variant, record, reports
+from evaluate.offline_grasp import BEGIN_NS, run_offline
+from evaluate.reports import reports_of
+from evaluate.running import READ_NS, Variant, config_text
 from evaluate.worlds import WORLDS
+from realdata.runs import RUNS, START_S, measure
 
 from slipd.finger import contact_estimator
+from slipd.finger.contact_motion import ContactMotion
+from slipd.finger.image_channel import ImageChannel
 from slipd.fusion.assess import SPIN_ARM_M
 from slipd.fusion.rows import TOUCHING, UNSOLVED, Row, Rows
 from slipd.types.arrays import Array
@@ -40,6 +45,9 @@ class Grasp:
         truth: Time, s, speed of the contact, m/s, whether all of it slides, and true utilisation, shape (i, 4).
         episodes: Begin and end of each gross slip, s, shape (j, 2).
         ratio: μ_d / μ_s.
+        images: Force on each taxel in each image of the contact, shape (p, n).
+        seen: Of each image: how many readings came before it, its time, ns, and the wrench since the one before, N and
+            N·m, shape (p, 8).
     """
 
     name: str
@@ -48,6 +56,8 @@ class Grasp:
     truth: Array
     episodes: Array
     ratio: float
+    images: Array = field(default_factory=lambda: np.empty((0, 0)))
+    seen: Array = field(default_factory=lambda: np.empty((0, 8)))
 
     @property
     def family(self) -> str:
@@ -83,8 +93,12 @@ def grasps(
 def load(path: Path) -> Grasp:
     """Read a kept grasp."""
     with np.load(path, allow_pickle=False) as kept:
-        arrays = {name: kept[name] for name in ("load", "level", "truth", "episodes")}
+        arrays = {name: kept[name] for name in ("load", "level", "truth", "episodes", "images", "seen")}
         return Grasp(name=str(kept["name"]), ratio=float(kept["ratio"]), **arrays)
+
+
+def _save(path: Path, grasp: Grasp) -> None:
+    np.savez_compressed(path, **{one.name: getattr(grasp, one.name) for one in fields(grasp)})
 
 
 def _path(world: str, family: str, seed: int, folder: Path) -> Path:
@@ -99,8 +113,37 @@ def _record(task: tuple[str, str, int, Path]) -> None:
     trace = world.play(scene)
     truth = world.truth_of(scene, trace)
     variant = Variant(FACTORS[seed // 2 % len(FACTORS)])
-    tape = record(scene, trace, "", zlib.crc32(f"{family} {seed}".encode()))
-    tape.text = ""  # so that the engine runs again, and is listened to
+    noise = zlib.crc32(f"{family} {seed}".encode())
+    images: list[Array] = []
+    seen: list[tuple[float, ...]] = []
+    look = ContactMotion.update_image
+
+    def keep_image(motion: ContactMotion, image: ImageChannel, t_ns: int, wrench: tuple[float, ...]) -> None:
+        look(motion, image, t_ns, wrench)
+        images.append(image.loads.astype(np.float32))
+        seen.append((sum(map(len, columns)), float(t_ns), *wrench))
+
+    with keeping_loads() as columns, mock.patch.object(ContactMotion, "update_image", keep_image):
+        heard = run_offline(trace, {"left": scene.sensors}, config_text(scene, variant), noise, read_ns=READ_NS)
+    bodies = ((t_ns + BEGIN_NS, body) for t_ns, topic, body in heard if topic == "slip.left" and t_ns >= 0)
+    published, load_rows = reports_of(bodies, BEGIN_NS), np.concatenate(columns)
+    load_rows[:, 0] -= BEGIN_NS * 1e-9
+    found = Grasp(
+        f"{family} {seed}",
+        load_rows,
+        np.stack([published.t_s, published.level], 1),
+        np.stack([truth.t_s, truth.speed_mps, truth.gross, truth.utilisation], 1),
+        np.array([tuple(one) for one in truth.episodes()]).reshape(-1, 2),
+        scene.friction.mu_d / scene.friction.mu_s,
+        np.array(images, np.float32).reshape(len(images), -1 if images else 0),
+        np.array(seen).reshape(-1, 8),
+    )
+    _save(_path(*task), found)
+
+
+@contextmanager
+def keeping_loads() -> Iterator[list[Array]]:
+    """Keep the columns of all readings that an engine judges meanwhile."""
     columns: list[Array] = []
     judge = contact_estimator.judge_readings
 
@@ -109,18 +152,27 @@ def _record(task: tuple[str, str, int, Path]) -> None:
         columns.append(_columns(rows, states[0]["conditions"]))
 
     with mock.patch.object(contact_estimator, "judge_readings", keep):
-        published = reports(scene, tape, variant)
-    load_rows = np.concatenate(columns)
-    load_rows[:, 0] -= BEGIN_NS * 1e-9
-    np.savez(
-        _path(*task),
-        name=f"{family} {seed}",
-        load=load_rows,
-        level=np.stack([published.t_s, published.level], 1),
-        truth=np.stack([truth.t_s, truth.speed_mps, truth.gross, truth.utilisation], 1),
-        episodes=np.array([tuple(one) for one in truth.episodes()]).reshape(-1, 2),
-        ratio=scene.friction.mu_d / scene.friction.mu_s,
-    )
+        yield columns
+
+
+def pushes(folder: Path) -> Iterator[Grasp]:
+    """Yield the pushes of the repository as grasps, where a slide is a slip; kept ones without a run."""
+    for file in sorted(RUNS.glob("*.npz")):
+        path = folder / f"pushes_{file.name}"
+        if path.exists():
+            yield load(path)
+            continue
+        with keeping_loads() as columns:
+            (run,) = measure(RUNS, [file.stem])
+        load_rows = np.concatenate(columns)
+        load_rows[:, 0] -= START_S
+        time_s, path_m = run.motion.time_s, run.motion.path_m
+        speed = np.append(np.diff(path_m) / np.diff(time_s), 0.0)
+        slides = np.array([(slide.begin_s, slide.end_s) for slide in run.motion.slides])
+        truth = np.stack([time_s, speed, np.zeros_like(speed), np.zeros_like(speed)], 1)
+        found = Grasp(f"{file.stem} 0", load_rows, np.empty((0, 2)), truth, slides, 0.8)
+        _save(path, found)
+        yield found
 
 
 def _columns(rows: Rows, now: Row) -> Array:

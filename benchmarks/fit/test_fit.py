@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 
 import numpy as np
+import pytest
+from fit.drawn import drawn
 from fit.fitting import Bags, fit, loss_of, spans
 from fit.posterior import JUMP, SOURCES, Looks, looks
 from fit.record import Grasp
+from fit.replay import LoadRules, joined
+from fit.rules import IMAGE, LOAD, replaced
 from fit.score import score, spans_of, today
 
+from slipd.motion import image_shift, object_motion, shift_path
 from slipd.types.arrays import Array
 from slipd_client.messages import level_code
 
@@ -100,3 +106,36 @@ def test_reports_of_the_posterior_last_while_looks_go_on() -> None:
     sources = np.zeros((3, len(SOURCES)))
     sources[:, 0] = 1.0
     assert spans(course, Looks(times, sources), weights) == [(1.0, 1.35), (1.9, 2.15)]
+
+
+def test_a_constant_is_replaced_wherever_it_is_used_and_only_meanwhile() -> None:
+    with replaced({"motion.shift_path.LEAST_M": 7.0}):
+        assert image_shift.LEAST_M == shift_path.LEAST_M == 7.0
+        assert object_motion.LEAST_M == 3e-4
+    assert image_shift.LEAST_M == shift_path.LEAST_M == 2e-4
+
+
+def test_every_rule_has_a_constant() -> None:
+    for rules in (LOAD, IMAGE):
+        for values in rules.values():
+            for path in values:
+                where, name = path.rsplit(".", 1)
+                assert name in vars(importlib.import_module(f"slipd.{'fusion.' * (rules is LOAD)}{where}")), path
+
+
+@pytest.mark.long
+def test_rules_with_given_constants_find_a_slip_until_they_are_left_out() -> None:
+    rules, course = LoadRules({"load_drop.MOST_PLATEAU_S", "slow_fall.LEAST_FALL"}), grasp(SLIP)
+    ((begin, _),) = rules.spans(course, {})
+    assert SLIDES_S < begin < SLIDES_S + 0.03
+    assert rules.spans(course, LOAD["source: falls"] | LOAD["source: slow falls"]) == []
+
+
+def test_spans_that_overlap_are_one() -> None:
+    assert joined([(2.0, 3.0), (0.0, 1.0), (0.5, 1.5)]) == [(0.0, 1.5), (2.0, 3.0)]
+
+
+def test_drawn_loads_hold() -> None:
+    some = list(drawn())
+    assert len(some) == 3 * len({one.name for one in some})
+    assert not any(len(one.episodes) for one in some)

@@ -82,6 +82,8 @@ PUSH_S = 0.015
 """Least time over which that rise is taken, s."""
 CARRIED = 0.93
 """A fall begins at no less than this part of the largest q that the grasp carried without motion."""
+TIGHTER = 0.5
+"""The normal force grows by at most this part of the growth that would explain the fall."""
 LEAST_GROWTH, GROWTH_STDS = 0.007, 2.0
 """Before a fall, q rose by at least this part of itself, and by at least so many standard deviations of the noise."""
 SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
@@ -181,7 +183,7 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     falls_before = mean_q(ring, top - half, half) - mean_q(ring, top, half)
     if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < CARRIED * drop["carried"]:
         return 0.0
-    tighter = mean_normal(ring, k, p) > (1.0 + 0.5 * fall / high) * mean_normal(ring, top, b)
+    tighter = mean_normal(ring, k, p) > (1.0 + TIGHTER * fall / high) * mean_normal(ring, top, b)
     if tighter or is_closing(ring, k, drop["count"]) or goes_aside(ring, k, p, top, b):
         return 0.0
     if _is_push(drop, ring, g, top - b, b, high, fall, std) or is_explained(drop, ring, p, top, b, low, high):

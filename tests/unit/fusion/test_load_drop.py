@@ -216,32 +216,30 @@ TIGHTENED = line((10.0, 10.0, 400), (10.0, 25.0, 50), (25.0, 25.0, 300))
 CLOSING = np.concatenate((smooth(0.5, 10.0, 200), np.full(300, 10.0)))
 
 
-@pytest.mark.parametrize(
-    ("load", "more"),
-    [
-        *[(swing(hz, 5.0), {}) for hz in (15.0, 30.0, 60.0)],
-        # The trough of a swing that soon dies away is as flat as a plateau, but bent.
-        *[(swing(hz, decay), {}) for hz, decay in ((15.0, 20.0), (30.0, 20.0), (45.0, 60.0))],
-        *[
-            (bump(hz, decay), {"mu": math.nan})
-            for hz, decay in ((20.0, 20.0), (25.0, 40.0), (30.0, 60.0), (40.0, 40.0))
-        ],
-        *[(let_go(50, fall_ms, 2.0), {}) for fall_ms in (3, 10, 40, 200)],
-        # Friction that carries a steady load does not give way by itself.
-        *[(let_go(900, fall_ms, 4.0), {}) for fall_ms in (3, 10, 40)],
-        (np.full(804, 4.2), {"aside": line((0.0, 4.0, 500), (4.0, 0.0, 4), (0.0, 0.0, 300))}),
-        *[(set_down(ms), {}) for ms in (30, 100, 300)],
-        (np.full(750, 5.4), {"normal": TIGHTENED}),
-        (0.5 * np.minimum(CLOSING, 4.0), {"normal": CLOSING}),
-        *[(push(ms), {}) for ms in (8, 40)],
-        *[(swinging(hz), {}) for hz in (1.0, 4.0, 15.0, 120.0)],
-        # A grip that loosens at once: the same corner as that of a load that jumps, but the normal force fell.
-        *[(np.full(805, 5.5 * share), {"normal": loosened(share)}) for share in (0.55, 0.7)],
-        # A gap forgets what was before, and readings too far apart show no fall, whatever the first step of time was.
-        (line(RISE, (4.5, 4.5, 300)), {"std_n": 0.0, "t_s": 1e-3 * np.arange(1100) + 0.2 * (np.arange(1100) >= 800)}),
-        *[(steps(seed), {"std_n": 0.002, "t_s": far_apart(s)}) for s in (0.025, 0.002) for seed in range(3)],
-    ],
-)
+NO_SLIPS: list[tuple[Array, dict[str, Any]]] = [
+    *[(swing(hz, 5.0), {}) for hz in (15.0, 30.0, 60.0)],
+    # The trough of a swing that soon dies away is as flat as a plateau, but bent.
+    *[(swing(hz, decay), {}) for hz, decay in ((15.0, 20.0), (30.0, 20.0), (45.0, 60.0))],
+    *[(bump(hz, decay), {"mu": math.nan}) for hz, decay in ((20.0, 20.0), (25.0, 40.0), (30.0, 60.0), (40.0, 40.0))],
+    *[(let_go(50, fall_ms, 2.0), {}) for fall_ms in (3, 10, 40, 200)],
+    # Friction that carries a steady load does not give way by itself.
+    *[(let_go(900, fall_ms, 4.0), {}) for fall_ms in (3, 10, 40)],
+    (np.full(804, 4.2), {"aside": line((0.0, 4.0, 500), (4.0, 0.0, 4), (0.0, 0.0, 300))}),
+    *[(set_down(ms), {}) for ms in (30, 100, 300)],
+    (np.full(750, 5.4), {"normal": TIGHTENED}),
+    (0.5 * np.minimum(CLOSING, 4.0), {"normal": CLOSING}),
+    *[(push(ms), {}) for ms in (8, 40)],
+    *[(swinging(hz), {}) for hz in (1.0, 4.0, 15.0, 120.0)],
+    # A grip that loosens at once: the same corner as that of a load that jumps, but the normal force fell.
+    *[(np.full(805, 5.5 * share), {"normal": loosened(share)}) for share in (0.55, 0.7)],
+    # A gap forgets what was before, and readings too far apart show no fall, whatever the first step of time was.
+    (line(RISE, (4.5, 4.5, 300)), {"std_n": 0.0, "t_s": 1e-3 * np.arange(1100) + 0.2 * (np.arange(1100) >= 800)}),
+    *[(steps(seed), {"std_n": 0.002, "t_s": far_apart(s)}) for s in (0.025, 0.002) for seed in range(3)],
+]
+"""Loads that fall or jump for another reason, and how they are read."""
+
+
+@pytest.mark.parametrize(("load", "more"), NO_SLIPS)
 def test_a_load_that_falls_or_jumps_for_another_reason_is_no_slip(load: Array, more: dict[str, Any]) -> None:
     assert [slips_at(followed(load, seed=seed, **more)) for seed in range(3)] == [[]] * 3
 

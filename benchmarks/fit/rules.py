@@ -1,0 +1,123 @@
+"""The sources of evidence and the rules of slip, each with values of constants at which it never decides."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from math import inf
+from types import ModuleType
+
+LOAD: dict[str, Mapping[str, float]] = {
+    "source: falls": {"load_drop.MOST_PLATEAU_S": -1.0},
+    "source: slow falls": {"slow_fall.LEAST_FALL": inf},
+    "source: jumps": {"load_jump.LEAST_PLATEAU_S": inf},
+    "source: overshoots": {"load_jump.SETTLED_S": inf},
+    "fall: measured noise": {"load_blocks.SECOND": 0.0},
+    "fall: coloured noise": {"load_blocks.ROUGH": 0.0},
+    "fall: clip of the noise": {"load_blocks.CLIP": inf},
+    "fall: closing grip": {"load_blocks.CLOSING": inf},
+    "fall: aside": {"load_blocks.ASIDE": inf},
+    "fall: swings before": {"slide.SWINGS": 0.0},
+    "fall: most": {"slide.MOST_DROP": inf},
+    "fall: longer where odd": {"load_drop.EXPECTED": 0.0, "load_drop.UNKNOWN_ODD": 0.0},
+    "fall: plateau as long": {"load_drop.LONGER": -9.0, "load_drop.EXPECTED": 0.0},
+    "fall: flat": {"load_drop.FLAT": inf},
+    "fall: shown": {"load_drop.SHOWN": inf},
+    "fall: scatter": {"load_drop.SCATTER": inf},
+    "fall: bent": {"load_drop.BENT": inf},
+    "fall: from the top": {"load_drop.FROM_TOP": inf},
+    "fall: push": {"load_drop.PUSH": inf},
+    "fall: carried": {"load_drop.CARRIED": 0.0},
+    "fall: tighter": {"load_drop.TIGHTER": inf},
+    "fall: rise": {"load_drop.LEAST_GROWTH": -inf, "load_drop.GROWTH_STDS": -inf},
+    "fall: least rise": {"load_drop.LEAST_GROWTH": 0.0},
+    "fall: rise over the noise": {"load_drop.GROWTH_STDS": 0.0},
+    "fall: long rise": {"load_drop.SHALLOW": 0.0},
+    "fall: short rise": {"load_drop.SHALLOW": 1.0},
+    "slow: slows down": {"slow_fall.SLOWER": inf, "slow_fall.MUCH_SLOWER": inf},
+    "slow: deep ones slower": {"slow_fall.SHALLOW": 1.0},
+    "slow: noise of the rate": {"slow_fall.RATE_STDS": 0.0},
+    "slow: load went on": {"slow_fall.GOES_ON": inf},
+    "slow: swings back": {"slow_fall.BACK": inf},
+    "slow: near the limit": {"slow_fall.FROM": 0.0},
+    "slow: near the top": {"slow_fall.NEAR_TOP": 0.0},
+    "slow: rise": {"slow_fall.RISE": 0.0},
+    "slow: straight": {"slow_fall.STRAIGHT": 0.0},
+    "slow: steady": {"slow_fall.EARLY": -inf, "slow_fall.LATE": inf},
+    "slow: carried": {"slow_fall.CARRIED": 0.0},
+    "slow: swings before": {"slow_fall.SWINGS": 0.0},
+    "slow: beyond the limit": {"slow_fall.BEYOND_PUSH": inf},
+    "slow: push": {"slow_fall.PUSH": inf},
+    "slow: tighter": {"slow_fall.TIGHTER": inf},
+    "jump: rise": {"load_jump.RISE": 0.0},
+    "jump: flat": {"load_jump.FLAT": inf},
+    "jump: scatter": {"load_jump.SCATTER": inf},
+    "jump: beyond": {"load_jump.BEYOND": 1.0},
+    "jump: corner": {"load_jump.CORNER": 0.0},
+    "jump: loosened": {"load_jump.LOOSENED": inf},
+    "jump: near the limit": {"load_jump.FROM": 0.0},
+    "slide: settles": {"slide.SETTLES_S": 0.0},
+    "slide: ends by the load": {"slide.LEAVES": inf},
+    "slide: noise of its end": {"slide.LEAVES_STD": 0.0},
+    "slide: plateau follows": {"slide.FOLLOWS_S": inf},
+    "slide: lasts": {"slide.LEAST_SLIDE_S": 0.0},
+}  # fmt: skip
+"""Of the load of a contact, in `slipd.fusion`."""
+IMAGE: dict[str, Mapping[str, object]] = {
+    "source: vibration": {"motion.vibration.LOUD": inf},
+    "source: image, fitted": {"motion.image_shift.MOST_TILT": -1.0},
+    "source: image and centroid": {"motion.image_fit.LEAST_TAXELS": 1 << 30},
+    "kinds together": {"motion.evidence.TOGETHER_NS": -1},
+    "vibration: burst": {"motion.vibration.BURST_SHARE": inf},
+    "image: rise of the load": {"motion.image_blocks.RISE_SHARE": inf},
+    "image: same grip": {"motion.image_blocks.GRIP_SHARE": inf},
+    "image: same tangential force": {"motion.image_blocks.SAME_SHARE": inf},
+    "image: same centroid": {"motion.image_blocks.SAME_CENTROID_M": inf},
+    "image: settles": {"motion.image_blocks.SETTLED_S": 0.0},
+    "image: error of the model": {"motion.image_fit.MODEL_SHARE": 0.0},
+    "image: opening gap": {"motion.image_fit.OPENS": inf},
+    "image: tilt": {"motion.image_shift.MOST_TILT": inf},
+    "image: along the load": {"motion.image_shift.ALONG": -inf},
+    "image: weak spin": {"motion.image_shift.SPIN_SHARE": 0.0},
+    "image: one reference": {"motion.image_shift.REFERENCES": 1},
+    "image: each surprise": {"motion.shift_path.EACH_SURPRISE": -inf},
+    "image: least noise": {"motion.shift_path.LEAST_STD_M": 1e-9},
+    "centroid: left": {"motion.image_fit.LEAST_LEFT": 0.0},
+    "centroid: share": {"motion.image_fit.LEAST_SHARE": 0.0},
+    "centroid: correlation": {"motion.image_fit.LEAST_CORRELATION": -1.0},
+    "centroid: sure": {"motion.image_fit.SURE_LEFT": inf},
+    "centroid: noise": {"motion.image_fit.STDS": 0.0},
+}
+"""Of the image before a force sensor and of the high band, in `slipd.motion`."""
+PADS: dict[str, Mapping[str, object]] = {
+    "source: image": {"grasp.pad_motion.BACKGROUND": inf},
+    "belief by the load": {"grasp.pad_motion.BELIEF_AT_LIMIT": 0.0},
+    "belief beside a still pad": {"grasp.pad_motion.LEAST_SURPRISE": 0.0},
+    "belief: ahead": {"grasp.pad_motion.AHEAD": 0.0},
+    "belief: carried": {"grasp.pad_motion.NEAR_CARRIED": 0.0},
+    "image: own background": {"grasp.pad_motion.FOLLOW": 0.0},
+    "image: same grip": {"grasp.pad_motion.MOST_SQUEEZE": inf},
+}
+"""Of pads that measure the force, in `slipd.grasp.pad_motion`."""
+
+
+@contextmanager
+def replaced(values: Mapping[str, object]) -> Iterator[None]:
+    """Replace constants wherever they are used; compiled code keeps those with which it was compiled.
+
+    Raises:
+        AttributeError: There is no such constant.
+    """
+    undo: list[tuple[ModuleType, str, object]] = []
+    for path, value in values.items():
+        where, name = f"slipd.{path}".rsplit(".", 1)
+        old = getattr(importlib.import_module(where), name)
+        for key, module in list(sys.modules.items()):
+            if key.startswith("slipd.") and vars(module).get(name) is old:
+                undo.append((module, name, old))
+                setattr(module, name, value)
+    yield
+    for module, name, old in undo:
+        setattr(module, name, old)
