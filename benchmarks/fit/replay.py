@@ -19,8 +19,9 @@ from fit.score import Spans, spans_of
 from slipd import config
 from slipd.engine.held_motion import REPORTED_NS
 from slipd.fusion.levels import ContactWatch
-from slipd.fusion.load_blocks import GAP_S, forget_load
-from slipd.fusion.rows import Rows
+from slipd.fusion.load_blocks import GAP_S, RING, forget_load
+from slipd.fusion.rows import BLOCK as BLOCKS
+from slipd.fusion.rows import Rows, new_rows
 from slipd.motion.evidence import Evidence, MotionRisk
 from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
@@ -45,7 +46,8 @@ class LoadRules:
         watch = ContactWatch(config.Levels(), config.Slip(), math.nan, 0.0)
         slips = np.zeros(len(grasp.load), np.bool_)
         values = np.array([replaced.get(name, _value(name)) for name in self._given])
-        self._follow(np.ascontiguousarray(grasp.load), watch.drop, watch.ring, slips, values)
+        drops, ring = np.ascontiguousarray(watch.state["drop"]), new_rows(BLOCKS, RING)
+        self._follow(np.ascontiguousarray(grasp.load), drops, ring, slips, values)
         return spans_of(grasp.load[:, 0], slips)
 
 
